@@ -19,26 +19,26 @@ _HOMES = {
     "load": "ncgen.exchange.examples",
     "generate": "ncgen.compiler",
     "compile": "ncgen.compiler",
-    "simulate": "ncgen.solver.simulate",
-    "start": "ncgen.solver.simulation",
+    "simulate": "ncgen.solver.motions.simulate",
+    "start": "ncgen.solver.motions.simulation",
     "smooth_step": "ncgen.model.curves",
-    "start_batch": "ncgen.solver.simulations",
-    "simulate_batch": "ncgen.solver.batch",
-    "accelerations_batch": "ncgen.solver.batch",
-    "assemble": "ncgen.solver.assembly",
-    "freedom": "ncgen.solver.rank",
-    "solve_position": "ncgen.solver.position",
-    "move": "ncgen.solver.position",
-    "sweep": "ncgen.solver.position",
-    "driven_positions": "ncgen.solver.driven",
-    "inverse_dynamics": "ncgen.solver.inverse_dynamics",
-    "sensitivities": "ncgen.solver.sensitivity",
-    "gradient": "ncgen.solver.sensitivity",
-    "gradient_batch": "ncgen.solver.gradients",
-    "hessian": "ncgen.solver.sensitivity",
-    "equilibrium": "ncgen.solver.statics",
-    "linearise": "ncgen.solver.linearise",
-    "joint_space": "ncgen.solver.joint_space",
+    "start_batch": "ncgen.solver.motions.simulations",
+    "simulate_batch": "ncgen.solver.motions.batch",
+    "accelerations_batch": "ncgen.solver.motions.batch",
+    "assemble": "ncgen.solver.positions.assembly",
+    "freedom": "ncgen.solver.positions.rank",
+    "solve_position": "ncgen.solver.positions.position",
+    "move": "ncgen.solver.positions.position",
+    "sweep": "ncgen.solver.positions.position",
+    "driven_positions": "ncgen.solver.positions.driven",
+    "inverse_dynamics": "ncgen.solver.loads.inverse_dynamics",
+    "sensitivities": "ncgen.solver.derivatives.sensitivity",
+    "gradient": "ncgen.solver.derivatives.sensitivity",
+    "gradient_batch": "ncgen.solver.derivatives.gradients",
+    "hessian": "ncgen.solver.derivatives.sensitivity",
+    "equilibrium": "ncgen.solver.linear.statics",
+    "linearise": "ncgen.solver.linear.linearise",
+    "joint_space": "ncgen.solver.joints.joint_space",
     "inspect": "ncgen.report.inspection",
     "export": "ncgen.exchange.export",
     "jax": "ncgen.exchange.jax_functions",
@@ -105,20 +105,20 @@ if TYPE_CHECKING:
     from ncgen.model import Model
     from ncgen.model.curves import smooth_step
     from ncgen.report.inspection import inspect
-    from ncgen.solver.assembly import assemble
-    from ncgen.solver.batch import accelerations_batch, simulate_batch
-    from ncgen.solver.driven import driven_positions
-    from ncgen.solver.gradients import gradient_batch
-    from ncgen.solver.inverse_dynamics import inverse_dynamics
-    from ncgen.solver.joint_space import joint_space
-    from ncgen.solver.linearise import linearise
-    from ncgen.solver.position import move, solve_position, sweep
-    from ncgen.solver.rank import freedom
-    from ncgen.solver.sensitivity import gradient, hessian, sensitivities
-    from ncgen.solver.simulate import simulate
-    from ncgen.solver.simulation import start
-    from ncgen.solver.simulations import start_batch
-    from ncgen.solver.statics import equilibrium
+    from ncgen.solver.derivatives.gradients import gradient_batch
+    from ncgen.solver.derivatives.sensitivity import gradient, hessian, sensitivities
+    from ncgen.solver.joints.joint_space import joint_space
+    from ncgen.solver.linear.linearise import linearise
+    from ncgen.solver.linear.statics import equilibrium
+    from ncgen.solver.loads.inverse_dynamics import inverse_dynamics
+    from ncgen.solver.motions.batch import accelerations_batch, simulate_batch
+    from ncgen.solver.motions.simulate import simulate
+    from ncgen.solver.motions.simulation import start
+    from ncgen.solver.motions.simulations import start_batch
+    from ncgen.solver.positions.assembly import assemble
+    from ncgen.solver.positions.driven import driven_positions
+    from ncgen.solver.positions.position import move, solve_position, sweep
+    from ncgen.solver.positions.rank import freedom
     from ncgen.studies.reading import read
     from ncgen.studies.running import study
 else:  # type checkers would take this for a promise of any name at all

@@ -6,7 +6,7 @@ import ast
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -17,6 +17,14 @@ LAYERS = (
     "model", "symbolic", "program", "methods", "emit", "toolchain", "mechanism", "solver", "compiler", "view", "exchange", "report",
     "studies", "comparisons", "cli",
 )  # fmt: skip
+ROOMS = {
+    "program": ("ir", "algebra", "", "differentiation", "tree", "motions"),
+    "solver": (
+        "", "positions", "formalisms", "integrators", "trajectories", "loads", "runs", "steppers", "engines", "motions",
+        "derivatives", "linear", "joints",
+    ),
+}  # fmt: skip
+"""Packages in rooms, each of which loads only those before it; "" are the modules beside them."""
 FOR_ALL = {"errors", "resources", "__version__"}
 DOORS = {"__init__", "__main__"}
 """What a user imports: it leads everywhere."""
@@ -72,6 +80,28 @@ def eager(tree: ast.Module) -> Iterator[str]:
 def test_imports_go_upwards_only(path):
     """No file imports from a package that comes after its own, not even inside a function."""
     assert breaches(part(path), path.read_text(encoding="utf-8")) == []
+
+
+def room(package: str, inner: Sequence[str]) -> str:
+    """The room of a package in which a dotted name or a path below it lies."""
+    return inner[0] if inner and inner[0] in ROOMS[package] else ""
+
+
+def climbs(package: str, own: str, source: str) -> list[str]:
+    """Modules of later rooms of its package that a source in a room loads."""
+    inner = [name.split(".")[2:] for name in eager(ast.parse(source)) if name.startswith(f"ncgen.{package}.")]
+    order = ROOMS[package].index
+    return [".".join(names) for names in inner if order(room(package, names)) > order(own)]
+
+
+@pytest.mark.parametrize("package", ROOMS)
+def test_rooms_load_only_those_before_them(package):
+    """Every folder of the package is a room, and data goes through them in order, but for what a function asks for when it is called."""
+    assert {path.parent.name for path in (PACKAGE / package).glob("*/__init__.py")} == set(ROOMS[package]) - {""}
+    for path in sorted((PACKAGE / package).rglob("*.py")):
+        own = room(package, path.relative_to(PACKAGE / package).parts)
+        assert climbs(package, own, path.read_text(encoding="utf-8")) == [], path
+    assert climbs("solver", "positions", "from ncgen.solver.runs.run import Run") == ["runs.run.Run"]
 
 
 def test_every_test_module_has_a_name_of_its_own():

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 
 import gallery
 import griffe
@@ -21,7 +23,8 @@ ASIDE = "docs/reference"
 
 def pages() -> dict[str, str]:
     """{path in the site: Markdown}"""
-    return {f"{ASIDE}/words.md": vocabulary(), f"{ASIDE}/methods.md": methods(), **interface(), "examples/README.md": gallery.page()}
+    own = {"words": vocabulary(), "methods": methods(), "modules": modules()}
+    return {f"{ASIDE}/{name}.md": text for name, text in own.items()} | interface() | {"examples/README.md": gallery.page()}
 
 
 # -- words of model files ------------------------------------------------------------------------------------------------------------------
@@ -93,6 +96,28 @@ def _also(entry: object) -> str:
 
 def _partners(entry) -> str:
     return ", ".join(f"`{name}`" for name in partners(entry))
+
+
+# -- modules -------------------------------------------------------------------------------------------------------------------------------
+
+
+def modules() -> str:
+    """Every module of the program with the first sentence of its own text, room by room."""
+    root = Path(ncgen.__file__).parent
+    parts = ["# Modules", "How they go together is said in [How ncgen is built](../architecture.md)."]
+    for folder in sorted({path.parent for path in root.rglob("*.py")}):
+        inside = [(path.stem, _first_words(path)) for path in sorted(folder.glob("*.py")) if path.stem != "__init__"]
+        if inside:
+            name, text = ".".join(("ncgen", *folder.relative_to(root).parts)), _first_words(folder / "__init__.py")
+            rows = [f"| `{stem}` | {words} |" for stem, words in inside]
+            parts += [f"## {name}", text, "\n".join(["| module | what it is |", "|---|---|", *rows])]
+    return "\n\n".join(parts) + "\n"
+
+
+def _first_words(path: Path) -> str:
+    """The first paragraph of a module's docstring on one line, as the cell of a table."""
+    text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    return " ".join(text.split("\n\n")[0].split()).replace("|", "\\|")
 
 
 # -- functions -----------------------------------------------------------------------------------------------------------------------------

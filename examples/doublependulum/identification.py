@@ -22,7 +22,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 import ncgen
 from ncgen import Model
-from ncgen.solver.sensitivity import Sensitivities
+from ncgen.solver.derivatives.sensitivity import Sensitivities
 
 TRUE = {"upper": 4 / 6, "joint": 1 / 6 + 0.5 / 6, "lower": 2 / 6, "tip": 0.5 / 6}
 """Masses (kg) in the middle of the first rod, at B, in the middle of the second rod and at C."""

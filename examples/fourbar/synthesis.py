@@ -20,7 +20,7 @@ import ncgen
 from ncgen import Model
 
 if TYPE_CHECKING:
-    from ncgen.solver.driven import DrivenPositions
+    from ncgen.solver.positions.driven import DrivenPositions
 
 TARGETS = np.array([(3.0, 3.0), (2.759, 3.363), (2.372, 3.663), (1.890, 3.862), (1.355, 3.943)])
 ANGLES = np.pi / 12 * np.array([2, 3, 4, 5, 6])

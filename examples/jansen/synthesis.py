@@ -22,7 +22,7 @@ from ncgen import Model
 from ncgen.exchange.examples import example_module
 
 if TYPE_CHECKING:
-    from ncgen.solver.driven import DrivenPositions
+    from ncgen.solver.positions.driven import DrivenPositions
 
 JANSEN = example_module("jansen")
 TRUE = np.array(list(JANSEN.LENGTHS.values())) / 100

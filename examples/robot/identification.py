@@ -25,12 +25,12 @@ from scipy.optimize import OptimizeResult, least_squares
 import ncgen
 from ncgen import Model
 from ncgen.model.elements import Relative
-from ncgen.solver.partition import choose_partition, kinematics
+from ncgen.solver.positions.partition import choose_partition, kinematics
 
 if TYPE_CHECKING:
     from ncgen.mechanism.kernels import Kernels
     from ncgen.model.bodies import Body
-    from ncgen.solver.sensitivity import Sensitivities
+    from ncgen.solver.derivatives.sensitivity import Sensitivities
 
 MOMENTS = tuple((i, j) for i in range(3) for j in range(i, 3))
 

@@ -21,7 +21,7 @@ import ncgen
 from ncgen import Model
 from ncgen.exchange.examples import example_module
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.sensitivity import Gradient
+from ncgen.solver.derivatives.sensitivity import Gradient
 
 CAR = example_module("suspension")
 

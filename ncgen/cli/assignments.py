@@ -37,7 +37,7 @@ def beside_its_own(model: Model, typed: dict[str, float] | None) -> dict[str, fl
     Raises ModelError where its own are none.
     """
     from ncgen.solver.given import parameters
-    from ncgen.solver.run import outline
+    from ncgen.solver.runs.run import outline
 
     own: Any = model.simulation_options.get("p")
     if not typed or own is None:

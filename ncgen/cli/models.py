@@ -103,10 +103,10 @@ def run(
         typer.Option(help="dopri5, dop853, adams, bdf, radau, ode45 …", autocompletion=words_of("ncgen.methods.table", "INTEGRATORS")),
     ] = None,
     engine: Annotated[
-        str | None, typer.Option(help="c, emitted, refined or python", autocompletion=words_of("ncgen.solver.run", "ENGINES"))
+        str | None, typer.Option(help="c, emitted, refined or python", autocompletion=words_of("ncgen.solver.runs.run", "ENGINES"))
     ] = None,
     number: Annotated[
-        str | None, typer.Option(help="double, float or 'long double'", autocompletion=words_of("ncgen.solver.run", "NUMBERS"))
+        str | None, typer.Option(help="double, float or 'long double'", autocompletion=words_of("ncgen.solver.runs.run", "NUMBERS"))
     ] = None,
     rtol: Annotated[float | None, typer.Option(help="relative tolerance [default: 1e-8]")] = None,
     atol: Annotated[float | None, typer.Option(help="absolute tolerance [default: a hundredth of it, in natural sizes]")] = None,
@@ -127,9 +127,9 @@ def run(
     from ncgen.report.running import run_record, write_outputs
     from ncgen.report.screen import show_inspection, show_run
     from ncgen.report.timing import kernel_times
-    from ncgen.solver.rank import freedom
-    from ncgen.solver.run import check_simulation, simulation_of
-    from ncgen.solver.simulate import simulate
+    from ncgen.solver.motions.simulate import simulate
+    from ncgen.solver.positions.rank import freedom
+    from ncgen.solver.runs.run import check_simulation, simulation_of
 
     given: dict[str, Any] = dict(
         duration=duration, p=assigned("--param", param), zd0=assigned("--velocity", velocity), stop=assigned("--stop", stop, "rising"),

@@ -28,16 +28,16 @@ from ncgen.exchange.examples import example_module
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.runtime import EmittedDynamics
 from ncgen.model.values import evaluate as value_of
-from ncgen.program.cost import cost
-from ncgen.program.evaluate import evaluate
+from ncgen.program.ir.cost import cost
+from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.programs import Split
 from ncgen.report.clock import Run, measure, repeated
 from ncgen.report.derivative import motion
 from ncgen.report.repeat import Call, runner
-from ncgen.solver.assembly import assemble
-from ncgen.solver.batch import accelerations_batch
-from ncgen.solver.compiled import all_coordinates, dynamics, split_of
-from ncgen.solver.partition import choose_partitions
+from ncgen.solver.engines.compiled import all_coordinates, dynamics, split_of
+from ncgen.solver.motions.batch import accelerations_batch
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import choose_partitions
 
 COUNTS = (7, 20, 50)
 """Joints."""
@@ -52,7 +52,7 @@ FIRST = "ncgen: accelerations and positions"
 READY = """
 import json, sys, time
 import numpy, scipy.linalg, cffi.cparser, sympy, ncgen
-import ncgen.emit.sources, ncgen.mechanism.runtime, ncgen.program.assemble, ncgen.program.dynamics, ncgen.solver.compiled
+import ncgen.emit.sources, ncgen.mechanism.runtime, ncgen.program.assemble, ncgen.program.motions.dynamics, ncgen.solver.engines.compiled
 from ncgen.exchange.examples import example_module
 start = time.perf_counter()
 kernels = ncgen.compile(example_module("arm").build(int(sys.argv[1])), "c")

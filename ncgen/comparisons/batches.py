@@ -14,12 +14,12 @@ from ncgen.mechanism.runtime import Outcome
 from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.methods import Tolerances
 from ncgen.report.repeat import Call, each, runner
-from ncgen.solver.assembly import assemble
-from ncgen.solver.batch import BatchTrajectory, accelerations_batch, simulate_batch
-from ncgen.solver.compiled import GROWTH, dynamics, is_emitted
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.position import TOLERANCE
-from ncgen.solver.run import simulation_of
+from ncgen.solver.engines.compiled import GROWTH, dynamics, is_emitted
+from ncgen.solver.motions.batch import BatchTrajectory, accelerations_batch, simulate_batch
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.positions.position import TOLERANCE
+from ncgen.solver.runs.run import simulation_of
 
 STATES = 10_000
 RUNS = 2_000

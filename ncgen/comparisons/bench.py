@@ -21,7 +21,7 @@ from ncgen.comparisons.rivals import KERNELS, Inputs, exact, relative_error, riv
 from ncgen.compiler import compile
 from ncgen.exchange.examples import example_names
 from ncgen.model import Model
-from ncgen.program.cost import cost
+from ncgen.program.ir.cost import cost
 from ncgen.report.clock import Spread, measure
 
 LETTERS = {"phi": "Φ", "phi_q": "Φ_q", "gamma": "γ", "all": "together"}

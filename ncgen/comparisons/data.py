@@ -27,9 +27,9 @@ from ncgen.exchange.toml_writer import to_toml
 from ncgen.model import Model
 from ncgen.model.facts import Fact
 from ncgen.model.values import Value, as_sympy, is_number
-from ncgen.program.cost import cost
-from ncgen.program.dynamics import assemble_motion
-from ncgen.solver.compiled import own_positions
+from ncgen.program.ir.cost import cost
+from ncgen.program.motions.dynamics import assemble_motion
+from ncgen.solver.engines.compiled import own_positions
 
 LENGTHS: Mapping[str, tuple[str, ...]] = {
     "point": ("position",),

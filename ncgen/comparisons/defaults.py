@@ -15,9 +15,9 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import measure, repeated
 from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
-from ncgen.solver.simulate import simulate
-from ncgen.solver.telling import Told
-from ncgen.solver.trajectory import Trajectory
+from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.runs.telling import Told
+from ncgen.solver.trajectories.trajectory import Trajectory
 
 NAMES = ("robot", "nfourbar-2", "nfourbar-40", "disc", "free-body", "heavy-top", "bricard")
 

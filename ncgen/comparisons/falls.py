@@ -16,12 +16,12 @@ from ncgen.comparisons.rivals import handwritten, octave
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.report.methods import Tolerances
-from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import is_emitted
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.run import InitialArguments, simulation_of
-from ncgen.solver.simulate import simulate
-from ncgen.solver.trajectory import Trajectory
+from ncgen.solver.engines.compiled import is_emitted
+from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.runs.run import InitialArguments, simulation_of
+from ncgen.solver.trajectories.trajectory import Trajectory
 
 TOLERANCES = (1e-5, 1e-6, 1e-8, 1e-10)
 ABSOLUTE = 1e-2

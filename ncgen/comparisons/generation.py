@@ -42,7 +42,7 @@ code = code_bytes(kernels.library, identifier(kernels.name), kernels.programs.pr
 found = {"seconds": seconds, "processor": processor, "stages": timings.seconds, "code": sum(code.values())}
 if steps:
     from ncgen import simulate
-    from ncgen.solver.rank import freedom
+    from ncgen.solver.positions.rank import freedom
     from ncgen.mechanism.runtime import beside
     runtime = beside()
     runtime.start()

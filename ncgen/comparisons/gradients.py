@@ -15,11 +15,11 @@ from ncgen.exchange.motion_functions import rates_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.clock import measure, repeated
-from ncgen.solver.gradients import gradient_batch
-from ncgen.solver.position import solve_position
-from ncgen.solver.run import simulation_of
-from ncgen.solver.sensitivity import motion_of
-from ncgen.solver.taped_motion import TapedMotion
+from ncgen.solver.derivatives.gradients import gradient_batch
+from ncgen.solver.derivatives.sensitivity import motion_of
+from ncgen.solver.derivatives.taped_motion import TapedMotion
+from ncgen.solver.positions.position import solve_position
+from ncgen.solver.runs.run import simulation_of
 
 STEPS = 100
 """Of rk4."""

@@ -15,7 +15,7 @@ from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
-from ncgen.solver.simulate import simulate
+from ncgen.solver.motions.simulate import simulate
 
 ABSOLUTE = 1e-2
 """Absolute tolerance as a share of the relative one, for a mechanism of one metre."""

@@ -19,7 +19,7 @@ from scipy.special import ellipj, ellipk
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module, load
 from ncgen.model import Model
-from ncgen.solver.trajectory import Trajectory
+from ncgen.solver.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,9 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
 from ncgen.program.assemble import EMISSIONS
-from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import dynamics, is_emitted
-from ncgen.solver.partition import choose_partitions
+from ncgen.solver.engines.compiled import dynamics, is_emitted
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import choose_partitions
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS, find_compiler
 

@@ -18,8 +18,8 @@ from ncgen.exchange.torch_functions import torch
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.clock import measure, repeated
-from ncgen.solver.batch import simulate_batch
-from ncgen.solver.gradients import gradient_batch
+from ncgen.solver.derivatives.gradients import gradient_batch
+from ncgen.solver.motions.batch import simulate_batch
 
 MOTIONS, STEPS, DURATION = 1000, 80, 0.4
 """Motions of so many steps of rk4, and seconds."""

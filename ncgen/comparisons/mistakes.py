@@ -20,9 +20,9 @@ import sympy
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.pieces import Pieces
-from ncgen.program.evaluate import evaluate
-from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import PIECES
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.graph import PIECES
 
 POSITIONS = 7
 TOLERANCE = 1e-8

@@ -25,13 +25,13 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
 from ncgen.report.methods import Tolerances
-from ncgen.solver.coordinate_partitioning import Motion, Start, motion
-from ncgen.solver.dynamics_jacobian import partitioned_jacobian
-from ncgen.solver.integrators import ODE_SOLVERS
-from ncgen.solver.partition import determined
-from ncgen.solver.run import Initial
-from ncgen.solver.simulate import simulate
-from ncgen.solver.start import begin
+from ncgen.solver.formalisms.coordinate_partitioning import Motion, Start, motion
+from ncgen.solver.formalisms.dynamics_jacobian import partitioned_jacobian
+from ncgen.solver.integrators.solvers import ODE_SOLVERS
+from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.positions.partition import determined
+from ncgen.solver.runs.run import Initial
+from ncgen.solver.runs.start import begin
 
 EXPLICIT = ("adams", "dopri5", "bdf")
 """The paper's ode113, ode45 and ode15s."""

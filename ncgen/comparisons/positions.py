@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.blocks import Program
-from ncgen.program.evaluate import evaluate
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.report.repeat import Call, runner
-from ncgen.solver.batch import accelerations_batch
+from ncgen.solver.motions.batch import accelerations_batch
 
 POSITIONS = 1000
 REACH = 1.0

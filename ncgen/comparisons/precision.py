@@ -28,8 +28,8 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model
 from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
-from ncgen.solver.simulate import simulate
-from ncgen.solver.trajectory import Trajectory
+from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
 from ncgen.toolchain.folder import keep, kept
 

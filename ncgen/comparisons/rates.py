@@ -10,16 +10,16 @@ from ncgen.comparisons.rivals.articulated import rival as articulated
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.method import Method
-from ncgen.program.blocks import Program
-from ncgen.program.cost import cost
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.cost import cost
 from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.derivative import motion
 from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
-from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import all_coordinates, is_emitted, is_written_out, split_of
-from ncgen.solver.compiled import dynamics as dynamics_in_c
-from ncgen.solver.coordinate_partitioning import motion_at
-from ncgen.solver.partition import Partitions, choose_partitions
+from ncgen.solver.engines.compiled import all_coordinates, is_emitted, is_written_out, split_of
+from ncgen.solver.engines.compiled import dynamics as dynamics_in_c
+from ncgen.solver.formalisms.coordinate_partitioning import motion_at
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import Partitions, choose_partitions
 
 REFINED = "accelerations, refined"
 COMBINATIONS: dict[str, tuple[tuple[str, ...], str | None]] = {

@@ -16,17 +16,17 @@ from ncgen.comparisons.rivals.differences import central, forward, jacobian
 from ncgen.comparisons.rivals.exact import DIGITS, MPMATH
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.program.evaluate import evaluate
+from ncgen.program.ir.evaluate import evaluate
 from ncgen.report.clock import repeated
-from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import dynamics as dynamics_in_c
-from ncgen.solver.compiled import is_emitted
-from ncgen.solver.coordinate_partitioning import Start, motion, motion_at
-from ncgen.solver.dynamics_jacobian import partitioned_jacobian
-from ncgen.solver.partition import choose_partitions
+from ncgen.solver.engines.compiled import dynamics as dynamics_in_c
+from ncgen.solver.engines.compiled import is_emitted
+from ncgen.solver.formalisms.coordinate_partitioning import Start, motion, motion_at
+from ncgen.solver.formalisms.dynamics_jacobian import partitioned_jacobian
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import choose_partitions
 
 if TYPE_CHECKING:
-    from ncgen.program.dynamics import DynamicsPrograms
+    from ncgen.program.motions.dynamics import DynamicsPrograms
 
 SPEED = 1.0
 """Independent velocities at which it is evaluated."""

@@ -1,0 +1,1 @@
+"""How programs are written: a language is a folder."""

@@ -10,7 +10,7 @@ from fractions import Fraction
 from functools import cache
 from typing import TYPE_CHECKING
 
-from ncgen.program.blocks import Block, Loop
+from ncgen.program.ir.blocks import Block, Loop
 from ncgen.resources import folder
 
 if TYPE_CHECKING:

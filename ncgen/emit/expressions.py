@@ -10,9 +10,9 @@ from typing import NamedTuple, Protocol
 
 from ncgen.emit.naming import Names
 from ncgen.model.pieces import Pieces
-from ncgen.program.blocks import Block
-from ncgen.program.graph import ARITHMETIC, PIECES, Op
-from ncgen.program.passes import uses
+from ncgen.program.ir.blocks import Block
+from ncgen.program.ir.graph import ARITHMETIC, PIECES, Op
+from ncgen.program.ir.passes import uses
 
 LONGEST = 56
 """Characters of a value that may still be written inside another."""

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.functions import FUNCTIONS
 
 _C_WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long

@@ -11,10 +11,10 @@ from ncgen.emit.expressions import Assignment, write
 from ncgen.emit.naming import Names
 from ncgen.emit.tables import Tables
 from ncgen.model.pieces import Pieces
-from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Block, Loop, Program, Slot, Store, TableStore
-from ncgen.program.cost import cost
-from ncgen.program.graph import PIECES, Op
+from ncgen.program.ir.angles import SHARED
+from ncgen.program.ir.blocks import Block, Loop, Program, Slot, Store, TableStore
+from ncgen.program.ir.cost import cost
+from ncgen.program.ir.graph import PIECES, Op
 
 Record: TypeAlias = dict[str, Any]
 """What a template is filled with."""
@@ -47,7 +47,7 @@ class Spelling(ABC):
 
     @abstractmethod
     def call(self, name: str, arguments: list[str]) -> str:
-        """An elementary function, by its name in `ncgen.program.functions`."""
+        """An elementary function, by its name in `ncgen.program.ir.functions`."""
 
     def lookup(self, pieces: Pieces, x: str) -> str:
         """A piecewise polynomial: a function "pieces" of x, the tables of its knots and rows, how many knots, degree and period."""

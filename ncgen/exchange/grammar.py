@@ -2,7 +2,7 @@
 
     2*L + 0.1        -k*(psi - psi0) - c*rate(psi)        sin(omega*t)        B.x**2        profile(psi)
 
-Numbers, names, + - * / **, parentheses, the functions of ncgen.program.functions, min and max of two, rate(…), loads as force(rod, A).x,
+Numbers, names, + - * / **, parentheses, the functions of ncgen.program.ir.functions, min and max of two, rate(…), loads as force(rod, A).x,
 moment(rod, u).z and driver(psi), and curves: splines and tables by their names, a derivative as profile(psi, 1), and
 smooth_step(x, start, end). A text that is anything else is refused with the part that is not understood.
 
@@ -25,7 +25,7 @@ from ncgen.model.curves import BUILT_IN, STEP, Curve, smooth_step
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import DEEPEST, MOST_DIGITS, MOST_FACTORS, check_expression
 from ncgen.model.kinks import CHOICES, without_kinks
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.functions import FUNCTIONS
 
 if TYPE_CHECKING:
     from sympy import Expr

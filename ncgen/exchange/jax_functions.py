@@ -20,7 +20,7 @@ from ncgen.errors import ModelError
 from ncgen.exchange.motion_functions import MotionFunction, rates_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.given import checked_kernels
-from ncgen.solver.run import InitialArguments
+from ncgen.solver.runs.run import InitialArguments
 
 Array: TypeAlias = Any
 """An array of JAX, or what JAX takes for one."""

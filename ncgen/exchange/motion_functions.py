@@ -13,9 +13,9 @@ import numpy as np
 from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.gradients import taped_batch
-from ncgen.solver.sensitivity import Motion, motion_of
-from ncgen.solver.taped_batch import TapedBatch
+from ncgen.solver.derivatives.gradients import taped_batch
+from ncgen.solver.derivatives.sensitivity import Motion, motion_of
+from ncgen.solver.derivatives.taped_batch import TapedBatch
 
 
 def rates_of(kernels: Kernels, start: dict[str, Any]) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from ncgen.errors import ModelError
 from ncgen.exchange.motion_functions import MotionFunction, rates_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.given import checked_kernels
-from ncgen.solver.run import InitialArguments
+from ncgen.solver.runs.run import InitialArguments
 
 Tensor: TypeAlias = Any
 """A tensor of PyTorch, on the processor, or what it takes for one."""

@@ -26,8 +26,8 @@ from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import numbers, place
-from ncgen.program.blocks import Program
-from ncgen.program.cost import cost
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.cost import cost
 from ncgen.toolchain.abi import InC, Interface, abi, declared
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load as loaded

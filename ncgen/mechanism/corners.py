@@ -9,9 +9,9 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.pieces import Pieces
-from ncgen.program.blocks import Straight
-from ncgen.program.graph import PIECES
-from ncgen.program.passes import compute
+from ncgen.program.ir.blocks import Straight
+from ncgen.program.ir.graph import PIECES
+from ncgen.program.ir.passes import compute
 
 STRAIGHT = 1e-12
 """How far an argument may be from a straight line in time, of its largest value."""

@@ -16,7 +16,7 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism import recall
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.program.blocks import Program
+from ncgen.program.ir.blocks import Program
 from ncgen.toolchain.abi import abi
 from ncgen.toolchain.loader import executed, load
 

@@ -25,9 +25,9 @@ from ncgen.model import Model
 from ncgen.model.elements import Length, Point
 from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate, is_number
-from ncgen.program.blocks import Pattern, Program, Slot
-from ncgen.program.evaluate import evaluate as evaluate_program
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.blocks import Pattern, Program, Slot
+from ncgen.program.ir.evaluate import evaluate as evaluate_program
+from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.programs import Programs
 
 if TYPE_CHECKING:
@@ -312,7 +312,7 @@ class Kernels(ABC):
 
     @cached_property
     def tangents(self) -> Tangents:
-        """The tangent kernels, generated and compiled when first asked for (ncgen.program.tangents)."""
+        """The tangent kernels, generated and compiled when first asked for (ncgen.program.differentiation.tangents)."""
         return self._tangents.by_state(self.programs)
 
     @cached_property

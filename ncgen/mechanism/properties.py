@@ -7,8 +7,8 @@ import scipy
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
-from ncgen.program.blocks import Block, Store, TableStore
-from ncgen.program.cost import cost
+from ncgen.program.ir.blocks import Block, Store, TableStore
+from ncgen.program.ir.cost import cost
 from ncgen.program.programs import ENERGIES
 
 SINGULAR = 1e-9

@@ -19,8 +19,8 @@ from ncgen.emit.sources import Sources
 from ncgen.model import Model
 from ncgen.model.digest import digest
 from ncgen.model.pieces import Pieces
-from ncgen.program.blocks import Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
-from ncgen.program.graph import Input, Op
+from ncgen.program.ir.blocks import Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
+from ncgen.program.ir.graph import Input, Op
 from ncgen.program.programs import Programs
 from ncgen.resources import package_files
 from ncgen.symbolic.numbering import Deferred

@@ -1,7 +1,7 @@
 """The tangent kernels of a mechanism, ready to be called: made when they are first needed.
 
 Explicit integrators never need them, so they are generated and compiled apart from the other kernels. `Tangents` are
-those by position and velocity, or those by the parameters (ncgen.program.tangents).
+those by position and velocity, or those by the parameters (ncgen.program.differentiation.tangents).
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from ncgen.emit.naming import identifier
 from ncgen.emit.numpy import files as in_numpy
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
-from ncgen.program.blocks import Program
+from ncgen.program.ir.blocks import Program
 from ncgen.program.programs import Programs
 from ncgen.toolchain.abi import InC, abi
 from ncgen.toolchain.loader import executed, load
 
 if TYPE_CHECKING:
-    from ncgen.program.tangents import TangentPrograms
+    from ncgen.program.differentiation.tangents import TangentPrograms
     from ncgen.symbolic.numbering import Terms
 
 
@@ -44,14 +44,14 @@ class Tangents(ABC):
     @classmethod
     def by_state(cls, programs: Programs) -> Self:
         """stiffness, damping, phidd_q and phidd_qd."""
-        from ncgen.program.tangents import assemble_tangents
+        from ncgen.program.differentiation.tangents import assemble_tangents
 
         return cls(assemble_tangents(programs.equations, programs.emission), programs.equations)
 
     @classmethod
     def by_parameters(cls, programs: Programs) -> Self:
         """phi_p, phid_p, phidd_p and balance_p."""
-        from ncgen.program.tangents import assemble_parameter_tangents
+        from ncgen.program.differentiation.tangents import assemble_parameter_tangents
 
         return cls(assemble_parameter_tangents(programs.equations), programs.equations)
 

@@ -12,11 +12,11 @@ from ncgen.mechanism import recall
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.recall import Files
+from ncgen.program.ir.sampling import Sample
 from ncgen.program.programs import Split
-from ncgen.program.sampling import Sample
 
 if TYPE_CHECKING:
-    from ncgen.program.dynamics import DynamicsPrograms, MotionPrograms
+    from ncgen.program.motions.dynamics import DynamicsPrograms, MotionPrograms
 
 Seen: TypeAlias = tuple[Split, Sequence[Sample]]
 """Independent coordinates, and typical positions."""
@@ -30,13 +30,13 @@ def motion_source(kernels: Kernels, seen: Callable[[], Seen | None], kind: Liter
     equations = kernels.programs.equations
 
     def assembled() -> MotionPrograms | None:
-        from ncgen.program.dynamics import assemble_motion
+        from ncgen.program.motions.dynamics import assemble_motion
 
         found = seen()
         return assemble_motion(equations, *found, kernels.column_sizes) if found else None
 
     def made() -> Files:
-        from ncgen.program.dynamics import differentiated
+        from ncgen.program.motions.dynamics import differentiated
 
         programs = kernels.remember("motion programs", (), assembled)
         if programs is None:
@@ -64,7 +64,7 @@ class Written:
     @cached_property
     def programs(self) -> DynamicsPrograms:
         """The programs that the source is printed from."""
-        from ncgen.program.dynamics import assemble_dynamics
+        from ncgen.program.motions.dynamics import assemble_dynamics
 
         kernels = self.kernels
         return assemble_dynamics(kernels.programs.equations, self.split, self.seen(), kernels.column_sizes, self.refine)

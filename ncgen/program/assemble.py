@@ -15,15 +15,15 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from ncgen.errors import ModelError, shown
 from ncgen.model.values import told
-from ncgen.program import passes
-from ncgen.program.angles import share_angles
 from ncgen.program.binding import Bound, Derived, Places, Reference, Structure, bind
-from ncgen.program.blocks import Block, Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
-from ncgen.program.fused import Part, fuse
-from ncgen.program.graph import Graph
-from ncgen.program.lower import lower_value
+from ncgen.program.ir import passes
+from ncgen.program.ir.angles import share_angles
+from ncgen.program.ir.blocks import Block, Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
+from ncgen.program.ir.fused import Part, fuse
+from ncgen.program.ir.graph import Graph
+from ncgen.program.ir.lower import lower_value
+from ncgen.program.ir.verify import verify
 from ncgen.program.programs import EMISSIONS, ENERGIES, Programs
-from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations, Term
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import Output

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 from ncgen.errors import ModelError
 from ncgen.model.elements import Component, rate_name
 from ncgen.model.values import Parameter, Value, is_number
-from ncgen.program.graph import Graph, Input
-from ncgen.program.lower import LoweredTemplate, lowered
+from ncgen.program.ir.graph import Graph, Input
+from ncgen.program.ir.lower import LoweredTemplate, lowered
 from ncgen.symbolic.equations import Term
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import TIME, Template

@@ -13,11 +13,11 @@ from dataclasses import replace
 
 from ncgen.model.elements import Component
 from ncgen.model.values import Value, as_sympy, is_number
-from ncgen.program import passes
-from ncgen.program.blocks import Program, Store, Straight
-from ncgen.program.derivatives import gradient
-from ncgen.program.graph import Graph
-from ncgen.program.lower import lower_value
+from ncgen.program.ir import passes
+from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.derivatives import gradient
+from ncgen.program.ir.graph import Graph
+from ncgen.program.ir.lower import lower_value
 from ncgen.symbolic.numbering import Numbering
 
 

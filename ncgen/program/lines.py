@@ -9,15 +9,15 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ncgen.model.values import Value, as_sympy, is_number
-from ncgen.program import passes
-from ncgen.program.angles import share_angles
+from ncgen.program.algebra.elimination import Matrix
 from ncgen.program.assemble import Kernel, load_name, parts_of, place_of, told_of
 from ncgen.program.binding import Bound, Derived, Reference, bind
-from ncgen.program.blocks import Program, Store, Straight
-from ncgen.program.cut import cut
-from ncgen.program.elimination import Matrix
-from ncgen.program.graph import Graph
-from ncgen.program.lower import lower_value
+from ncgen.program.ir import passes
+from ncgen.program.ir.angles import share_angles
+from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.cut import cut
+from ncgen.program.ir.graph import Graph
+from ncgen.program.ir.lower import lower_value
 from ncgen.symbolic.inertia import Exact
 from ncgen.symbolic.numbering import Terms
 

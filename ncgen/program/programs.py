@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ncgen.program.blocks import Pattern, Program
+from ncgen.program.ir.blocks import Pattern, Program
 
 if TYPE_CHECKING:
     from ncgen.symbolic.numbering import Terms

@@ -1,1 +1,1 @@
-"""How good it is: facts about a mechanism and its kernels, timings, and the screens that show them."""
+"""What runs say about themselves: facts about a mechanism and its kernels, timings, cards in notebooks, progress."""

@@ -15,10 +15,10 @@ from rich.console import Console
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
-from ncgen.solver.monitor import Health, monitor
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.signals import Signals, signals_of
-from ncgen.solver.trajectory import Statistics, Trajectory
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.runs.signals import Signals, signals_of
+from ncgen.solver.trajectories.monitor import Health, monitor
+from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
 
 ARRAYS = {"t": "K", "q": "Kn", "qd": "Kn", "work": "K", "p": "p"}
 """Numbers of a trajectory and their axes: instants, coordinates, parameters."""

@@ -17,10 +17,10 @@ from ncgen.mechanism import recall
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.inspection import inspect
-from ncgen.solver.assembly import assemble
-from ncgen.solver.branches import refresh_branches
-from ncgen.solver.position import CONSISTENT, residual
-from ncgen.solver.rank import freedom
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.branches import refresh_branches
+from ncgen.solver.positions.position import CONSISTENT, residual
+from ncgen.solver.positions.rank import freedom
 from ncgen.view.curves_of_motion import curves_of_motion
 from ncgen.view.scene import scene_of
 from ncgen.view.sketch import sketch
@@ -28,7 +28,7 @@ from ncgen.view.spots import spots
 from ncgen.view.svg import Drawing
 
 if TYPE_CHECKING:
-    from ncgen.solver.trajectory import Trajectory
+    from ncgen.solver.trajectories.trajectory import Trajectory
 
 QUICK = 40
 """Rows up to which freedoms are found for a model's card where the model was not compiled before: it takes a second at most."""

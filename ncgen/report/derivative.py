@@ -6,12 +6,12 @@ from dataclasses import fields
 
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.cost import cost
-from ncgen.program.dynamics import accelerations, assemble_motion, cheapest, closing
-from ncgen.program.elimination import EliminationError
-from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import own_positions, samples, split_of
-from ncgen.solver.partition import choose_partitions
+from ncgen.program.algebra.elimination import EliminationError
+from ncgen.program.ir.cost import cost
+from ncgen.program.motions.dynamics import accelerations, assemble_motion, cheapest, closing
+from ncgen.solver.engines.compiled import own_positions, samples, split_of
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import choose_partitions
 
 
 def motion(kernels: Kernels) -> dict | None:

@@ -36,7 +36,7 @@ def _facts(name: str) -> dict:
 
 def _found(model: Model) -> dict:
     from ncgen.compiler import compile
-    from ncgen.solver.rank import freedom
+    from ncgen.solver.positions.rank import freedom
 
     found = freedom(compile(model, backend="numpy"))
     return {

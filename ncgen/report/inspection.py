@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Angle
-from ncgen.program.cost import cost
+from ncgen.program.ir.cost import cost
 from ncgen.program.programs import Programs
-from ncgen.solver.rank import Freedom, Redundancy, freedom
+from ncgen.solver.positions.rank import Freedom, Redundancy, freedom
 from ncgen.symbolic.tree import Tree, spanning_tree
 
 

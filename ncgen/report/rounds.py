@@ -11,9 +11,9 @@ from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.exchange.checking import checked
 from ncgen.report.running import run_record
-from ncgen.solver.rank import freedom
-from ncgen.solver.run import simulation_of
-from ncgen.solver.simulate import simulate
+from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.positions.rank import freedom
+from ncgen.solver.runs.run import simulation_of
 
 SHOWN = 6
 """Numbers that are told in one line, and problems."""

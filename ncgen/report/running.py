@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ncgen.emit.sources import Sources, write_text
-from ncgen.solver.rank import Freedom
-from ncgen.solver.trajectory import Trajectory
+from ncgen.solver.positions.rank import Freedom
+from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.view.curves_of_motion import curves_of_motion
 from ncgen.view.scene import scene_of
 from ncgen.view.sketch import sketch

@@ -191,7 +191,7 @@ def _of_arguments(kernels: Kernels, given: dict[str, Any]) -> str | None:
 
 def _of_terms(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
     from ncgen.program.assemble import KERNELS
-    from ncgen.program.tangents import TANGENTS
+    from ncgen.program.differentiation.tangents import TANGENTS
 
     definition = {**KERNELS, **TANGENTS}[kernel]
     equations = kernels.programs.equations
@@ -214,7 +214,7 @@ def _close(given: dict[str, Any]) -> Iterator[dict[str, Any]]:
 def _is_term_finite(term: Term, definition: Kernel, equations: Terms, given: dict[str, Any]) -> bool:
     """True if one term alone gives numbers to a kernel."""
     from ncgen.program.assemble import programs_of
-    from ncgen.program.evaluate import evaluate
+    from ncgen.program.ir.evaluate import evaluate
     from ncgen.symbolic.equations import Equations
 
     def only(terms: tuple[Term, ...]) -> tuple[Term, ...]:

@@ -12,7 +12,7 @@ from ncgen.exchange.toml_reader import model_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.along import Recorded
-from ncgen.solver.trajectory import Trajectory
+from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.studies.folder import Folder
 from ncgen.studies.result import StudyResult
 

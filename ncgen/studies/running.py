@@ -15,7 +15,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.solver.given import count as whole
 from ncgen.solver.given import echo
-from ncgen.solver.telling import check_told
+from ncgen.solver.runs.telling import check_told
 from ncgen.studies import engines
 from ncgen.studies.definition import Study
 from ncgen.studies.design import Varied

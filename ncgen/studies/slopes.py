@@ -16,10 +16,10 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.compiled import is_written_out
-from ncgen.solver.outputs import output_slopes, outputs_of
-from ncgen.solver.run import InitialArguments
-from ncgen.solver.sensitivity import Motion, motion_of
+from ncgen.solver.derivatives.sensitivity import Motion, motion_of
+from ncgen.solver.engines.compiled import is_written_out
+from ncgen.solver.runs.run import InitialArguments
+from ncgen.solver.trajectories.outputs import output_slopes, outputs_of
 from ncgen.studies import extremes
 from ncgen.studies.definition import Study
 from ncgen.studies.design import started

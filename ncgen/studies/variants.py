@@ -19,15 +19,15 @@ from ncgen.compiler import compile
 from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
-from ncgen.solver.batch import in_lanes, side_by_side
-from ncgen.solver.energy import drifts
 from ncgen.solver.given import position
-from ncgen.solver.outputs import outputs_of, uses_accelerations
-from ncgen.solver.partition import determined
-from ncgen.solver.run import EMITTED, Run
-from ncgen.solver.simulate import simulate
-from ncgen.solver.start import begin
-from ncgen.solver.states import Choice, States, closed
+from ncgen.solver.motions.batch import in_lanes, side_by_side
+from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.states import Choice, States, closed
+from ncgen.solver.positions.partition import determined
+from ncgen.solver.runs.run import EMITTED, Run
+from ncgen.solver.runs.start import begin
+from ncgen.solver.trajectories.energy import drifts
+from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations
 from ncgen.studies.definition import Study
 from ncgen.studies.design import argument_of
 from ncgen.studies.kept import Histories

@@ -1,0 +1,1 @@
+"""How sources become functions: compilers, the cache, the loader."""

@@ -11,7 +11,7 @@ from ncgen.model.elements import Relative
 from ncgen.solver.given import names_of
 
 if TYPE_CHECKING:
-    from ncgen.solver.trajectory import Trajectory
+    from ncgen.solver.trajectories.trajectory import Trajectory
 
 MOST = 6
 """How many coordinates are shown where the caller names none and there are no angles or lengths."""

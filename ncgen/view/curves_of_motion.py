@@ -11,7 +11,7 @@ from ncgen.view.curves import curves
 from ncgen.view.svg import Drawing, below_each_other
 
 if TYPE_CHECKING:
-    from ncgen.solver.trajectory import Trajectory
+    from ncgen.solver.trajectories.trajectory import Trajectory
 
 PANELS, LINES = 2, 6
 """Pictures of coordinates, and curves in each."""

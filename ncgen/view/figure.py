@@ -25,7 +25,7 @@ from ncgen.view.scene import Scene, scene_of
 from ncgen.view.still import palette, shadows, solids
 
 if TYPE_CHECKING:
-    from ncgen.solver.trajectory import Trajectory
+    from ncgen.solver.trajectories.trajectory import Trajectory
 
 __all__ = ["figure", "plot", "save"]
 

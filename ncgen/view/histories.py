@@ -13,7 +13,7 @@ from ncgen.view.chart import GRID, empty, settle
 from ncgen.view.chosen import above_lowest, grouped
 
 if TYPE_CHECKING:
-    from ncgen.solver.trajectory import Trajectory
+    from ncgen.solver.trajectories.trajectory import Trajectory
 
 
 def plot(run: Trajectory, names: str | Iterable[str] | None = None) -> Figure:

@@ -13,7 +13,7 @@ from ncgen.view.page import Page, drawing, rounded, script_json
 from ncgen.view.scene import Scene, scene_of
 
 if TYPE_CHECKING:
-    from ncgen.solver.trajectory import Trajectory
+    from ncgen.solver.trajectories.trajectory import Trajectory
 
 FRAMES = 300
 """How many times are embedded at most; of longer runs, as many spread evenly by index."""

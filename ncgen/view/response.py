@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from ncgen.solver.linearise import Linearisation
+from ncgen.solver.linear.linearise import Linearisation
 from ncgen.view.chart import GRID, empty, settle
 
 BESIDE = 10.0

@@ -20,7 +20,7 @@ from ncgen.view.carriers import Carrier, vectors_of
 from ncgen.view.surfaces import Strut, Surface, bodies_drawn, carriers_of, surfaces_of
 
 if TYPE_CHECKING:
-    from ncgen.solver.trajectory import Trajectory
+    from ncgen.solver.trajectories.trajectory import Trajectory
 
 ARROW = 0.15
 """The drawn length of a unit vector, as a part of the scene's size."""

@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from ncgen.program.blocks import Pattern
+from ncgen.program.ir.blocks import Pattern
 from ncgen.view.svg import INK, RED, Drawing
 
 LARGEST = 200.0

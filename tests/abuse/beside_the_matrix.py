@@ -6,10 +6,10 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import Moving, Stepping
-from ncgen.solver import compiled
-from ncgen.solver.assembly import assemble
-from ncgen.solver.open_tree import open_tree
-from ncgen.solver.rank import freedom
+from ncgen.solver.engines import compiled
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.open_tree import open_tree
+from ncgen.solver.positions.rank import freedom
 
 AWAY = 0.3
 """How far from the start, in natural sizes."""

@@ -744,7 +744,7 @@ class Subject:
         for t, q, qd, a, l in zip(run.t, run.q, run.qd, qdd, lam, strict=True):
             mass, jacobian, force = k.mass_matrix(q, t, run.p), k.jacobian(q, t, run.p), k.force(q, qd, t, run.p)
             if k.model.branches:
-                from ncgen.solver.branches import refresh_branches
+                from ncgen.solver.positions.branches import refresh_branches
 
                 jacobian = k.jacobian(q, t, refresh_branches(k, q, run.p))
             rest = (mass @ a + jacobian.T @ l - force) * self.sizes

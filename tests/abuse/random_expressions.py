@@ -40,7 +40,7 @@ SAFE = {
     "sign": lambda u, v: sympy.sign(u) * v,
     "pow": lambda u, v: (1 + u**2) ** sympy.sin(v),
 }
-"""{function of ncgen.program.functions: a call of it that is a number for all real u and v}; a test holds the two lists equal."""
+"""{function of ncgen.program.ir.functions: a call of it that is a number for all real u and v}; a test holds the two lists equal."""
 
 SHAPES = (
     lambda u, v: u + v,

@@ -9,7 +9,7 @@ from hunt import hunt, next_seeds
 from judges import examine
 from random_expressions import SAFE
 
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.functions import FUNCTIONS
 
 ALWAYS = (
     60002, 60003, 60004, 60013, 60014, 60018, 60019, 60022, 60025, 60026, 60031, 60032, 60035, 60037, 60039, 60043, 60044, 60046,

@@ -13,15 +13,15 @@ from random_models import Maker
 
 import ncgen
 from ncgen.errors import NcgenError
-from ncgen.program import dynamics
-from ncgen.program.elimination import EliminationError
-from ncgen.program.evaluate import evaluate
-from ncgen.program.motion import assemble_motions
-from ncgen.program.rates import NoRecursion
-from ncgen.program.recursion import assemble_recursions
-from ncgen.solver.compiled import samples, split_of
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.rank import scaled_jacobian
+from ncgen.program.algebra.elimination import EliminationError
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.motions import dynamics
+from ncgen.program.motions.motion import assemble_motions
+from ncgen.program.tree.rates import NoRecursion
+from ncgen.program.tree.recursion import assemble_recursions
+from ncgen.solver.engines.compiled import samples, split_of
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.positions.rank import scaled_jacobian
 
 MANY = int(os.environ.get("NCGEN_ABUSE_COUNT", 2000))
 LARGEST = 30

@@ -16,8 +16,8 @@ from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.solver import compiled
-from ncgen.solver.open_tree import open_tree
+from ncgen.solver.engines import compiled
+from ncgen.solver.positions.open_tree import open_tree
 
 MANY = int(os.environ.get("NCGEN_ABUSE_COUNT", 2000)) // 2
 CLOSE = 1e-10

@@ -11,8 +11,8 @@ from ncgen.comparisons.bench import _simulation_rows, aligned, bench, kernel_rec
 from ncgen.comparisons.rivals import articulated, handwritten
 from ncgen.exchange.examples import example_module
 from ncgen.report import clock
-from ncgen.solver.compiled import split_of
-from ncgen.solver.partition import choose_partitions
+from ncgen.solver.engines.compiled import split_of
+from ncgen.solver.positions.partition import choose_partitions
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,7 @@ import pytest
 import ncgen
 from ncgen.comparisons import instructions
 from ncgen.comparisons.instructions import instruction_records, table
-from ncgen.program.cost import cost
+from ncgen.program.ir.cost import cost
 
 needs_valgrind = pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
 

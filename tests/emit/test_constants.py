@@ -15,7 +15,7 @@ import ncgen
 from ncgen import Model
 from ncgen.emit.c.spelling import number
 from ncgen.model.values import LARGEST
-from ncgen.program.evaluate import evaluate
+from ncgen.program.ir.evaluate import evaluate
 
 EDGES = [
     5e-324, -5e-324, 2.2250738585072011e-308, 2.2250738585072014e-308, 1e100, -1e100,

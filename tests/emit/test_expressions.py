@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from ncgen.emit.expressions import LONGEST, write
 from ncgen.emit.naming import Names
-from ncgen.program import passes
-from ncgen.program.blocks import Program, Store, Straight
-from ncgen.program.evaluate import evaluate
-from ncgen.program.graph import Input, Op
+from ncgen.program.ir import passes
+from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.graph import Input, Op
 
 Q = (0.1, -1.7, 2.3, 1e-3)
 FIRST = tuple(Op("load", (), Input("q", i)) for i in range(len(Q))) + (Op("const", (), 0.3), Op("const", (), -2.0))

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import ncgen
 from ncgen import Model, ModelError
 from ncgen.emit.naming import RESERVED, Names, identifier
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.functions import FUNCTIONS
 
 C_KEYWORDS = "int long float double static const restrict inline return if for while switch goto union sizeof void".split()
 CPP_KEYWORDS = "class new delete template this namespace operator try throw virtual and or not xor bool typename".split()

@@ -13,7 +13,7 @@ from ncgen.exchange.examples import load
 from ncgen.model import arithmetic
 from ncgen.program.assemble import Programs
 from ncgen.resources import folder
-from ncgen.solver import compiled
+from ncgen.solver.engines import compiled
 
 ROUNDED = {
     np.linalg: ("norm", "solve", "lstsq", "det", "svd", "eigvalsh", "inv"),

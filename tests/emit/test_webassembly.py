@@ -9,10 +9,10 @@ import subprocess
 import pytest
 
 from ncgen.emit.wasm.files import module
-from ncgen.program.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
-from ncgen.program.evaluate import evaluate
-from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import ARITHMETIC, Input, Op
+from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.graph import ARITHMETIC, Input, Op
 
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 

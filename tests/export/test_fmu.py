@@ -17,7 +17,7 @@ from ncgen.emit.naming import identifier
 from ncgen.exchange.examples import load
 from ncgen.exchange.export import export
 from ncgen.model.elements import Vector
-from ncgen.solver.reactions import reactions
+from ncgen.solver.loads.reactions import reactions
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
 from fmpy import fmi2, fmi3, read_model_description, simulate_fmu  # noqa: E402

@@ -7,7 +7,7 @@ import pytest
 
 import ncgen
 from ncgen.exchange.examples import example_module
-from ncgen.solver.position import residual
+from ncgen.solver.positions.position import residual
 
 TABLE = Path(__file__).parents[1] / "reference" / "andrews.csv"
 

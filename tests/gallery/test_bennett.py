@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 import ncgen
 from ncgen.exchange.examples import example_module
-from ncgen.solver.position import residual, sweep
+from ncgen.solver.positions.position import residual, sweep
 
 CORNERS = example_module("bennett").CORNERS
 

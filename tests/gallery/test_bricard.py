@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.solver.position import residual
+from ncgen.solver.positions.position import residual
 
 REFERENCE = np.loadtxt(Path(__file__).parents[1] / "reference" / "bricard.csv", delimiter=",")
 """Rows of t, P3 as published (6 digits), and exact."""

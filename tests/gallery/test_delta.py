@@ -5,7 +5,7 @@ import pytest
 
 import ncgen
 from ncgen.exchange.examples import example_module
-from ncgen.solver.inverse_dynamics import motor_forces
+from ncgen.solver.loads.inverse_dynamics import motor_forces
 
 DELTA = example_module("delta")
 MOTORS = ["psi1", "psi2", "psi3"]

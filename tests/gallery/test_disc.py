@@ -8,7 +8,7 @@ import ncgen
 from ncgen.comparisons.hard_cases import disc_centre, rolling_disc
 from ncgen.errors import ModelError
 from ncgen.exchange.examples import example_module
-from ncgen.solver.position import residual
+from ncgen.solver.positions.position import residual
 
 MASS, RADIUS, GRAVITY = 2.0, 0.3, 9.81
 ACROSS, ALONG = MASS * RADIUS**2 / 4, MASS * RADIUS**2 / 2

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import ncgen
-from ncgen.solver.position import residual
+from ncgen.solver.positions.position import residual
 
 L1, L2, M1, M2, G = 1.0, 0.8, 1.0, 0.5, 9.81
 

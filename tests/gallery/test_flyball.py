@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.solver.position import residual
+from ncgen.solver.positions.position import residual
 
 REFERENCE = np.loadtxt(Path(__file__).parents[1] / "reference" / "flyball.csv", delimiter=",")
 """Rows of t, s as published (6 digits); s, alpha, shaft angle and speed from minimal coordinates."""

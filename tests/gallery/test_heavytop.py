@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import ncgen
-from ncgen.solver.position import residual
+from ncgen.solver.positions.position import residual
 
 MASS, GRAVITY = 15.0, 9.81
 INERTIA = np.array([15.234375, 0.46875, 15.234375])

@@ -5,7 +5,7 @@ import pytest
 
 import ncgen
 from ncgen.exchange.examples import example_module
-from ncgen.solver.position import residual
+from ncgen.solver.positions.position import residual
 
 FREE = "MUWLKT"
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 import ncgen
-from ncgen.solver.position import residual
+from ncgen.solver.positions.position import residual
 
 TABLE = Path(__file__).parents[1] / "reference" / "pendulum.csv"
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import ncgen
-from ncgen.solver.position import residual
+from ncgen.solver.positions.position import residual
 
 R, L, G = 0.153, 0.306, 9.81
 CRANK, ROD, SLIDER = (0.038, 7.4e-5), (0.038, 5.9e-4), 0.076

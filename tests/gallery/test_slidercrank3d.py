@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 import ncgen
-from ncgen.solver.position import residual, sweep
+from ncgen.solver.positions.position import residual, sweep
 
 CRANK, ROD = 0.08, 0.3
 PIVOT = np.array([0, 0.1, 0.12])

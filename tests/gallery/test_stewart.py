@@ -6,7 +6,7 @@ import sympy as sp
 
 import ncgen
 from ncgen.exchange.examples import example_module
-from ncgen.solver.inverse_dynamics import motor_forces
+from ncgen.solver.loads.inverse_dynamics import motor_forces
 
 STEWART = example_module("stewart")
 LEGS = [f"s{i}" for i in range(1, 7)]

@@ -5,7 +5,7 @@ import pytest
 
 import ncgen
 from ncgen.exchange.examples import example_module
-from ncgen.solver.inverse_dynamics import motor_forces
+from ncgen.solver.loads.inverse_dynamics import motor_forces
 
 CAR = example_module("suspension")
 PLACES = {name: np.array(xyz) for part in (CAR.UPPER, CAR.LOWER, CAR.UPRIGHT, CAR.CHASSIS) for name, xyz in part.items()}

@@ -17,8 +17,8 @@ from cffi import FFI
 import ncgen
 from ncgen.mechanism.batch import LANES, CompiledBatch
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import Graph
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.graph import Graph
 from ncgen.toolchain.cache import build
 from ncgen.toolchain.compilers import FLAGS, find_compiler
 

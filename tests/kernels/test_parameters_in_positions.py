@@ -9,7 +9,7 @@ import sympy
 import ncgen
 from ncgen import Model, ModelError
 from ncgen.exchange.toml_writer import to_toml
-from ncgen.solver.reactions import reactions
+from ncgen.solver.loads.reactions import reactions
 
 DEFAULTS = {"L": 0.9, "h": 0.3, "a": 0.4}
 CHANGED = {"L": 1.15, "h": 0.22, "a": 0.7}

@@ -15,7 +15,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, find_integrator, in_c, number_in_c, other_names, partners
 from ncgen.methods.tableau import Tableau, WrongTableau, trees
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.integrators import FixedRungeKutta, ode_solver
+from ncgen.solver.integrators.solvers import FixedRungeKutta, ode_solver
 from ncgen.solver.steppers import stepper_of
 from ncgen.solver.steppers.stepper import Stepper
 

@@ -25,7 +25,7 @@ from ncgen.mechanism import recall
 from ncgen.mechanism.batch import CompiledBatch
 from ncgen.model.digest import digest
 from ncgen.model.pieces import ENDS
-from ncgen.program.evaluate import evaluate
+from ncgen.program.ir.evaluate import evaluate
 
 DRAW = np.random.default_rng(8)
 KNOTS = np.cumsum(DRAW.uniform(0.1, 0.6, 25)) - 4.0

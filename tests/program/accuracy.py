@@ -31,12 +31,12 @@ from ncgen.exchange.examples import example_names, load
 from ncgen.exchange.toml_writer import to_toml
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.moving import Moving, Stepping
-from ncgen.program.blocks import Pattern
-from ncgen.program.evaluate import evaluate
+from ncgen.program.ir.blocks import Pattern
+from ncgen.program.ir.evaluate import evaluate
 from ncgen.report.repeat import Call, runner
-from ncgen.solver.compiled import all_coordinates, closeness
-from ncgen.solver.position import TOLERANCE, solve_position
-from ncgen.solver.rank import freedom, scaled_jacobian
+from ncgen.solver.engines.compiled import all_coordinates, closeness
+from ncgen.solver.positions.position import TOLERANCE, solve_position
+from ncgen.solver.positions.rank import freedom, scaled_jacobian
 
 RIGHT = 1e-30
 """How closely expected values are known."""

@@ -14,7 +14,7 @@ import numpy as np
 from ncgen.comparisons.arms import Posture, own, posture
 from ncgen.comparisons.rivals import relative_error
 from ncgen.comparisons.rivals.exact import DIGITS, MPMATH
-from ncgen.program.evaluate import evaluate
+from ncgen.program.ir.evaluate import evaluate
 from ncgen.solver.formalisms import accelerations_by
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 STEP = """
 import json, os, sys, time
 import numpy, scipy.linalg, scipy.sparse.linalg, cffi.cparser, sympy, ncgen
-import ncgen.emit.sources, ncgen.mechanism.runtime, ncgen.program.assemble, ncgen.program.dynamics, ncgen.solver.compiled
+import ncgen.emit.sources, ncgen.mechanism.runtime, ncgen.program.assemble, ncgen.program.motions.dynamics, ncgen.solver.engines.compiled
 import ncgen.exchange.robots.natural
 def spent():
     return sum(os.times()[:4]), time.perf_counter()

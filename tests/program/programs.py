@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from ncgen.program import passes
-from ncgen.program.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
-from ncgen.program.evaluate import evaluate
-from ncgen.program.graph import Graph
-from ncgen.program.verify import verify
+from ncgen.program.ir import passes
+from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.graph import Graph
+from ncgen.program.ir.verify import verify
 
 INPUTS = 4
 """Length of q in the programs made here."""

@@ -8,15 +8,15 @@ import pytest
 import ncgen
 from ncgen import Model
 from ncgen.exchange.examples import example_module, load
-from ncgen.program.blocks import Program
-from ncgen.program.closed_positions import assemble_closed_positions
-from ncgen.program.cost import cost
-from ncgen.program.dynamics import DynamicsPrograms, newton
-from ncgen.program.evaluate import evaluate
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.cost import cost
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.motions.dynamics import DynamicsPrograms, newton
 from ncgen.program.programs import Split
-from ncgen.program.rates import NoRecursion
-from ncgen.solver.compiled import samples, split_of
-from ncgen.solver.partition import choose_partitions
+from ncgen.program.tree.closed_positions import assemble_closed_positions
+from ncgen.program.tree.rates import NoRecursion
+from ncgen.solver.engines.compiled import samples, split_of
+from ncgen.solver.positions.partition import choose_partitions
 
 
 def given(model: Model):

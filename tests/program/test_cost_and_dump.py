@@ -9,10 +9,10 @@ import pytest
 
 from ncgen.model.pieces import Pieces
 from ncgen.program.assemble import assemble
-from ncgen.program.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
-from ncgen.program.cost import cost
-from ncgen.program.dump import dump
-from ncgen.program.graph import Input, Op
+from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
+from ncgen.program.ir.cost import cost
+from ncgen.program.ir.dump import dump
+from ncgen.program.ir.graph import Input, Op
 from ncgen.symbolic.equations import build_equations
 
 # out[0] = sin(q0)*q1 + q1, and three times out[place] += number * q[place]

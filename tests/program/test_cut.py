@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ncgen.program import cut as cutting
-from ncgen.program.blocks import Program, Store, Straight
-from ncgen.program.cut import KEPT, cut
-from ncgen.program.evaluate import evaluate
-from ncgen.program.graph import Graph
-from ncgen.program.passes import finish
-from ncgen.program.verify import verify
+from ncgen.program.ir import cut as cutting
+from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.cut import KEPT, cut
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.graph import Graph
+from ncgen.program.ir.passes import finish
+from ncgen.program.ir.verify import verify
 
 
 def program(seed: int) -> Program:

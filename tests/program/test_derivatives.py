@@ -5,11 +5,11 @@ from __future__ import annotations
 import mpmath
 import pytest
 
-from ncgen.program.blocks import Program, Store, Straight
-from ncgen.program.derivatives import gradient, tangent
-from ncgen.program.evaluate import evaluate
-from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import Graph
+from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.derivatives import gradient, tangent
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.graph import Graph
 
 MP = {name: getattr(mpmath, name, None) for name in FUNCTIONS} | {"abs": abs, "pow": mpmath.power}
 POINT = [mpmath.mpf(x) for x in ("0.3217", "0.7431", "0.1129")]

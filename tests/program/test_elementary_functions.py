@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy
 
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.functions import FUNCTIONS
 
 PLACES = (-0.7, 0.0, 0.4, 0.9)
 

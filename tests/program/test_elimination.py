@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ncgen.program.blocks import Program, Store, Straight
-from ncgen.program.elimination import THRESHOLD, EliminationError, factor, solve, solve_positive, solve_transposed
-from ncgen.program.evaluate import evaluate
-from ncgen.program.graph import Graph
+from ncgen.program.algebra.elimination import THRESHOLD, EliminationError, factor, solve, solve_positive, solve_transposed
+from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.graph import Graph
 
 
 def sparse(size, generator):

@@ -8,10 +8,10 @@ import pytest
 import ncgen
 from ncgen.exchange.examples import load
 from ncgen.model.elements import Vector
-from ncgen.program.evaluate import evaluate
-from ncgen.program.full_loads import assemble_loads, loaded_elements
-from ncgen.program.functions import FUNCTIONS
-from ncgen.solver.reactions import reactions
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.motions.full_loads import assemble_loads, loaded_elements
+from ncgen.solver.loads.reactions import reactions
 
 COMPLEX = {name: getattr(np, f.numpy) for name, f in FUNCTIONS.items()}
 

@@ -9,14 +9,14 @@ import pytest
 
 import ncgen
 from ncgen.exchange.examples import load
-from ncgen.program.elimination import factor_symmetric, solve_symmetric
-from ncgen.program.evaluate import evaluate
-from ncgen.program.full_motion import SMALL, Sizes, assemble_full_motion, assemble_full_tangents
-from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import Graph
-from ncgen.solver.coordinate_partitioning import motion_at
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.rank import trial_positions
+from ncgen.program.algebra.elimination import factor_symmetric, solve_symmetric
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.graph import Graph
+from ncgen.program.motions.full_motion import SMALL, Sizes, assemble_full_motion, assemble_full_tangents
+from ncgen.solver.formalisms.coordinate_partitioning import motion_at
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.positions.rank import trial_positions
 
 
 @cache

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import DYADIC, INPUTS, value_of
 
-from ncgen.program.graph import Graph
+from ncgen.program.ir.graph import Graph
 
 EPS = sys.float_info.epsilon
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from ncgen.program.graph import Graph
-from ncgen.program.identities import simplified
+from ncgen.program.differentiation.identities import simplified
+from ncgen.program.ir.graph import Graph
 
 DEFAULTS = [0.3, 1.7, 2.5]
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from programs import program_of, run, straight
 
 from ncgen.errors import ModelError
-from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import Graph
-from ncgen.program.lower import lower_value, lowered
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.graph import Graph
+from ncgen.program.ir.lower import lower_value, lowered
 from ncgen.symbolic.templates import Output, Template
 
 x, y, z = SYMBOLS = sympy.symbols("x y z", real=True)

@@ -11,10 +11,10 @@ from scipy.linalg import null_space
 
 import ncgen
 from ncgen.exchange.examples import example_names, load
-from ncgen.program.cost import cost
-from ncgen.program.dynamics import assemble_motion
-from ncgen.program.evaluate import evaluate
-from ncgen.solver.compiled import own_positions
+from ncgen.program.ir.cost import cost
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.motions.dynamics import assemble_motion
+from ncgen.solver.engines.compiled import own_positions
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.symbolic.tree import spanning_tree
 

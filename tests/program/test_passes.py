@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import INPUTS, blocks_in_any_order, loops, program_of, run
 
-from ncgen.program import passes
-from ncgen.program.blocks import Column, Loop, Slot, Store, Straight, TableStore
-from ncgen.program.graph import Graph, Op
+from ncgen.program.ir import passes
+from ncgen.program.ir.blocks import Column, Loop, Slot, Store, Straight, TableStore
+from ncgen.program.ir.graph import Graph, Op
 
 positions = st.lists(st.integers(-99, 99).map(lambda n: Fraction(n, 8)), min_size=INPUTS, max_size=INPUTS)
 

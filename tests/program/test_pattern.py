@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import csr_array
 
-from ncgen.program.blocks import Pattern
+from ncgen.program.ir.blocks import Pattern
 
 SHAPE = (5, 7)
 places = st.lists(st.tuples(st.integers(0, SHAPE[0] - 1), st.integers(0, SHAPE[1] - 1)), max_size=30)

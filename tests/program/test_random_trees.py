@@ -16,10 +16,10 @@ from oracles.rigid_bodies import FreeBodies, Near
 import ncgen
 from ncgen.exchange.examples import example_module
 from ncgen.model.elements import Spatial
-from ncgen.program.evaluate import evaluate
-from ncgen.program.motion import assemble_motions
-from ncgen.solver.compiled import own_positions
-from ncgen.solver.rank import scaled_jacobian
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.motions.motion import assemble_motions
+from ncgen.solver.engines.compiled import own_positions
+from ncgen.solver.positions.rank import scaled_jacobian
 
 BUILD = example_module("tree").build
 MANY = 2000

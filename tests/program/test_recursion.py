@@ -14,14 +14,14 @@ import ncgen
 from ncgen import Model
 from ncgen.errors import SingularError
 from ncgen.exchange.examples import example_module, example_names, load
-from ncgen.program import dynamics
-from ncgen.program.cost import cost
-from ncgen.program.evaluate import evaluate
+from ncgen.program.ir.cost import cost
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.motions import dynamics
 from ncgen.program.programs import Split
-from ncgen.program.rates import NoRecursion
-from ncgen.program.recursion import assemble_recursions
-from ncgen.solver.compiled import samples
-from ncgen.solver.partition import choose_partitions
+from ncgen.program.tree.rates import NoRecursion
+from ncgen.program.tree.recursion import assemble_recursions
+from ncgen.solver.engines.compiled import samples
+from ncgen.solver.positions.partition import choose_partitions
 from ncgen.symbolic.tree import spanning_tree
 
 EXACT = {name: getattr(mpmath, name) for name in ("sin", "cos", "tan", "sqrt", "exp", "log", "asin", "acos", "atan")} | {"abs": abs}

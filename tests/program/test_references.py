@@ -11,7 +11,7 @@ import sympy
 import ncgen
 from ncgen.exchange.examples import example_module
 from ncgen.model.elements import Point
-from ncgen.program.references import reference_points
+from ncgen.program.tree.references import reference_points
 from ncgen.symbolic.tree import spanning_tree
 
 LINKS = {"beam": (2.0, 0.3, 0.0), "finger": (1e-4, 1e-12, 1e-3), "upper": (1.0, 0.02, 0.25), "lower": (0.5, 0.01, 0.2)}

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from ncgen.program.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
-from ncgen.program.graph import Input, Op
-from ncgen.program.verify import ProgramError, verify
+from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
+from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.verify import ProgramError, verify
 
 SIZES = {"t": 1, "q": 3}
 LINE = Straight((Op("load", (), Input("q", 2)), Op("sin", (0,)), Op("add", (0, 1))), (Store("out", 0, 2),))

@@ -22,10 +22,10 @@ from ncgen.exchange.robots import read_robot
 from ncgen.exchange.robots.mjcf import text_of
 from ncgen.exchange.robots.natural import model_of, word
 from ncgen.exchange.robots.robot import Joint, Link, Robot, together
-from ncgen.program.cost import cost
+from ncgen.program.ir.cost import cost
 from ncgen.report.clock import measure, repeated
 from ncgen.report.repeat import Call, runner
-from ncgen.solver.compiled import all_coordinates
+from ncgen.solver.engines.compiled import all_coordinates
 from ncgen.solver.frames import angular_velocity, transformation
 
 STATES, FALL = 20, 0.2

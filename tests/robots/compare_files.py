@@ -22,7 +22,7 @@ from ncgen.errors import NcgenError
 from ncgen.exchange.robots import SUFFIXES, read_robot
 from ncgen.exchange.robots.natural import model_of, word
 from ncgen.exchange.robots.robot import Joint, Robot, together
-from ncgen.program.cost import cost
+from ncgen.program.ir.cost import cost
 
 STATES, BODIES, SLOPED = 20, 3, 12
 """States; outermost bodies whose Jacobians are looked at; most rates whose derivatives are."""

@@ -8,7 +8,7 @@ import pytest
 import ncgen
 from ncgen import Model
 from ncgen.errors import ConvergenceError, ModelError
-from ncgen.solver.joint_loops import JointsInLoops
+from ncgen.solver.joints.joint_loops import JointsInLoops
 
 HERE = Path(__file__).parent
 LOOPS = [str(HERE / "fourbar.sdf"), "stewart", "delta", "slidercrank3d"]

@@ -11,9 +11,9 @@ from ncgen.emit.c.files import dynamics_files, model_files
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.mechanism.batch import SOURCES as KERNELS
 from ncgen.mechanism.batch_runs import SOURCES
-from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import dynamics
-from ncgen.solver.partition import choose_partitions
+from ncgen.solver.engines.compiled import dynamics
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import choose_partitions
 
 DRIVER = r"""
 #include <stdio.h>

@@ -15,8 +15,8 @@ from ncgen.emit.c.files import model_files, tangent_files
 from ncgen.emit.runtime import runtime_files, runtime_names
 from ncgen.mechanism.runtime import ConstrainedDynamics
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
-from ncgen.program.quasidefinite import Elimination
-from ncgen.solver.partition import choose_partitions
+from ncgen.program.algebra.quasidefinite import Elimination
+from ncgen.solver.positions.partition import choose_partitions
 
 RUNTIME = runtime_names()
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")

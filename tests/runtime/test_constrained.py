@@ -10,7 +10,7 @@ from scipy.special import ellipj, ellipk
 import ncgen
 from ncgen.exchange.examples import example_module
 from ncgen.model import Model
-from ncgen.solver.stop import Stop
+from ncgen.solver.runs.stop import Stop
 
 FORMALISMS = ("null-space", "lagrange", "augmented-lagrangian", "udwadia-phohomsiri")
 

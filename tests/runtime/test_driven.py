@@ -9,8 +9,8 @@ import ncgen
 from ncgen.emit.runtime import runtime_text, widest_tableau
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
-from ncgen.solver import compiled
-from ncgen.solver.rank import freedom
+from ncgen.solver.engines import compiled
+from ncgen.solver.positions.rank import freedom
 
 
 def most(n: int, m: int, nonzeros: int, factor: int, redundant: int, width: int, own_p: int) -> int:

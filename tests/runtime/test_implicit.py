@@ -11,13 +11,13 @@ from scipy.interpolate import CubicHermiteSpline
 import ncgen
 from ncgen.errors import ModelError
 from ncgen.mechanism.runtime import ConstrainedDynamics
-from ncgen.solver import compiled
-from ncgen.solver.coordinate_partitioning import motion_at
-from ncgen.solver.dynamics_jacobian import acceleration_jacobians, partitioned_jacobian
+from ncgen.solver.engines import compiled
 from ncgen.solver.formalisms import accelerations_by
+from ncgen.solver.formalisms.coordinate_partitioning import motion_at
+from ncgen.solver.formalisms.dynamics_jacobian import acceleration_jacobians, partitioned_jacobian
 from ncgen.solver.formalisms.instant import Baumgarte
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.rank import best_rows, scaled_jacobian, trial_positions
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.positions.rank import best_rows, scaled_jacobian, trial_positions
 
 T = 0.05
 EXAMPLES = ("fourbar", "robot", "heavytop", "bricard", "disc", "flyball", "suspension")

@@ -15,12 +15,12 @@ import ncgen
 from ncgen.mechanism.listening import FIRST, REACTION, Listener
 from ncgen.methods.method import Method
 from ncgen.report.methods import TimeIsUp, time_limit
-from ncgen.solver.alarms import GOLDEN, LOOKS
-from ncgen.solver.compiled import run, run_constrained
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.path import Path
-from ncgen.solver.task import Task
-from ncgen.solver.tolerances import Tolerances
+from ncgen.solver.engines.compiled import run, run_constrained
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.runs.alarms import GOLDEN, LOOKS
+from ncgen.solver.runs.path import Path
+from ncgen.solver.runs.task import Task
+from ncgen.solver.runs.tolerances import Tolerances
 
 METHODS = [
     ("coordinate-partitioning", "dopri5", None),

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.program.blocks import Program, Store, Straight
-from ncgen.program.elimination import factor, solve, solve_refined
-from ncgen.program.evaluate import evaluate
-from ncgen.program.graph import Graph
-from ncgen.solver import compiled
-from ncgen.solver.partition import choose_partitions
+from ncgen.program.algebra.elimination import factor, solve, solve_refined
+from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.graph import Graph
+from ncgen.solver.engines import compiled
+from ncgen.solver.positions.partition import choose_partitions
 
 
 @pytest.fixture(scope="module")

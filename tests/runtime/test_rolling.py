@@ -9,7 +9,7 @@ import pytest
 
 import ncgen
 from ncgen.errors import ModelError
-from ncgen.solver.start import given_velocity
+from ncgen.solver.runs.start import given_velocity
 
 G = 9.81
 

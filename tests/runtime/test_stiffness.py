@@ -8,11 +8,11 @@ import pytest
 import ncgen
 from ncgen.methods.method import Method
 from ncgen.model import Model
-from ncgen.solver.compiled import STIFF, run, run_constrained
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.path import Path
-from ncgen.solver.task import Task
-from ncgen.solver.tolerances import Tolerances
+from ncgen.solver.engines.compiled import STIFF, run, run_constrained
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.runs.path import Path
+from ncgen.solver.runs.task import Task
+from ncgen.solver.runs.tolerances import Tolerances
 
 
 def hanging(stiffness, damping):

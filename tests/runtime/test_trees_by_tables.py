@@ -11,9 +11,9 @@ from ncgen.exchange.examples import example_module
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
 from ncgen.model import Model
-from ncgen.solver import compiled
-from ncgen.solver.open_tree import open_tree
-from ncgen.solver.rank import freedom, scaled_jacobian
+from ncgen.solver.engines import compiled
+from ncgen.solver.positions.open_tree import open_tree
+from ncgen.solver.positions.rank import freedom, scaled_jacobian
 
 
 def test_loops_have_no_tables():

@@ -12,7 +12,7 @@ from robot_tree import ANGLES
 import ncgen
 from ncgen import Model
 from ncgen.errors import ModelError, SingularError
-from ncgen.solver.inverse_dynamics import inverse_dynamics, motor_forces
+from ncgen.solver.loads.inverse_dynamics import inverse_dynamics, motor_forces
 
 INSTANTS = (0, 17, 33, 50)
 

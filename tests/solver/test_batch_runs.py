@@ -14,10 +14,10 @@ from scipy.special import ellipk
 
 import ncgen
 from ncgen.exchange.examples import example_module
-from ncgen.solver.compiled import dynamics
-from ncgen.solver.coordinate_partitioning import motion_at
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.position import residual
+from ncgen.solver.engines.compiled import dynamics
+from ncgen.solver.formalisms.coordinate_partitioning import motion_at
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.positions.position import residual
 
 COUNT = 11
 """No multiple of the lanes, so that the last block is not full."""
@@ -270,8 +270,8 @@ def test_names_are_numbers_for_all_or_for_each(driven):
 
 def test_a_state_that_takes_for_ever_is_given_up(fragile, good, monkeypatch):
     """After a number of steps, and is not begun again alone."""
-    monkeypatch.setattr("ncgen.solver.batch.MOST_STEPS", 500)
-    monkeypatch.setattr("ncgen.solver.batch.simulate", None)
+    monkeypatch.setattr("ncgen.solver.motions.batch.MOST_STEPS", 500)
+    monkeypatch.setattr("ncgen.solver.motions.batch.simulate", None)
     p, expected = good
     batch = ncgen.simulate_batch(fragile, DURATION, p=np.vstack([[0.05, 5.0, 1e5], p]), points=5, z=expected.independent)
     assert batch.steps[0] == 500 and not batch.alone[0] and "fragile: 500 steps came no further than t = 0.0" in batch.status[0]
@@ -329,7 +329,7 @@ def test_warnings_of_states_alone_are_summed_up(monkeypatch):
         warnings.warn("the energy changes", stacklevel=2)
         return ncgen.simulate(*args, **options)
 
-    monkeypatch.setattr("ncgen.solver.batch.simulate", simulate)
+    monkeypatch.setattr("ncgen.solver.motions.batch.simulate", simulate)
     kernels = ncgen.compile(ncgen.load("pendulum"), "c")
     with pytest.warns(UserWarning) as said:
         batch = ncgen.simulate_batch(kernels, 2.0, q0=np.tile(kernels.q0, (9, 1)))

@@ -32,7 +32,7 @@ def spinning_pendulum(points, vectors, options):
 
 def start(kernels, omega):
     """Velocities of a rotation about A."""
-    from ncgen.solver.partition import choose_partitions
+    from ncgen.solver.positions.partition import choose_partitions
 
     z = choose_partitions(kernels, kernels.q0).velocity.names(kernels)
     elements = kernels.model.elements
@@ -98,7 +98,7 @@ def test_planar_fourbar_costs_no_more_than_by_hand():
     (5 where one end is fixed at the origin); the angle row cos ψ·y − sin ψ·x over L is 2 products, 1 difference, 1 product
     and a sine and a cosine.
     """
-    from ncgen.program.cost import cost
+    from ncgen.program.ir.cost import cost
 
     sources = ncgen.generate(ncgen.load("fourbar"), emission="unrolled")
     assert "_z" not in sources.c["fourbar.c"].split("int fourbar_phi(")[1]

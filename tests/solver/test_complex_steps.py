@@ -14,8 +14,8 @@ from every_example import EVERY
 
 import ncgen
 from ncgen.model.elements import Point
-from ncgen.program.evaluate import evaluate
-from ncgen.solver.partition import choose_partitions
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.solver.positions.partition import choose_partitions
 
 STEP = 1e-30
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.solver.coordinate_partitioning import Start, motion, motion_at
-from ncgen.solver.dynamics_jacobian import acceleration_jacobians, partitioned_jacobian
 from ncgen.solver.formalisms import accelerations_by
+from ncgen.solver.formalisms.coordinate_partitioning import Start, motion, motion_at
+from ncgen.solver.formalisms.dynamics_jacobian import acceleration_jacobians, partitioned_jacobian
 from ncgen.solver.formalisms.instant import Baumgarte
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.rank import trial_positions
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.positions.rank import trial_positions
 
 EXAMPLES = ("fourbar", "robot", "heavytop", "bricard", "disc", "flyball", "jansen", "suspension")
 """Angles, redundant rows, M(q) and singular M, rolling, springs and dampers, a driver."""
@@ -87,7 +87,7 @@ def test_all_coordinates(name, gains):
 @pytest.mark.parametrize("integrator", ["bdf", "radau"])
 def test_implicit_integrators_use_it(formalism, integrator, monkeypatch):
     """The same motion as with differences, for fewer evaluations."""
-    from ncgen.solver import full_coordinates, python_engine
+    from ncgen.solver.engines import full_coordinates, python_engine
 
     options = dict(zd0={"psi": 12.0}, points=5, formalism=formalism, integrator=integrator, engine="python")
     with_it = ncgen.simulate(kernels_of("fourbar"), 0.1, **options)

@@ -17,12 +17,12 @@ from ncgen.errors import DomainError, ModelError
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS
 from ncgen.model import Model
-from ncgen.solver.compiled import run
+from ncgen.solver.engines.compiled import run
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.path import Path
-from ncgen.solver.task import Task
-from ncgen.solver.tolerances import Tolerances
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.runs.path import Path
+from ncgen.solver.runs.task import Task
+from ncgen.solver.runs.tolerances import Tolerances
 
 
 def pendulums(add=None, mass=None) -> Model:

@@ -16,10 +16,10 @@ from ncgen.errors import ModelError, SingularError
 from ncgen.exchange.examples import example_module
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, Formalism
 from ncgen.solver import formalisms
-from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.rank import trial_positions
+from ncgen.solver.formalisms.coordinate_partitioning import motion_at
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.positions.rank import trial_positions
 
 EXACT = ("null-space", "lagrange", "augmented-lagrangian", "udwadia-phohomsiri")
 ALL_COORDINATES = (*EXACT, "penalty")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import ncgen
-from ncgen.solver import rank
+from ncgen.solver.positions import rank
 
 
 def crank(name: str) -> ncgen.Model:

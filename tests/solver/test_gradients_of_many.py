@@ -11,7 +11,7 @@ from test_sensitivity import linkage
 import ncgen
 from ncgen import ModelError
 from ncgen.mechanism import batch, batch_runs, motions, taped
-from ncgen.solver import taped_batch
+from ncgen.solver.derivatives import taped_batch
 
 DURATION, STEPS = 0.4, 20
 

@@ -10,7 +10,7 @@ from test_sensitivity import START, fourbar, mast
 
 import ncgen
 from ncgen.errors import ConvergenceError, ModelError
-from ncgen.solver.partition import choose_partitions
+from ncgen.solver.positions.partition import choose_partitions
 
 STEP = 1e-30
 DURATION, STEPS = 0.06, 3

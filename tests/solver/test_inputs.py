@@ -104,7 +104,7 @@ def test_splines_are_scipys(slider):
     generator = np.random.default_rng(3)
     times = np.sort(generator.uniform(0, 10, 40))
     values = generator.normal(size=40)
-    from ncgen.solver.signals import signals_of
+    from ncgen.solver.runs.signals import signals_of
 
     signals = signals_of(slider, {"F": (times, values, "cubic")}, slider.p0.copy())
     at = generator.uniform(times[0], times[-1], 10_000)

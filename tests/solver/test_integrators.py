@@ -12,8 +12,8 @@ from scipy.special import ellipj, ellipk
 import ncgen
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.methods.table import INTEGRATORS, find_integrator, other_names
-from ncgen.solver.integrators import ODE_SOLVERS
-from ncgen.solver.shared_tolerance import sharing
+from ncgen.solver.integrators.shared_tolerance import sharing
+from ncgen.solver.integrators.solvers import ODE_SOLVERS
 
 ERROR = {"rk4": 1e-8, "trapezoidal": 1e-6}
 ERROR |= {"rk23": 1e-5, "adams": 1e-5, "bdf": 1e-5, "lsoda": 1e-5, "radau": 1e-7, "dopri5": 1e-7, "dop853": 1e-7}

@@ -8,13 +8,13 @@ import pytest
 import ncgen
 from ncgen.exchange.examples import example_module
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.open_tree import open_tree
-from ncgen.solver.partition import choose_partition
-from ncgen.solver.position import residual, solve_position
-from ncgen.solver.projection import project_velocity
-from ncgen.solver.rank import freedom, scaled_jacobian, trial_positions
-from ncgen.solver.sparse_rows import DENSE, independent_rows
-from ncgen.solver.start import given_velocity, velocity_from_rates
+from ncgen.solver.formalisms.projection import project_velocity
+from ncgen.solver.positions.open_tree import open_tree
+from ncgen.solver.positions.partition import choose_partition
+from ncgen.solver.positions.position import residual, solve_position
+from ncgen.solver.positions.rank import freedom, scaled_jacobian, trial_positions
+from ncgen.solver.positions.sparse_rows import DENSE, independent_rows
+from ncgen.solver.runs.start import given_velocity, velocity_from_rates
 
 LINKS = DENSE + 10
 

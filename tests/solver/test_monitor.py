@@ -7,7 +7,7 @@ import pytest
 
 import ncgen
 from ncgen.errors import ModelError, NcgenError
-from ncgen.solver.monitor import monitor
+from ncgen.solver.trajectories.monitor import monitor
 
 
 @pytest.fixture(scope="module")

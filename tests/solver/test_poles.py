@@ -10,7 +10,7 @@ from test_state_space import GRAVITY, cart_pole, quarter_car
 
 import ncgen
 from ncgen import ModelError
-from ncgen.solver.poles import zeros_of
+from ncgen.solver.linear.poles import zeros_of
 from ncgen.view.response import response
 
 
@@ -79,7 +79,7 @@ def test_gantry_and_inverted_pendulum(up):
 
 
 def test_shares_do_not_depend_on_units(car):
-    from ncgen.solver.poles import poles_of
+    from ncgen.solver.linear.poles import poles_of
 
     scale = np.diag([1e3, 1e-2, 1e4, 1.0])
     other = poles_of(scale @ car.A @ np.linalg.inv(scale), car.eigenvalues, ("low", "high") * 2)

@@ -8,8 +8,8 @@ import pytest
 import ncgen
 from ncgen import Model
 from ncgen.errors import ConvergenceError, ModelError, SingularError
-from ncgen.solver.position import move, residual, solve_position, sweep
-from ncgen.solver.rank import freedom
+from ncgen.solver.positions.position import move, residual, solve_position, sweep
+from ncgen.solver.positions.rank import freedom
 
 
 def shifted(kernels, amount, seed=0):

@@ -6,7 +6,7 @@ import pytest
 
 import ncgen
 from ncgen.model import Model
-from ncgen.solver.projection import project, project_velocity
+from ncgen.solver.formalisms.projection import project, project_velocity
 
 
 def test_a_driven_velocity_is_that_of_its_driver():

@@ -3,8 +3,8 @@
 import numpy as np
 import scipy.sparse
 
-from ncgen.solver import rank
-from ncgen.solver.sparse_rows import independent_rows
+from ncgen.solver.positions import rank
+from ncgen.solver.positions.sparse_rows import independent_rows
 
 
 def difference_rows(m: int) -> scipy.sparse.csr_matrix:

@@ -8,11 +8,11 @@ import sympy
 
 import ncgen
 from ncgen.methods.method import Method
-from ncgen.solver import compiled, python_engine
-from ncgen.solver.partition import choose_partitions
-from ncgen.solver.path import Path
-from ncgen.solver.task import Task
-from ncgen.solver.tolerances import Tolerances
+from ncgen.solver.engines import compiled, python_engine
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.runs.path import Path
+from ncgen.solver.runs.task import Task
+from ncgen.solver.runs.tolerances import Tolerances
 
 STEPS = 20
 

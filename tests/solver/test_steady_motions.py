@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 import ncgen
-from ncgen.solver.start import given_velocity
+from ncgen.solver.runs.start import given_velocity
 
 G = 9.81
 MASS, RADIUS = 2.0, 0.3

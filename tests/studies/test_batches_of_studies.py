@@ -7,7 +7,7 @@ import pytest
 from study_models import swing
 
 import ncgen
-from ncgen.solver.energy import drift, drifts
+from ncgen.solver.trajectories.energy import drift, drifts
 
 
 @pytest.fixture(scope="module")

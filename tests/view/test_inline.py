@@ -15,13 +15,13 @@ import ncgen
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
 from ncgen.report import bar
-from ncgen.solver.batch import BatchAccelerations, BatchTrajectory
-from ncgen.solver.linearise import Linearisation
-from ncgen.solver.monitor import Health
-from ncgen.solver.partition import Partition, Partitions
-from ncgen.solver.sensitivity import Gradient, Sensitivities
-from ncgen.solver.simulation import State
-from ncgen.solver.simulations import States
+from ncgen.solver.derivatives.sensitivity import Gradient, Sensitivities
+from ncgen.solver.linear.linearise import Linearisation
+from ncgen.solver.motions.batch import BatchAccelerations, BatchTrajectory
+from ncgen.solver.motions.simulation import State
+from ncgen.solver.motions.simulations import States
+from ncgen.solver.positions.partition import Partition, Partitions
+from ncgen.solver.trajectories.monitor import Health
 from ncgen.studies.definition import Study
 from ncgen.studies.indices import Indices
 from ncgen.studies.variants import Part

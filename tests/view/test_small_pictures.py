@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ncgen.model import Model
-from ncgen.program.blocks import Pattern
+from ncgen.program.ir.blocks import Pattern
 from ncgen.view import curves, sketch
 from ncgen.view.curves import curves as drawn
 from ncgen.view.scene import scene_of

@@ -20,9 +20,9 @@ from ncgen.comparisons.rivals.casadi import code
 from ncgen.emit.runtime import runtime_files
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.values import evaluate
-from ncgen.program.closed_positions import Hinge, hinges_of
 from ncgen.program.programs import Split
-from ncgen.program.rates import NoRecursion
+from ncgen.program.tree.closed_positions import Hinge, hinges_of
+from ncgen.program.tree.rates import NoRecursion
 from ncgen.report.repeat import Call
 from ncgen.symbolic.tree import Link, spanning_tree
 

@@ -12,7 +12,7 @@ from cffi import FFI
 
 from ncgen.exchange.examples import example_module, example_names
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.graph import PIECES
+from ncgen.program.ir.graph import PIECES
 from ncgen.report.clock import Run, repeated
 from ncgen.report.repeat import Call
 from ncgen.resources import folder

@@ -20,9 +20,9 @@ from ncgen.comparisons.rivals.base import Inputs, Rival, foreign, translatable
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
 from ncgen.emit.runtime import runtime_files
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.blocks import Program
-from ncgen.program.evaluate import evaluate
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
 
 LARGEST = 500
 """Rows up to which its straight-line code is compiled."""

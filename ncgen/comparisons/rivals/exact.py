@@ -14,9 +14,9 @@ import numpy as np
 from ncgen.comparisons.rivals.base import Inputs
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.pieces import Pieces
-from ncgen.program.evaluate import evaluate
-from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import PIECES
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.graph import PIECES
 
 DIGITS = 50
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from ncgen.comparisons.rivals.base import Inputs, Rival, called, nonzeros, translatable
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.evaluate import evaluate
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
 
 LARGEST = 200
 """Rows up to which the scalar operations of Φ are traced one by one."""

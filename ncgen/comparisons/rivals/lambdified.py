@@ -10,8 +10,8 @@ import sympy
 
 from ncgen.comparisons.rivals.base import Inputs, Rival, called, translatable
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.evaluate import evaluate
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
 
 LARGEST = 60
 """Rows up to which sympy is asked to differentiate the whole mechanism: it takes long beyond."""

@@ -17,8 +17,8 @@ from ncgen.comparisons.rivals.base import Inputs, Rival, foreign, translatable
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
 from ncgen.emit.runtime import runtime_files
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.evaluate import evaluate
-from ncgen.program.functions import FUNCTIONS
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
 
 LARGEST = 150
 """Rows up to which it is asked: its time grows with the square of the size, and worse."""

@@ -11,12 +11,12 @@ from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.emit.spelling import Record
-from ncgen.program.blocks import Program
+from ncgen.program.ir.blocks import Program
 
 if TYPE_CHECKING:
-    from ncgen.program.dynamics import DynamicsPrograms, MotionPrograms
+    from ncgen.program.differentiation.tangents import TangentPrograms
+    from ncgen.program.motions.dynamics import DynamicsPrograms, MotionPrograms
     from ncgen.program.programs import Programs
-    from ncgen.program.tangents import TangentPrograms
     from ncgen.symbolic.numbering import Terms
 
 IS_READ = True

@@ -5,9 +5,9 @@ from __future__ import annotations
 from ncgen.emit.expressions import Assignment
 from ncgen.emit.spelling import Record, Spelling
 from ncgen.emit.tables import Tables
-from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Block, Program, Slot, Store, TableStore
-from ncgen.program.cut import KEPT
+from ncgen.program.ir.angles import SHARED
+from ncgen.program.ir.blocks import Block, Program, Slot, Store, TableStore
+from ncgen.program.ir.cut import KEPT
 
 
 class C(Spelling):

@@ -14,9 +14,9 @@ from ncgen.emit.numpy.spelling import NumPy
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ncgen.program.blocks import Program
+    from ncgen.program.differentiation.tangents import TangentPrograms
+    from ncgen.program.ir.blocks import Program
     from ncgen.program.programs import Programs
-    from ncgen.program.tangents import TangentPrograms
     from ncgen.symbolic.numbering import Terms
 
 IS_READ = True

@@ -5,10 +5,10 @@ from __future__ import annotations
 from ncgen.emit.expressions import Assignment
 from ncgen.emit.spelling import Record, Spelling
 from ncgen.emit.tables import Tables
-from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Block, Loop, Program, Slot, Store, TableStore
-from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import PIECES
+from ncgen.program.ir.angles import SHARED
+from ncgen.program.ir.blocks import Block, Loop, Program, Slot, Store, TableStore
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.graph import PIECES
 
 
 class NumPy(Spelling):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from ncgen.emit.wasm.binary import F64, I32, Function, Signature, double, signed, unsigned
 from ncgen.emit.wasm.memory import Memory
 from ncgen.model.pieces import Pieces
-from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Block, Loop, Program, Slot, Store, TableStore
-from ncgen.program.graph import PIECES, Op
+from ncgen.program.ir.angles import SHARED
+from ncgen.program.ir.blocks import Block, Loop, Program, Slot, Store, TableStore
+from ncgen.program.ir.graph import PIECES, Op
 
 GET, SET, CALL, LOOP, END, BRANCH_IF = b"\x20", b"\x21", b"\x10", b"\x03\x40", b"\x0b", b"\x0d\x00"
 I32_CONST, I32_ADD, I32_SUB, I32_MUL, I32_LESS, I32_LOAD = b"\x41", b"\x6a", b"\x6b", b"\x6c", b"\x49", b"\x28\x02"

@@ -12,10 +12,10 @@ from ncgen.emit.wasm.code import SINCOS, called, function
 from ncgen.emit.wasm.lookup import lookup
 from ncgen.emit.wasm.memory import Memory
 from ncgen.emit.wasm.sincos import sincos
-from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Program
-from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import PIECES
+from ncgen.program.ir.angles import SHARED
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.graph import PIECES
 
 if TYPE_CHECKING:
     from ncgen.program.programs import Programs

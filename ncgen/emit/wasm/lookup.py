@@ -21,7 +21,7 @@ from ncgen.emit.wasm.code import (
     OWN,
     SET,
 )
-from ncgen.program.graph import PIECES
+from ncgen.program.ir.graph import PIECES
 
 BLOCK, BRANCH, BRANCH_OUT_IF = b"\x02\x40", b"\x0c\x00", b"\x0d\x01"
 F64_LESS_EQUAL, F64_FLOOR, I32_ZERO, I32_NOT_LESS, I32_HALF = b"\x65", b"\x9c", b"\x45", b"\x4e", b"\x41\x01\x76"

@@ -15,13 +15,13 @@ from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import ModelError
 from ncgen.exchange.export.package import Package, renamed
 from ncgen.model.elements import rate_name
-from ncgen.program.cost import cost
-from ncgen.program.dynamics import accelerations, cheapest
-from ncgen.program.state_functions import Argument, Function, Result, closed_functions, open_functions, with_derivatives
-from ncgen.solver.compiled import samples, split_of
-from ncgen.solver.joint_space import JointsOfTree, joint_space
-from ncgen.solver.outputs import uses_loads
-from ncgen.solver.partition import choose_partitions
+from ncgen.program.ir.cost import cost
+from ncgen.program.motions.dynamics import accelerations, cheapest
+from ncgen.program.motions.state_functions import Argument, Function, Result, closed_functions, open_functions, with_derivatives
+from ncgen.solver.engines.compiled import samples, split_of
+from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
+from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.trajectories.outputs import uses_loads
 
 NEEDED = ("ncgen.h", "ncgen_math.h")
 """Headers that the sources include."""

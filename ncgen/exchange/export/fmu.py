@@ -23,7 +23,7 @@ from ncgen.exchange.export.package import Package, renamed
 from ncgen.model.bodies import Body, load_names
 from ncgen.model.elements import AXES, Spatial, Vector
 from ncgen.model.values import Input, Parameter
-from ncgen.program.full_loads import loaded_elements
+from ncgen.program.motions.full_loads import loaded_elements
 from ncgen.toolchain.cache import build, compiled
 from ncgen.toolchain.compilers import zig
 

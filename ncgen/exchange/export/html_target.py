@@ -11,8 +11,8 @@ from ncgen.exchange.export.wasm_target import assembled
 from ncgen.model import Model
 from ncgen.model.elements import Combination, Component, Element, Point, Relative, Spatial, Vector
 from ncgen.model.rows import Row
-from ncgen.program.blocks import Pattern, Program
 from ncgen.program.initial import assemble_described
+from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.view.page import drawing, rounded, script_json, script_text
 from ncgen.view.scene import Scene, scene_of
 

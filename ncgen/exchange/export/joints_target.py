@@ -12,9 +12,9 @@ from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.exchange.export.package import renamed
 from ncgen.model import Model
 from ncgen.model.elements import Point
-from ncgen.program.joint_space import Made
-from ncgen.solver.joint_loops import JointsInLoops
-from ncgen.solver.joint_space import JointSpace, joint_space
+from ncgen.program.tree.joint_space import Made
+from ncgen.solver.joints.joint_loops import JointsInLoops
+from ncgen.solver.joints.joint_space import JointSpace, joint_space
 
 TOLD = {
     "joint_position": "q for values x of the joints",

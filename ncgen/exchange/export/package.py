@@ -26,19 +26,19 @@ from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.written import motion_source
 from ncgen.methods.explicit import RK4
 from ncgen.model import Model
-from ncgen.program.blocks import Program
-from ncgen.program.cost import cost
-from ncgen.program.full_loads import assemble_loads
-from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, assemble_full_tangents
-from ncgen.program.outputs import assemble_outputs
-from ncgen.program.quasidefinite import Elimination, plan
-from ncgen.solver.compiled import own_positions
-from ncgen.solver.observed_loads import instant, warn_of_shared
-from ncgen.solver.outputs import uses_loads
-from ncgen.solver.partition import determined
-from ncgen.solver.rank import freedom, trial_positions
-from ncgen.solver.run import Run, check_options, simulation_of
-from ncgen.solver.start import begin
+from ncgen.program.algebra.quasidefinite import Elimination, plan
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.cost import cost
+from ncgen.program.motions.full_loads import assemble_loads
+from ncgen.program.motions.full_motion import FullMotion, Sizes, assemble_full_motion, assemble_full_tangents
+from ncgen.program.motions.outputs import assemble_outputs
+from ncgen.solver.engines.compiled import own_positions
+from ncgen.solver.loads.observed_loads import instant, warn_of_shared
+from ncgen.solver.positions.partition import determined
+from ncgen.solver.positions.rank import freedom, trial_positions
+from ncgen.solver.runs.run import Run, check_options, simulation_of
+from ncgen.solver.runs.start import begin
+from ncgen.solver.trajectories.outputs import uses_loads
 
 PUBLIC = ("ncgen.h",)
 """Headers of ncgen that an embedder reads; the others stay beside the sources."""

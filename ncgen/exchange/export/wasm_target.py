@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from ncgen.emit.environment import render
 from ncgen.emit.wasm.files import module
 from ncgen.exchange.export.package import Package
-from ncgen.program.blocks import Program
+from ncgen.program.ir.blocks import Program
 
 
 def files(package: Package) -> dict[str, str | bytes]:

@@ -23,7 +23,7 @@ from ncgen.model.arithmetic import unit
 from ncgen.model.bodies import Body
 from ncgen.model.forces import TorsionSpring
 from ncgen.model.values import Value, evaluate
-from ncgen.solver.joint_space import JointsOfTree, joint_space
+from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
 from ncgen.symbolic.tree import Link as Carried
 from ncgen.symbolic.tree import Screw
 

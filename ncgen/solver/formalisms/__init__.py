@@ -17,7 +17,7 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
-from ncgen.solver.coordinate_partitioning import Motion
+from ncgen.solver.formalisms.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.instant import Baumgarte, instant
 
 

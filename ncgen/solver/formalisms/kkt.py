@@ -16,7 +16,7 @@ import scipy
 from ncgen.errors import SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.lapack import dgetrf, dgetrs
-from ncgen.solver.massless import massless
+from ncgen.solver.positions.massless import massless
 
 if TYPE_CHECKING:
     import scipy.sparse.linalg

@@ -14,7 +14,7 @@ import scipy.linalg
 from ncgen.solver.formalisms.instant import Instant
 from ncgen.solver.formalisms.kkt import SMALLEST_PIVOT, undetermined
 from ncgen.solver.lapack import dpotrf
-from ncgen.solver.rank import RELATIVE_ZERO
+from ncgen.solver.positions.rank import RELATIVE_ZERO
 
 
 def null_space(now: Instant) -> tuple[np.ndarray, np.ndarray]:

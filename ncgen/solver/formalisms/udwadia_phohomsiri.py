@@ -10,7 +10,7 @@ import numpy as np
 
 from ncgen.solver.formalisms.instant import Instant
 from ncgen.solver.formalisms.kkt import undetermined
-from ncgen.solver.rank import RELATIVE_ZERO
+from ncgen.solver.positions.rank import RELATIVE_ZERO
 
 FULL = 1e-12
 """Singular values below this, relative to the largest, mean accelerations that are not determined."""

@@ -10,14 +10,14 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.solver.branches import refresh_branches
 from ncgen.solver.finite import watched
-from ncgen.solver.hermite import Hermite
-from ncgen.solver.path import Path
-from ncgen.solver.projection import project
+from ncgen.solver.formalisms.projection import project
+from ncgen.solver.integrators.hermite import Hermite
+from ncgen.solver.positions.branches import refresh_branches
+from ncgen.solver.runs.path import Path
+from ncgen.solver.runs.stop import Stop
+from ncgen.solver.runs.task import Task
 from ncgen.solver.steppers.stepper import Stepper
-from ncgen.solver.stop import Stop
-from ncgen.solver.task import Task
 
 State: TypeAlias = tuple[float, np.ndarray, np.ndarray, float]
 """Time (s), q (n,), q̇ (n,) and work (J) at the end of a step."""

@@ -14,8 +14,8 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.lapack import dgetrf, dgetrs
-from ncgen.solver.massless import massless
-from ncgen.solver.partition import Factors
+from ncgen.solver.positions.massless import massless
+from ncgen.solver.positions.partition import Factors
 from ncgen.solver.steppers.stepper import Stepper
 
 PROJECTIONS = 6

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.solver.projection import project_velocity
+from ncgen.solver.formalisms.projection import project_velocity
 from ncgen.solver.steppers.stepper import Stepper
 
 STILL = 1e-10

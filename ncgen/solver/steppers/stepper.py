@@ -14,10 +14,10 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, SingularError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.formalisms import accelerations_by
+from ncgen.solver.formalisms.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.kkt import KKT
-from ncgen.solver.position import check_mirror_roots
+from ncgen.solver.positions.position import check_mirror_roots
 
 LIMIT = 25
 ENOUGH = 1e-14

@@ -1,0 +1,1 @@
+"""Linear algebra as operations: elimination, plans of it, vectors in space."""

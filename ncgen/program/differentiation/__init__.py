@@ -1,0 +1,1 @@
+"""Derivatives of programs as programs, and what depends on parameters alone."""

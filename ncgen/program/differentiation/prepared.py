@@ -1,0 +1,63 @@
+"""What depends on parameters alone, taken out of programs: it is computed once when parameters change.
+
+    prepared(p)       -> numbers
+    f(t, q, …, p)     reads [p, numbers] in the place of p
+
+Inputs stand in p, too, and change all the time: what depends on them stays where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ncgen.program.differentiation.differentiated import reads, written_out
+from ncgen.program.differentiation.identities import is_known, simplified
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.graph import Graph
+from ncgen.program.lines import line
+from ncgen.symbolic.numbering import Terms
+
+
+def take_out(programs: Sequence[Program], equations: Terms) -> tuple[Program | None, list[Program]]:
+    """`prepared`, None where there is nothing to prepare, and the straight lines that rely on it."""
+    graph = Graph()
+    outputs = [written_out(graph, program, reads(program, equations))[1] for program in programs]
+    inputs = {p.name for p in equations.model.inputs.values()}
+    defaults = [p.default for p in equations.parameters if p.name not in inputs]  # inputs are the last numbers of p
+    if not _frontier(graph, len(defaults), outputs):
+        return None, list(programs)
+    graph, outputs = simplified(graph, outputs, defaults)
+    frontier = _frontier(graph, len(defaults), outputs)
+    made = []
+    place = {node: len(equations.parameters) + k for k, node in enumerate(frontier)}
+    for program, nodes in zip(programs, outputs, strict=True):
+        rest, new = _without(graph, nodes, place)
+        made.append(line(rest, program.name, program.inputs, [new[node] for node in nodes], equations))
+    return line(graph, "prepared", ("p",), frontier, equations), made
+
+
+def _frontier(graph: Graph, parameters: int, outputs: Sequence[Sequence[int]]) -> list[int]:
+    """What depends on parameters alone and is computed, and read by what does not, or by nobody but a store."""
+    known: list[bool] = []
+    for op in graph.ops:
+        known.append(is_known(op, [known[a] for a in op.args], parameters))
+    stored = [node for nodes in outputs for node in nodes]
+    found: set[int] = {node for node in stored if known[node]}
+    for node in graph.below(stored):
+        if not known[node]:
+            found.update(a for a in graph.ops[node].args if known[a])
+    return sorted(node for node in found if graph.ops[node].args)
+
+
+def _without(graph: Graph, outputs: Sequence[int], place: Mapping[int, int]) -> tuple[Graph, dict[int, int]]:
+    """A graph that loads what is prepared from its place in p, and its nodes for those of the other one."""
+    rest, new = Graph(), dict[int, int]()
+    for node in sorted(graph.below(outputs, place)):
+        op = graph.ops[node]
+        if node in place:
+            new[node] = rest.load("p", place[node])
+        elif op.code == "load":
+            new[node] = rest.load(*op.input)
+        else:
+            new[node] = rest.const(op.value) if op.code == "const" else rest.apply(op, tuple(new[a] for a in op.args))
+    return rest, new

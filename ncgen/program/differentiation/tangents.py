@@ -1,0 +1,171 @@
+"""The tangent kernels: how the equations of motion change with position and velocity.
+
+With the balance of forces b = M q̈ + Φ_qᵀ λ − Q and the second derivative of the rows Φ̈ = Φ_q q̈ − γ,
+
+    stiffness (t, q, qd, qdd, lam, p)   ∂b/∂q        (n, n)
+    damping   (t, q, qd, p)             ∂b/∂q̇ = −∂Q/∂q̇  (n, n)
+    phidd_q   (t, q, qd, qdd, p)        ∂Φ̈/∂q        (m, n)
+    phidd_qd  (t, q, qd, p)             ∂Φ̈/∂q̇ = −∂γ/∂q̇  (m, n)
+
+at constant q̈ and λ. Everything that needs a derivative of the motion follows from these four by linear algebra:
+implicit integrators, vibration modes, the Jacobian of the state derivative. They are found by reverse sweeps over the
+operations of each term, so terms of equal structure still share a loop.
+
+Derivatives by the parameters are kernels of their own, in one straight line, since few terms have parameters:
+
+    phi_p     (t, q, p)                 ∂Φ/∂p   (m, parameters)
+    phid_p    (t, q, qd, p)             ∂Φ̇/∂p with Φ̇ = Φ_q q̇ − ν
+    phidd_p   (t, q, qd, qdd, p)        ∂Φ̈/∂p
+    balance_p (t, q, qd, qdd, lam, p)   ∂b/∂p   (n, parameters)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from ncgen.program.assemble import EMISSIONS, ROW, Axis, Kernel, Nodes, Parts, Place, chain, programs_of, with_inertia
+from ncgen.program.binding import Places, Reference
+from ncgen.program.ir.angles import share_angles
+from ncgen.program.ir.blocks import Pattern, Program
+from ncgen.program.ir.derivatives import gradient
+from ncgen.program.lines import Lines
+from ncgen.symbolic.equations import Term
+from ncgen.symbolic.numbering import Terms
+from ncgen.symbolic.templates import Output
+
+Quantities: TypeAlias = Callable[[Places, Nodes], dict[Place, int]]
+"""(places, outputs) -> {place: node} of what a term adds to the quantities that are differentiated."""
+
+
+@dataclass(frozen=True)
+class TangentPrograms:
+    """programs, patterns: by kernel name; what a mechanism does not need has a pattern without nonzeros and no program.
+
+    kind: "tangents" or "parameter_tangents", as in ncgen.h
+    """
+
+    kind: str
+    programs: dict[str, Program]
+    patterns: dict[str, Pattern]
+
+
+def assemble_tangents(equations: Terms, emission: str = "auto") -> TangentPrograms:
+    """The programs of the tangent kernels, loops and straight-line code as in the others."""
+    built = programs_of(TANGENTS.values(), equations, EMISSIONS[emission])
+    programs = {name: share_angles(program) for name, (program, _) in built.items() if program is not None}
+    return TangentPrograms("tangents", programs, {name: kernel.matrix for name, kernel in built.items()})
+
+
+def _balance(places: Places, outputs: Nodes) -> dict[Place, int]:
+    """{(coordinate,): what a term adds to M q̈ + Φ_qᵀ λ − Q along it}."""
+    graph = places.graph
+    sums: dict[Place, int] = {}
+    kinds = {key.name for key in outputs}
+
+    def add(place: Place, node: int) -> None:
+        sums[place] = graph.add(sums[place], node) if place in sums else node
+
+    if "phi_q" in kinds:
+        for place, node in chain("phi_q", 1, False)(places, outputs):
+            add(place, graph.mul(places.read(Reference("lam", 0)), node))
+    if "mass" in kinds:
+        for (i, j), node in chain("mass", 2, False)(places, outputs):
+            add((i,), graph.mul(node, places.read(Reference("qdd", j.number))))
+    if "force" in kinds:
+        for place, node in chain("force", 1, False)(places, outputs):
+            add(place, graph.neg(node))
+    return sums
+
+
+def _row(places: Places, outputs: Nodes) -> dict[Place, int]:
+    """{(row,): Φ}."""
+    return {(ROW,): outputs[Output("phi")]}
+
+
+def _row_rate(places: Places, outputs: Nodes) -> dict[Place, int]:
+    """{(row,): Φ̇ = Φ_q q̇ − ν}."""
+    graph = places.graph
+    parts = [graph.mul(node, places.read(Reference("qd", j.number))) for (j,), node in chain("phi_q", 1, False)(places, outputs)]
+    return {(ROW,): graph.sub(graph.sum(parts), outputs[Output("nu")])}
+
+
+def _row_acceleration(places: Places, outputs: Nodes) -> dict[Place, int]:
+    """{(row,): Φ̈ = Φ_q q̈ − γ}."""
+    graph = places.graph
+    parts = [graph.mul(node, places.read(Reference("qdd", j.number))) for (j,), node in chain("phi_q", 1, False)(places, outputs)]
+    return {(ROW,): graph.sub(graph.sum(parts), outputs[Output("gamma")])}
+
+
+def _by(kind: Literal["q", "qd"], function: Quantities) -> Parts:
+    """Contributions ∂function/∂q ("q") or ∂function/∂q̇ ("qd") per coordinate of a term."""
+
+    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        variables = {places.read(Reference(kind, j)): Axis("coordinate", j) for j in range(len(places.bound.coordinates))}
+        for place, node in function(places, outputs).items():
+            for variable, slope in gradient(places.graph, node, variables).items():
+                yield (*place, variables[variable]), slope
+
+    return parts
+
+
+def _by_parameters(function: Quantities) -> Parts:
+    """Contributions ∂function/∂p per parameter."""
+
+    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        loads = [(node, op.input) for node, op in enumerate(places.graph.ops) if op.code == "load"]
+        variables = {node: Axis("parameter", position) for node, (array, position) in loads if array == "p"}
+        for place, node in function(places, outputs).items():
+            for variable, slope in gradient(places.graph, node, variables).items():
+                yield (*place, variables[variable]), slope
+
+    return parts
+
+
+BALANCE, RATES, ACCELERATIONS = ("phi_q", "mass", "force"), ("phi_q", "nu"), ("phi_q", "gamma")
+"""Outputs of templates that enter the balance of forces, Φ̇ and Φ̈."""
+
+
+def _rows(equations: Terms) -> tuple[Term, ...]:
+    return equations.rows
+
+
+def _everything(equations: Terms) -> tuple[Term, ...]:
+    return equations.rows + with_inertia(equations)
+
+
+TANGENTS = {
+    kernel.name: kernel
+    for kernel in [
+        Kernel("stiffness", ("t", "q", "qd", "qdd", "lam", "p"), "nn", _everything, BALANCE, _by("q", _balance)),
+        Kernel("damping", ("t", "q", "qd", "p"), "nn", with_inertia, ("force",), _by("qd", _balance)),
+        Kernel("phidd_q", ("t", "q", "qd", "qdd", "p"), "mn", _rows, ACCELERATIONS, _by("q", _row_acceleration)),
+        Kernel("phidd_qd", ("t", "q", "qd", "p"), "mn", _rows, ACCELERATIONS, _by("qd", _row_acceleration)),
+    ]
+}
+
+PARAMETER_TANGENTS = {
+    kernel.name: kernel
+    for kernel in [
+        Kernel("phi_p", ("t", "q", "p"), "mp", _rows, ("phi",), _by_parameters(_row)),
+        Kernel("phid_p", ("t", "q", "qd", "p"), "mp", _rows, RATES, _by_parameters(_row_rate)),
+        Kernel("phidd_p", ("t", "q", "qd", "qdd", "p"), "mp", _rows, ACCELERATIONS, _by_parameters(_row_acceleration)),
+        Kernel("balance_p", ("t", "q", "qd", "qdd", "lam", "p"), "np", _everything, BALANCE, _by_parameters(_balance)),
+    ]
+}
+
+
+def assemble_parameter_tangents(equations: Terms) -> TangentPrograms:
+    """The programs of the derivatives by the parameters."""
+    lengths = {"m": len(equations.model.rows), "n": len(equations.free), "p": len(equations.parameters)}
+    programs: dict[str, Program] = {}
+    patterns: dict[str, Pattern] = {}
+    for kernel in PARAMETER_TANGENTS.values():
+        lines = Lines(equations)
+        entries = {place: node for place, node in lines.gather(kernel).items() if lines.graph.value(node) != 0.0}
+        rows, columns = (lengths[axis] for axis in kernel.shape)
+        patterns[kernel.name] = Pattern.of((rows, columns), entries)
+        if entries:
+            programs[kernel.name] = lines.program(kernel.name, kernel.inputs, [entries[place] for place in sorted(entries)])
+    return TangentPrograms("parameter_tangents", programs, patterns)

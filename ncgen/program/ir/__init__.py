@@ -1,0 +1,1 @@
+"""The intermediate representation: operations, straight-line blocks and loops, what is done with them whatever they compute."""

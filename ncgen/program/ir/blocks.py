@@ -1,0 +1,156 @@
+"""The program: what a kernel computes, as straight-line blocks and loops over index tables.
+
+A `Program` reads named input arrays (t, q, qd, p), may use temporaries, and writes one output array.
+Its blocks run in order. A `Straight` block is a list of operations and stores. A `Loop` runs one small
+list of operations `count` times; its slots say where each run reads, its stores where it writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar, Literal, TypeAlias
+
+import numpy as np
+
+from ncgen.program.ir.graph import Op
+
+
+@dataclass(frozen=True)
+class Store:
+    """array[index] = node (or += where `accumulate`); `comment` says what the value is."""
+
+    array: str
+    index: int
+    node: int
+    accumulate: bool = False
+    comment: str = ""
+
+    @property
+    def table(self) -> tuple[int]:
+        """Its index, as a loop that runs once would have it."""
+        return (self.index,)
+
+
+@dataclass(frozen=True)
+class Slot:
+    """What a loop reads from an array such as q, qd, p or d; `table` holds the index of every run."""
+
+    array: str
+    table: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """Numbers that a loop reads: `table` holds the one of every run."""
+
+    table: tuple[float, ...]
+
+    array: ClassVar[Literal["const"]] = "const"
+
+
+@dataclass(frozen=True)
+class Straight:
+    """names: suggested variable names of operations, for readers."""
+
+    ops: tuple[Op, ...]
+    stores: tuple[Store, ...]
+    names: dict[int, str] = field(default_factory=dict, compare=False)
+    title: str = ""
+
+    count: ClassVar[int] = 1
+    slots: ClassVar[tuple[Slot | Column, ...]] = ()
+
+
+@dataclass(frozen=True)
+class TableStore:
+    """array[table[run]] = node (or +=)."""
+
+    array: str
+    table: tuple[int, ...]
+    node: int
+    accumulate: bool = False
+
+
+@dataclass(frozen=True)
+class Loop:
+    """`comments` has one line a run, saying what it computes."""
+
+    count: int
+    ops: tuple[Op, ...]
+    slots: tuple[Slot | Column, ...]
+    stores: tuple[TableStore, ...]
+    names: dict[int, str] = field(default_factory=dict, compare=False)
+    title: str = ""
+    comments: tuple[str, ...] = ()
+
+
+Block: TypeAlias = Straight | Loop
+
+
+@dataclass(frozen=True)
+class Program:
+    """One kernel.
+
+    inputs: names of the arrays it reads, in the order of its arguments; "t" is a scalar
+    output: name of the array it writes, `size` its length
+    temporaries: {name: length} of local arrays
+    angles: positions in q whose sines and cosines fill the arrays `sine` and `cosine` before the first block
+    """
+
+    name: str
+    inputs: tuple[str, ...]
+    output: str
+    size: int
+    blocks: tuple[Block, ...]
+    temporaries: dict[str, int] = field(default_factory=dict, compare=False)
+    angles: tuple[int, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Program {self.name}: {self.size} numbers, {sum(len(block.ops) for block in self.blocks)} statements>"
+
+    @property
+    def is_constant(self) -> bool:
+        """True if the output does not depend on any input."""
+        return all(op.code != "load" for b in self.blocks for op in b.ops) and all(
+            slot.array == "const" for b in self.blocks for slot in b.slots
+        )
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Sparsity of a matrix in compressed rows: sorted column numbers of each row."""
+
+    shape: tuple[int, int]
+    indptr: tuple[int, ...]
+    indices: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        return f"<Pattern {self.shape[0]} × {self.shape[1]}: {self.nonzeros} nonzeros>"
+
+    @classmethod
+    def of(cls, shape: tuple[int, int], places: Iterable[tuple[int, ...]]) -> Pattern:
+        """The pattern of a set of (row, column) places."""
+        columns: list[list[int]] = [[] for _ in range(shape[0])]
+        for row, column in sorted(set(places)):
+            columns[row].append(column)
+        indptr = [0]
+        for numbers in columns:
+            indptr.append(indptr[-1] + len(numbers))
+        return cls(shape, tuple(indptr), tuple(c for numbers in columns for c in numbers))
+
+    @property
+    def nonzeros(self) -> int:
+        return len(self.indices)
+
+    @cached_property
+    def flat(self) -> np.ndarray:
+        """Position of every nonzero in the dense matrix, row by row."""
+        rows = np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
+        return rows * self.shape[1] + np.array(self.indices, dtype=int)
+
+    def positions(self) -> dict[tuple[int, int], int]:
+        """{(row, column): position in the values}."""
+        rows = (r for r in range(self.shape[0]) for _ in range(self.indptr[r], self.indptr[r + 1]))
+        return {place: k for k, place in enumerate(zip(rows, self.indices, strict=True))}

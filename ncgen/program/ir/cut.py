@@ -1,0 +1,88 @@
+"""Long straight lines cut into blocks of bounded size, which languages may print as functions of their own.
+
+Compilers take more than twice as long for a function of twice the length: they look for registers for all values at once. What one
+block computes and a later one reads goes through the array `kept`, whose places are used again when nobody reads them any more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.graph import Input, Op
+
+LONGEST = 800
+"""Operations of a block."""
+
+KEPT = "kept"
+
+
+def cut(program: Program) -> Program:
+    """The program with its only block, a straight line, cut where it is longer than LONGEST; others as they are."""
+    (block,) = program.blocks
+    if not isinstance(block, Straight) or len(block.ops) <= LONGEST:
+        return program
+    part = _parts(block)
+    places, size = _places(block, part)
+    blocks = tuple(_block(block, part, places, number) for number in range(part[-1] + 1))
+    return replace(program, blocks=blocks, temporaries={**program.temporaries, KEPT: size})
+
+
+def _parts(block: Straight) -> list[int]:
+    """The number of the block that computes every operation: they stay in their order, and blocks are about equally long."""
+    count = -(-len(block.ops) // LONGEST)
+    return [k * count // len(block.ops) for k in range(len(block.ops))]
+
+
+def _places(block: Straight, part: list[int]) -> tuple[dict[int, int], int]:
+    """{operation: its place in `kept`} of what later blocks read, and how many places there are."""
+    last: dict[int, int] = {}
+    for node, op in enumerate(block.ops):
+        for a in op.args:
+            if block.ops[a].args and part[a] < part[node]:
+                last[a] = max(last.get(a, 0), part[node])
+    places: dict[int, int] = {}
+    free: list[int] = []
+    ending: list[list[int]] = [[] for _ in range(part[-1] + 1)]
+    size = begun = 0
+    for node in sorted(last):
+        for ended in range(begun, part[node]):  # their places may be written from the next block on
+            free += ending[ended]
+        begun = max(begun, part[node])
+        if not free:
+            free.append(size)
+            size += 1
+        places[node] = free.pop()
+        ending[last[node]].append(places[node])
+    return places, size
+
+
+def _block(block: Straight, part: list[int], places: dict[int, int], number: int) -> Straight:
+    """One of the blocks: its own operations, with loads of what they read from others; leaves are read anew in every block."""
+    ops: list[Op] = []
+    new: dict[int, int] = {}
+    names: dict[int, str] = {}
+
+    def take(node: int) -> int:
+        """An operation of the long line in this block."""
+        if node not in new:
+            op = block.ops[node]
+            is_read = bool(op.args) and part[node] < number
+            op = Op("load", (), Input(KEPT, places[node])) if is_read else op.renumbered(new)
+            new[node] = len(ops)
+            if node in block.names:
+                names[len(ops)] = block.names[node]
+            ops.append(op)
+        return new[node]
+
+    wanted: dict[int, list[Store]] = {}
+    for store in block.stores:
+        wanted.setdefault(store.node, []).append(store)
+    written: list[Store] = []
+    for node in (k for k, p in enumerate(part) if p == number):
+        for a in block.ops[node].args:
+            take(a)
+        take(node)
+        written += [Store(KEPT, places[node], new[node])] if node in places else []
+        written += [replace(store, node=new[node]) for store in wanted.get(node, ())]
+    return replace(block, ops=tuple(ops), stores=tuple(written), names=names)

@@ -1,0 +1,1 @@
+"""The motion of a mechanism as programs: accelerations, loads, steps, outputs."""

@@ -1,0 +1,287 @@
+"""The state derivative as two programs: a Newton step of the position problem, and the accelerations.
+
+Both are one straight line of operations with the factorisation of Φ_q^d emitted into it:
+
+    newton(t, q, p)            -> Δq of the dependent coordinates, Φ; in closed form the dependent coordinates themselves
+    acceleration(t, q, zd, p)  -> q̇, z̈, power, amplification
+
+with q̇ = R ż + S ν, (RᵀMR) z̈ = Rᵀ(Q − M S γ) (the paper's eqs 51-54). `amplification` is ‖R‖², in natural units: how
+much an error of the independent coordinates grows in the others; infinite where the fixed order of elimination breaks down.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import MutableSequence, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ncgen.errors import SingularError
+from ncgen.program.algebra.elimination import (
+    EliminationError,
+    Factors,
+    Matrix,
+    dot,
+    factor,
+    solve,
+    solve_positive,
+    solve_refined,
+    solve_transposed,
+    times,
+)
+from ncgen.program.assemble import KERNELS
+from ncgen.program.differentiation.differentiated import adjoint_of, tangent_of
+from ncgen.program.differentiation.prepared import take_out
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.cost import cost
+from ncgen.program.ir.graph import Graph
+from ncgen.program.ir.sampling import Sample, Sampling
+from ncgen.program.ir.verify import verify
+from ncgen.program.lines import Lines
+from ncgen.program.motions.motion import assemble_motions
+from ncgen.program.programs import ENERGIES, Split
+from ncgen.program.tree.closed_positions import assemble_closed_positions
+from ncgen.program.tree.composite import massless
+from ncgen.program.tree.rates import NoRecursion
+from ncgen.program.tree.recursion import assemble_recursions
+from ncgen.symbolic.numbering import Terms
+
+Sizes: TypeAlias = Sequence[float] | np.ndarray
+
+
+MANY = 2000
+"""Numbers of R from which recursions are the only ways that are made."""
+
+
+@dataclass(frozen=True)
+class DynamicsPrograms:
+    """newton gives Δq in the order of split.dependent, then Φ, or the dependent coordinates; acceleration [q̇ (n), z̈ (nz), power,
+    amplification]."""
+
+    newton: Program
+    acceleration: Program
+    split: Split
+
+    @property
+    def closes(self) -> bool:
+        """Whether newton gives the dependent coordinates, in closed form."""
+        return self.newton.size == len(self.split.dependent)
+
+    def close(self, q: MutableSequence[Any], found: Sequence[Any]) -> list[Any]:
+        """Move the dependent coordinates of q as newton's results say; by how much each has moved."""
+        steps = [x - q[c] if self.closes else x for c, x in zip(self.split.dependent, found, strict=False)]
+        for c, step in zip(self.split.dependent, steps, strict=True):
+            q[c] += step
+        return steps
+
+
+@dataclass(frozen=True)
+class MotionPrograms:
+    """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ].
+
+    prepare: gives what depends on parameters alone, which the others read behind p; None where nothing does
+    """
+
+    derivative: Program
+    velocities: Program
+    closing: Program
+    prepare: Program | None = None
+
+    @property
+    def prepared(self) -> int:
+        """How many numbers follow the parameters in p."""
+        return self.prepare.size if self.prepare else 0
+
+    @property
+    def all(self) -> tuple[Program, ...]:
+        parts = (self.derivative, self.velocities, self.closing)
+        return (*parts, self.prepare) if self.prepare else parts
+
+
+def assemble_dynamics(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> DynamicsPrograms:
+    """Both programs for one choice of independent coordinates.
+
+    samples: typical positions, for the choice of pivots and for what vanishes in all of them
+    sizes: natural size of every coordinate
+    refine: one step of iterative refinement of R and of the accelerations' particular solution (Newton's method refines itself)
+    """
+    correction = closing(equations, split, samples, sizes)
+    ways = accelerations(equations, split, samples, sizes, refine)
+    acceleration = ways[cheapest(ways)]
+    lengths = {"t": 1, "q": len(equations.free), "zd": len(split.independent), "p": len(equations.parameters)}
+    for program in (correction, acceleration):
+        verify(program, lengths)
+    return DynamicsPrograms(correction, acceleration, split)
+
+
+def accelerations(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> dict[str, Program]:
+    """The program `acceleration` in every way that applies: by recursions over the tree of bodies, and by R of all coordinates.
+
+    R is not even made where its numbers alone are many: such a mechanism has bodies, and a recursion is cheaper. Where digits count
+    more than operations (refine) it is the only way: recursions have nothing that could be refined.
+    """
+    is_large = len(equations.free) * len(split.independent) > MANY
+    found: dict[str, Program] = {}
+    if is_large or not refine:
+        with suppress(NoRecursion, EliminationError):
+            found = assemble_recursions(equations, split, samples, np.asarray(sizes))
+    if not (found and is_large):
+        found["all coordinates"] = by_all_coordinates(equations, split, samples, sizes, refine)
+    return found
+
+
+def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes) -> MotionPrograms | None:
+    """The motion of all coordinates by the cheapest recursion; None where there is none. Arguments as for `assemble_dynamics`, the split
+    of the positions."""
+    try:
+        ways, velocities = assemble_motions(equations, samples, np.asarray(sizes))
+        n = len(equations.free)
+        parts = (ways[cheapest(ways)], velocities, closing(equations, split, samples, sizes, range(n)))
+    except (NoRecursion, EliminationError, SingularError):
+        return None
+    prepare, (derivative, velocities, closed) = take_out(parts, equations)
+    found = MotionPrograms(derivative, velocities, closed, prepare)
+    for program in found.all:
+        verify(program, {"t": 1, "q": n, "qd": n, "p": len(equations.parameters) + found.prepared})
+    return found
+
+
+def differentiated(programs: MotionPrograms, equations: Terms, kind: str) -> MotionPrograms:
+    """A motion's programs, power and growth left out, along a direction (kind "tangent") or transposed ("adjoint")."""
+    made, n, more = {"tangent": tangent_of, "adjoint": adjoint_of}[kind], len(equations.free), programs.prepared
+    return MotionPrograms(
+        made(programs.derivative, equations, 2 * n, more),
+        made(programs.velocities, equations, n, more),
+        made(programs.closing, equations, n, more),
+        made(programs.prepare, equations, more) if programs.prepare else None,
+    )
+
+
+def cheapest(programs: dict[str, Program]) -> str:
+    """The name of the program with the fewest operations."""
+    return min(programs, key=lambda name: cost(programs[name]).total)
+
+
+def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Sequence[Sample]) -> tuple[Matrix, Factors]:
+    """Φ_q^d over kept rows and dependent coordinates, renumbered, and its factors."""
+    row = {r: i for i, r in enumerate(split.rows)}
+    column = {c: j for j, c in enumerate(split.dependent)}
+    matrix = {(row[r], column[c]): node for (r, c), node in jacobian.items() if r in row and c in column}
+    return matrix, factor(lines.graph, matrix, len(split.rows), Sampling(lines.graph, samples).of(matrix))
+
+
+def closing(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, moved: Sequence[int] | None = None) -> Program:
+    """What closes positions: from the angles of an open tree at once, else a step of Newton's method.
+
+    moved: coordinates whose Δq is wanted; None for the dependent ones
+    """
+    try:
+        return assemble_closed_positions(equations, split, samples, np.asarray(sizes), moved)
+    except NoRecursion:
+        return newton(equations, split, samples, moved)
+
+
+def newton(equations: Terms, split: Split, samples: Sequence[Sample], moved: Sequence[int] | None = None) -> Program:
+    """The program newton(t, q, p) -> Δq of the coordinates `moved` (as for `closing`), Φ."""
+    lines = Lines(equations)
+    graph = lines.graph
+    phi = lines.vector(KERNELS["phi"])
+    _, factors = _factor(lines, lines.matrix(KERNELS["phi_q"]), split, samples)
+    right = {i: graph.neg(phi[r]) for i, r in enumerate(split.rows) if r in phi}
+    step = {split.dependent[j]: node for j, node in solve(graph, factors, right).items()}
+    zero = graph.const(0.0)
+    steps = [step.get(c, zero) for c in (split.dependent if moved is None else moved)]
+    residuals = [phi.get(r, zero) for r in range(len(equations.rows))]
+    return lines.program("newton", ("t", "q", "p"), steps + residuals)
+
+
+def by_all_coordinates(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> Program:
+    """The accelerations by R of all coordinates."""
+    lines = Lines(equations)
+    graph = lines.graph
+    zero, one = graph.const(0.0), graph.const(1.0)
+    n, nz = len(equations.free), len(split.independent)
+    jacobian = lines.matrix(KERNELS["phi_q"])
+    matrix, factors = _factor(lines, jacobian, split, samples)
+
+    def particular(right: dict[int, int]) -> dict[int, int]:
+        """S·right: {coordinate: node}."""
+        kept = {i: right[r] for i, r in enumerate(split.rows) if r in right}
+        solution = solve_refined(graph, matrix, factors, kept) if refine else solve(graph, factors, kept)
+        return {split.dependent[j]: node for j, node in solution.items()}
+
+    R: list[dict[int, int]] = []
+    for c in split.independent:
+        column = {r: graph.neg(node) for (r, k), node in jacobian.items() if k == c}
+        R.append({c: one, **particular(column)})
+
+    nu = lines.vector(KERNELS["nu"])
+    lines.rates = [zero] * n
+    for c, node in particular(nu).items():
+        lines.rates[c] = node
+    for k, column in enumerate(R):
+        speed = graph.load("zd", k)
+        for c, node in column.items():
+            lines.rates[c] = graph.add(lines.rates[c], graph.mul(node, speed))
+
+    bias = particular(lines.vector(KERNELS["gamma"]))
+    mass = lines.matrix(KERNELS["mass"])
+    force = lines.vector(KERNELS["force"])
+
+    MR = [times(graph, mass, column) for column in R]
+    reduced = {(i, j): dot(graph, R[i], MR[j]) for i in range(nz) for j in range(i + 1)}
+    right = [
+        graph.sub(dot(graph, column, force), dot(graph, momentum, bias)) for column, momentum in zip(R, MR, strict=True)
+    ]  # M is symmetric
+    try:
+        zdd = solve_positive(graph, reduced, nz, right)
+    except ZeroDivisionError:  # an entry is nothing by its structure
+        raise massless(equations.model.name) from None
+    power = _power(lines, split, factors, nu, force, times(graph, mass, bias) if nu else {}, zdd, MR)
+    amplification = _amplification(graph, split, R, sizes)
+    return lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])
+
+
+def _amplification(graph: Graph, split: Split, R: list[dict[int, int]], sizes: Sizes) -> int:
+    """‖R‖² in natural units, coordinate by coordinate."""
+    squares: dict[int, list[int]] = defaultdict(list)
+    unit = sizes[split.independent[0]] if split.independent else 1.0  # mostly that of all: then nothing is multiplied here
+    for z, column in zip(split.independent, R, strict=True):
+        for c, node in column.items():
+            grown = graph.mul(graph.const(float(sizes[z] / unit)), node)
+            squares[c].append(graph.mul(grown, grown))
+    return graph.sum(graph.mul(graph.const(float((unit / sizes[c]) ** 2)), graph.sum(nodes)) for c, nodes in sorted(squares.items()))
+
+
+def _power(
+    lines: Lines,
+    split: Split,
+    factors: Factors,
+    nu: dict[int, int],
+    force: dict[int, int],
+    momentum: dict[int, int],
+    zdd: Sequence[int],
+    MR: Sequence[dict[int, int]],
+) -> int:
+    """Power of forces without a potential and of drivers, P − νᵀλ with (Φ_q^d)ᵀ λ = (Q − M q̈)_d, q̈ = R z̈ + S γ.
+
+    momentum: M S γ
+    """
+    graph = lines.graph
+    own = lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"))
+    power = own if own is not None else graph.const(0.0)
+    if nu:
+        zero = graph.const(0.0)
+        left = {c: graph.sub(force.get(c, zero), momentum.get(c, zero)) for c in sorted(force.keys() | momentum.keys())}
+        for column, acceleration in zip(MR, zdd, strict=True):
+            for c, node in column.items():
+                left[c] = graph.sub(left.get(c, zero), graph.mul(node, acceleration))
+        right = {j: left[c] for j, c in enumerate(split.dependent) if c in left}
+        lam = solve_transposed(graph, factors, right)
+        for i, r in enumerate(split.rows):
+            if r in nu and i in lam:
+                power = graph.sub(power, graph.mul(nu[r], lam[i]))
+    return power

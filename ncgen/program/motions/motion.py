@@ -1,0 +1,80 @@
+"""The motion of all coordinates by recursion over the tree of bodies, without a choice of independent ones.
+
+    derivative(t, q, qd, p)  -> q̇ (n), q̈ (n), power, growth
+    velocities(t, q, qd, p)  -> q̇ (n), growth: the nearest velocities that the joints allow, in the sense of kinetic energy
+
+The velocities given say how the joints turn and slide (`ncgen.program.tree.joint_rates`), and x = R ż + S ν is what loops allow of that.
+What is left of the velocities, r, has the momentum Tᵀ M r over the rates, which changes the free ones by (RᵀHR)⁻¹ Rᵀ Tᵀ M r: a
+projection for the price of one more right-hand side.
+
+growth is how much larger ‖R‖² and the reciprocals of the pivots are than in the samples; far from 1 the fixed order of elimination is a
+bad one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ncgen.program.algebra.elimination import times
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.sampling import Sample, roughly
+from ncgen.program.tree.recursion import Column, Recursion
+from ncgen.program.tree.tree_motion import Loads
+from ncgen.symbolic.numbering import Terms
+
+STATE = ("t", "q", "qd", "p")
+
+ORDINARY = 0.2
+"""What the square of a reciprocal pivot counts: a third of a pivot is nothing unusual."""
+
+
+def assemble_motions(equations: Terms, samples: Sequence[Sample], sizes: np.ndarray) -> tuple[dict[str, Program], Program]:
+    """`derivative` by every recursion that applies, and `velocities`. Arguments and errors as for `assemble_recursions`."""
+    work = Recursion(equations, None, samples, sizes)
+    return {name: _derivative(work, zdd) for name, zdd in work.ways()}, _velocities(work)
+
+
+def _derivative(work: Recursion, zdd: Sequence[int]) -> Program:
+    changes = work.spread(zdd, work.bias)
+    qdd = work.over_coordinates(changes, work.velocity.accelerations(changes))
+    return work.lines.program("derivative", STATE, [*work.lines.rates, *qdd, work.power(zdd), _growth(work)])
+
+
+def _velocities(work: Recursion) -> Program:
+    changes = work.spread(work.solve(_momentum(work)), {})
+    more = work.over_coordinates(changes, work.rates.place.velocities(changes))
+    rates = [work.graph.add(rate, change) for rate, change in zip(work.lines.rates, more, strict=True)]
+    return work.lines.program("velocities", STATE, [*rates, _growth(work)])
+
+
+def _momentum(work: Recursion) -> Column:
+    """{rate: node} of Tᵀ M (q̇ given − q̇)."""
+    graph, rates = work.graph, work.rates
+    rest = {c: graph.sub(graph.load("qd", c), rate) for c, rate in enumerate(work.lines.rates)}
+    loads: Loads = {}
+    found: Column = {}
+    for c, node in sorted(times(graph, work.masses, rest).items()):
+        if c in rates.where:
+            rates.load(loads, c, node)
+        else:
+            found[rates.own[c]] = node
+    return found | rates.place.inward(loads, {})
+
+
+def _growth(work: Recursion) -> int:
+    """How much worse than in the samples the order of elimination is: ‖R‖², and pivots that become small. They do so beside a singular
+    position, and where rows that represent redundant ones degenerate, though R does not grow."""
+    graph = work.graph
+    parts = [_relative(work, work.amplification(), 1.0)]
+    for reciprocal in work.factors.reciprocal:
+        small = _relative(work, graph.mul(reciprocal, reciprocal), ORDINARY)
+        parts.append(graph.mul(small, small))
+    return graph.sum(parts)
+
+
+def _relative(work: Recursion, node: int, weight: float) -> int:
+    """A node over the largest that it is in the samples, times a weight."""
+    usual = roughly(np.max(work.rates.sampling[node]))
+    return work.graph.mul(work.graph.const(weight / usual), node) if usual > 0 else work.zero

@@ -1,0 +1,1 @@
+"""Recursion over the tree of bodies, as programs and as tables."""

@@ -1,0 +1,138 @@
+"""How fast the joints of a tree turn and slide, from the velocities of all coordinates.
+
+An element e of a link moves with its parent, and beside it with t_k ẋ_k of every screw k of the joint. What it moves beside the parent
+gives the rates: of one screw by the element that it moves most, of several by least squares over the link's elements, each with its mass.
+An element that rests says so as well: where a loop closes on the ground, it may be all that tells how a link turns about a line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ncgen.model.elements import Point, Spatial
+from ncgen.program.algebra.elimination import Matrix, solve_positive
+from ncgen.program.algebra.space import Vector
+from ncgen.program.ir.graph import Input
+from ncgen.program.ir.sampling import roughly
+from ncgen.program.tree.rates import Rates
+
+CONSTANT = 1e-12
+"""What differs less than this between samples, over its size, is the same in all; and what is smaller is 0."""
+
+LIGHTEST = 1e-2
+"""An element without mass counts as one with this share of the heaviest one's."""
+
+
+STILL = 1e-12
+"""The square of what a screw moves an element by, over the element's size, below which the element says nothing of the screw's rate."""
+
+
+def measured_rates(rates: Rates, masses: Matrix) -> list[int]:
+    """Nodes of the free rates; masses: M of all coordinates, as nodes."""
+    own = {k: rates.graph.load("qd", c) for c, k in rates.own.items()}
+    joints = _Joints(rates, masses)
+    return [own[k] if k in own else joints.rate(k) for k in rates.free]
+
+
+class _Joints:
+    """Links whose twists are measured, each when it is first asked for."""
+
+    def __init__(self, rates: Rates, masses: Matrix) -> None:
+        self.rates, self.place, self.space, self.graph = rates, rates.place, rates.place.space, rates.graph
+        self.link = {k: number for number, own in enumerate(self.place.own) for k in own}
+        self.masses = masses
+        self.known: dict[int, list[int]] = {}
+        self.twists: dict[int | None, tuple[Vector, Vector]] = {None: (self.space.zero, self.space.zero)}
+
+    def rate(self, k: int) -> int:
+        number = self.link[k]
+        return self._of(number)[k - self.place.own[number].start]
+
+    def _of(self, number: int) -> list[int]:
+        """The rates of a link's joint."""
+        if number not in self.known:
+            self.known[number] = self._measured(number)
+        return self.known[number]
+
+    def _twist(self, number: int | None) -> tuple[Vector, Vector]:
+        """Of a link, None for the ground."""
+        if number is not None and number not in self.twists:
+            before = self._twist(self.place.tree.links[number].parent)
+            before = self.place.arriving(number, before)
+            self.twists[number] = self.place.turned(before, zip(self._of(number), self.place.own[number], strict=True))
+        return self.twists[number]
+
+    def _measured(self, number: int) -> list[int]:
+        own, link = self.place.own[number], self.place.tree.links[number]
+        moved = {e: self.place.moved(e, number) for e in link.body.elements}
+        moved = {e: v for e, v in moved.items() if not e.fixed or any(self._reach(v[k]) > STILL * self._size(e) ** 2 for k in own)}
+        weights = self._weights(moved)
+        if len(own) == 1:
+            (k,) = own
+            best = max(moved, key=lambda e: weights[e] * self._reach(moved[e][k]))
+            moved = {best: moved[best]}
+        matrix = {(i, j): self._product(moved, weights, a, b) for i, a in enumerate(own) for j, b in enumerate(own[: i + 1])}
+        sizes = np.array([np.min(np.abs(self._values(matrix[i, i]))) for i in range(len(own))])
+        for (i, j), node in matrix.items():
+            matrix[i, j] = self._plain(node, float(np.sqrt(sizes[i] * sizes[j])))
+        beside = {e: self._beside(e, number) for e in moved}
+        right = [self._sum(weights, {e: self.space.dot(moved[e][k], v) for e, v in beside.items()}) for k in own]
+        return solve_positive(self.graph, matrix, len(own), right)
+
+    def _size(self, element: Spatial) -> float:
+        """The natural size of an element's coordinates, of one that rests that of its kind."""
+        own = [float(self.rates.natural[c]) for c, (e, _) in self.rates.where.items() if e is element]
+        return max(own, default=self.rates.length if isinstance(element, Point) else 1.0)
+
+    def _reach(self, moved: Vector) -> float:
+        """How far a screw moves an element at least, squared."""
+        return float(np.min(sum(self._values(node) ** 2 for node in moved)))
+
+    def _product(self, moved: dict[Spatial, dict[int, Vector]], weights: dict[Spatial, float], a: int, b: int) -> int:
+        return self._sum(weights, {e: self.space.dot(v[a], v[b]) for e, v in moved.items()})
+
+    def _sum(self, weights: dict[Spatial, float], nodes: dict[Spatial, int]) -> int:
+        return self.graph.sum(self.graph.mul(self.graph.const(weights[e]), node) for e, node in nodes.items())
+
+    def _plain(self, node: int, size: float) -> int:
+        """A number where the node is the same in all samples, and what parameters make of it where they alone do."""
+        values = self._values(node)
+        if np.ptp(values) > CONSTANT * size:
+            return self._of_parameters(node, values, size)
+        number = float(values[0])  # of the start itself, which no iteration has touched
+        return self.graph.const(0.0 if abs(number) < CONSTANT * size else number)
+
+    def _of_parameters(self, node: int, values: np.ndarray, size: float) -> int:
+        """What the node is in the position that is described, where it is that in all samples; else the node."""
+        equations = self.rates.equations
+        if not equations.parameters:
+            return node
+        described = {Input("q", c): self.place.lines.value(component.value) for c, component in enumerate(equations.free)}
+        found = self.graph.replaced(node, described)
+        return found if np.max(np.abs(self._values(found) - values)) <= CONSTANT * size else node
+
+    def _beside(self, element: Spatial, number: int) -> Vector:
+        """An element's velocity without that of the link's parent."""
+        twist = self.place.arriving(number, self._twist(self.place.tree.links[number].parent))
+        return self.space.sub(self._velocity(element), self.place.carried(element, number, twist))
+
+    def _velocity(self, element: Spatial) -> Vector:
+        equations = self.rates.equations
+        x, y, z = (self.graph.load("qd", equations.index[c]) if equations.moves(c) else self.graph.const(0.0) for c in element.components)
+        return x, y, z
+
+    def _weights(self, elements: Iterable[Spatial]) -> dict[Spatial, float]:
+        """Masses of elements in the samples, relative to the heaviest in natural sizes."""
+        sizes, masses = {}, {}
+        for e in elements:
+            places = [c for c, (element, _) in self.rates.where.items() if element is e]
+            sizes[e] = self._size(e) ** 2
+            found = (float(np.max(self._values(self.masses[c, c]))) for c in places if (c, c) in self.masses)
+            masses[e] = max(found, default=0.0) * sizes[e]
+        heaviest = max(masses.values()) or 1.0
+        return {e: roughly(max(masses[e] / heaviest, LIGHTEST) / sizes[e]) for e in sizes}
+
+    def _values(self, node: int) -> np.ndarray:
+        return self.rates.sampling[node]

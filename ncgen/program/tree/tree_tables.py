@@ -1,0 +1,391 @@
+"""An open tree of bodies as tables, from which the runtime moves it in loops (`ncgen_tree` in ncgen_runtime.h).
+
+Nothing is written out for a mechanism, so that a tree of a thousand joints costs no compiler anything, and its motion costs the same for
+every joint. What the tables say is checked on numbers: that every row allows what the joints do, that nothing else moves, how fast measured
+coordinates grow.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from ncgen.model.elements import Component, Point, Spatial
+from ncgen.model.values import is_number
+from ncgen.program.ir.blocks import Pattern
+from ncgen.symbolic.numbering import Numbering
+from ncgen.symbolic.tree import Screw, Tree, moving
+
+SAME = 1e-9
+"""What differs less than this, over its size, is the same; and what is smaller is 0."""
+
+LIGHTEST = 1e-6
+"""An element without mass counts as one with this share of the heaviest one's."""
+
+RANDOM = 2
+"""Random rates of all joints that every row is tried with."""
+
+CLOSED = 1e-12
+"""The relative residual of a closed position."""
+
+MOST_STEPS = 30
+"""Newton steps that close one."""
+
+ASIDE = 0.05
+"""How far the other positions are, in natural sizes."""
+
+
+class NoTables(Exception):
+    """The tree is not open, or moves otherwise than its tables would say; the reason in words."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A position q (n,), Φ there (m,) in natural sizes, and values of Φ_q and M."""
+
+    q: np.ndarray
+    phi: np.ndarray
+    phi_q: np.ndarray
+    mass: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Around:
+    """What the kernels say of a mechanism.
+
+    q (n,): where it is; looks: of a position, for one or several sets of parameters; rows (m,), columns (n,): natural sizes
+    """
+
+    q: np.ndarray
+    looks: Sequence[Callable[[np.ndarray], Place]]
+    rows: np.ndarray
+    columns: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class TreeTables:
+    """The members of `ncgen_tree` by their names."""
+
+    counts: dict[str, int]
+    indices: dict[str, list[int]]
+    numbers: dict[str, list[float]]
+
+
+class OpenTree:
+    """A tree of bodies whose joints are all that moves, seen in numbers.
+
+    mass, phi_q: patterns of M and Φ_q
+    measured: {coordinate: (number of its screw, how much faster it grows)} of coordinates that no body carries
+    Raises NoTables where the mechanism is none.
+    """
+
+    def __init__(self, numbering: Numbering, tree: Tree, mass: Pattern, phi_q: Pattern, around: Around) -> None:
+        self.pattern, self.around = phi_q, around
+        if not tree.links:
+            raise NoTables("there are no bodies")
+        self.tree, self.index, self.n = tree, numbering.index, len(numbering.free)
+        self.moves = numbering.moves
+        self.fixed: dict[Component, int] = {}
+        self.elements = sorted(tree.home, key=lambda e: tree.home[e])
+        self.number = {element: k for k, element in enumerate(self.elements)}
+        self.home = [tree.home[element] for element in self.elements]
+        self.where = {c: (self.number[e], axis) for c, (e, axis) in moving(numbering, tree).items()}
+        self.screws = [screw for link in tree.links for screw in link.screws]
+        self.own = tree.rates
+        self.components = [self._components(element) for element in self.elements]
+        self.references = [self._components(self._reference(number)) for number in range(len(tree.links))]
+        self.terms = [self._terms(screw) for screw in self.screws]
+        self.pairs: list[tuple[int, int, int, int]] = []
+        self.singles: list[tuple[int, int, int, int, int, int]] = []
+        self.rotors: list[tuple[int, int, float]] = []
+        self.measured: dict[int, tuple[int, float]] = {}
+        self._take_rows()
+        places = self._places()
+        self._take_measured(places)
+        self._take_masses(mass, places)
+        for place in places:
+            self._check(place)
+
+    # -- positions -----------------------------------------------------------------------------
+
+    def _component(self, component: Component) -> int:
+        """A coordinate, or the number of a fixed component behind them."""
+        if self.moves(component):
+            return self.index[component]
+        if not is_number(component.value):
+            raise NoTables(f"{component.name} is an expression of parameters")
+        return self.n + self.fixed.setdefault(component, len(self.fixed))
+
+    def _components(self, element: Spatial) -> list[int]:
+        return [self._component(component) for component in element.components]
+
+    def _reference(self, link: int) -> Point:
+        """The point that a link turns about, else one of its own."""
+        body, screws = self.tree.links[link].body, self.tree.links[link].screws
+        return next((screw.point for screw in screws if screw.point is not None), body.points[0])
+
+    def _terms(self, screw: Screw) -> list[tuple[float, list[int]]]:
+        if not all(is_number(weight) for weight, _ in screw.axis.terms):
+            raise NoTables("an axis has parameters")
+        return [(float(weight), self._components(element)) for weight, element in screw.axis.terms]
+
+    # -- masses --------------------------------------------------------------------------------
+
+    def _take_masses(self, pattern: Pattern, places: Sequence[Place]) -> None:
+        """Entries of M, each with a link that carries what it speaks of; as a pair where it is the same along all axes."""
+        self._weigh(pattern, places[0])
+        found: dict[tuple[int, int, int], dict[tuple[int, int], int]] = defaultdict(dict)
+        for (i, j), value in pattern.positions().items():
+            if i >= j:
+                if i == j and i in self.measured:
+                    screw, ratio = self.measured[i]
+                    self.rotors.append((screw, value, ratio**2))
+                    continue
+                if i not in self.where or j not in self.where:
+                    raise NoTables("a mass couples coordinates of no body")
+                (a, x), (b, y) = sorted((self.where[i], self.where[j]))
+                found[self._carrier(a, b), a, b][x, y] = value
+        for (link, a, b), entries in sorted(found.items()):
+            values = np.array([[place.mass[value] for value in entries.values()] for place in places])
+            if all(x == y for x, y in entries) and np.all(np.ptp(values, axis=1) <= 4 * np.finfo(float).eps * np.abs(values[:, 0])):
+                self.pairs.append((link, a, b, next(iter(entries.values()))))
+            else:
+                self.singles += [(link, a, x, b, y, value) for (x, y), value in sorted(entries.items())]
+
+    def _weigh(self, pattern: Pattern, place: Place) -> None:
+        """How much the velocity of an element counts where the rates of a joint are found: its mass, or some of the heaviest one's."""
+        diagonal = scipy.sparse.csr_array((place.mass, pattern.indices, pattern.indptr), shape=pattern.shape).diagonal()
+        masses, size = np.zeros(len(self.elements)), np.ones(len(self.elements))
+        for c, (e, _) in self.where.items():
+            masses[e], size[e] = max(masses[e], diagonal[c]), self.around.columns[c]
+        heaviest = np.max(masses * size**2, initial=0.0) or 1.0
+        self.heaviness = (np.maximum(masses, LIGHTEST * heaviest / size**2) / heaviest).tolist()
+
+    def _carrier(self, a: int, b: int) -> int:
+        """A link that two elements move with."""
+        deeper, other = (a, b) if self.home[a] >= self.home[b] else (b, a)
+        link = self.home[deeper]
+        if self.home[other] != link and self.elements[other] not in self.tree.links[link].body.elements:
+            raise NoTables("a mass belongs to two bodies")
+        return link
+
+    # -- rows ----------------------------------------------------------------------------------
+
+    def _take_rows(self) -> None:
+        """With which link every row and every coordinate closes."""
+        starts, columns = self.pattern.indptr, self.pattern.indices
+        self.rows = [columns[starts[r] : starts[r + 1]] for r in range(self.pattern.shape[0])]
+        self.group = [self.home[self.where[c][0]] if c in self.where else -1 for c in range(self.n)]
+        for row in self.rows:
+            deepest = max((self.group[c] for c in row if c in self.where), default=-1)
+            for c in row:
+                if c not in self.where:
+                    self.group[c] = max(self.group[c], deepest)
+        if -1 in self.group:
+            raise NoTables("a coordinate belongs to no body")
+        self.closes: list[list[int]] = [[] for _ in self.tree.links]
+        for r, row in enumerate(self.rows):
+            if row:
+                self.closes[max(self.group[c] for c in row)].append(r)
+        self.unknowns: list[list[int]] = [[] for _ in self.tree.links]
+        for c, link in enumerate(self.group):
+            self.unknowns[link].append(c)
+
+    def _block(self, link: int, phi_q: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The rows that close a link over its own coordinates, both in natural sizes, and what a step of the others changes in them."""
+        rows, place = self.closes[link], {c: k for k, c in enumerate(self.unknowns[link])}
+        block, others = np.zeros((len(rows), len(place))), np.zeros(len(rows))
+        for i, r in enumerate(rows):
+            begin = self.pattern.indptr[r]
+            for k, c in enumerate(self.rows[r]):
+                value = phi_q[begin + k] / self.around.rows[r]
+                if c in place:
+                    block[i, place[c]] = value * self.around.columns[c]
+                else:
+                    others[i] += value * step[c]
+        return block, others
+
+    def _closed(self, q: np.ndarray, look: Callable[[np.ndarray], Place]) -> Place:
+        """The closed position near q, each link brought to those before it by the smallest change."""
+        for _ in range(MOST_STEPS):
+            place = look(q)
+            if np.max(np.abs(place.phi), initial=0.0) <= CLOSED:
+                return place
+            step = np.zeros(self.n)
+            for link, unknowns in enumerate(self.unknowns):
+                block, others = self._block(link, place.phi_q, step)
+                right = -place.phi[self.closes[link]] - others
+                step[unknowns] = np.linalg.lstsq(block, right, rcond=SAME)[0] * self.around.columns[unknowns]
+            q = q + step
+        raise NoTables("bodies do not close one after the other")
+
+    def _places(self) -> list[Place]:
+        """Closed positions: where the mechanism is, and two around it, with other parameters where there are any."""
+        first, *others = self.around.looks
+        found = [self._closed(self.around.q, first)]
+        self._check_rows(found[0], [r for r, row in enumerate(self.rows) if all(c in self.where for c in row)])
+        for k, x in enumerate(self._random()):
+            moved = self.velocities(found[0].q, x)[: self.n] * (-1) ** k
+            guess = found[0].q + ASIDE * moved / np.max(np.abs(moved) / self.around.columns)
+            found.append(self._closed(guess, others[k % len(others)] if others else first))
+        return found
+
+    def _take_measured(self, places: Sequence[Place]) -> None:
+        """Which joint every measured coordinate measures: they are those that no body carries."""
+        tells: dict[int, int] = {}
+        for r, row in enumerate(self.rows):
+            others = [c for c in row if c not in self.where]
+            if len(others) == 1:
+                tells.setdefault(others[0], r)
+        trials = [(place, x, self.velocities(place.q, x)) for place in places for x in self._random()]
+        for c in (c for c in range(self.n) if c not in self.where):
+            if c not in tells:
+                raise NoTables("a coordinate of no body measures no joint")
+            rates = np.array([self._rate(c, tells[c], place, v) for place, _, v in trials])
+            self.measured[c] = self._measures(self.own[self.group[c]], rates, np.array([x for _, x, _ in trials]))
+
+    def _rate(self, c: int, row: int, place: Place, v: np.ndarray) -> float:
+        """What a row says of a measured coordinate's rate at the others' velocities."""
+        begin = self.pattern.indptr[row]
+        entries = {j: place.phi_q[begin + k] for k, j in enumerate(self.rows[row])}
+        return -sum(value * v[j] for j, value in entries.items() if j != c) / entries[c] if entries[c] else np.nan
+
+    def _measures(self, candidates: range, rates: np.ndarray, x: np.ndarray) -> tuple[int, float]:
+        """The screw whose rate is that of a measured coordinate in all trials, but for a factor."""
+        for k in candidates:
+            ratios = rates / x[:, k]
+            if np.all(np.isfinite(ratios)) and np.ptp(ratios) <= SAME * abs(ratios[0]):
+                return k, float(np.round(ratios[0])) if abs(abs(ratios[0]) - 1.0) < SAME else float(ratios[0])
+        raise NoTables("a measured coordinate is not that of one joint")
+
+    # -- checks --------------------------------------------------------------------------------
+
+    def _random(self) -> np.ndarray:
+        """Rates of all joints that have nothing in common, in natural sizes."""
+        sizes = [1.0 if screw.point else np.max(self.around.columns) for screw in self.screws]
+        return np.random.default_rng(3).uniform(0.5, 1.5, (RANDOM, len(self.screws))) * sizes
+
+    def velocities(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """q̇ (n,) at rates of the joints, those of fixed components behind it: (n + fixed,)."""
+        values = np.append(q, [component.initial for component in self.fixed])
+        axes = [sum((weight * values[c] for weight, c in terms), np.zeros(3)) for terms in self.terms]
+        origins = [values[c] for c in self.references]
+        found = np.zeros(len(values))
+        twists: list[tuple[np.ndarray, np.ndarray]] = []
+        for number, link in enumerate(self.tree.links):
+            turning, along = np.zeros(3), np.zeros(3)
+            if link.parent is not None:
+                turning, before = twists[link.parent]
+                along = before + _cross(turning, origins[number] - origins[link.parent])
+            for k in self.own[number]:
+                if self.screws[k].point is None:
+                    along = along + rates[k] * axes[k]
+                else:
+                    turning = turning + rates[k] * axes[k]
+            twists.append((turning, along))
+        turning, along = np.array(twists)[self.home].transpose(1, 0, 2)
+        is_point = np.array([isinstance(element, Point) for element in self.elements])[:, None]
+        levers = values[self.components] - np.where(is_point, np.array(origins)[self.home], 0.0)
+        found[self.components] = np.cross(turning, levers) + np.where(is_point, along, 0.0)
+        for c, (k, ratio) in self.measured.items():
+            found[c] = ratio * rates[k]
+        return found
+
+    def _check(self, place: Place) -> None:
+        """Raise NoTables where a row does not allow what the joints do, or lets more move."""
+        self._check_rows(place, range(len(self.rows)))
+        if any(rank != freedom for rank, _, freedom in self._ranks(place)):
+            raise NoTables("a body can move otherwise than by its joint")
+
+    def _check_rows(self, place: Place, rows: Sequence[int]) -> None:
+        """Raise NoTables where one of these rows, or a fixed component, does not allow what the joints do."""
+        jacobian = scipy.sparse.csr_array((place.phi_q, self.pattern.indices, self.pattern.indptr), shape=self.pattern.shape)
+        for x in self._random():
+            v = self.velocities(place.q, x)
+            moved, held, least = v[: self.n], v[self.n :], SAME * np.max(np.abs(v[: self.n]))
+            off, terms = np.abs(jacobian @ moved), abs(jacobian) @ np.abs(moved)
+            if np.any(off[rows] > SAME * terms[rows]) or np.any(np.abs(held) > least):
+                raise NoTables("rows close loops")
+
+    def is_regular(self, place: Place) -> bool:
+        """True where all rows are independent, link by link."""
+        return all(rank == rows == freedom for rank, rows, freedom in self._ranks(place))
+
+    def _ranks(self, place: Place) -> Iterator[tuple[int, int, int]]:
+        """Of every link the rank of the rows that close it, how many they are, and what their rank must be."""
+        for link, unknowns in enumerate(self.unknowns):
+            block, _ = self._block(link, place.phi_q, np.zeros(self.n))
+            largest = np.max(np.abs(block), axis=1, initial=0.0)
+            rank = int(np.linalg.matrix_rank(block / np.where(largest > 0, largest, 1.0)[:, None], tol=SAME)) if block.size else 0
+            yield rank, len(block), len(unknowns) - len(self.own[link])
+
+    # -- as C reads them -----------------------------------------------------------------------
+
+    @cached_property
+    def tables(self) -> TreeTables:
+        """As C reads them."""
+        links = range(len(self.tree.links))
+        per_link = np.bincount(self.home, minlength=len(links)) if self.home else np.zeros(len(links), dtype=int)
+        place = [0] * self.n
+        for unknowns in self.unknowns:
+            for k, c in enumerate(unknowns):
+                place[c] = k
+        counts = {
+            "n_links": len(links), "n_screws": len(self.screws), "n_elements": len(self.elements), "n_fixed": len(self.fixed),
+            "n_measured": len(self.measured), "n_rotors": len(self.rotors),
+            "most_rows": max(map(len, self.closes)), "most_unknowns": max(map(len, self.unknowns)),
+        }  # fmt: skip
+        indices = {
+            "parent": [-1 if link.parent is None else link.parent for link in self.tree.links],
+            "reference": _flat(self.references),
+            "screw_start": _starts([len(own) for own in self.own]),
+            "turns": [int(screw.point is not None) for screw in self.screws],
+            "is_carried": [int(not screw.is_constant) for screw in self.screws],
+            "term_start": _starts([len(terms) for terms in self.terms]),
+            "terms": [c for terms in self.terms for _, components in terms for c in components],
+            "element_start": _starts(per_link.tolist()),
+            "elements": _flat(self.components),
+            "is_point": [int(isinstance(element, Point)) for element in self.elements],
+            "pair_start": _starts(_count(len(links), [pair[0] for pair in self.pairs])),
+            "pairs": _flat([pair[1:] for pair in self.pairs]),
+            "single_start": _starts(_count(len(links), [single[0] for single in self.singles])),
+            "singles": _flat([single[1:] for single in self.singles]),
+            "measured": _flat([(c, k) for c, (k, _) in self.measured.items()]),
+            "rotors": _flat([rotor[:2] for rotor in self.rotors]),
+            "row_start": _starts([len(rows) for rows in self.closes]),
+            "rows": _flat(self.closes),
+            "group": self.group,
+            "place": place,
+            "unknowns": _starts([len(unknowns) for unknowns in self.unknowns]),
+            "order": _flat(self.unknowns),
+        }
+        numbers = {
+            "weights": [weight for terms in self.terms for weight, _ in terms],
+            "heaviness": self.heaviness,
+            "ratios": [ratio for _, ratio in self.measured.values()],
+            "gears": [rotor[2] for rotor in self.rotors],
+            "fixed": [component.initial for component in self.fixed],
+        }
+        return TreeTables(counts, indices, numbers)
+
+
+def _starts(lengths: Sequence[int]) -> list[int]:
+    return [0, *np.cumsum(lengths, dtype=int).tolist()]
+
+
+def _flat(rows: Sequence[Sequence[int]]) -> list[int]:
+    return [number for row in rows for number in row]
+
+
+def _count(size: int, numbers: Sequence[int]) -> list[int]:
+    return np.bincount(np.array(numbers, dtype=int), minlength=size).tolist()
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a × b of two vectors (3,), as np.cross gives it in a tenth of the time."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

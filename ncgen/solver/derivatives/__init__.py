@@ -1,0 +1,1 @@
+"""What a motion changes with: parameters, start and inputs."""

@@ -1,0 +1,107 @@
+"""Exact gradients of many motions of one mechanism: `ncgen.gradient` of every state, in lanes and threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from threading import Lock
+
+import numpy as np
+
+from ncgen.errors import SHOWN, ModelError, shortened
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.derivatives.sensitivity import filled, instants, is_taped
+from ncgen.solver.derivatives.taped_batch import TapedBatch
+from ncgen.solver.given import checked_kernels, finite, names_of
+from ncgen.solver.motions.batch import asked_threads
+from ncgen.solver.motions.states import BatchGiven, States
+from ncgen.solver.runs.telling import Told, check_told, telling
+
+
+@dataclass(frozen=True, eq=False)
+class BatchGradients:
+    """Values (B,) of an objective and its derivatives, slopes (B, columns), in the order of `names`: parameters, `z` and `rate(z)` of the
+    independent coordinates.
+
+    status (B,): "ok", or a sentence that says why a state has no gradient; its value and slopes are NaN
+    alone (B,): states that had a run of their own, since they come to where the motion in lanes does not do
+    """
+
+    values: np.ndarray
+    slopes: np.ndarray
+    names: tuple[str, ...]
+    status: tuple[str, ...]
+    alone: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"<BatchGradients by {shortened(', '.join(self.names), SHOWN)}: {int(self.ok.sum())} of {len(self.values)} states>"
+
+    @property
+    def ok(self) -> np.ndarray:
+        """Which states have a gradient, (B,)."""
+        return np.array([status == "ok" for status in self.status])
+
+    def by(self, name: str) -> np.ndarray:
+        """Derivatives (B,) by one of the names. Raises ModelError for another."""
+        if name not in self.names:
+            raise ModelError(f"there is no derivative by {name!r}; there are {shortened(', '.join(self.names), SHOWN)}")
+        return self.slopes[:, self.names.index(name)]
+
+
+def gradient_batch(
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    objective: Callable[[np.ndarray, np.ndarray], tuple],
+    integrator: str = "rk4",
+    *,
+    q0: BatchGiven | None = None,
+    zd0: BatchGiven | None = None,
+    p: BatchGiven | None = None,
+    t0: float = 0.0,
+    z: str | Iterable[str] | None = None,
+    threads: int | None = None,
+    progress: Told = None,
+) -> BatchGradients:
+    """Gradients of one number of each of many motions, each by one sweep back through it.
+
+    objective, integrator: as of `gradient`; the objective is called once a state, in any order, and not by two threads at a time
+    q0, zd0, p, t0, z, threads: as of `simulate_batch`; the independent coordinates are chosen at the first regular state, and are those of
+        all, since a derivative by a parameter is one at the same start of these
+    progress: as of `simulate_batch`; what it raises ends the call, and so does Ctrl-C
+    Everything else, and ModelError, as of `gradient`; a state that has none costs nothing but itself: its status says why.
+    """
+    batch = taped_batch(kernels, duration, steps, integrator, q0, zd0, p, t0, z, threads)
+    values, one_at_a_time = np.full(len(batch.states.q), np.nan), Lock()
+
+    def weigh(rows: np.ndarray, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        by_q, by_qd = np.empty_like(q), np.empty_like(q)
+        with one_at_a_time:
+            for k, i in enumerate(rows.tolist()):
+                values[i], *slopes = objective(q[k], qd[k])
+                by_q[k], by_qd[k] = (filled(a, q[k]) for a in slopes)
+        return by_q, by_qd
+
+    check_told(progress)
+    with telling(progress, f"gradients of {len(values)} motions of {kernels.name}", 0.0, 1.0) as told:
+        found = batch.sweep(weigh, told)
+    return BatchGradients(values, found.slopes, batch.names, tuple(found.status), found.alone)
+
+
+def taped_batch(
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    integrator: str,
+    q0: BatchGiven | None = None,
+    zd0: BatchGiven | None = None,
+    p: BatchGiven | None = None,
+    t0: float = 0.0,
+    z: str | Iterable[str] | None = None,
+    threads: int | None = None,
+) -> TapedBatch:
+    """Motions that can be differentiated; arguments and errors as of `gradient_batch`."""
+    since_start, t, names = instants(duration, steps), finite(t0, "t0"), names_of(z, "z", checked_kernels(kernels).coordinates)
+    is_taped(kernels, integrator)
+    states = States.of(kernels, q0, zd0, p, t, names, None, assembled=True)
+    return TapedBatch(kernels, states, t + since_start, integrator, q0 is None, asked_threads(threads))

@@ -1,0 +1,266 @@
+"""Exact derivatives of a motion with respect to parameters and initial state: forward and adjoint.
+
+Where the mechanism's motion is written out the steps of the run in C are differentiated (`taped_motion`), else those of a run in
+Python (`partitioned_motion`). Forward all directions are carried along with the motion; the adjoint sweep goes back through it once,
+whatever the number of parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias, Unpack
+
+import numpy as np
+
+from ncgen.errors import SHOWN, ModelError, shortened
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
+from ncgen.methods.table import INTEGRATORS, Integrator
+from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
+from ncgen.solver.derivatives.stepped_motion import SteppedMotion
+from ncgen.solver.derivatives.taped_motion import TapedMotion
+from ncgen.solver.engines.compiled import checked_compiled, is_written_out
+from ncgen.solver.given import checked_kernels, names_of
+from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.runs.run import Initial, InitialArguments, count, positive
+from ncgen.solver.runs.signals import Signal, Signals, signals_of
+from ncgen.solver.runs.tolerances import Tolerances
+
+WHOLE = 1 + 1e-12
+"""A step that is longer than the grid's by this share: as many steps as there are instants, whatever rounding does."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """A motion and its derivatives at K instants; columns in the order of `names`: parameters, z at the start, ż at the start.
+
+    t (K,); q, qd (K, n); q_by, qd_by (K, n, columns)
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    q_by: np.ndarray
+    qd_by: np.ndarray
+    names: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Sensitivities by {shortened(', '.join(self.names), SHOWN)}: {len(self.t)} instants to {self.t[-1]:g} s>"
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """The value of an objective and its derivatives by name: parameters, `z` and `rate(z)` of the independent coordinates.
+
+    Of an input that changes with time slopes say what adding one number to it at all times does; by_inputs {name: (samples,)} says it of
+    every value of those that are tables.
+    """
+
+    value: float
+    slopes: dict[str, float]
+    by_inputs: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.slopes), SHOWN)}>"
+
+
+@dataclass(frozen=True, eq=False)
+class Hessian:
+    """The value of an objective, its derivatives by name, and how these change along directions: products (columns, D), rows in the order
+    of `names`. Along all of them one by one this is the Hessian."""
+
+    value: float
+    slopes: dict[str, float]
+    products: np.ndarray
+    names: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Hessian of {self.value:.6g} by {shortened(', '.join(self.names), SHOWN)}: {self.products.shape[1]} directions>"
+
+
+def sensitivities(
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    integrator: str = "rk4",
+    rtol: float | None = None,
+    options: dict[str, Any] | None = None,
+    inputs: Mapping[str, Signal] | None = None,
+    by: str | Iterable[str] | None = None,
+    **start: Unpack[InitialArguments],
+) -> Sensitivities:
+    """Derivatives of the whole motion, carried along with it.
+
+    steps: of equal length; the motion is given at all K = steps + 1 instants
+    integrator: an explicit Runge-Kutta method, or rattle, energy-momentum, generalized-alpha or trapezoidal, as of `simulate`, trapezoidal
+        on independent coordinates
+    rtol: None, or for methods that estimate their error: every step is taken in as many as that takes for the whole motion, as `simulate`
+        does by itself. Derivatives are those of the steps that were taken, whose lengths count as given
+    options: of methods that step the constraints, as of `simulate`
+    inputs: what drives the motion, as of `simulate`; the derivative by an input that changes with time says what adding a number to it at
+        all times does
+    by: names of the columns that are wanted, None for all; each costs as much
+    start: q0, zd0 or qd0, z, p, t0, as for `simulate`; derivatives by a parameter are taken at the same z of the start, unless the model's
+        own initial position has parameters and no q0 is given: then z starts where they put it
+    Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
+    """
+    motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
+    names = motion.names if by is None else names_of(by, "by", motion.names, "parameter or initial value")
+    every = np.eye(len(motion.names))
+    q_by, qd_by = motion.along(every[:, [motion.names.index(name) for name in names]])
+    return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, names)
+
+
+def gradient(
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    objective: Callable[[np.ndarray, np.ndarray], tuple],
+    integrator: str = "rk4",
+    rtol: float | None = None,
+    options: dict[str, Any] | None = None,
+    inputs: Mapping[str, Signal] | None = None,
+    **start: Unpack[InitialArguments],
+) -> Gradient:
+    """The gradient of one number that depends on a motion, by one sweep back through it.
+
+    objective: from q and qd (K, n) at the instants of the motion to (value, its derivatives by q and by qd, each (K, n));
+        None stands for a derivative that is zero
+    steps, integrator, rtol, options, inputs, start: as for `sensitivities`, with the same errors
+    """
+    motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
+    value, *slopes = objective(motion.q, motion.qd)
+    by_q, by_qd = (filled(a, motion.q) for a in slopes)
+    slopes, driven = motion.backward(by_q, by_qd)
+    by_inputs = motion.signals.by_values(driven.t, driven.begun, driven.values) if motion.signals else {}
+    return Gradient(float(value), dict(zip(motion.names, slopes.tolist(), strict=True)), by_inputs)
+
+
+def hessian(
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    objective: Callable[[np.ndarray, np.ndarray], tuple],
+    directions: np.ndarray | None = None,
+    integrator: str = "rk4",
+    rtol: float | None = None,
+    inputs: Mapping[str, Signal] | None = None,
+    **start: Unpack[InitialArguments],
+) -> Hessian:
+    """Second derivatives of one number that depends on a motion: how its gradient changes along directions, exact like the gradient.
+
+    objective: from q and qd (K, n) to (value, its derivatives by q and by qd, each (K, n), change), where change(dq, dqd) says how these
+        two derivatives change with q and qd; None stands for what is zero, such as the change where the number is a weighted sum
+    directions: changes of parameters, z and rates at the start, in the order of `names`, (columns, D); None for all, one by one
+    integrator: an explicit Runge-Kutta method
+    steps, rtol, inputs, start: as for `sensitivities`, with the same errors; ModelError, too, where the motion is not written out in C
+    """
+    _differentiable(integrator, twice=True)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, None, inputs, **start)
+    if not isinstance(motion, TapedMotion):
+        raise ModelError(
+            f"{kernels.name}: its motion is not written out in C, so it has no second derivatives; take differences of gradient"
+        )
+    count = len(motion.names)
+    along = np.eye(count) if directions is None else np.asarray(directions, dtype=float)
+    if along.ndim != 2 or len(along) != count:
+        rows = shortened(", ".join(motion.names), SHOWN)
+        raise ModelError(f"directions: they have shape {along.shape}; give ({count}, D), a row for each of {rows}")
+    value, *slopes, change = objective(motion.q, motion.qd)
+    by_q, by_qd = (filled(a, motion.q) for a in slopes)
+
+    def changed(dq: np.ndarray, dqd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        first, second = (None, None) if change is None else change(dq, dqd)
+        return filled(first, dq), filled(second, dq)
+
+    products = motion.second(by_q, by_qd, changed, along)
+    return Hessian(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd)[0].tolist(), strict=True)), products, motion.names)
+
+
+def filled(array: np.ndarray | None, like: np.ndarray) -> np.ndarray:
+    """Derivatives, where None stands for 0."""
+    return np.zeros_like(like) if array is None else np.asarray(array, dtype=float)
+
+
+Motion: TypeAlias = TapedMotion | PartitionedMotion | SteppedMotion
+"""A motion that can be differentiated."""
+
+
+def motion_of(
+    kernels: Kernels, duration: float, steps: int, integrator: str, rtol: float | None = None, options: dict[str, Any] | None = None,
+    inputs: Mapping[str, Signal] | None = None, **start: Unpack[InitialArguments],
+) -> Motion:  # fmt: skip
+    """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
+    since_start, entry = instants(duration, steps), _differentiable(integrator)
+    tolerances = None if rtol is None else Tolerances.promised(positive(rtol, "rtol"), since_start[-1])
+    if tolerances and not (entry.tableau and entry.coefficients.errors):
+        estimating = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau and other.coefficients.errors)
+        raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
+    initial = Initial.asked(checked_kernels(kernels), **start)
+    times, follows, signals = initial.t + since_start, start.get("q0") is None, signals_of(kernels, inputs, initial.p)
+    if not entry.tableau:
+        return _implicit_motion(kernels, initial, times, follows, entry, options, inputs, start)
+    if options:
+        raise ModelError(f"options: {integrator} has none")
+    return motion_from(kernels, initial, times, follows, integrator, tolerances, signals)
+
+
+def instants(duration: float, steps: int) -> np.ndarray:
+    """(K,) s from the start of a motion that can be differentiated; errors as of `sensitivities`."""
+    length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
+    return length * np.arange(steps + 1) / steps
+
+
+def motion_from(
+    kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, integrator: str, tolerances: Tolerances | None = None,
+    signals: Signals | None = None,
+) -> TapedMotion | PartitionedMotion:  # fmt: skip
+    """A motion by explicit steps over the times of a grid; follows: whether the position at its start is the model's own."""
+    if is_taped(kernels, integrator):
+        return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances, signals)
+    return PartitionedMotion(kernels, initial, times, follows, signals)
+
+
+def is_taped(kernels: Kernels, integrator: str) -> bool:
+    """Whether steps of an explicit method in C are differentiated. Raises ModelError where neither these nor those of Python are, and for
+    methods of other kinds."""
+    if not _differentiable(integrator).tableau:
+        explicit = ", ".join(name for name, entry in INTEGRATORS.items() if entry.tableau)
+        raise ModelError(f"integrator: {integrator!r} given; derivatives of many motions go through steps of {explicit}")
+    written = is_written_out(kernels, Method.of("lagrange", integrator))
+    if not written and integrator != "rk4":
+        raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
+    return written
+
+
+def _differentiable(integrator: str, twice: bool = False) -> Integrator:
+    """The entry of a method whose steps have derivatives, or second ones. Raises ModelError."""
+    known = {name: entry for name, entry in INTEGRATORS.items() if entry.tableau or (entry.has_fixed_step and not twice)}
+    if integrator in known:
+        return known[integrator]
+    why = ""
+    if integrator in INTEGRATORS and not INTEGRATORS[integrator].has_fixed_step:
+        why = f"; {integrator} ends its iterations at the tolerance, so that its steps solve no equations that could be differentiated"
+    what = "second derivatives" if twice else "derivatives"
+    raise ModelError(f"integrator: {integrator!r} given; {what} go through steps of {', '.join(known)}{why}")
+
+
+def _implicit_motion(
+    kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, entry: Integrator, options: dict[str, Any] | None,
+    inputs: Mapping[str, Signal] | None, start: InitialArguments,
+) -> SteppedMotion | TrapezoidalMotion:  # fmt: skip
+    """By steps of `simulate`."""
+    signals = signals_of(kernels, inputs, initial.p)
+    if signals and entry.is_ordinary:
+        others = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau or (other.has_fixed_step and not other.is_ordinary))
+        raise ModelError(f"inputs: derivatives of driven motions do not go through steps of {entry.name}; take {others}")
+    method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
+    step = float(times[-1] - times[0]) / (len(times) - 1)
+    run = simulate(
+        kernels, float(times[-1] - times[0]), formalism=method.formalism.name, integrator=entry.name, max_step=step * WHOLE, points=times,
+        options=options, inputs=inputs, **start,
+    )  # fmt: skip
+    if entry.is_ordinary:
+        return TrapezoidalMotion(kernels, initial, run, follows)
+    return SteppedMotion(kernels, initial, run, follows, method, signals)

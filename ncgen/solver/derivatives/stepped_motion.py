@@ -1,0 +1,294 @@
+"""A motion by an implicit method that steps the constrained equations, with its derivatives: each step by the implicit function theorem.
+
+A step from x solves F(u, x, p) = 0 and ends in G(u, x, p) (`ncgen.program.motions.step_equations`), so
+
+    du = −F_u⁻¹ (F_x dx + F_p dp)          dx' = G_u du + G_x dx
+
+with the exact F_u, whatever Newton's method took in its place. The steps are those of `simulate`; what they solved for is found again by
+one Newton step from their ends, which leaves rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.mechanism.functions import Functions, functions
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.taped import Driven
+from ncgen.methods.method import Method
+from ncgen.program.motions.step_equations import INPUTS, INSTANTS, StepEquations, assemble_step
+from ncgen.solver.formalisms.coordinate_partitioning import motion_at
+from ncgen.solver.formalisms.dynamics_jacobian import rate_slope
+from ncgen.solver.positions.branches import refresh_branches
+from ncgen.solver.positions.partition import determined, kinematics
+from ncgen.solver.positions.rank import REMEMBERED
+from ncgen.solver.runs.run import Initial
+from ncgen.solver.runs.signals import Signals
+from ncgen.solver.runs.start import begin
+from ncgen.solver.steppers.energy_momentum import STILL
+from ncgen.solver.steppers.generalized_alpha import newmark
+from ncgen.solver.trajectories.trajectory import Trajectory
+
+SOLVED = 1e-7
+"""A Newton step from the ends of a step of a run moves nothing by more than this, in natural sizes."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """[F; G] by [u, x, w, p] in a step, for the rows that are kept."""
+
+    F: np.ndarray
+    F_u: np.ndarray
+    F_rest: np.ndarray
+    G_u: np.ndarray
+    G_rest: np.ndarray
+
+    def solve(self, right: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """F_u⁻¹ right, or with the transpose; rows of any units."""
+        sizes = np.max(np.abs(self.F_u), axis=1, keepdims=True, initial=np.finfo(float).tiny)
+        scaled = self.F_u / sizes
+        if transposed:
+            return np.linalg.solve(scaled.T, right) / sizes[:, 0]
+        return np.linalg.solve(scaled, right / (sizes if right.ndim > 1 else sizes[:, 0]))
+
+    def forward(self, change: np.ndarray) -> np.ndarray:
+        """Changes of G, (x, D), with those of [x, w, p], (rest, D)."""
+        return self.G_rest @ change - self.G_u @ self.solve(self.F_rest @ change)
+
+    def backward(self, weights: np.ndarray) -> np.ndarray:
+        """How Σ weights G changes with [x, w, p]."""
+        return self.G_rest.T @ weights - self.F_rest.T @ self.solve(self.G_u.T @ weights, transposed=True)
+
+
+class _Equations:
+    """Those of the steps of one method, ready to be called, for the rows that are kept.
+
+    own: which unknowns, and which of the equations, are left where others are not
+    """
+
+    def __init__(self, kernels: Kernels, method: str, kept: np.ndarray) -> None:
+        made: StepEquations = kernels.remember("step programs", method, lambda: assemble_step(kernels.programs, method))
+        self.layout = layout = made.layout
+        inputs, sizes = {"step": INPUTS}, {"step": made.program.size}
+        kind = f"{method.replace('-', '_')}_step"
+        self._functions: Functions = functions(kernels, kind, inputs, sizes, lambda: {"step": made.program})
+        used = np.ones(layout.unknowns, dtype=bool)
+        for first, count in layout.multipliers:
+            used[first : first + count] = np.isin(np.arange(count), kept)
+        self.own = np.flatnonzero(used)
+        rows, columns = (np.append(used, np.ones(size - layout.unknowns, dtype=bool)) for size in made.pattern.shape)
+        self._shape = int(rows.sum()), int(columns.sum())
+        place = np.divmod(made.pattern.flat, made.pattern.shape[1])
+        self._there = np.flatnonzero(rows[place[0]] & columns[place[1]]) + layout.unknowns
+        row, column = (np.cumsum(some)[at] - 1 for some, at in zip((rows, columns), place, strict=True))
+        self._flat = (row * self._shape[1] + column)[self._there - layout.unknowns]
+
+    def linear(self, t: float, *arrays: np.ndarray) -> _Linear:
+        """arrays: h, x, u, w, p"""
+        values, count = self._functions("step", t, *arrays), len(self.own)
+        dense = np.zeros(self._shape)
+        dense.reshape(-1)[self._flat] = values[self._there]
+        return _Linear(values[self.own], dense[:count, :count], dense[:count, count:], dense[count:, :count], dense[count:, count:])
+
+
+class SteppedMotion:
+    """A motion over equal steps, seen at their ends; members as of `TapedMotion`.
+
+    t (K,); q, qd (K, n); names: of the columns of derivatives: parameters, z, rate(z)
+    """
+
+    def __init__(
+        self, kernels: Kernels, initial: Initial, run: Trajectory, start_follows: bool, method: Method,
+        signals: Signals | None = None,
+    ) -> None:  # fmt: skip
+        """run: `simulate`'s, whose instants are the ends of its steps; start_follows: whether the position at the start is the model's own,
+        which may change with parameters; signals: what drives the run."""
+        if kernels.model.callbacks:
+            raise ModelError(f"{kernels.name}: a force of a Python function has no derivative here; write it as an expression")
+        begun = begin(kernels, initial, partitioned=True)
+        self.kernels, self.p, self._method, self.signals = kernels, begun.p, method, signals
+        self.t, self.q, self.qd = run.t, run.q, run.qd
+        self._looks_back = not run.engine.startswith("python")  # a table's piece is that of the step's start
+        self._partitions, self._follows = determined(begun.partitions), start_follows
+        z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
+        self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
+
+    # -- steps ---------------------------------------------------------------------------------
+
+    @cached_property
+    def _first(self) -> _Equations | None:
+        """What a method carries besides q and q̇ at the start, where it does."""
+        return self._equations("start") if self._method.integrator.name == "generalized-alpha" else None
+
+    def _equations(self, name: str) -> _Equations:
+        kept = self._partitions.velocity.rows
+        return self.kernels.remember("step equations", (name, kept.tobytes()), lambda: _Equations(self.kernels, name, kept), REMEMBERED)
+
+    @cached_property
+    def _solved(self) -> list[tuple[float, tuple[np.ndarray, ...]]]:
+        """Of every step the time when it begins, and (h, x, u, w, p)."""
+        found, equations, n = [], self._equations(self._method.integrator.name), self.kernels.n
+        carried = np.empty(0)
+        if self._first:
+            _, (_, _, u, *_) = self._begun
+            carried = np.concatenate([u[:n], u[:n]])
+        for k, t in enumerate(self.t[:-1]):
+            h = self._numbers(k)
+            given = h, np.concatenate([self.q[k], self.qd[k], carried]), self._guess(k, equations.layout.unknowns, carried), self._inputs(k)
+            p = refresh_branches(self.kernels, self.q[k], self.p)
+            found.append((float(t), self._settled(equations, float(t), *given, p)))
+            if self._first:
+                carried = self._carried(h, carried, found[-1][1][2][:n])
+        return found
+
+    @cached_property
+    def _begun(self) -> tuple[float, tuple[np.ndarray, ...]]:
+        """The equations of the accelerations at the start, as of a step."""
+        assert self._first is not None
+        x, t = np.concatenate([self.q[0], self.qd[0]]), float(self.t[0])
+        return t, self._settled(self._first, t, np.zeros(1), x, np.zeros(self._first.layout.unknowns), self._inputs(0), self.p)
+
+    def _settled(
+        self, equations: _Equations, t: float, h: np.ndarray, x: np.ndarray, u: np.ndarray, w: np.ndarray, p: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """(h, x, u, w, p) with u moved by one Newton step."""
+        n, u = self.kernels.n, u.copy()
+        linear = equations.linear(t, h, x, u, w, p)
+        if explicit := equations.layout.explicit:
+            u[-explicit:] -= linear.F[-explicit:]
+            linear = equations.linear(t, h, x, u, w, p)
+        try:
+            change = linear.solve(linear.F)
+        except np.linalg.LinAlgError:
+            change = np.array([np.nan])
+        if h[0] and not np.max(np.abs(change[:n]) / self.kernels.column_sizes, initial=0.0) * self._reach(h[0]) < SOLVED:
+            raise ModelError(
+                f"{self.kernels.name}: the equations of the step from t = {t:.6g} s are beside a singular position, where derivatives by "
+                "what goes before have no digits left; end it before, or start elsewhere"
+            )
+        u[equations.own] -= change
+        return h, x, u, w, p
+
+    def _reach(self, h: float) -> float:
+        """How far positions move with what is solved for first: velocities, or accelerations."""
+        return h * h if self._first else h
+
+    def _numbers(self, k: int) -> np.ndarray:
+        """h of a step."""
+        h, sizes, options = self.t[k + 1] - self.t[k], self.kernels.column_sizes, self._method.options
+        if self._method.integrator.name == "energy-momentum":
+            moved = (self.q[k + 1] - self.q[k]) / sizes
+            return np.array([h, float(moved @ moved >= STILL**2), float(options["project_velocities"]), *sizes])
+        return np.array([h, *newmark(options["rho"], options["hht"])]) if self._first else np.array([h])
+
+    def _guess(self, k: int, unknowns: int, carried: np.ndarray) -> np.ndarray:
+        """Unknowns of a step but for what its equations are linear in."""
+        n, m, name = self.kernels.n, self.kernels.m, self._method.integrator.name
+        u, h, q, qd = np.zeros(unknowns), self.t[k + 1] - self.t[k], self.q, self.qd
+        moved = q[k + 1] - q[k]
+        if name == "generalized-alpha":
+            alpha_m, alpha_f, beta, _ = newmark(self._method.options["rho"], self._method.options["hht"])
+            before, a = carried[:n], carried[n:]
+            new = (moved - h * qd[k] - h**2 * (0.5 - beta) * a) / (h**2 * beta)
+            u[:n] = ((1 - alpha_m) * new + alpha_m * a - alpha_f * before) / (1 - alpha_f)
+            return u
+        u[:n] = moved / h if name == "rattle" else 2 * moved / h - qd[k]
+        u[n + m : 2 * n + m] = qd[k + 1]
+        return u
+
+    def _carried(self, h: np.ndarray, carried: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """[q̈, a] at the end of a step of generalised α."""
+        before, a = np.split(carried, 2)
+        alpha_m, alpha_f = h[1:3]
+        return np.concatenate([qdd, ((1 - alpha_f) * qdd + alpha_f * before - alpha_m * a) / (1 - alpha_m)])
+
+    def _inputs(self, k: int) -> np.ndarray:
+        """At the start, in the middle and at the end of a step."""
+        count, instants = len(self.kernels.inputs), zip(*(a[k].tolist() for a in self._instants), strict=True)
+        seen = [self.signals.begun_at(begun)(t, self.p) if self.signals else self.p for t, begun in instants]
+        return np.concatenate([p[len(p) - count :] for p in seen])
+
+    @cached_property
+    def _instants(self) -> tuple[np.ndarray, np.ndarray]:
+        """When inputs are read (steps, 3), and times whose pieces of tables hold there."""
+        start, end = self.t[:-1], self.t[1:]
+        t = np.column_stack([start, (start + end) / 2, end])
+        return t, np.broadcast_to(start[:, None], t.shape) if self._looks_back else t
+
+    # -- derivatives ---------------------------------------------------------------------------
+
+    def _linears(self, backwards: bool) -> Iterator[tuple[int, _Linear]]:
+        """Every step by its number, with what it changes with; −1 is what comes before the first."""
+        equations = self._equations(self._method.integrator.name)
+        steps = list(enumerate(self._solved))
+        for k, (t, given) in reversed(steps) if backwards else steps:
+            yield k, equations.linear(t, *given)
+
+    def _before(self) -> _Linear | None:
+        return self._first.linear(self._begun[0], *self._begun[1]) if self._first else None
+
+    def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D)."""
+        n, inputs = self.kernels.n, len(self.kernels.inputs)
+        change, dp = np.vstack(self._start) @ directions, directions[: len(self.p)]
+        fixed = np.vstack([np.tile(dp[len(self.p) - inputs :], (len(INSTANTS), 1)), dp])
+        found = [change[: 2 * n]]
+        if before := self._before():
+            change = before.forward(np.vstack([change, fixed]))
+        for _, linear in self._linears(backwards=False):
+            change = linear.forward(np.vstack([change, fixed]))
+            found.append(change[: 2 * n])
+        both = np.array(found)
+        return both[:, :n], both[:, n:]
+
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
+        """As of `TapedMotion`."""
+        seen, n, inputs = np.hstack([by_q, by_qd]), self.kernels.n, len(self.kernels.inputs)
+        weights, by_p = np.zeros(4 * n if self._first else 2 * n), np.zeros(len(self.p))
+        driven = np.zeros((len(self.t) - 1, len(INSTANTS), inputs))
+        weights[: 2 * n] += seen[-1]
+        for k, linear in self._linears(backwards=True):
+            weights, felt, more = _parted(linear.backward(weights), driven.shape[1:], len(by_p))
+            weights[: 2 * n] += seen[k]
+            driven[k], by_p = felt, by_p + more
+        if before := self._before():
+            weights, felt, more = _parted(before.backward(weights), driven.shape[1:], len(by_p))
+            driven[0], by_p = driven[0] + felt, by_p + more
+        by_p[len(by_p) - inputs :] += driven.sum(axis=(0, 1))
+        found = np.vstack(self._start).T @ weights
+        found[: len(by_p)] += by_p
+        return found, Driven(*self._instants, driven)
+
+    @cached_property
+    def _start(self) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of q and q̇ at the start, (n, columns) each."""
+        kernels, t, q, qd, p = self.kernels, float(self.t[0]), self.q[0], self.qd[0], self.p
+        place, rate = (kinematics(kernels, part, q, t, p) for part in (self._partitions.position, self._partitions.velocity))
+        count, nz = len(p), place.R.shape[1]
+        given = {"t": t, "q": q, "qd": qd, "p": p}
+        dz = np.eye(nz, len(self.names), count)
+        if self._follows:
+            dz[:, :count] = kernels.start_p(p)[self._partitions.position.independent]
+        q_by = place.R @ dz
+        q_by[:, :count] -= _columns(place.particular, kernels.dense_tangent("phi_p", **given), kernels.n)
+        now = motion_at(kernels, self._partitions.velocity, t, q, qd[self._partitions.velocity.independent], p)
+        off = rate_slope(kernels, now, p) @ q_by
+        off[:, :count] += kernels.dense_tangent("phid_p", **given)
+        qd_by = rate.R @ np.eye(rate.R.shape[1], len(self.names), count + nz) - _columns(rate.particular, off, kernels.n)
+        return q_by, qd_by
+
+
+def _parted(slopes: np.ndarray, driven: tuple[int, ...], parameters: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Slopes by a state, by inputs at all instants of a step and by parameters."""
+    size = int(np.prod(driven))
+    state, inputs, by_p = np.split(slopes, [len(slopes) - parameters - size, len(slopes) - parameters])
+    return state, inputs.reshape(driven), by_p
+
+
+def _columns(solve: Callable[[np.ndarray], np.ndarray], right: np.ndarray, rows: int) -> np.ndarray:
+    return np.array([solve(column) for column in right.T]).reshape(-1, rows).T

@@ -1,0 +1,222 @@
+"""A motion on all coordinates with its derivatives, in C: what is differentiated are the steps of the run, with their way back onto the
+constraints (`ncgen/runtime/src/ncgen_adjoint.c`).
+
+A mechanism starts at independent coordinates z and their rates. With V(q, q̇, p), the velocities that the joints allow nearest to given
+ones, the columns R of allowed motions and N(q, p), a step of Newton's method, where E takes the independent ones:
+
+    dq = (1 − R E) N_p dp + R dz          dq̇ = (1 − R E) (V_q dq + V_p dp) + R dż
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.mechanism.library import CompiledKernels
+from ncgen.mechanism.sweep import SMALL, Sweep
+from ncgen.mechanism.taped import Driven, Segmented, taped
+from ncgen.solver.engines.compiled import all_coordinates, closeness
+from ncgen.solver.finite import on_the_way
+from ncgen.solver.positions.partition import Kinematics, Partitions, determined, kinematics
+from ncgen.solver.positions.rank import freedom_at
+from ncgen.solver.runs.run import Initial
+from ncgen.solver.runs.signals import Signals
+from ncgen.solver.runs.start import begin
+from ncgen.solver.runs.tolerances import Tolerances
+
+Change: TypeAlias = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""From changes of q and q̇ at all instants, (K, n) each, to those of a number's derivatives by them."""
+
+REMEDIES = defaultdict(lambda: "take shorter steps", full="take a shorter motion, or a larger rtol", short="end it before")
+"""What to do about a run that did not arrive, by its status."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartFrames:
+    """What derivatives need at the start: R of positions and of velocities, (…, n, nz) each, and how the position follows parameters,
+    (…, n, n_p), None where it is given."""
+
+    positions: np.ndarray
+    velocities: np.ndarray
+    by_parameters: np.ndarray | None
+
+
+class Back(Protocol):
+    """The way back through what a mechanism does at its start, one or many of them."""
+
+    def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
+
+    def closing_back(self, weights: np.ndarray) -> np.ndarray: ...
+
+
+def start_back(
+    back: Back, partitions: Partitions, start: StartFrames, weights: np.ndarray, reads: bool = True
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How a sum with these weights (…, 2 n) of q and q̇ at the start changes with p, z and ż: the transpose of what stands above.
+
+    reads: whether closed positions may change with parameters
+    """
+    by_q, rest = np.split(weights, 2, axis=-1)
+    by_rates = _transposed(start.velocities, rest)
+    rest = rest.copy()
+    rest[..., partitions.velocity.independent] -= by_rates
+    more, by_p = back.velocities_back(rest)
+    by_q = more + by_q
+    by_z = _transposed(start.positions, by_q)
+    by_q[..., partitions.position.independent] -= by_z
+    if reads:
+        by_p = by_p + back.closing_back(by_q)
+    if start.by_parameters is not None:
+        by_p = by_p + _transposed(start.by_parameters[..., partitions.position.independent, :], by_z)
+    return by_p, by_z, by_rates
+
+
+def _transposed(matrix: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Aᵀ x over leading axes."""
+    return (np.swapaxes(matrix, -1, -2) @ x[..., None])[..., 0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Start(StartFrames):
+    """Of one motion, with the factors behind R."""
+
+    frames: tuple[Kinematics, Kinematics]
+
+
+class TapedMotion:
+    """A motion, seen at the instants of a grid: one step of the method from each to the next, or with tolerances as many as that takes.
+
+    t (K,), q, qd (K, n); names: of the columns of derivatives: parameters, z, rate(z)
+    """
+
+    def __init__(
+        self,
+        kernels: CompiledKernels,
+        initial: Initial,
+        times: np.ndarray,
+        start_follows: bool,
+        method: str = "rk4",
+        tolerances: Tolerances | None = None,
+        signals: Signals | None = None,
+    ) -> None:
+        """start_follows: whether the position at the start is the model's own, which may change with parameters; signals: what drives it"""
+        begun = begin(kernels, initial, partitioned=True)
+        self.kernels, self.p, self.t, self.signals = kernels, begun.p, times, signals
+        self._partitions, self._begun, self._follows = determined(begun.partitions), begun, start_follows
+        z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
+        self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
+        allowed = tolerances.in_c(kernels.column_sizes, kernels.column_sizes) if tolerances else None
+        rank = freedom_at(kernels, begun.q, times[0], begun.p).rank
+        dynamics = all_coordinates(kernels, form="emitted")
+        start = begun.q, begun.qd, begun.p
+        told = signals.functions if signals else ()
+        self._run = taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"), inputs=told)
+        self._check()
+
+    @property
+    def q(self) -> np.ndarray:
+        return self._run.outcome.q
+
+    @property
+    def qd(self) -> np.ndarray:
+        return self._run.outcome.qd
+
+    def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D); those by z and its rates may be left out."""
+        return self._run.forward(*self._seeds(directions))
+
+    def _seeds(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Changes of q and q̇ at the start, (n, D) each, and of p, (n_p, D), along directions."""
+        n, count = self.kernels.n, len(directions)
+        if not (self._start_reads_parameters or np.any(directions[len(self.p) :])):
+            return np.zeros((n, directions.shape[1])), np.zeros((n, directions.shape[1])), directions[: len(self.p)]
+        by_start = np.array([np.concatenate(self._start_back(weights))[:count] for weights in np.eye(2 * n)]) @ directions
+        return by_start[:n], by_start[n:], directions[: len(self.p)]
+
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
+        """Derivatives of a number by what has a name (columns,), and by what drove the run, from those by q and q̇ at all instants, (K, n)
+        each."""
+        *by_state, by_p, driven = self._run.backward(by_q, by_qd)
+        by_start, by_z, by_rates = self._start_back(np.concatenate(by_state))
+        return np.concatenate([by_p + by_start, by_z, by_rates]), driven
+
+    def second(self, by_q: np.ndarray, by_qd: np.ndarray, change: Change, directions: np.ndarray) -> np.ndarray:
+        """How the derivatives of a number change along directions (columns, D), (columns, D): the way back, in dual numbers.
+
+        by_q, by_qd: its derivatives by q and q̇ at all instants, (K, n) each; change: how they change with q and q̇
+        """
+        if isinstance(self._run, Segmented):
+            raise ModelError(
+                f"{self.kernels.name}: {len(self.t) - 1} steps are too many for second derivatives; take fewer, or a shorter motion"
+            )
+        seeds = self._seeds(directions)
+        q, qd, sweeps = self._run.second(*seeds)
+        found = np.empty(directions.shape)
+        for k, sweep in enumerate(sweeps):
+            changes = change(q[:, :, k], qd[:, :, k])
+            weights = (own + SMALL * 1j * more for own, more in zip((by_q, by_qd), changes, strict=True))
+            *by_state, by_p, _ = sweep.backward(self._run.at_all_steps(*weights))
+            start = self._start_along(*(seed[:, k] for seed in seeds))
+            by_start, by_z, by_rates = self._start_back(np.concatenate(by_state), sweep, start)
+            found[:, k] = np.imag(np.concatenate([by_p + by_start, by_z, by_rates])) / SMALL
+        return found
+
+    def _start_along(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> _Start:
+        """What there is at the start, in dual numbers."""
+        kernels, start = self.kernels, self._start
+        given = {"t": self.t[0], "q": self._begun.q, "qd": np.zeros(kernels.n), "p": self.p}
+
+        def acceleration(allowed: np.ndarray) -> np.ndarray:
+            """How Φ_q q̈ − γ changes while nothing moves."""
+            return kernels.dense_tangent("phidd_q", qdd=allowed, **given) @ dq + kernels.dense_tangent("phidd_p", qdd=allowed, **given) @ dp
+
+        still = acceleration(np.zeros(kernels.n))
+        R = []
+        for frame in start.frames:
+            changes = [-frame.particular(acceleration(np.ascontiguousarray(column)) - still) for column in frame.R.T]
+            R.append(frame.R + SMALL * 1j * np.array(changes).reshape(-1, kernels.n).T)
+        return _Start(R[0], R[1], kernels.start_p(self.p + SMALL * 1j * dp) if self._follows else None, start.frames)
+
+    def _start_back(
+        self, weights: np.ndarray, sweep: Sweep | None = None, start: _Start | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As of `start_back`; sweep, start: in dual numbers where the weights (2 n,) are."""
+        return start_back(sweep or self._run.back, self._partitions, start or self._start, weights, self._rows_read_parameters)
+
+    @property
+    def _rows_read_parameters(self) -> bool:
+        """Whether closed positions and allowed velocities may change with parameters."""
+        return len(self.kernels.of_rows(self.p)) > 0
+
+    @property
+    def _start_reads_parameters(self) -> bool:
+        """Whether the start may change with parameters."""
+        return self._rows_read_parameters or (self._follows and bool(np.any(self._start.by_parameters)))
+
+    @cached_property
+    def _start(self) -> _Start:
+        parts = self._partitions.position, self._partitions.velocity
+        first, second = (kinematics(self.kernels, part, self._begun.q, self.t[0], self.p) for part in parts)
+        return _Start(first.R, second.R, self.kernels.start_p(self.p) if self._follows else None, (first, second))
+
+    def _check(self) -> None:
+        """Raises DomainError, ConvergenceError or ModelError where the run did not arrive, or not by steps that have derivatives."""
+        done, kernels = self._run.outcome, self.kernels
+        if done.status != "ok":
+            done.completed()
+            q, qd, _ = done.last
+            problem = on_the_way(kernels, q, qd, done.reached, done.tried, self.p)
+            raise problem or ConvergenceError(
+                f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s ({done.status}); {REMEDIES[done.status]}"
+            )
+        if (t := self._run.not_differentiable) is not None:
+            raise ModelError(
+                f"{kernels.name}: the motion is beside a singular position at t = {t:.6g} s, where derivatives by what goes before have no "
+                "digits left; end it before, or start elsewhere"
+            )

@@ -1,0 +1,196 @@
+"""Integrators in Python: SciPy's step-by-step solvers, and others that have the same face."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+from typing import Any, Protocol, cast
+
+import numpy as np
+import scipy.integrate
+from scipy.integrate import DenseOutput, OdeSolver
+
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import Integrator
+from ncgen.methods.tableau import Tableau
+from ncgen.solver.integrators.caught import Caught
+from ncgen.solver.integrators.fixed_step import FixedStep
+from ncgen.solver.integrators.ode import Derivative
+from ncgen.solver.integrators.sundials import CvodeAdams, CvodeBdf
+from ncgen.solver.integrators.trapezoidal import Trapezoidal
+
+
+class _WithSlope(Protocol):
+    """A solver that keeps the derivative of the present state."""
+
+    f: np.ndarray
+
+
+class Adams(scipy.integrate.OdeSolver):
+    """Variable-order Adams (VODE) as a SciPy step-by-step solver: the paper's ode113."""
+
+    def __init__(
+        self,
+        fun: Derivative,
+        t0: float,
+        y0: np.ndarray,
+        t_bound: float,
+        rtol: float = 1e-3,
+        atol: float | np.ndarray = 1e-6,
+        max_step: float = np.inf,
+        vectorized: bool = False,
+        first_step: float | None = None,
+        **extra: object,
+    ) -> None:
+        super().__init__(fun, t0, y0, t_bound, vectorized)
+        self._caught = Caught()
+        self._engine = scipy.integrate.ode(self._slope).set_integrator(
+            "vode", method="adams", rtol=rtol, atol=atol, max_step=0.0 if np.isinf(max_step) else max_step,
+            first_step=first_step or 0.0, nsteps=100000,
+        )  # fmt: skip
+        self._engine.set_initial_value(y0, t0)
+
+    def _slope(self, t: float, y: np.ndarray) -> np.ndarray:
+        return np.broadcast_to(self._caught.call(self.fun, t, y), y.shape)
+
+    def _step_impl(self) -> tuple[bool, str | None]:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)
+            try:
+                self._engine.integrate(self.t_bound, step=True)
+            except UserWarning as problem:
+                self._caught.tell()
+                return False, str(problem)
+        self._caught.tell()
+        self.t, self.y = self._engine.t, self._engine.y.copy()
+        if self.direction * (self.t - self.t_bound) > 0:
+            # VODE steps past the end; come back by its own interpolation.
+            self.y = self._engine.integrate(self.t_bound).copy()
+            self.t = self.t_bound
+        return True, None
+
+    def _dense_output_impl(self) -> DenseOutput:  # SciPy asks after a step only, when there is a time before it
+        return _Nordsieck(cast(float, self.t_old), self.t, self._engine)
+
+
+class _Nordsieck(scipy.integrate.DenseOutput):
+    """VODE's own interpolation within its last step, of the order of the method."""
+
+    def __init__(self, t0: float, t1: float, engine: Any) -> None:
+        super().__init__(t0, t1)
+        self._engine = engine
+
+    def _call_impl(self, t: float) -> np.ndarray:
+        return self._engine.integrate(t).copy()
+
+
+class FixedRungeKutta(FixedStep):
+    """An explicit Runge-Kutta method with a fixed step; children have its `tableau`."""
+
+    tableau: Tableau
+
+    def __init__(self, *given: Any, **options: Any) -> None:
+        super().__init__(*given, **options)
+        self._rows = [np.array([float(x) for x in row]) for row in self.tableau.a[: self.tableau.stages]]
+        self._nodes = [float(x) for x in self.tableau.c]
+
+    def _moved(self, h: float, t: float) -> tuple[np.ndarray, np.ndarray]:
+        slopes, end = [self.f], self.y
+        for node, row in zip(self._nodes[1:], self._rows, strict=False):
+            end = self.y + h * (row @ np.array(slopes))
+            slopes.append(self.fun(self.t + node * h, end))
+        return end, slopes[-1]
+
+
+class Pace:
+    """Steps with error control that come no farther, as beside a singular position or where a rate becomes infinite.
+
+    span: of the run (s)
+    """
+
+    STEPS, SHARE = 200, 1e-9
+
+    def __init__(self, start: float, span: float) -> None:
+        self.mark, self.least, self.steps = start, self.SHARE * span, 0
+
+    def creeps(self, t: float) -> bool:
+        """Called once a step: whether so many steps have come no farther than that share of the run."""
+        self.steps += 1
+        if self.steps % self.STEPS:
+            return False
+        before, self.mark = self.mark, t
+        return t - before < self.least
+
+
+def replace_state(solver: scipy.integrate.OdeSolver, y: np.ndarray) -> None:
+    """Put a slightly corrected state in place of an accepted one; the method goes on from it with its history as it is.
+
+    The correction is of the size of the tolerance, as are the errors in the history (Eich 1993, doi 10.1137/0730073).
+    """
+    solver.y = y
+    if isinstance(solver, scipy.integrate.BDF):
+        solver.D[0] = y
+    elif isinstance(solver, (Adams, scipy.integrate.LSODA)):
+        engine = solver._engine if isinstance(solver, Adams) else solver._lsoda_solver
+        # ODEPACK's solvers keep their state in the first column of Nordsieck's array, behind 20 numbers of their own.
+        engine._y = y.copy()
+        engine._integrator.rwork[20 : 20 + solver.n] = y
+    else:
+        cast("_WithSlope", solver).f = solver.fun(solver.t, y)  # all others keep it, which their common class does not say
+
+
+ODE_SOLVERS: dict[str, type[OdeSolver]] = {
+    "rk23": scipy.integrate.RK23,
+    "dopri5": scipy.integrate.RK45,
+    "dop853": scipy.integrate.DOP853,
+    "adams": Adams,
+    "bdf": scipy.integrate.BDF,
+    "radau": scipy.integrate.Radau,
+    "lsoda": scipy.integrate.LSODA,
+    "trapezoidal": Trapezoidal,
+    "cvode-adams": CvodeAdams,
+    "cvode-bdf": CvodeBdf,
+}
+"""SciPy's step-by-step solvers and others with their face, by the names of `ncgen.methods.table`. Where SciPy has an explicit method,
+it is SciPy's and not the one of our tableaus: so it can judge the C runtime."""
+
+
+@cache
+def ode_solver(integrator: Integrator) -> type[OdeSolver]:
+    """The step-by-step solver of an integrator that takes a state derivative."""
+    if integrator.name in ODE_SOLVERS:
+        return ODE_SOLVERS[integrator.name]
+    tableau = integrator.coefficients
+    if not tableau.errors:
+        return type(integrator.name, (FixedRungeKutta,), {"tableau": tableau})
+    return _adaptive(integrator.name, tableau)
+
+
+def _adaptive(name: str, tableau: Tableau) -> type[OdeSolver]:
+    """A method with error control for SciPy's driver, which takes the same coefficients."""
+    ((order, error),) = tableau.errors
+    stages = tableau.stages
+    floats = lambda row: [float(x) for x in row]  # noqa: E731
+    a = np.zeros((stages, stages))
+    for s, row in enumerate(tableau.a[: stages - 1], 1):
+        a[s, :s] = floats(row)
+    nested = np.array([floats(row) for row in tableau.dense]).T
+    members = {
+        "order": tableau.order, "error_estimator_order": order, "n_stages": stages, "A": a, "B": np.array(floats(tableau.weights[:stages])),
+        "C": np.array(floats(tableau.c[:stages])), "E": -np.array(floats(error)), "P": nested @ _powers(len(tableau.dense)),
+    }  # fmt: skip
+    return type(name, (scipy.integrate.RK45,), members)
+
+
+def _powers(terms: int) -> np.ndarray:
+    """Coefficients of s, s², … (columns) of the products s, s (1 − s), s² (1 − s), … (rows) of `Tableau.dense`."""
+    rows, product = [], np.array([1.0])
+    for k in range(terms):
+        product = np.convolve(product, [0.0, 1.0] if k % 2 == 0 else [1.0, -1.0])
+        rows.append(np.pad(product[1:], (0, terms + 1 - len(product))))
+    return np.array(rows)
+
+
+def takes_jacobian(integrator: Integrator, kernels: Kernels) -> bool:
+    """True if an integrator uses ∂ẏ/∂y and it is known: forces of Python functions have no derivative."""
+    return integrator.takes_jacobian and not kernels.model.callbacks

@@ -1,0 +1,99 @@
+"""SUNDIALS' CVODE as SciPy step-by-step solvers, through scikit-sundae, which is installed with `ncgen[sundials]`.
+
+CVODE keeps its history to itself, so a state cannot be corrected between steps: these go with coordinate partitioning alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from importlib import import_module
+from typing import Any, cast
+
+import numpy as np
+import scipy.integrate
+from scipy.integrate import DenseOutput
+
+from ncgen.errors import ModelError
+from ncgen.solver.integrators.caught import Caught
+from ncgen.solver.integrators.ode import Derivative, Slope
+
+
+class Cvode(scipy.integrate.OdeSolver):
+    """One of CVODE's families of methods (Hindmarsh et al. 2005, doi 10.1145/1089014.1089020), variable in step and order."""
+
+    family: str
+    _jac: Slope
+
+    def __init__(
+        self,
+        fun: Derivative,
+        t0: float,
+        y0: np.ndarray,
+        t_bound: float,
+        rtol: float = 1e-3,
+        atol: float | np.ndarray = 1e-6,
+        max_step: float = np.inf,
+        vectorized: bool = False,
+        first_step: float | None = None,
+        jac: Slope | None = None,
+        **extra: object,
+    ) -> None:
+        super().__init__(fun, t0, y0, t_bound, vectorized)
+        self._caught = Caught()
+        slope = {}
+        if jac is not None:
+            self._jac, slope = jac, {"jacfn": self._fill_jacobian}
+        self._engine = _cvode()(
+            self._fill, method=self.family, rtol=rtol, atol=atol, first_step=first_step or 0.0,
+            max_step=0.0 if np.isinf(max_step) else max_step, **slope,
+        )  # fmt: skip
+        self._engine.init_step(t0, self.y.copy())
+
+    def _fill(self, t: float, y: np.ndarray, yp: np.ndarray) -> None:
+        yp[:] = self._caught.call(self.fun, t, y)
+
+    def _fill_jacobian(self, t: float, y: np.ndarray, yp: np.ndarray, slopes: np.ndarray) -> None:
+        slopes[:, :] = self._caught.call(self._jac, t, y)
+
+    def _step_impl(self) -> tuple[bool, str | None]:
+        with contextlib.redirect_stdout(io.StringIO()):  # scikit-sundae prints CVODE's failures; they are raised below
+            found = self._engine.step(self.t_bound, method="onestep", tstop=self.t_bound)
+        self._caught.tell()
+        if found.status < 0 or not np.all(np.isfinite(found.y)):
+            return False, str(found.message)
+        self.t, self.y = float(np.ravel(found.t)[-1]), np.atleast_2d(found.y)[-1].copy()
+        return True, None
+
+    def _dense_output_impl(self) -> DenseOutput:  # SciPy asks after a step only, when there is a time before it
+        return _Within(cast(float, self.t_old), self.t, self._engine)
+
+
+class _Within(scipy.integrate.DenseOutput):
+    """CVODE's own interpolation within its last step, of the order of the method."""
+
+    def __init__(self, t0: float, t1: float, engine: Any) -> None:
+        super().__init__(t0, t1)
+        self._engine = engine
+
+    def _call_impl(self, t: float) -> np.ndarray:
+        return np.atleast_2d(self._engine.step(t, method="normal").y)[-1].copy()
+
+
+class CvodeAdams(Cvode):
+    """Adams methods of orders 1 to 12."""
+
+    family = "Adams"
+
+
+class CvodeBdf(Cvode):
+    """Backward differentiation formulas of orders 1 to 5."""
+
+    family = "BDF"
+
+
+def _cvode() -> Any:
+    try:
+        return import_module("sksundae.cvode").CVODE
+    except ImportError:
+        raise ModelError("cvode-adams and cvode-bdf need scikit-sundae; install it with: pip install 'ncgen[sundials]'") from None

@@ -1,0 +1,166 @@
+"""The joint space of a mechanism with loops, over its independent rates.
+
+Which rates are independent is chosen where it starts: coordinates that the model's author asked for (`m.independent`) first, then those
+of joints. Near positions where they do not determine the others, the numbers grow beyond bounds: ask for other ones.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, ModelError, NcgenError
+from ncgen.mechanism import recall
+from ncgen.mechanism.kernels import Kernels
+from ncgen.program.algebra.elimination import EliminationError
+from ncgen.program.ir.blocks import Program
+from ncgen.program.tree.joint_loops import JointLoops
+from ncgen.program.tree.joint_space import Made
+from ncgen.program.tree.rates import NoRecursion
+from ncgen.solver.engines.compiled import samples
+from ncgen.solver.joints.joint_names import names_of
+from ncgen.solver.joints.joint_space import INPUTS, JointSpace
+from ncgen.solver.positions.assembly import assemble
+from ncgen.symbolic.tree import Tree
+
+LONGEST = 0.2
+"""How far an independent joint goes before loops are closed again, in its natural size (a rad, or the mechanism's length)."""
+
+SHORTEST = 1e-4
+"""The same where loops do not close at first; they are told not to close where it would have to be shorter."""
+
+STEPS = 12
+"""Of Newton's method at one place."""
+
+CLOSED = 1e-14
+"""A step that is shorter, in natural sizes, is rounding."""
+
+NEARLY = 1e-9
+"""A step that does not get shorter any more is rounding, too, if it is shorter than this."""
+
+
+class JointsInLoops(JointSpace):
+    """Joints that hold each other. why: that they are no open tree, for messages."""
+
+    kind = "joint_loops"
+
+    def __init__(self, kernels: Kernels, tree: Tree, why: ModelError) -> None:
+        self.kernels, self.tree, self.why = kernels, tree, str(why)[:200]
+        try:
+            layout: dict[str, Any] = self._layout()
+        except (NoRecursion, EliminationError, NcgenError) as error:
+            raise ModelError(f"{self.why}, and of loops: {error}") from None
+        self.free = np.array(layout["free"], dtype=int)
+        self.sizes = np.array(layout["sizes"])
+        self._coordinates: dict[int, int] = {c: k for c, k in layout["own"]}
+        names = [*names_of(kernels, tree, {}), *(kernels.coordinates[c] for c in self._coordinates)]
+        super().__init__(kernels, tree, tuple(names[k] for k in self.free))
+        if not self.n:
+            raise ModelError(f"{kernels.name}: joint space needs a joint that moves freely, and there is none")
+
+    def placed(self, x: np.ndarray) -> np.ndarray:
+        x = self._checked(x, self.n, "x", "rates")
+        places = [self._closed(one)[1] for one in x.reshape(-1, self.n)]
+        return np.array(places).reshape(*x.shape[:-1], self.kernels.n)
+
+    def _closed(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements, and the position, where the independent joints have these values, by way of positions between the initial one
+        and it."""
+        x, q = self._begin
+        start = x[self.free].copy()
+        way = (wanted - start) / self.sizes[self.free]
+        step = min(1.0, LONGEST / max(float(np.max(np.abs(way), initial=0.0)), 1e-300))
+        done = 0.0
+        while done < 1.0:
+            share = min(1.0, done + step)
+            ahead = x.copy()
+            ahead[self.free] = wanted if share == 1.0 else start + share * (wanted - start)
+            if (found := self._newton(ahead)) is not None:
+                (x, q), done = found, share
+            elif step < SHORTEST:
+                values = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.rates, ahead[self.free], strict=True))
+                raise ConvergenceError(f"{self.kernels.name}: loops do not close where {values[:200]}; choose other values")
+            else:
+                step /= 2
+        return x, q
+
+    def displacements(self, wanted: np.ndarray) -> np.ndarray:
+        """Displacements of all joints, and coordinates of no body, where the independent joints have these values (n,)."""
+        return self._closed(wanted)[0]
+
+    @property
+    def placed_start(self) -> np.ndarray:
+        """All displacements of joints, and coordinates of no body, at the start, with loops closed."""
+        return self._begin[0]
+
+    @cached_property
+    def _begin(self) -> tuple[np.ndarray, np.ndarray]:
+        """All displacements, and coordinates of no body, at the start."""
+        x = np.zeros(len(self.sizes))
+        for c, k in self._coordinates.items():
+            x[k] = self.kernels.q0[c]
+        found = self._newton(x)
+        if found is None:
+            raise ConvergenceError(f"{self.kernels.name}: loops do not close at the start; run assemble first and correct the model")
+        return found
+
+    def _newton(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Displacements and position with loops closed, near to where they are; None where there is no such place."""
+        last = np.inf
+        for _ in range(STEPS):
+            found = self._functions("joint_position", 0.0, x, self.kernels.p0)
+            q, change = found[: self.kernels.n], found[self.kernels.n :]
+            size = float(np.max(np.abs(change) / self.sizes, initial=0.0))
+            if not size <= 1.0:
+                return None
+            x = x + change
+            if size <= CLOSED or (size <= NEARLY and size >= last / 2):
+                return x, q
+            last = size
+        return None
+
+    def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found, count = self._of("joint_spread", q), len(self.sizes)
+        return found[..., :-count].reshape(*found.shape[:-1], count, self.n), found[..., -count:]
+
+    def _momenta(self, q: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        mass, first, matrix = super()._momenta(q)
+        none = np.zeros((*matrix.shape[:-2], len(self._coordinates), 6))  # of coordinates of no body
+        return mass, first, np.concatenate([matrix, none], axis=-2)
+
+    def _own(self) -> Mapping[int, int]:
+        return self._coordinates
+
+    # -- programs ------------------------------------------------------------------------------
+
+    def _layout(self) -> dict[str, Any]:
+        """Which rates are free, and what belongs to them, without assembling anything where it is known."""
+
+        def told() -> dict[str, str]:
+            found = self._work.rates
+            return {"layout": json.dumps({"free": list(found.free), "own": list(found.own.items()), "sizes": found.sizes.tolist()})}
+
+        return json.loads(recall.derived(self.kernels.programs, "layout of joints in loops", told)["layout"])
+
+    def made(self, what: Made) -> dict[str, Program]:
+        return self._work.programs(what)
+
+    @cached_property
+    def _work(self) -> JointLoops:
+        kernels = self.kernels
+        q = assemble(kernels, kernels.q0)
+        wanted = [kernels.index[name] for name in kernels.model.chosen_independent]
+        return JointLoops(kernels.programs.equations, samples(kernels, q, kernels.p0), kernels.column_sizes, wanted)
+
+    def _inputs(self) -> dict[str, tuple[str, ...]]:
+        return {**INPUTS, "joint_spread": ("t", "q", "p")}
+
+    def _sizes(self) -> dict[str, int]:
+        n, rates, joints = self.n, len(self.sizes), self.tree.freedoms
+        found = {"inverse": n, "loads": n, "position": self.kernels.n + rates, "screws": 6 * joints, "mass": n * (n + 1) // 2}
+        found |= {"momenta": 4 + 6 * joints, "spread": rates * (n + 1)}
+        return {f"joint_{name}": size for name, size in found.items()}

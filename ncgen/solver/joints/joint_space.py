@@ -1,0 +1,462 @@
+"""A mechanism over the rates of its joints: what robotics calls the basics.
+
+Natural coordinates stay what positions are told by. Rates v are those of the joints in the order of `JointSpace.rates`; they are called
+like the coordinate that follows them (a hinge's angle, a slider's distance), else like the body that the joint carries. A body that moves
+freely has the velocity of its first point and its angular velocity, in global axes. Where loops are closed the rates are as many as the
+mechanism has freedoms, and all others follow (`ncgen.solver.joints.joint_loops`).
+Source: Featherstone, Rigid Body Dynamics Algorithms (2008); natural coordinates give a joint's screw as (u, r × u) at once.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from functools import cached_property, partial
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import ModelError, SingularError
+from ncgen.mechanism.functions import Functions, functions
+from ncgen.mechanism.kernels import Kernels
+from ncgen.model.elements import Point, Spatial
+from ncgen.program.ir.blocks import Program
+from ncgen.program.tree.joint_space import Made, assemble_joint_space
+from ncgen.solver import given
+from ncgen.solver.frames import transformation
+from ncgen.solver.joints.joint_names import carried, followed_by, names_of
+from ncgen.symbolic.tree import Tree, moving, spanning_tree
+
+FRAMES = ("global", "local", "spatial")
+"""How a Jacobian may be told."""
+
+INPUTS = {
+    "joint_position": ("t", "x", "p"),
+    "joint_screws": ("t", "q", "p"),
+    "joint_mass": ("t", "q", "p"),
+    "joint_inverse": ("t", "q", "v", "a", "p"),
+    "joint_loads": ("t", "q", "v", "p"),
+    "joint_momenta": ("t", "q", "p"),
+}
+SLOPES = {
+    "joint_inverse_tangent": ("t", "q", "v", "a", "p", "dx", "dv"),
+    "joint_loads_tangent": ("t", "q", "v", "p", "dx", "dv"),
+}
+"""The programs of `ncgen.program.tree.joint_space`, and what they take."""
+
+
+def joint_space(kernels: Kernels) -> JointSpace:
+    """The joint space of a mechanism, made once for every kernels object.
+
+    Raises ModelError where a body is too thin to be part of a tree, or where no tree of bodies moves as the rows allow.
+    """
+    return given.checked_kernels(kernels).remember("joint space", (), lambda: _made(kernels))
+
+
+def _made(kernels: Kernels) -> JointSpace:
+    from ncgen.solver.joints.joint_loops import JointsInLoops
+
+    tree = spanning_tree(kernels.model)
+    if not tree.freedoms:
+        raise ModelError(f"{kernels.name}: joint space needs bodies that move and tell their rotation, and there are none")
+    try:
+        if tree.loose:
+            raise ModelError(f"{kernels.name}: joint space needs bodies that tell their rotation; {tree.loose[0].name} does not")
+        followed = followed_by(kernels, tree)
+    except ModelError as why:  # loops, or what belongs to no joint
+        return JointsInLoops(kernels, tree, why)
+    return JointsOfTree(kernels, tree, followed)
+
+
+class InverseSlopes(NamedTuple):
+    """How the forces of inverse dynamics change with positions, rates and accelerations of the joints, each (…, n, n): row by row."""
+
+    position: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+
+
+class ForwardSlopes(NamedTuple):
+    """How the accelerations of forward dynamics change with positions and rates of the joints and with forces, each (…, n, n)."""
+
+    position: np.ndarray
+    rate: np.ndarray
+    force: np.ndarray
+
+
+class JointSpace(ABC):
+    """A mechanism over the rates of its joints.
+
+    rates: their names; coordinates: names of the joints that have one; n: how many rates there are
+    Positions q are ncgen's natural coordinates (n_q,), consistent, as `position` gives them; with NumPy kernels leading axes are batches,
+    with compiled ones states of a batch go through one after the other. Parameters have their defaults. Forces are N along what slides,
+    N m along what turns.
+    """
+
+    kind: str
+    """A word for the functions that are made for it."""
+
+    why: str = ""
+    """Why it is no open tree, where it is none."""
+
+    def __init__(self, kernels: Kernels, tree: Tree, rates: tuple[str, ...]) -> None:
+        self.kernels, self.tree = kernels, tree
+        self.rates, self.n = rates, len(rates)
+        self.coordinates = tuple(name for name in rates if name in kernels.index)
+
+    def __repr__(self) -> str:
+        return f"<JointSpace {self.kernels.name}: {self.n} rates>"
+
+    # -- positions -----------------------------------------------------------------------------
+
+    def position(self, values: Mapping[str, float] | None = None, base: tuple[ArrayLike, ArrayLike] | None = None) -> np.ndarray:
+        """Natural coordinates (n_q,) where joints have these values (m, rad), by the names of their rates; others keep their initial ones.
+
+        A joint without a coordinate has as its value how far it has turned or slid since the initial position. Loops are closed on the
+        way from the initial position.
+        base: displacement of the one body that moves freely from where it is initially: rotation (3, 3) about the origin, and
+            translation (3,) in m
+        Raises ModelError for what is no joint, or for a base where no body, or more than one, moves freely; ConvergenceError where loops
+        do not close.
+        """
+        q = self.placed(self._joint_values(values, "values"))
+        return q if base is None else self._displaced(q, *base)
+
+    @abstractmethod
+    def placed(self, x: np.ndarray) -> np.ndarray:
+        """The same for values of all joints in their order (…, n)."""
+
+    def _joint_values(self, values: Mapping[str, float] | None, what: str) -> np.ndarray:
+        """Values of all joints (n,): those given by name, else the initial ones."""
+        found = self.values(self.kernels.q0)
+        for name, value in (values or {}).items():
+            given.known_name(name, self.rates, what, "joint")
+            found[self.rates.index(name)] = given.finite(value, f"{what}: {name}")
+        return found
+
+    def values(self, q: ArrayLike) -> np.ndarray:
+        """Values of the joints that have a coordinate (…, n), 0 for the others."""
+        q = self._array(q)
+        found = np.zeros((*q.shape[:-1], self.n))
+        for name in self.coordinates:
+            found[..., self.rates.index(name)] = q[..., self.kernels.index[name]]
+        return found
+
+    def _displaced(self, q: np.ndarray, rotation: ArrayLike, shift: ArrayLike) -> np.ndarray:
+        """The one body that moves freely, and all that it carries, turned about the origin and shifted."""
+        links = self.tree.links
+        free = [number for number, link in enumerate(links) if len(link.screws) == 6]
+        if len(free) != 1:
+            raise ModelError(f"{self.kernels.name}: base given, but {len(free)} bodies move freely; it needs one")
+        rotation, shift = np.asarray(rotation, dtype=float), np.asarray(shift, dtype=float)
+        together = set(free)
+        for number, link in enumerate(links):
+            together |= {number} if link.parent in together else set()
+        found = q.copy()
+        for c, (element, axis) in self._where.items():
+            if self.tree.home[element] in together:
+                found[c] = (rotation @ self.element(element, q) + (shift if isinstance(element, Point) else 0.0))[axis]
+        return found
+
+    def inverse_kinematics(
+        self,
+        point: str,
+        place: ArrayLike,
+        rotation: ArrayLike | None = None,
+        body: str | None = None,
+        start: Mapping[str, float] | None = None,
+    ) -> dict[str, float]:
+        """Values of the joints that bring a point to a place (3,) in m, by least squares from a start, and from some beside it.
+
+        rotation: what the body shall have turned by since the initial position (3, 3); None for any
+        body: the one that the point is taken with, by default that nearest to the ground
+        start: values of joints to begin with, others are those of the initial position
+        Raises ConvergenceError with what is left where the point cannot get there, or not from this start.
+        """
+        from ncgen.solver.joints.inverse_kinematics import values_for
+
+        return values_for(self, point, place, rotation, body, self._joint_values(start, "start"))
+
+    def centre_of_mass(self, q: ArrayLike) -> np.ndarray:
+        """Of all bodies that move (…, 3), in m."""
+        mass, first, _ = self._momenta(q)
+        return first / mass
+
+    # -- velocities ----------------------------------------------------------------------------
+
+    @abstractmethod
+    def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """R (…, rates of the tree, n) and what its rates are where those of the joints are 0 (…, rates of the tree)."""
+
+    @abstractmethod
+    def _own(self) -> Mapping[int, int]:
+        """{coordinate of no body: number of its rate among the tree's}."""
+
+    def screws(self, q: ArrayLike) -> np.ndarray:
+        """For every rate of the tree of bodies the angular velocity, and the velocity at the origin, of what it moves, shape (…, -, 6).
+
+        Without loops these are the joints' rates."""
+        found = self._of("joint_screws", q)
+        return found.reshape(*found.shape[:-1], -1, 6)
+
+    def velocities(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
+        """Rates of all natural coordinates (…, n_q) for rates v (…, n) of the joints."""
+        q, v = self._array(q), self._over_rates(v, "v")
+        spread, drift = self._spread(q)
+        rates = np.einsum("...kn,...n->...k", spread, v) + drift
+        screws = self.screws(q)
+        twists = [np.einsum("...k,...ki->...i", rates[..., path], screws[..., path, :]) for path in self._paths]
+        found = np.empty(np.broadcast_shapes(q.shape[:-1], v.shape[:-1]) + q.shape[-1:])
+        for c, (element, axis) in self._where.items():
+            twist = twists[self.tree.home[element]]
+            found[..., c] = carried(twist, self.element(element, q), isinstance(element, Point))[..., axis]
+        for c, k in self._own().items():
+            found[..., c] = rates[..., k]
+        return found
+
+    def jacobian(
+        self, point: str, q: ArrayLike, body: str | None = None, frame: Literal["global", "local", "spatial"] = "global"
+    ) -> np.ndarray:
+        """Velocity of a point, and angular velocity of the body it is taken with, for rate 1 of every joint, shape (…, 6, n).
+
+        point: the name of a point of the model; body: by default the one nearest to the ground that has it
+        frame: "global": of the point, along the global axes; "local": along axes that turn with the body and are the global ones
+            initially; "spatial": of what of the body is at the origin, along the global axes
+        """
+        if frame not in FRAMES:
+            raise ModelError(f"frame: {str(frame)[:40]!r} is none of {', '.join(FRAMES)}")
+        q, element, link = self._array(q), self.point(point), self.link(point, body)
+        path = self._paths[link]
+        screws, spread = self.screws(q)[..., path, :], self._spread(q)[0][..., path, :]
+        turning, along = screws[..., :3], screws[..., 3:]
+        if frame != "spatial":
+            along = along + np.cross(turning, self.element(element, q)[..., None, :])
+        halves = [np.einsum("...ki,...kn->...in", half, spread) for half in (along, turning)]
+        if frame == "local":
+            back = np.swapaxes(transformation(self.kernels, self.tree.links[link].body.name, q), -1, -2)
+            halves = [back @ half for half in halves]
+        return np.concatenate(halves, axis=-2)
+
+    def centre_of_mass_jacobian(self, q: ArrayLike) -> np.ndarray:
+        """Velocity of the centre of mass for rate 1 of every joint (…, 3, n)."""
+        mass, _, matrix = self._momenta(q)
+        return np.einsum("...ki,...kn->...in", matrix[..., :3], self._spread(self._array(q))[0]) / mass[..., None]
+
+    # -- momentum and energy -------------------------------------------------------------------
+
+    def momentum_matrix(self, q: ArrayLike, about: ArrayLike | None = None) -> np.ndarray:
+        """Linear momentum (N s), and angular momentum (N m s) about a point, for rate 1 of every joint, shape (…, 6, n).
+
+        about: (3,) in m; None for the centre of mass: the centroidal momentum matrix. Rotors (`m.rotor`) have none.
+        """
+        return np.einsum("...ki,...kn->...in", self._about(q, about), self._spread(self._array(q))[0])
+
+    def momentum(self, q: ArrayLike, v: ArrayLike, about: ArrayLike | None = None) -> np.ndarray:
+        """Linear and angular momentum of all bodies (…, 6); `about` as for `momentum_matrix`."""
+        spread, drift = self._spread(self._array(q))
+        rates = np.einsum("...kn,...n->...k", spread, self._over_rates(v, "v")) + drift
+        return np.einsum("...ki,...k->...i", self._about(q, about), rates)
+
+    def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
+        """In J (…,), rotors included."""
+        return self.kernels.energy(self._array(q), self.velocities(q, v))[..., 0]
+
+    def potential_energy(self, q: ArrayLike) -> np.ndarray:
+        """Of weight, springs and whatever else has a potential, in J (…,)."""
+        q = self._array(q)
+        return self.kernels.energy(q, np.zeros_like(q))[..., 1]
+
+    def _momenta(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mass (…, 1), first moment about the origin (…, 3), momenta about the origin of the tree's rates (…, -, 6)."""
+        if thin := [body.name for body in self.tree.loose if body.inertia]:
+            raise ModelError(f"{self.kernels.name}: {thin[0]} does not tell its rotation; give the body a direction more")
+        found = self._of("joint_momenta", q)
+        if not np.all(found[..., 0] > 0):
+            raise ModelError(f"{self.kernels.name}: nothing has mass; give a body one")
+        return found[..., :1], found[..., 1:4], found[..., 4:].reshape(*found.shape[:-1], -1, 6)
+
+    def _about(self, q: ArrayLike, about: ArrayLike | None) -> np.ndarray:
+        """Momenta of the tree's rates about a point (…, -, 6)."""
+        mass, first, matrix = self._momenta(q)
+        point = first / mass if about is None else np.asarray(about, dtype=float)
+        linear = matrix[..., :3]
+        return np.concatenate([linear, matrix[..., 3:] - np.cross(point[..., None, :], linear)], axis=-1)
+
+    # -- forces --------------------------------------------------------------------------------
+
+    def mass_matrix(self, q: ArrayLike) -> np.ndarray:
+        """Symmetric and positive, shape (…, n, n)."""
+        lower = self._of("joint_mass", q)
+        found = np.zeros((*lower.shape[:-1], self.n, self.n))
+        i, j = np.tril_indices(self.n)
+        found[..., i, j] = found[..., j, i] = lower
+        return found
+
+    def inverse_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> np.ndarray:
+        """Forces along the joints (…, n) that rates v and accelerations a (…, n; None: zero) need against inertia and gravity.
+
+        Springs, dampers and other forces of the model are not in them: `loads`.
+        """
+        return self._functions("joint_inverse", 0.0, self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"), self.kernels.p0)
+
+    def gravity(self, q: ArrayLike) -> np.ndarray:
+        """The forces that hold the mechanism against gravity (…, n)."""
+        return self.inverse_dynamics(q)
+
+    def coriolis(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
+        """The forces that rates v need without accelerations and gravity (…, n): Coriolis' and centrifugal ones."""
+        return self.inverse_dynamics(q, v) - self.gravity(q)
+
+    def loads(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
+        """What springs, dampers and other forces of the model do along the joints (…, n), at a time t (s)."""
+        return self._functions("joint_loads", given.finite(t, "t"), self._array(q), self._over_rates(v, "v"), self.kernels.p0)
+
+    def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
+        """Accelerations of the joints (…, n) with forces along them beside those of the model (…, n; None: zero).
+
+        Raises SingularError where a joint moves nothing that has inertia.
+        """
+        q = self._array(q)
+        right = self.loads(q, v, t) - self.inverse_dynamics(q, v) + self._over_rates(forces, "forces")
+        return self._solved(q, right[..., None])[..., 0]
+
+    def _solved(self, q: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """M⁻¹ right, right (…, n, k). With a diagonal of 1 exchanges of rows cost a light link no digits beside a heavy one."""
+        mass = self.mass_matrix(q)
+        sizes = np.sqrt(np.maximum(np.diagonal(mass, axis1=-2, axis2=-1), 0.0))[..., None]
+        try:
+            if not np.all(sizes > 0):
+                raise np.linalg.LinAlgError
+            factors = np.linalg.cholesky(mass / (sizes * np.swapaxes(sizes, -1, -2)))
+        except np.linalg.LinAlgError:
+            raise SingularError(f"{self.kernels.name}: a joint moves nothing that has inertia; give its bodies mass") from None
+        return np.linalg.solve(np.swapaxes(factors, -1, -2), np.linalg.solve(factors, right / sizes)) / sizes
+
+    def inverse_dynamics_slopes(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseSlopes:
+        """Exact derivatives of `inverse_dynamics` by positions, rates and accelerations of the joints.
+
+        That by a position is along the motion of a joint at rate 1; rates and accelerations keep their numbers.
+        """
+        q, v, a = self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a")
+        return InverseSlopes(*self._slopes("joint_inverse_tangent", 0.0, q, v, a), self.mass_matrix(q))
+
+    def forward_dynamics_slopes(
+        self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0
+    ) -> ForwardSlopes:
+        """Exact derivatives of `forward_dynamics`, those of the model's own forces included, by positions and rates of the joints and by
+        forces. Positions as for `inverse_dynamics_slopes`."""
+        q, v = self._array(q), self._over_rates(v, "v")
+        a = self.forward_dynamics(q, v, forces, t)
+        needed, applied = (
+            self._slopes("joint_inverse_tangent", 0.0, q, v, a),
+            self._slopes("joint_loads_tangent", given.finite(t, "t"), q, v),
+        )
+        unit = np.broadcast_to(np.eye(self.n), needed[0].shape)
+        solved = self._solved(q, np.concatenate([*(b - a for a, b in zip(needed, applied, strict=True)), unit], axis=-1))
+        return ForwardSlopes(*(np.array(part) for part in np.split(solved, 3, axis=-1)))
+
+    def _slopes(self, name: str, t: float, *state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """By positions and by rates (…, n, n), one direction after the other."""
+        spread = [array[..., None, :] for array in state]
+        unit, none = np.eye(self.n), np.zeros((self.n, self.n))
+        parts = (self._slope_functions(name, t, *spread, self.kernels.p0, *along) for along in ((unit, none), (none, unit)))
+        by_position, by_rate = (np.swapaxes(part, -1, -2) for part in parts)
+        return by_position, by_rate
+
+    # -- helpers -------------------------------------------------------------------------------
+
+    @cached_property
+    def _functions(self) -> Functions:
+        return functions(self.kernels, f"{self.kind}_basics", self._inputs(), self._sizes(), partial(self.made, "basics"))
+
+    @cached_property
+    def _slope_functions(self) -> Functions:
+        """Made when they are first asked for: they are longer than all others together."""
+        return functions(self.kernels, f"{self.kind}_slopes", SLOPES, dict.fromkeys(SLOPES, self.n), partial(self.made, "slopes"))
+
+    def _inputs(self) -> dict[str, tuple[str, ...]]:
+        return INPUTS
+
+    @abstractmethod
+    def _sizes(self) -> dict[str, int]:
+        """Of the outputs of all functions but slopes."""
+
+    @abstractmethod
+    def made(self, what: Made) -> dict[str, Program]:
+        """The programs by name, assembled now."""
+
+    def _of(self, name: str, q: ArrayLike) -> np.ndarray:
+        return self._functions(name, 0.0, self._array(q), self.kernels.p0)
+
+    def _array(self, q: ArrayLike) -> np.ndarray:
+        return self._checked(q, self.kernels.n, "q", "coordinates")
+
+    def _over_rates(self, values: ArrayLike | None, name: str) -> np.ndarray:
+        """Numbers over the rates; zero for None."""
+        return np.zeros(self.n) if values is None else self._checked(values, self.n, name, "rates")
+
+    def _checked(self, values: ArrayLike, count: int, name: str, what: str) -> np.ndarray:
+        found = np.asarray(values, dtype=float)
+        if found.shape[-1:] != (count,):
+            raise ModelError(f"{name}: its shape is {found.shape}, and {self.kernels.name} has {count} {what}; give (…, {count})")
+        return found
+
+    @cached_property
+    def _where(self) -> dict[int, tuple[Spatial, int]]:
+        """{coordinate: (element, axis)} of what moves with a link."""
+        return moving(self.kernels.programs.equations, self.tree)
+
+    @cached_property
+    def _paths(self) -> list[list[int]]:
+        return self.tree.paths
+
+    def element(self, element: Spatial, q: np.ndarray) -> np.ndarray:
+        index = self.kernels.index
+        parts = [np.broadcast_to(c.initial, q.shape[:-1]) if c.fixed else q[..., index[c.name]] for c in element.components]
+        return np.stack(parts, axis=-1)
+
+    def point(self, name: str) -> Point:
+        found = self.kernels.model.elements.get(name)
+        if not isinstance(found, Point):
+            points = [e.name for e in self.kernels.model.elements.values() if isinstance(e, Point)]
+            raise ModelError(f"point: there is no {name}; the points are {', '.join(points)}")
+        return found
+
+    def link(self, point: str, body: str | None) -> int:
+        """The number of the link that a point is taken with."""
+        element = self.point(point)
+        for number, link in enumerate(self.tree.links):
+            if element in link.body.elements and body in (None, link.body.name):
+                return number
+        raise ModelError(f"point {point}: {'no body that moves has it' if body is None else f'body {body} does not have it'}")
+
+
+class JointsOfTree(JointSpace):
+    """Of an open tree: every joint moves by itself.
+
+    followed: {relative coordinate: (rate, its share)}
+    """
+
+    kind = "joint"
+
+    def __init__(self, kernels: Kernels, tree: Tree, followed: dict[int, tuple[int, float]]) -> None:
+        self.followed = followed
+        super().__init__(kernels, tree, names_of(kernels, tree, followed))
+
+    def placed(self, x: np.ndarray) -> np.ndarray:
+        return self._functions("joint_position", 0.0, x, self.kernels.p0)
+
+    def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.eye(self.n), np.zeros(self.n)
+
+    def _own(self) -> Mapping[int, int]:
+        return {c: k for c, (k, _) in self.followed.items()}
+
+    def made(self, what: Made) -> dict[str, Program]:
+        return assemble_joint_space(self.kernels.programs.equations, self.followed, what)
+
+    def _sizes(self) -> dict[str, int]:
+        n = self.n
+        found = {"inverse": n, "loads": n, "position": self.kernels.n, "screws": 6 * n, "mass": n * (n + 1) // 2, "momenta": 4 + 6 * n}
+        return {f"joint_{name}": size for name, size in found.items()}

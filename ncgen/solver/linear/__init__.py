@@ -1,0 +1,1 @@
+"""Equilibria, small motions beside steady ones, and linear systems for control."""

@@ -1,0 +1,254 @@
+"""Small motions beside a motion: the state matrix on independent coordinates, its eigenvalues and mode shapes; what inputs do to them and
+outputs see of them."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.emit.c.linear import linear_header
+from ncgen.emit.sources import write_text
+from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.model.elements import rate_name
+from ncgen.solver.finite import watched
+from ncgen.solver.formalisms.coordinate_partitioning import Motion, motion_at
+from ncgen.solver.formalisms.dynamics_jacobian import (
+    acceleration_changes,
+    independent_motions,
+    input_accelerations,
+    multiplier_changes,
+    partitioned_jacobian,
+)
+from ncgen.solver.given import Given, checked_kernels, known_name, several
+from ncgen.solver.linear.poles import Pole, poles_of, response_of, zeros_of
+from ncgen.solver.linear.steady import drift
+from ncgen.solver.positions.partition import Partition, Partitions, choose_partitions
+from ncgen.solver.positions.position import solve_position
+from ncgen.solver.runs.run import Initial
+from ncgen.solver.runs.start import given_velocity
+from ncgen.solver.trajectories.outputs import output_slopes, uses_loads
+
+if TYPE_CHECKING:
+    from scipy.signal import StateSpace
+
+ZERO = 1e-6
+"""Eigenvalues below this, relative to the mechanism's rates, are zeros: places, headings and speeds that nothing holds."""
+
+UNSTEADY = (
+    "the motion is neither rest in equilibrium nor steady, so the matrix is that of one instant, and its eigenvalues depend on the "
+    "independent coordinates and say nothing about stability"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """ẋ = A x + B δu, δy = C x + D δu for x = [δz; δż], beside a position and velocity.
+
+    matrix: A (positions + velocities)²; positions, velocities: names of the independent coordinates and velocities
+    B, C, D: by the model's inputs u and its outputs y, whose names are `inputs` and `outputs`
+    shapes: δq = shapes δx (n, len(x)), over all `coordinates`
+    steady: True beside an equilibrium, or a motion that a symmetry of the mechanism carries along (a wheel that rolls, a top that
+        precesses): A is then that of a frame that moves along, in which nothing but small motions is left, and constant. Else A is
+        that of one instant, and its eigenvalues depend on the independent coordinates
+    """
+
+    matrix: np.ndarray
+    positions: tuple[str, ...]
+    velocities: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    shapes: np.ndarray
+    steady: bool = True
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    B: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    C: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    D: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __repr__(self) -> str:
+        ports = f", {len(self.inputs)} inputs, {len(self.outputs)} outputs" if self.inputs or self.outputs else ""
+        return f"<Linearisation beside {self._beside}: {len(self.matrix)} states{ports}>"
+
+    @property
+    def A(self) -> np.ndarray:
+        """The same as `matrix`."""
+        return self.matrix
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of x: independent coordinates, then rates."""
+        return (*self.positions, *map(rate_name, self.velocities))
+
+    @cached_property
+    def poles(self) -> tuple[Pole, ...]:
+        """Poles by frequency, of each pair one, with the names of the coordinates that move in it and their shares."""
+        return poles_of(self.matrix, self.eigenvalues, (*self.positions, *self.velocities))
+
+    def frequency_response(self, w: ArrayLike) -> np.ndarray:
+        """Amplitudes of the outputs, complex, for inputs of amplitude 1 at angular frequencies w (K,) in rad/s: (K, outputs, inputs).
+
+        Raises ModelError without inputs or outputs, for what are no frequencies, and at a pole.
+        """
+        self._check_ports()
+        return response_of(self.matrix, self.B, self.C, self.D, several(w, "w"))
+
+    def zeros(self, output: str | None = None, input: str | None = None) -> np.ndarray:
+        """Zeros (1/s) of an output by an input, by their names; those of the first ones where none is named."""
+        self._check_ports()
+        for name, known, what in ((output, self.outputs, "output"), (input, self.inputs, "input")):
+            if name is not None:
+                known_name(name, known, "zeros", what)
+        i, j = self.outputs.index(output or self.outputs[0]), self.inputs.index(input or self.inputs[0])
+        return zeros_of(self.matrix, self.B[:, j], self.C[i], float(self.D[i, j]))
+
+    def state_space(self) -> StateSpace:
+        """As scipy.signal takes it: `scipy.signal.bode(found.state_space())`, poles, zeros, steps. Raises ModelError without inputs or
+        outputs."""
+        self._check_ports()
+        from scipy.signal import StateSpace
+
+        return StateSpace(self.matrix, self.B, self.C, self.D)
+
+    def to_c(self, path: str | os.PathLike[str]) -> Path:
+        """Write the matrices as a header in C, for a controller or an observer, their places named; returns the path.
+
+        The header's names begin with that of the file. Raises NcgenError if it cannot be written.
+        """
+        place = Path(path)
+        matrices = {"A": self.matrix, "B": self.B, "C": self.C, "D": self.D}
+        names = {"state": self.states, "input": self.inputs, "output": self.outputs}
+        return write_text(place, linear_header(place.stem, self._beside, matrices, names))
+
+    @property
+    def _beside(self) -> str:
+        return "a steady motion or equilibrium" if self.steady else "one instant"
+
+    def _check_ports(self) -> None:
+        for kind, names in (("input", self.inputs), ("output", self.outputs)):
+            if not names:
+                raise ModelError(f"a state space has inputs and outputs: the model has no {kind}; declare it with m.{kind}")
+
+    @cached_property
+    def _pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Eigenvalues and vectors, by frequency, then by decay."""
+        values, vectors = np.linalg.eig(self.matrix)
+        real, imaginary = np.real(values), np.imag(values)
+        order = np.lexsort((np.round(imaginary, 12), real, np.round(np.abs(imaginary), 9)))
+        return values[order], vectors[:, order]
+
+    @property
+    def eigenvalues(self) -> np.ndarray:
+        """All eigenvalues (1/s), complex, by frequency."""
+        return self._pairs[0]
+
+    @property
+    def _swinging(self) -> np.ndarray:
+        """Places of the eigenvalues with a positive imaginary part: one of each pair."""
+        values = self.eigenvalues
+        return np.flatnonzero(np.imag(values) > 1e-9 * np.max(np.abs(values), initial=0.0))
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Frequencies (Hz) of the modes that swing, ascending: |Im| / 2π."""
+        return np.imag(self.eigenvalues[self._swinging]) / (2 * np.pi)
+
+    @property
+    def damping_ratios(self) -> np.ndarray:
+        """Decay over natural frequency of the modes that swing; negative ones grow."""
+        values = self.eigenvalues[self._swinging]
+        return -np.real(values) / np.abs(values)
+
+    def mode(self, k: int) -> dict[str, complex]:
+        """{coordinate: amplitude} of the k-th mode that swings, the largest amplitude being 1."""
+        if not 0 <= k < len(self._swinging):
+            raise ModelError(f"mode {k}: there are {len(self._swinging)} modes that swing, numbered from 0")
+        shape = self.shapes @ self._pairs[1][:, self._swinging[k]]
+        shape = shape / shape[np.argmax(np.abs(shape))]
+        return dict(zip(self.coordinates, shape.tolist(), strict=True))
+
+    @property
+    def stable(self) -> bool:
+        """True if no eigenvalue grows, up to rounding, which of a zero that is there more than once becomes its root."""
+        values, count = self.eigenvalues, len(self.positions)
+        halves = (np.hsplit(half, [count]) for half in np.vsplit(self.matrix, [count]))
+        (own, by_rates), (by_place, damping) = ([np.max(np.abs(part), initial=0.0) for part in half] for half in halves)
+        rate = max(np.max(np.abs(values), initial=0.0), own, damping, np.sqrt(by_rates * by_place))
+        growing = np.real(values)[np.abs(values) > ZERO * rate]
+        return bool(np.max(growing, initial=0.0) <= 1e-8 * np.max(np.abs(values), initial=0.0))
+
+
+def linearise(
+    kernels: Kernels,
+    q: Given | None = None,
+    qd: Given | None = None,
+    t: float = 0.0,
+    p: Given | None = None,
+    z: str | Iterable[str] | None = (),
+) -> Linearisation:
+    """Linearise at a position (default: the initial one) and a velocity (n,) (default: rest), which the constraints allow.
+
+    z: names of the independent coordinates (default: the model's, else found by pivoting)
+    p: parameters, and inputs at the values about which they change
+    Beside a motion that is not `steady` the matrix is that of this instant, with a warning. Exact, from the tangent kernels.
+    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; qd likewise, per second, and p (n_p,); t: s
+    Raises SingularError at a singular position, ModelError where a force of a Python function has no derivative and for what cannot be
+    asked, DomainError naming what is not a number or has a derivative that is none.
+    """
+    initial = Initial.asked(checked_kernels(kernels), q0=q, qd0=qd, z=z, p=p, t0=t, names=("q", "zd", "qd", "t"))
+    t, p = initial.t, initial.p
+    if kernels.model.callbacks:
+        raise ModelError(f"{kernels.name}: forces of Python functions have no derivative; write them as expressions to linearise")
+    q = solve_position(kernels, initial.q, t, p).q
+    partitions = choose_partitions(kernels, q, t, p, initial.z or kernels.model.chosen_independent)
+    velocities, positions = partitions.velocity.independent, partitions.position.independent
+    rates = np.zeros(len(velocities)) if initial.qd is None else given_velocity(kernels, initial.qd, q, t, p)[velocities]
+    kernels = watched(kernels)
+    now = motion_at(kernels, partitions.velocity, t, q, rates, p)
+    swapped = partitioned_jacobian(kernels, partitions, now, p)[:-1, :-1]
+    moving = drift(kernels, partitions, now, swapped, p)
+    if moving is None:
+        warnings.warn(f"{kernels.name}: {UNSTEADY}", stacklevel=2)
+    else:
+        swapped = swapped - moving
+    order = np.roll(np.arange(len(swapped)), len(positions))
+    shapes = np.hstack([independent_motions(kernels, partitions, now, p)[0], np.zeros((kernels.n, len(velocities)))])
+    names = partitions.position.names(kernels), partitions.velocity.names(kernels)
+    ports = kernels.inputs, tuple(kernels.model.outputs), *_ports(kernels, partitions, now, p)
+    return Linearisation(swapped[np.ix_(order, order)], *names, kernels.coordinates, shapes, moving is not None, *ports)
+
+
+def _ports(kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """B, C and D: inputs push, and outputs see positions, velocities, accelerations and inputs."""
+    n, count, velocities = kernels.n, len(kernels.inputs), partitions.velocity.independent
+    pushed = input_accelerations(kernels, now, p, partitions.velocity.rows) if count else np.zeros((n, 0))
+    B = np.vstack([np.zeros((len(partitions.position.independent), count)), pushed[velocities]])
+    if not kernels.model.outputs:
+        return B, np.zeros((0, len(B))), np.zeros((0, count))
+    q_by_z, qd_by_zd, qd_by_z = independent_motions(kernels, partitions, now, p)
+    dq = np.hstack([q_by_z, np.zeros((n, len(velocities)))])
+    dqd = np.hstack([qd_by_z, qd_by_zd])
+    still = np.zeros((n, count))
+    moved = dq, dqd, acceleration_changes(kernels, now, (dq, dqd), p, partitions.velocity.rows), np.zeros((len(p), len(B)))
+    driven = still, still, pushed, np.eye(len(p))[:, len(p) - count :]
+    C, D = (_seen(kernels, partitions.velocity, now, p, each) for each in (moved, driven))
+    return B, C, D
+
+
+def _seen(kernels: Kernels, partition: Partition, now: Motion, p: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
+    """How the outputs change (outputs, k); changes: of q, q̇, q̈ and p in k directions."""
+    *moved, dp = changes
+    dlam = np.zeros((kernels.m, dp.shape[1]))
+    if uses_loads(kernels.model):
+        from ncgen.solver.loads.observed_loads import instant, warn_of_shared
+
+        warn_of_shared(instant(kernels, now.t, now.q, now.qd, p))
+        dlam = multiplier_changes(kernels, partition, now, p, changes)
+    return output_slopes(kernels, now.t, (now.q, now.qd, now.qdd, now.lam), p, np.vstack([*moved, dlam, dp]).T)

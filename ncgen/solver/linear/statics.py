@@ -1,0 +1,105 @@
+"""Equilibria: positions where applied forces and multipliers balance, Φ_qᵀ λ = Q and Φ = 0 at rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver import given
+from ncgen.solver.finite import watched
+from ncgen.solver.given import Given
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.position import solve_position
+from ncgen.solver.positions.rank import null_space, scaled_jacobian
+
+LIMIT = 200
+LONGEST_STEP = 0.2
+"""Largest change of any coordinate in one step, relative to its natural size."""
+
+ENOUGH = 1e-13
+"""Steps, or forces left over, below this are rounding (relative)."""
+
+NEUTRAL = 1e-9
+"""Stiffnesses below this, relative to the largest, count as none."""
+
+KINDS = ("stable", "nearest")
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A position q (n,) at rest, its multipliers (m,), and the stiffnesses of the motions that the constraints allow.
+
+    stiffnesses: eigenvalues (dof,) in J, for motions measured in natural sizes, ascending; stable: all are positive
+    """
+
+    q: np.ndarray
+    lam: np.ndarray
+    stiffnesses: np.ndarray
+    steps: int
+
+    def __repr__(self) -> str:
+        kind = "stable" if self.stable else "not stable"
+        return f"<Equilibrium {kind}: {len(self.q)} coordinates, {len(self.stiffnesses)} degrees of freedom, {self.steps} steps>"
+
+    @property
+    def stable(self) -> bool:
+        largest = np.max(np.abs(self.stiffnesses), initial=0.0)
+        return bool(np.all(self.stiffnesses > NEUTRAL * largest))
+
+
+def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given | None = None, kind: str = "stable") -> Equilibrium:
+    """An equilibrium near q (default: the initial position).
+
+    kind: "stable" goes downhill, with Newton's steps whose stiffnesses are taken positive; "nearest" takes Newton's own steps
+        and may end on a hilltop. A start that is in balance already is kept, stable or not.
+    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,); t: s
+    Raises ConvergenceError with the force that is left over if there is no balance, ModelError for rolling conditions and for
+    arguments that do not fit.
+    """
+    p = given.parameters(kernels, p)
+    if kind not in KINDS:
+        raise ModelError(f"kind {kind!r} is unknown; choose one of {', '.join(KINDS)}")
+    if len(kernels.holonomic) < kernels.m:
+        raise ModelError(f"{kernels.name}: an equilibrium with rolling conditions is one of many; hold the position instead")
+    q = assemble(kernels, q, t, p)
+    left = np.inf
+    for steps in range(LIMIT):
+        basis, pull, stiffness, lam, left = _balance(kernels, q, t, p)
+        values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+        step = _step(pull, stiffness, values, vectors, kind)
+        if left <= ENOUGH or np.max(np.abs(basis @ step), initial=0.0) <= ENOUGH:
+            return Equilibrium(q, lam, values, steps)
+        step = basis @ step
+        step *= min(1.0, LONGEST_STEP / np.max(np.abs(step)))
+        q = solve_position(kernels, q + kernels.column_sizes * step, t, p).q
+    raise ConvergenceError(
+        f"{kernels.name}: no equilibrium found in {LIMIT} steps, {left:.2g} of the forces is left over; start nearer to one, "
+        "or the forces have no balance"
+    )
+
+
+def _balance(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    """Allowed motions N, the force along them, their stiffness, the multipliers, and the share of forces not balanced."""
+    kernels = watched(kernels)
+    rest, sizes = np.zeros(kernels.n), kernels.column_sizes
+    jacobian = scaled_jacobian(kernels, q, t, p)
+    force = sizes * kernels.force(q, rest, t, p)
+    push = np.linalg.lstsq(jacobian.T, force, rcond=1e-9)[0]
+    lam = push / kernels.row_sizes
+    basis = null_space(jacobian)
+    pull = basis.T @ force
+    stiffness = sizes[:, None] * kernels.stiffness(q, rest, rest, lam, t, p).toarray() * sizes
+    size = np.max(np.abs(force) + np.abs(jacobian.T) @ np.abs(push), initial=0.0)
+    return basis, pull, basis.T @ stiffness @ basis, lam, float(np.max(np.abs(pull), initial=0.0) / max(size, 1e-300))
+
+
+def _step(pull: np.ndarray, stiffness: np.ndarray, values: np.ndarray, vectors: np.ndarray, kind: str) -> np.ndarray:
+    if not len(pull):
+        return pull
+    if kind == "nearest":
+        return np.linalg.lstsq(stiffness, pull, rcond=NEUTRAL)[0]
+    floor = max(NEUTRAL * np.max(np.abs(values)), NEUTRAL * np.max(np.abs(pull)), 1e-300)  # what it lets pass is cut to LONGEST_STEP
+    return vectors @ ((vectors.T @ pull) / np.maximum(np.abs(values), floor))

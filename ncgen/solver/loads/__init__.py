@@ -1,0 +1,1 @@
+"""Forces that a motion needs: between bodies, of drivers, of motors."""

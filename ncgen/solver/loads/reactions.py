@@ -1,0 +1,178 @@
+"""Loads between bodies.
+
+Bodies that share a point or a vector have no joint equations, so multipliers are not joint loads. The load on a
+body follows from its own balance, f = M_b q̈ − Q_b + Φ_{q,b}ᵀ λ_b, over the rows and masses it owns
+(natural coordinates, 2.10): on a shared point f is the joint force, on a shared unit vector u it means the
+moment u × f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.model.elements import Element, Point, Vector
+from ncgen.solver import geometry
+from ncgen.solver.given import offer
+from ncgen.solver.loads.sharing import Share, find_shared, kernels_of
+from ncgen.symbolic.equations import build_springs
+
+if TYPE_CHECKING:
+    from ncgen.solver.trajectories.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Reactions:
+    """Loads on bodies along a trajectory, from their joints.
+
+    loads: {body: {coordinate: (K,)}} generalised forces, over the fixed coordinates of the body too
+    determinate: {body: {coordinate of its elements: bool}}: True where the balances leave one value only, of the force on a point and
+        of the moment through a vector. Where it is False, one of many possible distributions is given
+    shared: a sentence for every load whose share is arbitrary, such as "door: A.z and B.z share 98.1 N"
+    changes: {instant: (loads, k)}: what can be added at some instants to all forces (N) and moments (N m), as of `felt`
+    """
+
+    run: Trajectory
+    loads: dict[str, dict[str, np.ndarray]]
+    determinate: dict[str, dict[str, bool]]
+    shared: tuple[str, ...]
+    changes: dict[int, np.ndarray]
+
+    def __repr__(self) -> str:
+        what = f"{len(self.shared)} shared arbitrarily" if self.shared else "all unique"
+        return f"<Reactions {self.run.name}: loads on {', '.join(self.loads)}; {what}>"
+
+    @property
+    def is_determinate(self) -> bool:
+        """True if every load on every body is unique."""
+        return all(all(each.values()) for each in self.determinate.values())
+
+    @property
+    def felt(self) -> np.ndarray:
+        """All forces on points and moments through vectors (K, loads), three an element, body after body."""
+        parts = [
+            self.moment(body.name, e.name) if isinstance(e, Vector) else self.force(body.name, e.name)
+            for body in self.run.model.bodies.values()
+            for e in body.elements
+        ]
+        return np.hstack([np.zeros((len(self.run.t), 0)), *parts])
+
+    def force(self, body: str, point: str) -> np.ndarray:
+        """Joint force (N) on a body at one of its points, global axes, shape (K, 3); at a fixed point, that of the ground."""
+        return self._load(body, self._element(body, point))
+
+    def moment(self, body: str, vector: str) -> np.ndarray:
+        """Joint moment (N m) on a body through one of its unit vectors, shape (K, 3)."""
+        thing = self._element(body, vector)
+        return np.cross(geometry.element(self.run.kernels, thing, self.run.q, self.run.p), self._load(body, thing))
+
+    def wrench(self, body: str, about: str, beside: str | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Force (N) and moment (N m) about a named point of joint loads on a body, global axes, (K, 3) each.
+
+        about: any point of the model; beside: the body on the other side of the joint, or "ground"; None for all joints of the body
+        Raises ModelError where both share nothing, or something with a third body, whose load cannot be told from theirs.
+        """
+        run, elements = self.run, self._shared(body, beside)
+        place = geometry.element(run.kernels, self._point(about), run.q, run.p)
+        force, moment = np.zeros_like(place), np.zeros_like(place)
+        for element in elements:
+            if isinstance(element, Vector):
+                moment += self.moment(body, element.name)
+            else:
+                load = self.force(body, element.name)
+                force += load
+                moment += np.cross(geometry.element(run.kernels, element, run.q, run.p) - place, load)
+        return force, moment
+
+    def _shared(self, body: str, beside: str | None) -> list[Element]:
+        """What a body shares with another one; all of its elements without one."""
+        if body not in self.loads:
+            raise ModelError(f"there is no body {body}; {offer(body, tuple(self.loads), 'the bodies are')}")
+        mine: list[Element] = list(self.run.model.bodies[body].elements)
+        if beside is None:
+            return mine
+        bodies, ground = self.run.model.bodies, self.run.model.ground.name
+        if beside not in (ground, *bodies):
+            raise ModelError(f"beside: there is no body {beside}; {offer(beside, (ground, *bodies), 'the bodies are')}")
+        theirs = [e for e in mine if (e.fixed if beside == ground else e in bodies[beside].elements)]
+        if not theirs:
+            raise ModelError(f"body {body} shares no point and no vector with {beside}")
+        for element in theirs:
+            others = [name for name, other in bodies.items() if name not in (body, beside) and element in other.elements]
+            others += [ground] if element.fixed and beside != ground else []
+            if others:
+                raise ModelError(
+                    f"{element.name} joins {body} and {beside} with {others[0]}, too, so the wrench between two of them is not known; "
+                    "leave beside out for that of all joints"
+                )
+        return theirs
+
+    def _point(self, name: str) -> Point:
+        found = self.run.model.elements.get(name)
+        if not isinstance(found, Point):
+            points = tuple(e.name for e in self.run.model.elements.values() if isinstance(e, Point))
+            raise ModelError(f"about: there is no point {name}; {offer(name, points, 'the points are')}")
+        return found
+
+    def _load(self, body: str, element: Element) -> np.ndarray:
+        return np.stack([self.loads[body][c.name] for c in element.components], axis=-1)
+
+    def _element(self, body: str, name: str) -> Element:
+        if body not in self.loads:
+            raise ModelError(f"there is no body {body}; {offer(body, tuple(self.loads), 'the bodies are')}")
+        mine = {e.name: e for e in self.run.model.bodies[body].elements}
+        if name not in mine:
+            raise ModelError(f"body {body} has no element {name}; {offer(name, tuple(mine))}")
+        return mine[name]
+
+
+def reactions(run: Trajectory) -> Reactions:
+    """The loads on every body at every instant of a trajectory.
+
+    Where the balances leave a load open, one of many possible distributions is given (rows that are not kept carry nothing);
+    `determinate` and `shared` say so.
+    """
+    shares = [Share(run, body) for body in run.model.bodies.values()]
+    pulls, loads, felt = _pulls(run), {}, {}
+    for share in shares:
+        mine = pulls.get(share.body.name, {})
+        history = np.array([_load(share, run, k) for k in range(len(run.t))])
+        history -= np.array([mine.get(c, 0.0 * run.t) for c in share.coordinates]).T
+        loads[share.body.name] = dict(zip(share.coordinates, history.T, strict=True))
+        felt[share.body.name] = _felt(run, share, history)
+    found = find_shared(run, shares, felt)
+    return Reactions(run, loads, found.unique, found.shared, found.changes)
+
+
+def _pulls(run: Trajectory) -> dict[str, dict[str, np.ndarray]]:
+    """{body: {coordinate: (K,)}} forces of springs and potentials, each on the first body that has the coordinate."""
+    if not (found := build_springs(run.model)).forces:
+        return {}
+    springs = kernels_of(found)
+    history = np.array([springs.force(q, qd, t, run.p) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)])
+    pulls: dict[str, dict[str, np.ndarray]] = {}
+    for name, column in zip(run.coordinates, history.T, strict=True):
+        for body in run.model.bodies.values():
+            if any(c.name == name for e in body.elements for c in e.components):
+                pulls.setdefault(body.name, {})[name] = column
+                break
+    return pulls
+
+
+def _load(share: Share, run: Trajectory, k: int) -> np.ndarray:
+    """f = M q̈ − Q + Φ_qᵀ λ of one body at instant k, over its own and all free coordinates."""
+    t, p, part = run.t[k], run.kernels.present(run.t[k], run.p), share.kernels
+    q, qd, qdd = share.position(run.q[k]), share.rate(run.qd[k]), share.rate(run.qdd[k])
+    return part.mass(q, t, p) @ qdd - part.force(q, qd, t, p) + part.phi_q(q, t, p).T @ run.lam[k]
+
+
+def _felt(run: Trajectory, share: Share, history: np.ndarray) -> np.ndarray:
+    """Forces (N) on points and moments (N m) through vectors of a body, (K, elements, 3)."""
+    felt = history[:, share.own].reshape(len(history), -1, 3)
+    for i, element in enumerate(share.body.elements):
+        if isinstance(element, Vector):
+            felt[:, i] = np.cross(geometry.element(run.kernels, element, run.q, run.p), felt[:, i])
+    return felt

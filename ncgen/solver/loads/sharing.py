@@ -1,0 +1,242 @@
+"""Which joint loads are unique, and what shares those that are not.
+
+A body in balance stays so when loads are added to it that balance one another. Those are its internal loads: all that do no work
+in its rigid motions, whether the model has rows for them or not (rows between fixed elements vanish, and a length that two bodies
+share has one row only). What is added everywhere at once has to cancel on every free coordinate, where bodies meet each other and
+the rows that belong to no body (joints, angles, drivers); fixed coordinates take anything. A load is unique if none of this reaches it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import orth
+from scipy.sparse.csgraph import connected_components
+
+from ncgen.emit.sources import Sources
+from ncgen.mechanism.numpy_module import NumPyKernels
+from ncgen.model.bodies import Body
+from ncgen.model.elements import AXES, Point, Vector
+from ncgen.model.rows import Owner
+from ncgen.program.assemble import assemble
+from ncgen.solver import geometry
+from ncgen.solver.given import shortened
+from ncgen.solver.positions.rank import RELATIVE_ZERO, null_space, scaled_jacobian, sparse_jacobian
+from ncgen.symbolic.equations import Equations, build_equations
+
+if TYPE_CHECKING:
+    from ncgen.solver.trajectories.trajectory import Trajectory
+
+LOOKS = 9
+"""Instants of a motion that are looked at: directions turn, and at one of them a share may just point past a coordinate."""
+
+REACHED = 1e-7
+"""A load is reached where more than this part of loads of size 1 arrives."""
+
+NOTHING = 1e-9
+"""Loads below this, relative to a body's largest, are none."""
+
+STEADY = 1e-3
+"""Totals that vary less, relatively, are said as one number."""
+
+
+class Share:
+    """The rows, masses and forces that one body owns, as kernels of their own over its fixed coordinates, too."""
+
+    def __init__(self, run: Trajectory, body: Body) -> None:
+        self.body = body
+        self.kernels = kernels_of(build_equations(run.model, Owner("body", body.name)))
+        self.coordinates = self.kernels.coordinates
+        index = run.kernels.index
+        self._free = np.array([k for k, name in enumerate(self.coordinates) if name in index], dtype=int)
+        self._from = np.array([index[self.coordinates[k]] for k in self._free], dtype=int)
+        fixed = {c.name: c for e in body.elements for c in e.components if c.fixed}
+        values = {name: geometry.component(run.kernels, c, run.q[0], run.p) for name, c in fixed.items()}
+        self._still = np.array([values.get(name, 0.0) for name in self.coordinates])
+
+    def position(self, q: np.ndarray) -> np.ndarray:
+        """A position over the share's coordinates: free ones from q (n,), released ones as they are fixed."""
+        found = self._still.copy()
+        found[self._free] = q[self._from]
+        return found
+
+    def rate(self, qd: np.ndarray) -> np.ndarray:
+        """Velocities or accelerations likewise; released coordinates stand still."""
+        found = np.zeros(len(self.coordinates))
+        found[self._free] = qd[self._from]
+        return found
+
+    @property
+    def own(self) -> np.ndarray:
+        """Where the components of the body's elements stand, three by three."""
+        return np.array([self.kernels.index[c.name] for e in self.body.elements for c in e.components], dtype=int)
+
+
+def kernels_of(equations: Equations) -> NumPyKernels:
+    """Kernels of a part of a mechanism."""
+    return NumPyKernels(Sources(assemble(equations, "tabled")))
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """unique: {body: {coordinate of its elements: bool}}; shared: a sentence for every load that several supports share.
+
+    changes: {instant: (loads, k)}: what can be added to all forces (N) and moments (N m), three an element, body after body
+    """
+
+    unique: dict[str, dict[str, bool]]
+    shared: tuple[str, ...]
+    changes: dict[int, np.ndarray]
+
+
+def find_shared(run: Trajectory, shares: list[Share], loads: dict[str, np.ndarray]) -> Findings:
+    """What is unique along a motion.
+
+    loads: {body: (K, elements, 3)}: forces (N) on points, moments (N m) through vectors
+    Positions where more is free to choose than at others are singular and left out, unless the motion stays there.
+    """
+    looks = np.unique(np.linspace(0, len(run.t) - 1, LOOKS).round().astype(int))
+    idle = [_idle_axes(share.body, loads[share.body.name]) for share in shares]
+    changes = [_changes(run, shares, idle, run.t[k], run.q[k]) for k in map(int, looks)]
+    least = min(found[0].shape[1] for found in changes) if shares else 0
+    unique, sentences = {}, []
+    for b, share in enumerate(shares):
+        together = sum(np.abs(found[b] @ found[b].T) for found in changes if found[b].shape[1] == least)
+        reached = np.diag(together) > REACHED**2
+        names = [c.name for e in share.body.elements for c in e.components]
+        unique[share.body.name] = dict(zip(names, (~reached).tolist(), strict=True))
+        groups = connected_components(together > REACHED**2, directed=False)[1] if len(names) else []
+        for group in dict.fromkeys(np.asarray(groups)[reached].tolist()):
+            sentences.append(_sentence(share.body, (groups == group).reshape(-1, 3), loads[share.body.name]))
+    units = np.concatenate([_units(share) for share in shares]) if shares else np.zeros(0)
+    kept = zip(map(int, looks), changes, strict=True)
+    some = {k: np.vstack(found) for k, found in kept if found and found[0].shape[1] == least}
+    added = {k: np.where(np.abs(found) > REACHED, found, 0.0) / units[:, None] for k, found in some.items()}
+    return Findings(unique, tuple(sentences), added)
+
+
+def _units(share: Share) -> np.ndarray:
+    """How many natural units a load on each component of a body's elements is: a length for forces (m), 1 for moments."""
+    return np.array([share.kernels.length if isinstance(e, Point) else 1.0 for e in share.body.elements for _ in AXES])
+
+
+# -- what can be added ----------------------------------------------------------------------------
+
+
+def _changes(run: Trajectory, shares: list[Share], idle: list[np.ndarray], t: float, q: np.ndarray) -> list[np.ndarray]:
+    """For every body what can be added to the loads on its elements, columns of one basis; in natural units (moments)."""
+    n, index = run.kernels.n, run.kernels.index
+    rows = [_own_rows(share, q, t, run.p) for share in shares]
+    bases = [
+        _internal_loads(share, q, axes, own, _rows_on(share, shares, rows)) for share, axes, own in zip(shares, idle, rows, strict=True)
+    ]
+    free = []
+    for share, basis in zip(shares, bases, strict=True):
+        part = np.zeros((n, basis.shape[1]))
+        for name, row in zip(share.coordinates, basis, strict=True):
+            if name in index:
+                part[index[name]] = row
+        free.append(part)
+    owned = {Owner("body", share.body.name) for share in shares}
+    others = [i for i, row in enumerate(run.kernels.rows) if row.owner not in owned]
+    free.append(scaled_jacobian(run.kernels, q, t, run.p)[others].T)
+    chosen = null_space(np.hstack(free))
+    ends = np.cumsum([basis.shape[1] for basis in bases], dtype=int)
+    parts = np.split(chosen, ends)[: len(bases)]
+    return [_felt(share, basis @ part, q) for share, basis, part in zip(shares, bases, parts, strict=True)]
+
+
+def _own_rows(share: Share, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
+    """The rows of Φ_q that a body owns and that do not vanish, over its share's coordinates, in natural sizes."""
+    rows = sparse_jacobian(share.kernels, share.position(q), t, p)
+    return rows[np.unique(rows.nonzero()[0])].toarray()
+
+
+def _internal_loads(share: Share, q: np.ndarray, idle: np.ndarray, own_rows: np.ndarray, rows_on: np.ndarray) -> np.ndarray:
+    """An orthonormal basis of a body's internal loads over its share's coordinates.
+
+    A body whose rows the user wrote is rigid only as far as these rows say; between its fixed elements it is in any case.
+    """
+    motions, own = _rigid_motions(share, q, idle), share.own
+    held = (
+        np.ones(len(own), dtype=bool)
+        if share.body.rigid
+        else np.array([c.fixed for e in share.body.elements for c in e.components], dtype=bool)
+    )
+    balanced = np.zeros((len(share.coordinates), held.sum()))
+    balanced[own[held]] = np.eye(held.sum())
+    balanced = balanced @ null_space(motions[held].T)
+    return orth(np.hstack([balanced, own_rows.T, rows_on]), rcond=RELATIVE_ZERO)
+
+
+def _rigid_motions(share: Share, q: np.ndarray, idle: np.ndarray) -> np.ndarray:
+    """Velocities of a body's elements in natural units, columns: three translations, three rotations; along idle axes any."""
+    elements, x = share.body.elements, share.position(q)[share.own].reshape(-1, 3)
+    is_point = np.array([isinstance(e, Point) for e in elements], dtype=float)[:, None]
+    size = share.kernels.length
+    arms = np.where(is_point, (x - x[:1]) / size, x)
+    columns = [is_point * axis for axis in np.eye(3)] + [np.cross(axis, arms) for axis in np.eye(3)]
+    anything = np.eye(3 * len(elements))[np.tile(idle, len(elements))]
+    return np.vstack([np.reshape(columns, (6, 3 * len(elements))), anything]).T
+
+
+def _rows_on(share: Share, shares: list[Share], rows: list[np.ndarray]) -> np.ndarray:
+    """Rows that other bodies own between elements of this one, columns; a rigid body needs none of them."""
+    place, found = {share.coordinates[k]: k for k in share.own}, []
+    for other, matrix in zip(shares, rows, strict=True):
+        if share.body.rigid or other is share:
+            continue
+        for row in matrix:
+            touched = [other.coordinates[k] for k in np.flatnonzero(row)]
+            if all(name in place for name in touched):
+                column = np.zeros(len(share.coordinates))
+                column[[place[name] for name in touched]] = row[row != 0]
+                found.append(column)
+    return np.array(found).reshape(-1, len(share.coordinates)).T
+
+
+def _felt(share: Share, change: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Changes (3 · elements, k) of forces on points and of moments through vectors."""
+    felt, x = change[share.own], share.position(q)[share.own].reshape(-1, 3)
+    for i, element in enumerate(share.body.elements):
+        if isinstance(element, Vector):
+            felt[3 * i : 3 * i + 3] = np.cross(x[i], felt[3 * i : 3 * i + 3], axisb=0, axisc=0)
+    return felt
+
+
+def _idle_axes(body: Body, loads: np.ndarray) -> np.ndarray:
+    """Axes along which no element of a body moves and no force acts (3,): across a plane mechanism there is nothing to share."""
+    points = [e for e in body.elements if isinstance(e, Point)]
+    across = np.array([all(e.components[k].fixed for e in body.elements) for k in range(3)])
+    forces = np.max(np.abs(loads[:, : len(points)]), axis=(0, 1), initial=0.0)
+    return across & (forces <= NOTHING * np.max(np.abs(loads), initial=0.0))
+
+
+# -- in words -------------------------------------------------------------------------------------
+
+
+def _sentence(body: Body, group: np.ndarray, loads: np.ndarray) -> str:
+    """Who shares, and how much it is together: of loads that balance one another the sum does not depend on the share."""
+    is_point = np.array([isinstance(e, Point) for e in body.elements])
+    names = []
+    for element, point, members in zip(body.elements, is_point, group, strict=True):
+        name = element.name if point else f"the moment through {element.name}"
+        if members.all():
+            names.append(name)
+        elif point:
+            names += [f"{name}.{axis}" for axis, member in zip(AXES, members, strict=True) if member]
+        elif members.any():
+            names.append(f"{name} about {' and '.join(axis for axis, member in zip(AXES, members, strict=True) if member)}")
+    forces, moments = is_point & group.any(axis=1), ~is_point & group.any(axis=1)
+    total = _total(group[forces] * loads[:, forces], "N") if forces.any() else _total(group[moments] * loads[:, moments], "N m")
+    listed = f"{', '.join(names[:-1])} and {names[-1]}" if len(", ".join(names)) < 150 else shortened(names)
+    return f"{body.name}: {listed} share {total}{' and a moment' if forces.any() and moments.any() else ''}"
+
+
+def _total(loads: np.ndarray, unit: str) -> str:
+    sizes, largest = np.linalg.norm(loads.sum(axis=1), axis=-1), np.max(np.abs(loads), initial=0.0)
+    if sizes.max() <= NOTHING * largest:
+        return f"0 {unit}"
+    return f"{'up to ' if np.ptp(sizes) > STEADY * sizes.max() else ''}{sizes.max():.3g} {unit}"

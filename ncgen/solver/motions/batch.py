@@ -1,0 +1,325 @@
+"""Simulations of many initial states or parameter sets of one mechanism, several side by side."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import ModelError, NcgenError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
+from ncgen.solver.engines.compiled import GROWTH
+from ncgen.solver.given import checked_kernels, finite, names_of
+from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.states import BatchGiven, Choice, States, those_in_lanes
+from ncgen.solver.positions.position import TOLERANCE
+from ncgen.solver.runs.run import Run, count
+from ncgen.solver.runs.signals import Signal
+from ncgen.solver.runs.telling import Told, telling
+from ncgen.solver.runs.tolerances import Tolerances
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.batch_runs import LaneOutcome
+
+INTERRUPTED = "interrupted"
+"""The status of a state that was on its way, or had not begun, when the batch was ended from outside."""
+
+MOST_STEPS = 1_000_000
+"""Steps with error control after which a state of a batch is given up."""
+
+
+@dataclass(frozen=True, eq=False)
+class BatchTrajectory:
+    """The motions of B states.
+
+    t (points,): the time grid (s); q, qd (B, points, n); work (B, points): J, of drivers and forces without a potential
+    independent: names of the independent coordinates
+    status (B,): "ok", "interrupted", or a sentence that says why a state did not arrive; its rows from there on are NaN
+    steps (B,): accepted ones
+    alone (B,): states that could not go on with the others, mostly since their independent coordinates became bad, so that
+        they were simulated one at a time
+    """
+
+    kernels: Kernels
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+    independent: tuple[str, ...]
+    status: tuple[str, ...]
+    steps: np.ndarray
+    alone: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"<BatchTrajectory {self.kernels.name}: {int(self.ok.sum())} of {len(self.q)} states arrived at {self.t[-1]:g} s>"
+
+    @property
+    def ok(self) -> np.ndarray:
+        """Which states arrived, (B,)."""
+        return np.array([s == "ok" for s in self.status])
+
+
+@dataclass(frozen=True, eq=False)
+class BatchAccelerations:
+    """What B states of a mechanism do: q (B, n), closed; zdd (B, nz): accelerations of the independent coordinates.
+
+    qd (B, n): all velocities, None if they were not asked for; independent: names of the independent coordinates
+    ok (B,): False where a position does not close, the mechanism is singular or a number is not finite; rows are NaN there
+    status (B,): "ok", or which of these: "not converged", "singular" or "domain"
+    """
+
+    q: np.ndarray
+    qd: np.ndarray | None
+    zdd: np.ndarray
+    codes: np.ndarray = field(repr=False)
+    choice: Choice = field(repr=False)
+
+    def __repr__(self) -> str:
+        return f"<BatchAccelerations of {', '.join(self.independent)}: {int(self.ok.sum())} of {len(self.q)} states>"
+
+    @property
+    def ok(self) -> np.ndarray:
+        """Which states have accelerations, (B,)."""
+        return self.codes == 0
+
+    @property
+    def status(self) -> tuple[str, ...]:
+        """Words for every state."""
+        from ncgen.mechanism.library import STATUS
+
+        return tuple(STATUS[code] for code in self.codes.tolist())
+
+    @property
+    def independent(self) -> tuple[str, ...]:
+        """Names of the independent coordinates."""
+        return self.choice.names
+
+
+def accelerations_batch(
+    kernels: Kernels,
+    q: BatchGiven,
+    zd: BatchGiven,
+    *,
+    p: BatchGiven | None = None,
+    t: float = 0.0,
+    z: str | Iterable[str] | None = None,
+    velocities: bool = False,
+    threads: int | None = 1,
+    out: BatchAccelerations | None = None,
+) -> BatchAccelerations:
+    """The state derivative of many states at a time, for an integrator, an optimiser or a sampler of one's own.
+
+    q: (B, n) in m and rad, nearly closed: the dependent coordinates are brought onto the constraints by Newton's method; zd: (B, nz) in
+    the same per second, in the order of z, or {name: number, or one a state}; p: (B, n_p), (n_p,) or by name, too; t: s; z: names of
+    the independent coordinates, chosen at the first regular state if not given
+    velocities: whether all velocities are wanted, too; threads: None for one on every processor that this process may use
+    out: results of before, whose arrays are filled again and whose independent coordinates stay. Positions may stay where
+    they are (q = out.q): with less to move through memory all is found the faster
+    Raises ModelError as `simulate_batch` does.
+    """
+    checked_kernels(kernels)
+    t, z, threads = finite(t, "t"), names_of(z, "z", kernels.coordinates), asked_threads(threads)
+    if out is not None and (z or out.choice.kernels is not kernels):
+        raise ModelError(f"{kernels.name}: out has results of {out.choice.kernels.name} with its own z; leave z or out out")
+    if out is None:
+        states = States.of(kernels, q, zd, p, t, z, Method.of("coordinate-partitioning", "dopri5"))
+    else:
+        states = States.of(kernels, q, zd, p, t, z, None, out.choice)
+    if out is not None:
+        arrays = _places(kernels, out, states)
+    else:
+        arrays = np.empty(states.q.shape), np.empty(states.q.shape) if velocities else None, np.empty(states.zd.shape)
+    codes = states.choice.lanes.accelerate(t, states.q, states.zd, states.p, arrays, threads, tolerance=TOLERANCE)
+    return BatchAccelerations(*arrays, codes, states.choice)
+
+
+def _places(kernels: Kernels, out: BatchAccelerations, states: States) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+    """The arrays of results of before, where C may write. Raises ModelError for others."""
+    from ncgen.mechanism.arguments import place
+
+    if len(out.q) != len(states.q):
+        raise ModelError(f"{kernels.name}: out has results of {len(out.q)} states; {len(states.q)} are needed, or leave it out")
+    q, zd, p = states.q, states.zd, states.p
+    stays = q.ctypes.data == out.q.ctypes.data and q.shape == out.q.shape
+    place(out.q, q.shape, f"{kernels.name}: out.q", (zd, p) if stays else (q, zd, p))
+    if out.qd is not None:
+        place(out.qd, q.shape, f"{kernels.name}: out.qd", (q, zd, p, out.q))
+    place(out.zdd, zd.shape, f"{kernels.name}: out.zdd", (q, zd, p, out.q))
+    return out.q, out.qd, out.zdd
+
+
+def simulate_batch(
+    kernels: Kernels,
+    duration: float,
+    *,
+    q0: BatchGiven | None = None,
+    zd0: BatchGiven | None = None,
+    p: BatchGiven | None = None,
+    t0: float = 0.0,
+    z: str | Iterable[str] | None = None,
+    integrator: str = "dopri5",
+    rtol: float = 1e-8,
+    atol: float | None = None,
+    max_step: float = np.inf,
+    points: int | ArrayLike = 2,
+    inputs: Mapping[str, Signal] | None = None,
+    threads: int | None = None,
+    progress: Told = None,
+) -> BatchTrajectory:
+    """Simulate a mechanism from many states, with many parameter sets, or both.
+
+    q0: (B, n) or (n,) for all, in m and rad, assembled where open; zd0: (B, nz) or (nz,), in the same per second, in the order of z;
+        p: (B, n_p) or (n_p,). Or each
+        of them by name, {name: number, or an array with one for every state}; those not named have their defaults
+    integrator: dopri5 or dop853 (each state with its own steps) or rk4 (fixed step max_step)
+    inputs: what drives all states alike, as in `simulate`; a number for each state stands in p. Where one changes with time the states are
+        simulated one after the other by `simulate` in C
+    threads: None for one on every processor that this process may use
+    progress: called now and then with the share of the states that are done, from 0 to 1; True for a bar. What it raises ends the batch,
+        and so does Ctrl-C: it is raised again, with what was found in its `trajectory`, where the other states are "interrupted"
+    Everything else as in `simulate`, of which each state is one run with coordinate partitioning. The independent
+    coordinates are chosen at the first regular state; where they become bad, that state is simulated by `simulate` in C. A state
+    that cannot go on, or takes a million steps, costs nothing but itself: its status says why.
+    Raises ModelError where the mechanism cannot be simulated so, shapes do not fit, or no state has a start. One warning sums
+    up what `simulate` warned of.
+    """
+    run = Run.asked(
+        checked_kernels(kernels), duration, formalism="coordinate-partitioning", integrator=integrator, rtol=rtol, atol=atol, points=points,
+        max_step=max_step, inputs=inputs, progress=progress, t0=t0, z=z,
+    )  # fmt: skip
+    threads, method = asked_threads(threads), in_lanes(kernels, run)
+    states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True)
+    if inputs:
+        held, p = [kernels.parameters.index(name) for name in inputs], states.p.copy()
+        p[:, held] = run.initial.p[held]
+        states = replace(states, p=p)
+    if not np.isfinite(states.zd).all(axis=1).any():
+        raise ModelError(f"{kernels.name}: zd0 has numbers that are not finite in every state; correct them")
+    with telling(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as told:
+        return side_by_side(kernels, run, method, states, threads, told, inputs if run.signals else None)
+
+
+def side_by_side(
+    kernels: Kernels,
+    run: Run,
+    method: Method,
+    states: States,
+    threads: int | None,
+    progress: Callable[[float], None] | None,
+    inputs: Mapping[str, Signal] | None = None,
+) -> BatchTrajectory:
+    """The motions of states that have a choice of independent coordinates in common, each with the bits that it has in any other batch.
+
+    run: its times and tolerances; threads, progress: as of `simulate_batch`; inputs: what changes with time, which lanes cannot follow
+    """
+    done = _not_begun(run, states) if inputs else _in_lanes(kernels, run, method, states, threads, progress)
+    exhausted = np.flatnonzero((done.steps >= MOST_STEPS) & (np.array(done.status) != "ok"))
+    for i in exhausted:
+        done.status[i] = (
+            f"{kernels.name}: {MOST_STEPS} steps came no further than t = {done.reached[i]:.6g} s; the state may be stiff, simulate it "
+            "alone with integrator='radau', or take larger tolerances"
+        )
+    for i, fault in states.faults.items():
+        done.status[i] = fault
+    alone = np.array([status not in ("ok", INTERRUPTED) for status in done.status])
+    alone[[*exhausted, *states.faults]] = False
+    batch = _Batch(kernels, run.times, states, done, alone, progress)
+    options = dict(
+        t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol, max_step=run.max_step,
+        inputs=inputs,
+    )  # fmt: skip
+    try:
+        if INTERRUPTED in done.status:
+            raise done.raised or KeyboardInterrupt()
+        batch.go_on_alone(run.duration, options)
+    except BaseException as raised:
+        vars(raised)["trajectory"] = batch.trajectory()
+        raise
+    return batch.trajectory()
+
+
+def _in_lanes(
+    kernels: Kernels, run: Run, method: Method, states: States, threads: int | None, progress: Callable[[float], None] | None
+) -> LaneOutcome:
+    sizes = kernels.column_sizes[states.choice.places]
+    tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
+    return states.choice.lanes.simulate(
+        method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, tolerance=TOLERANCE, growth=GROWTH,
+        max_step=0.0 if np.isinf(run.max_step) else run.max_step, max_steps=MOST_STEPS, **tolerances,
+    )  # fmt: skip
+
+
+def _not_begun(run: Run, states: States) -> LaneOutcome:
+    """What is known of states before they are simulated one at a time."""
+    from ncgen.mechanism.batch_runs import LaneOutcome
+
+    count, n = states.q.shape
+    rows = np.full((count, len(run.times), n), np.nan)
+    status, steps, reached = ["not begun"] * count, np.zeros(count, dtype=int), np.full(count, run.times[0])
+    return LaneOutcome(rows, rows.copy(), rows[:, :, 0].copy(), status, steps, reached)
+
+
+def in_lanes(kernels: Kernels, run: Run) -> Method:
+    """The method of a batch. Raises ModelError where the choice is left open."""
+    if run.formalism is None or run.integrator is None:
+        raise ModelError(f"{kernels.name}: a batch has no choice of its own; name one of {those_in_lanes()}")
+    return Method(run.formalism, run.integrator)
+
+
+@dataclass
+class _Batch:
+    """A batch after its run in lanes. alone: states that are still to be simulated one at a time."""
+
+    kernels: Kernels
+    grid: np.ndarray
+    states: States
+    done: LaneOutcome
+    alone: np.ndarray
+    progress: Callable[[float], None] | None
+
+    def trajectory(self) -> BatchTrajectory:
+        done = self.done
+        names, status = self.states.choice.names, tuple(done.status)
+        return BatchTrajectory(self.kernels, self.grid, done.q, done.qd, done.work, names, status, done.steps, self.alone)
+
+    def go_on_alone(self, duration: float, options: dict[str, Any]) -> None:
+        """Simulate those that could not go on with the others; what they warn of is said once."""
+        done, left = self.done, np.flatnonzero(self.alone).tolist()
+        for i in left:
+            done.status[i] = INTERRUPTED  # until it is done
+        warned = []
+        for k, i in enumerate(left):
+            if self.progress:
+                self.progress(1.0 - (len(left) - k) / len(done.status))
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                done.status[i] = self._simulate(i, duration, options)
+            warned += [f"state {i}: {caught[0].message}"] if caught else []
+        if self.progress:
+            self.progress(1.0)
+        if warned:
+            said = f"{len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}"
+            warnings.warn(f"{self.kernels.name}: {said}", stacklevel=4)
+
+    def _simulate(self, i: int, duration: float, options: dict[str, Any]) -> str:
+        """Simulate one state; its status."""
+        done, states = self.done, self.states
+        start = dict(q0=states.q[i], zd0=states.zd[i], p=states.p[i], z=states.choice.names)
+        try:
+            run = simulate(self.kernels, duration, engine="c", **start, **options)  # in Python a hopeless state takes very long
+        except NcgenError as error:
+            return str(error)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            return f"{self.kernels.name}: a calculation failed ({' '.join(str(error).split())}); correct this state"
+        done.q[i], done.qd[i], done.work[i], done.steps[i] = run.q, run.qd, run.work, run.statistics.steps
+        return "ok"
+
+
+def asked_threads(threads: int | None) -> int | None:
+    """How many threads, None for all. Raises ModelError for anything but a positive whole number."""
+    return None if threads is None else count(threads, "threads", 1, "give a positive whole number, or None for all processors")

@@ -1,0 +1,303 @@
+"""A simulation: from a position and velocities to a trajectory."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularError
+from ncgen.mechanism.corners import corners
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import AUTO
+from ncgen.solver.engines import compiled
+from ncgen.solver.engines.segments import in_segments
+from ncgen.solver.given import Given, checked_kernels
+from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
+from ncgen.solver.positions.position import CONSISTENT
+from ncgen.solver.positions.rank import freedom_at
+from ncgen.solver.runs.alarms import doubts, looks
+from ncgen.solver.runs.choice import IMPLICIT, Choice, choose, stiff_choice
+from ncgen.solver.runs.path import Path
+from ncgen.solver.runs.run import EMITTED, Form, Run
+from ncgen.solver.runs.signals import Signal
+from ncgen.solver.runs.start import Start, begin
+from ncgen.solver.runs.task import Task
+from ncgen.solver.runs.telling import Told, telling
+from ncgen.solver.runs.tolerances import Tolerances
+from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
+
+MANY = 100
+"""Degrees of freedom from which coordinate partitioning, whose matrices are dense, is worth a warning."""
+
+
+def simulate(
+    kernels: Kernels,
+    duration: float,
+    *,
+    formalism: str = "auto",
+    integrator: str = "auto",
+    rtol: float = 1e-8,
+    atol: float | None = None,
+    q0: Given | None = None,
+    zd0: Given | None = None,
+    qd0: Given | None = None,
+    z: str | Iterable[str] | None = None,
+    p: Given | None = None,
+    inputs: Mapping[str, Signal] | None = None,
+    t0: float = 0.0,
+    closing: float = CONSISTENT,
+    points: int | ArrayLike = 101,
+    max_step: float = np.inf,
+    engine: str = "auto",
+    number: str = "double",
+    options: dict[str, Any] | None = None,
+    stop: Mapping[str, Any] | None = None,
+    progress: Told = None,
+) -> Trajectory:
+    """Simulate a mechanism and return its trajectory on a time grid.
+
+    duration: s; t0: start time
+    formalism: what the accelerations come from
+        "auto": ncgen's choice; the trajectory's `made_with` says which and why
+        "coordinate-partitioning" (the paper's Table 8): the independent coordinates alone are integrated
+        "lagrange" (index 1), "null-space", "augmented-lagrangian" (index 1), "udwadia-phohomsiri", "penalty": all
+        coordinates are integrated, and after every step projected onto the constraints (penalty: Baumgarte's terms)
+        "ali3p": index-3 augmented Lagrangian with mass-orthogonal projections, by the trapezoidal rule
+    integrator: "auto", dopri5, dop853, rk23, adams, bdf, radau, lsoda, or with the fixed step max_step rk4 and trapezoidal, or
+        Matlab's and SciPy's names (ode45, RK45, ode113 …); with SUNDIALS (`pip install 'ncgen[sundials]'`) cvode-adams and
+        cvode-bdf, on coordinate-partitioning
+        on "lagrange" also those that discretise the constrained equations, with the fixed step max_step: rattle
+        (symplectic), energy-momentum (exact energy), generalized-alpha (numerical damping)
+    options: {name: value} for formalism and integrator: stabilisation ("projection", "baumgarte", "none"), omega (1/s) and
+        xi of Baumgarte's terms, alpha, the penalty over the largest inertia (ali3p: times h²/4, over that of its tangent);
+        project_velocities of energy-momentum; rho, ρ∞ of generalized-alpha, or hht, α of HHT in its place
+    rtol, atol: with a named integrator the tolerances of every step, as is usual. Where the integrator is ncgen's choice, many steps
+        share rtol, so that it speaks of the whole run: well-behaved motions end within about 100 rtol of their natural size
+        atol: absolute (m, rad, and per second); default: a hundredth of rtol in the natural size of every coordinate
+    q0: initial position, shape (n,) or {name: value} (default: the model's); if it is only approximate it is assembled first
+    zd0: initial independent velocities by name, {"psi2": 1.0}, or as an array in the order of z (default: rest)
+    qd0: initial velocities of any coordinates by name (the others follow with the least kinetic energy), or of all as an
+        array; what the constraints do not allow is projected, with a warning
+    z: names of the independent coordinates (default: the model's choice, else found by pivoting)
+    p: parameters as an array or {name: value} (default: the model's)
+    inputs: {name: signal} for the model's inputs: a number; a function of time (s) that returns one; or a table (times, values) or
+        (times, values, hold), where hold is "zero" (the value before holds), "linear" (the default) or "cubic" (a spline). Before and after
+        a table its ends hold. Those not named keep their values in p. Steps end where a table jumps or has a corner
+    closing: the relative residual up to which the start passes as closed; larger for overconstrained mechanisms with rounded dimensions
+    points: how many even instants the trajectory holds, or the instants themselves (s), from t0 to the end
+    max_step: the longest step (s)
+    engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out for this mechanism and its
+        independent coordinates, and compiled, which takes a second or so), "refined" (emitted, with a step of
+        iterative refinement, which keeps digits where the fixed order of pivots is unlucky), "python" (the reference), or
+        "auto": C where it can be, and where the formalism is lagrange accelerations by a recursion over the tree of bodies: written out for
+        this mechanism ("emitted") up to 60 joints, in loops over tables ("tree") for longer trees without loops; the trajectory's `engine`
+        says which it was and why
+    number: what C computes with: "double", "float" (as a small controller would) or "long double"; tolerances finer than
+        its rounding are raised to that, and the trajectory has doubles in any case
+    stop: {coordinate: value} to end where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction,
+        {"psi": (1.2, "rising")} or "falling". The last instant of the trajectory is that one, and its `stopped` is True
+    progress: called with the time reached, again and again while the run goes on; True for a bar in a terminal or a notebook
+
+    Raises ModelError for what cannot be asked, ConvergenceError naming the rows where the start does not close, SingularError for a
+    singular one, ConvergenceError naming the time where the motion cannot go on. Ctrl-C raises `ncgen.Interrupted`, a
+    KeyboardInterrupt whose `run` holds the motion up to there. Warns where the energy of what was found says that it cannot be right, and
+    where another formalism would be many times faster.
+    """
+    run = Run.asked(
+        checked_kernels(kernels), duration, formalism=formalism, integrator=integrator, rtol=rtol, atol=atol, points=points,
+        max_step=max_step, engine=engine, number=number, options=options, stop=stop, progress=progress, q0=q0, zd0=zd0, qd0=qd0, z=z,
+        p=p, t0=t0, closing=closing, inputs=inputs,
+    )  # fmt: skip
+    kernels = kernels.driven_by(run.signals)
+    choice = choose(run)
+    start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
+    if not choice.method.is_constrained and (freedom := kernels.n - kernels.m) > MANY:
+        _warn(
+            f"{kernels.name}: coordinate partitioning solves densely for {freedom} degrees of freedom in every evaluation; "
+            "formalism='lagrange' solves sparsely, many times faster"
+        )
+    with telling(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as told:
+        return _carry_out(kernels, run, choice, start, told)
+
+
+def _carry_out(kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None) -> Trajectory:
+    """The motion of a run on its grid, with warnings where something speaks against it. Raises Interrupted with what was reached."""
+    motion = _Motion(kernels, run, choice, start, *_with_looks(run.times, looks(run, choice.method)), progress)
+    clock = time.perf_counter()
+    try:
+        motion.advance()
+    except KeyboardInterrupt as stopped:
+        if len(motion.path.q) < 2:
+            raise
+        raise Interrupted(motion.trajectory(time.perf_counter() - clock)) from stopped
+    found = motion.trajectory(time.perf_counter() - clock)
+    if choice.method.is_constrained and (here := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
+        _warn(singular_message(kernels, here))
+    for doubt in doubts(motion.seen(found), motion.tolerances.rtol, choice.method):
+        _warn(f"{kernels.name}: {doubt}")
+    return found
+
+
+def _with_looks(times: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A grid with instants inside it put between its own where they are others, and a mask of these."""
+    looks = looks[times[np.searchsorted(times, looks)] != looks]
+    both = np.concatenate([times, looks])
+    order = np.argsort(both, kind="stable")
+    return both[order], order >= len(times)
+
+
+@dataclass
+class _Motion:
+    """One run on its way: the path so far, and which engine makes it.
+
+    times: its own instants and those at which it is looked at, of which `looks` is a mask; C moves these to where its steps end
+    """
+
+    kernels: Kernels
+    run: Run
+    choice: Choice
+    start: Start
+    times: np.ndarray
+    looks: np.ndarray
+    progress: Callable[[float], None] | None
+    engine: str = "c"
+
+    def __post_init__(self) -> None:
+        self.path = Path.empty(self.kernels.n, self.start.partitions)
+        self.tolerances = Tolerances.of(self.run, self.kernels.length, compiled.rounding(self.run.number))
+
+    def advance(self) -> None:
+        """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
+        run, kernels = self.run, self.kernels
+        form = self._form()
+        refused = "asked for" if run.engine == "python" else self._refusal()
+        needs_c = run.engine in ("c", *EMITTED) or run.number != "double"
+        remedy = "engine='auto'" if run.number == "double" else "number='double'"
+        if refused and needs_c:
+            number = "" if run.number == "double" else f" with {run.number}"
+            raise ModelError(f"{kernels.name} cannot be simulated in C{number}: {refused}; use {remedy}")
+        if refused is None:
+            refused = self._in_c(form)
+            if refused == compiled.STIFF:
+                refused = self._go_on_implicit()
+            if refused and needs_c:
+                raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it goes on in Python")
+        if refused is not None:
+            if self.choice.method.is_constrained:
+                self.path = Path.empty(kernels.n, self.start.partitions)  # what C has left of it is done again
+            self._in_python()
+        self.engine = f"python: {refused}" if refused else "c" if form == "dense" else form
+
+    def _form(self) -> Form:
+        """What state derivative C is given: as named, else one that is written out where there is one over all coordinates."""
+        if self.run.engine in EMITTED:
+            return self.run.engine
+        is_open = self.run.engine == AUTO and self.run.number == "double"
+        return compiled.form_of(self.kernels, self.choice.method) if is_open else "dense"
+
+    def _go_on_implicit(self) -> str | None:
+        """Take the implicit method, with independent coordinates for where the path has come to: why that cannot be done in C, or None."""
+        path, before = self.path, self.choice.method
+        t = self.times[len(path.q) - 1]
+        try:
+            path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.start.p, self.run.initial.z)
+            other = stiff_choice(self.run, self.choice)
+            if other is None:
+                return compiled.STIFF
+            self.choice = other
+            return self._refusal() or self._in_c("dense")
+        except (SingularError, ModelError, ConvergenceError) as error:
+            raise ConvergenceError(
+                f"{self.kernels.name}: beyond t = {t:.6g} s steps of {before} become tiny and {IMPLICIT} does not go on; the "
+                "mechanism comes to a singular position there, or rtol asks for less than rounding leaves"
+            ) from error
+
+    def _refusal(self) -> str | None:
+        refused = compiled.refusal(self.kernels, self.choice.method, self.run.engine, self.run.number)
+        return refused or (
+            compiled.refusal_of_size(self.kernels, self.start.partitions, self.run.engine) if self.start.partitions else None
+        )
+
+    def _in_c(self, form: Form) -> str | None:
+        """Why C did not come to the end, or None."""
+        kernels, task = compiled.checked_compiled(self.kernels), self._task()
+        if task.method.is_constrained:
+            return compiled.run_constrained(self.path, kernels, task, form)
+        return compiled.run(self.path, kernels, task, "dense" if form == "tree" else form)
+
+    def _in_python(self) -> None:
+        from ncgen.solver import steppers
+        from ncgen.solver.engines import full_coordinates, python_engine
+
+        task = self._task()
+        ordinary = full_coordinates.run if task.method.is_constrained else python_engine.run
+        in_segments(steppers.run if task.method.is_stepper else ordinary, self.path, self.kernels, task)
+
+    def _task(self) -> Task:
+        """What is asked of an engine."""
+        start, run, method = self.start, self.run, self.choice.method
+        velocities = start.qd if method.is_constrained else self._rates()
+        gives_way = stiff_choice(run, self.choice) is not None
+        return Task(
+            method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
+            run.signals, corners(self.kernels, start.p, self.times[0], self.times[-1]), self.looks,
+        )  # fmt: skip
+
+    def _rates(self) -> np.ndarray:
+        """Velocities of the independent coordinates at the start."""
+        return self.start.qd[determined(self.path.partitions).velocity.independent]
+
+    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times of the path's rows, and a mask of those that were not asked for."""
+        path = self.path
+        times, looks = self.times[: len(path.q)], self.looks[: len(path.q)]
+        if path.stopped is None:
+            return times, looks
+        return np.append(self.times[: len(path.q) - 1], path.stopped), np.append(self.looks[: len(path.q) - 1], False)
+
+    def seen(self, found: Trajectory) -> Trajectory:
+        """A trajectory at the instants at which it is looked at, and at its ends."""
+        (times, looks), path = self._rows(), self.path
+        if not np.any(looks):
+            return found
+        shown = looks.copy()
+        shown[[0, -1]] = True
+        return replace(found, t=times[shown], q=path.q[shown], qd=path.qd[shown], work=path.work[shown])
+
+    def trajectory(self, seconds: float) -> Trajectory:
+        """The motion at the instants that were asked for, as far as it came."""
+        path, run, method = self.path, self.run, self.choice.method
+        times, looks = self._rows()
+        wanted = ~looks
+        steps, evaluations, newton_steps, changes, repeated = map(int, path.counts)
+        spent = Statistics(
+            steps, evaluations, newton_steps, changes, repeated, seconds, path.projections, path.largest_projection, path.jacobians,
+            path.fallbacks,
+        )  # fmt: skip
+        return Trajectory(
+            self.kernels, times[wanted], path.q[wanted], path.qd[wanted], path.work[wanted], self.start.p, path.partitions,
+            spent, method.formalism.name, method.integrator.name, self.engine,
+            run.initial.z or self.kernels.model.chosen_independent, self.kernels, method.options, path.stopped is not None, run.number,
+            f"{method}, {self.engine}: {self.choice.why}",
+        )  # fmt: skip
+
+
+def _warn(message: str) -> None:
+    """A warning at the caller of `simulate`."""
+    warnings.warn(message, stacklevel=_depth())
+
+
+def _depth() -> int:
+    """Frames of this package above the caller's own."""
+    import sys
+
+    frame, depth = sys._getframe(1), 1
+    while frame and frame.f_globals.get("__name__", "").startswith("ncgen."):
+        frame, depth = frame.f_back, depth + 1
+    return depth

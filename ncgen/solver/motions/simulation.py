@@ -1,0 +1,249 @@
+"""A motion that goes on step by step, driven from outside: by a controller, in a game, beside another simulation.
+
+    sim = ncgen.start(kernels)
+    for k in range(1000):
+        sim.step(1e-3, tau=controller(sim["psi"], sim["rate(psi)"]))
+
+A step is one call of C. It finds out nothing about the mechanism that is not known when the simulation starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Unpack
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
+from ncgen.methods.table import AUTO, INTEGRATORS, find_integrator
+from ncgen.model.elements import coordinate_of
+from ncgen.solver.engines import compiled
+from ncgen.solver.finite import on_the_way
+from ncgen.solver.given import checked_kernels, echo, finite, known_name, offer, positive
+from ncgen.solver.positions.rank import freedom_at
+from ncgen.solver.runs.choice import ALL, EXPLICIT
+from ncgen.solver.runs.run import Initial, InitialArguments
+from ncgen.solver.runs.start import Start, begin
+from ncgen.solver.runs.tolerances import NEAR_ZERO, Tolerances
+from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, uses_loads
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.moving import Stepping
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A simulation at an instant: all that `reset` needs to go back to it.
+
+    t: s; q, qd (n,): m and rad, and per second; work: J; p (n_p,): parameters and inputs; next_step: s, of error control
+    """
+
+    t: float
+    q: np.ndarray
+    qd: np.ndarray
+    work: float
+    p: np.ndarray
+    next_step: float
+
+    def __repr__(self) -> str:
+        return f"<State of {len(self.q)} coordinates at t = {self.t:g} s>"
+
+
+def start(
+    kernels: Kernels,
+    *,
+    integrator: str = AUTO,
+    rtol: float = 1e-8,
+    atol: float | None = None,
+    inputs: Mapping[str, float] | None = None,
+    **initial: Unpack[InitialArguments],
+) -> Simulation:
+    """A simulation that waits for its first step.
+
+    integrator: an explicit one in C. "auto" takes as many steps within a step as rtol asks for; with rk4 a step is one of this method, so
+        that its cost is the same always
+    rtol, atol: tolerances of every step, as of `simulate` with a named integrator
+    inputs: {name: value} at the start; each keeps its value until a step gives it another
+    initial: where it starts, as of `simulate`: q0, zd0, qd0, z, p, t0, closing
+    Raises ModelError where the mechanism cannot move in C alone, and what `simulate` raises of a start.
+    """
+    return Simulation(
+        checked_kernels(kernels).driven_by(None), integrator, positive(rtol, "rtol"), atol, inputs or {}, Initial.asked(kernels, **initial)
+    )
+
+
+class Simulation:
+    """A mechanism at an instant, which goes on as it is told; `start` makes one.
+
+    t: s; q, qd (n,): position and velocities, in the order of `kernels.coordinates`; work: J of drivers, inputs and other forces without
+    a potential. They are what C works on: copy them to keep them, or take `state`.
+    `sim["psi"]` is a coordinate, `sim["rate(psi)"]` its velocity, `sim["tip height"]` an output, `sim["tau"]` an input.
+    """
+
+    def __init__(
+        self, kernels: Kernels, integrator: str, rtol: float, atol: float | None, inputs: Mapping[str, float], at: Initial
+    ) -> None:
+        self.kernels, self.integrator = kernels, explicit(integrator)
+        from ncgen.mechanism.moving import Moving
+
+        stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
+        self._now = Moving(stepping())
+        self.q, self.qd = self._now.q, self._now.qd
+        self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
+        self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, here.q, here.qd, here.p
+        self.drive(**inputs)
+
+    def __repr__(self) -> str:
+        return f"<Simulation {self.kernels.name}: t = {self.t:g} s, {self.integrator}>"
+
+    @property
+    def t(self) -> float:
+        """s"""
+        return self._now.t
+
+    @property
+    def work(self) -> float:
+        """J"""
+        return self._now.work
+
+    @property
+    def p(self) -> np.ndarray:
+        """Parameters and inputs (n_p,), a copy."""
+        return self._now.p.copy()
+
+    @property
+    def evaluations(self) -> int:
+        """State derivatives of the last step."""
+        return self._now.evaluations
+
+    def drive(self, **inputs: float) -> Simulation:
+        """Give inputs by their names; each keeps its value until it is given again. Raises ModelError for an unknown name and no number."""
+        for name, value in inputs.items():
+            try:
+                self._now.p[self._places[name]] = value + 0.0  # NumPy would take the text of a number, too
+            except (KeyError, TypeError, ValueError):
+                known_name(name, tuple(self._places), "step", "input")
+                finite(value, f"step: {name}")
+                raise
+        return self
+
+    def step(self, h: float, **inputs: float) -> Simulation:
+        """On by h seconds, with inputs that keep their values meanwhile. Returns the simulation itself.
+
+        Raises ConvergenceError or DomainError where it cannot go on; then it stays where it was.
+        """
+        if inputs:
+            self.drive(**inputs)
+        try:
+            status = self._now.go_on(h)
+        except TypeError:
+            positive(h, "h")
+            raise
+        if status != "ok":
+            raise self._refused(status, h)
+        return self
+
+    def _refused(self, status: str, h: float) -> Exception:
+        positive(h, "h")
+        for name in self._places:
+            finite(self[name], f"step: {name}")
+        now = self._now
+        words = f"a step of {h:.6g} s from t = {now.t:.6g} s on does not succeed ({status})"
+        found = on_the_way(self.kernels, now.q, now.qd, now.t, now.t + h, now.p)
+        return found or ConvergenceError(
+            f"{self.kernels.name}: {words}; the mechanism locks there or comes to a singular position, or the step is too long"
+        )
+
+    @property
+    def state(self) -> State:
+        """Where it is, as a copy."""
+        now = self._now
+        return State(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step)
+
+    def reset(self, state: State) -> Simulation:
+        """Back to a state. From there the same steps give the same bits. Raises ModelError for what is no state."""
+        if not isinstance(state, State):
+            raise ModelError(f"reset: {echo(state)} given; give a state that was kept, such as kept = sim.state")
+        now = self._now
+        now.t, now.work, now.next_step = state.t, state.work, state.next_step
+        now.q[:], now.qd[:], now.p[:] = state.q, state.qd, state.p
+        return self
+
+    def settle(self) -> Simulation:
+        """Close the loops after q or qd were written to. Raises ConvergenceError where they do not close; then nothing moves."""
+        if (status := self._now.settle()) != "ok":
+            said = f"at t = {self.t:.6g} s the loops do not close ({status})"
+            raise ConvergenceError(f"{self.kernels.name}: {said}; begin nearer to a position")
+        return self
+
+    @property
+    def qdd(self) -> np.ndarray:
+        """Accelerations (n,) with the present inputs. Raises ConvergenceError where there are none."""
+        if (status := self._now.evaluate()) != "ok":
+            raise ConvergenceError(f"{self.kernels.name}: there are no accelerations at t = {self.t:.6g} s ({status})")
+        return self._now.qdd.copy()
+
+    @property
+    def outputs(self) -> dict[str, float]:
+        """{label: value} of the model's outputs. Warns, once for a mechanism, of loads in them that are not unique."""
+        qdd = self.qdd if uses_accelerations(self.kernels.model) else np.zeros_like(self.q)
+        values = outputs_at(self.kernels, self.t, self.q, self.qd, qdd, self._now.p)
+        return dict(zip(self.kernels.model.outputs, values.tolist(), strict=True))
+
+    def energy(self) -> np.ndarray:
+        """Kinetic and potential energy (J), and the power (W) of forces without a potential, with the present inputs."""
+        return self.kernels.energy(self.q, self.qd, self.t, self._now.p)
+
+    def __getitem__(self, name: str) -> float:
+        """A coordinate, rate(…) of one, an output or an input. Raises ModelError for another name."""
+        index = self.kernels.index
+        if name in index:
+            return float(self.q[index[name]])
+        if isinstance(name, str) and coordinate_of(name) in index:
+            return float(self.qd[index[coordinate_of(name)]])
+        if name in self._places:
+            return float(self._now.p[self._places[name]])
+        if name in self.kernels.model.outputs:
+            return self.outputs[name]
+        raise ModelError(f"{self.kernels.name} has no coordinate, rate, input or output {name!r}; {offer(name, tuple(index))}")
+
+
+def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None, at: Initial) -> tuple[Callable[[], Stepping], Start]:
+    """What makes a way to step, one for every thread, and where motions start. Raises ModelError where C cannot move the mechanism."""
+    method = Method.of(ALL, integrator)
+    if refused := compiled.refusal(kernels, method, "c", "double"):
+        raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
+    kernels = compiled.checked_compiled(kernels)
+    form = compiled.form_of(kernels, method)
+    here = begin(kernels, at, partitioned=False)
+    rank = freedom_at(kernels, here.q, at.t, here.p).rank
+    least = NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
+    sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
+    from ncgen.mechanism.moving import Stepping
+
+    dynamics = compiled.all_coordinates(kernels, form=form)
+    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double")), here
+
+
+def outputs_at(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """All outputs (outputs,) of a state at t (s) with its accelerations."""
+    lam = np.zeros(kernels.m)
+    if uses_loads(kernels.model):
+        from ncgen.solver.loads.observed_loads import multipliers_at
+
+        lam = multipliers_at(kernels, t, q, qd, p)
+    return outputs_of(kernels, [t], q[None], qd[None], p, (qdd[None], lam[None]))[0]
+
+
+def explicit(integrator: str) -> str:
+    """The name of an explicit integrator in C. Raises ModelError for another one."""
+    if isinstance(integrator, str) and integrator == AUTO:
+        return EXPLICIT
+    entry = find_integrator(integrator)
+    if not (entry.in_c and entry.tableau):
+        known = ", ".join(name for name, each in INTEGRATORS.items() if each.in_c and each.tableau)
+        raise ModelError(f"integrator {entry.name} cannot be stepped from outside; choose one of {known}")
+    return entry.name

@@ -1,0 +1,228 @@
+"""Many motions of one mechanism that go on together, step by step, as learning controllers and searches need them.
+
+    sims = ncgen.start_batch(kernels, 256)
+    while True:
+        sims.step(1e-3, tau=controller(sims["psi"], sims["rate(psi)"]))
+        sims.reset(np.abs(sims["psi"]) > 1.0)
+
+A step of all is one call of C for every thread. Each row moves by the same code as a `Simulation`, and so to the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.library import STATUS
+from ncgen.methods.table import AUTO
+from ncgen.model.elements import coordinate_of
+from ncgen.solver.finite import on_the_way
+from ncgen.solver.given import checked_kernels, count, known_name, offer, positive
+from ncgen.solver.motions.simulation import explicit, outputs_at, prepared
+from ncgen.solver.runs.run import MOST_NUMBERS, Initial, InitialArguments
+from ncgen.solver.trajectories.outputs import uses_accelerations
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), as of `ncgen.solver.motions.simulation.State`."""
+
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+    p: np.ndarray
+    next_step: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"<States of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
+
+
+def start_batch(
+    kernels: Kernels,
+    variants: int,
+    *,
+    integrator: str = AUTO,
+    rtol: float = 1e-8,
+    atol: float | None = None,
+    inputs: Mapping[str, ArrayLike] | None = None,
+    threads: int | None = 1,
+    **initial: Unpack[InitialArguments],
+) -> Simulations:
+    """So many simulations that wait for their first step, all at the same start.
+
+    inputs: {name: one value, or one a simulation}; threads: that share them, None for one on every processor. Else as of `start`, with its
+    errors.
+    """
+    from ncgen.mechanism.batch import thread_count
+
+    driven = checked_kernels(kernels).driven_by(None)
+    size = count(variants, "variants")
+    if size * (3 * driven.n + len(driven.p0)) > MOST_NUMBERS:
+        raise ModelError(
+            f"variants: {size} simulations of {driven.n} coordinates take more than {MOST_NUMBERS * 8 / 2**30:.3g} GiB; ask for fewer"
+        )
+    workers = min(thread_count(threads, "start_batch"), size)
+    return Simulations(driven, size, workers, integrator, positive(rtol, "rtol"), atol, inputs or {}, Initial.asked(kernels, **initial))
+
+
+class Simulations:
+    """Rows of one mechanism at their instants; `start_batch` makes them.
+
+    t, work (N,); q, qd (N, n), in the order of `kernels.coordinates`; p (N, n_p): parameters and inputs, a row each. They are what C works
+    on and may be written to: copy them to keep them, or take `states`; after writing to q or qd call `settle`.
+    stuck (N,): who could not go on in the last step.
+    `sims["psi"]` is a coordinate of all, `sims["rate(psi)"]` its velocity, `sims["tip height"]` an output, `sims["tau"]` an input, (N,).
+    """
+
+    def __init__(
+        self,
+        kernels: Kernels,
+        size: int,
+        threads: int,
+        integrator: str,
+        rtol: float,
+        atol: float | None,
+        inputs: Mapping[str, ArrayLike],
+        at: Initial,
+    ) -> None:
+        from ncgen.mechanism.moving import MovingRows
+
+        self.kernels, self.integrator, self.size = kernels, explicit(integrator), size
+        stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
+        self._now = now = MovingRows([stepping() for _ in range(threads)], size)
+        self.t, self.work, self.q, self.qd, self.p = now.t, now.work, now.q, now.qd, now.p
+        self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
+        self.t[:], self.q[:], self.qd[:], self.p[:] = at.t, here.q, here.qd, here.p
+        self.drive(**inputs)
+        self._began = self.states
+
+    def __repr__(self) -> str:
+        return f"<Simulations {self.kernels.name}: {self.size}, {self.integrator}>"
+
+    def __len__(self) -> int:
+        return self.size
+
+    @property
+    def stuck(self) -> np.ndarray:
+        return self._now.statuses != 0
+
+    def drive(self, **inputs: ArrayLike) -> Simulations:
+        """Give inputs by their names, one value or (N,); each keeps its value until it is given again. Raises ModelError for an unknown
+        name and for what are no numbers; then none is changed."""
+        given = {name: self._numbers(name, values) for name, values in inputs.items()}
+        for name, values in given.items():
+            self.p[:, self._places[name]] = values
+        return self
+
+    def _numbers(self, name: str, values: ArrayLike) -> np.ndarray:
+        known_name(name, tuple(self._places), "step", "input")
+        try:
+            found = np.asarray(values, dtype=float)
+        except (TypeError, ValueError):
+            raise ModelError(f"step: {name} is {values!r}; it must be a number, or {self.size} of them") from None
+        if found.shape not in ((), (self.size,)):
+            raise ModelError(f"step: {name} has the shape {found.shape}; it must be a number, or {self.size} of them")
+        if not np.all(np.isfinite(found)):
+            row = int(np.argmin(np.isfinite(np.broadcast_to(found, self.size))))
+            raise ModelError(f"step: {name} is {np.broadcast_to(found, self.size)[row]} for simulation {row}; it must be a finite number")
+        return found
+
+    def step(self, h: float, **inputs: ArrayLike) -> Simulations:
+        """All on by h seconds, with inputs that keep their values meanwhile. Returns the simulations themselves.
+
+        Raises ConvergenceError or DomainError where one of them cannot go on: it stays where it was, `stuck` tells all such, and the
+        others have moved.
+        """
+        if inputs:
+            self.drive(**inputs)
+        h = positive(h, "h")
+        if not self._now.go_on(h):
+            raise self._refused(h)
+        return self
+
+    def _refused(self, h: float) -> Exception:
+        rows = np.flatnonzero(self.stuck)
+        row = int(rows[0])
+        t, status = float(self.t[row]), STATUS[int(self._now.statuses[row])]
+        words = f"simulation {row} of {self.size} does not get on by {h:.6g} s from t = {t:.6g} s ({status})"
+        more = f", nor do {len(rows) - 1} others" if len(rows) > 1 else ""
+        found = on_the_way(self.kernels, self.q[row], self.qd[row], t, t + h, self.p[row])
+        return found or ConvergenceError(f"{self.kernels.name}: {words}{more}; those that are stuck stay where they were: reset them")
+
+    @property
+    def states(self) -> States:
+        """Where all are, as a copy."""
+        now = self._now
+        return States(*(x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step)))
+
+    def reset(self, rows: ArrayLike | None = None, states: States | None = None) -> Simulations:
+        """Some of them back to their start, or to those rows of `states`. From there the same steps give the same bits.
+
+        rows: numbers, or a mask (N,); None for all. Raises ModelError for rows that there are not.
+        """
+        chosen, source, now = self._rows(rows), states or self._began, self._now
+        for name in ("t", "q", "qd", "work", "p", "next_step"):
+            getattr(now, name)[chosen] = getattr(source, name)[chosen]
+        now.statuses[chosen] = 0
+        return self
+
+    def settle(self, rows: ArrayLike | None = None) -> Simulations:
+        """Close the loops of some after q or qd were written to; None for all. Raises ConvergenceError for the first that cannot."""
+        for row in self._rows(rows).tolist():
+            if (status := self._now.settle(row)) != "ok":
+                said = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
+                raise ConvergenceError(f"{self.kernels.name}: {said}; begin nearer to a position")
+            self._now.next_step[row] = 0.0
+        return self
+
+    def _rows(self, rows: ArrayLike | None) -> np.ndarray:
+        """Numbers of rows."""
+        if rows is None:
+            return np.arange(self.size)
+        found = np.atleast_1d(np.asarray(rows))
+        if found.dtype == bool and found.shape == (self.size,):
+            return np.flatnonzero(found)
+        if not found.size:
+            return np.arange(0)
+        whole = found.ndim == 1 and np.issubdtype(found.dtype, np.integer)
+        if not (whole and found.min() >= 0 and found.max() < self.size):
+            raise ModelError(
+                f"rows: {self.kernels.name} has simulations 0 to {self.size - 1}; give their numbers, or a mask ({self.size},)"
+            )
+        return found
+
+    @property
+    def qdd(self) -> np.ndarray:
+        """Accelerations (N, n) with the present inputs. Raises ConvergenceError where there are none."""
+        for row in range(self.size):
+            if (status := self._now.evaluate(row)) != "ok":
+                said = f"simulation {row} has no accelerations at t = {self.t[row]:.6g} s ({status})"
+                raise ConvergenceError(f"{self.kernels.name}: {said}")
+        return self._now.qdd.copy()
+
+    @property
+    def outputs(self) -> dict[str, np.ndarray]:
+        """{label: values (N,)} of the model's outputs, one simulation after the other."""
+        qdd = self.qdd if uses_accelerations(self.kernels.model) else np.zeros_like(self.q)
+        found = [outputs_at(self.kernels, *row) for row in zip(self.t, self.q, self.qd, qdd, self.p, strict=True)]
+        return dict(zip(self.kernels.model.outputs, np.array(found).T, strict=True))
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A coordinate, rate(…) of one, an output or an input of all (N,), as a copy. Raises ModelError for another name."""
+        index = self.kernels.index
+        if name in index:
+            return self.q[:, index[name]].copy()
+        if isinstance(name, str) and coordinate_of(name) in index:
+            return self.qd[:, index[coordinate_of(name)]].copy()
+        if name in self._places:
+            return self.p[:, self._places[name]].copy()
+        if name in self.kernels.model.outputs:
+            return self.outputs[name]
+        raise ModelError(f"{self.kernels.name} has no coordinate, rate, input or output {name!r}; {offer(name, tuple(index))}")

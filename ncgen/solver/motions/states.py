@@ -1,0 +1,237 @@
+"""States of a batch: rows of positions, velocities and parameters with the independent coordinates that they have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
+from ncgen.methods.table import INTEGRATORS
+from ncgen.solver.engines.compiled import checked_compiled, dynamics, refusal, refusal_of_size
+from ncgen.solver.geometry import angles, arms_have_parameters, measured_angles
+from ncgen.solver.given import known_name
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import Partitions, partitions_for
+from ncgen.solver.positions.position import TOLERANCE, check_finite, check_mirror_roots
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.batch_runs import LaneDynamics
+
+BatchGiven: TypeAlias = "ArrayLike | Mapping[str, ArrayLike]"
+"""In signatures: rows of numbers, one row for all states, or by name a number or one a state."""
+
+NEAR_HALF_A_TURN = 0.5
+"""Cosine of an angle's error below which its own parameters decide whether it is on its mirror root."""
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Independent coordinates that states have in common; typical: a position and parameters at which they are good."""
+
+    kernels: Kernels
+    partitions: Partitions
+    typical: tuple[np.ndarray, np.ndarray]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of the coordinates whose velocities are independent."""
+        return self.partitions.velocity.names(self.kernels)
+
+    @property
+    def places(self) -> np.ndarray:
+        """Theirs in q."""
+        return self.partitions.velocity.independent
+
+    @cached_property
+    def lanes(self) -> LaneDynamics:
+        """The state derivative for them in lanes. Raises ModelError where it cannot be written out."""
+        return dynamics(checked_compiled(self.kernels), self.partitions, "lanes", *self.typical)
+
+    @classmethod
+    def at(
+        cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method | None, rates: Iterable[str] = ()
+    ) -> Choice:
+        """A choice that is good at one position.
+
+        z, rates: as of `partitions_for`; method: None where no state derivative is wanted in lanes
+        Raises ModelError where lanes cannot do it, SingularError or DomainError for a position at which there is none.
+        """
+        check_finite(kernels, q, t, p)
+        choice = cls(kernels, partitions_for(kernels, q, t, p, z, rates), (q, p))
+        if method and (refused := _refusal(kernels, method, choice.partitions)):
+            raise ModelError(f"{kernels.name} cannot be simulated in a batch: {refused}; use simulate for every state")
+        if method:
+            choice.lanes  # noqa: B018
+        return choice
+
+    @classmethod
+    def at_first(
+        cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method | None, rates: Iterable[str] = ()
+    ) -> Choice:
+        """A choice that is good at the first position where there is one."""
+        finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
+        if not len(finite):
+            raise ModelError(f"{kernels.name}: no state of the batch has finite q and p; correct them")
+        refused: dict[bytes, NcgenError] = {}
+        for i in finite:
+            here = q[i].tobytes() + p[i].tobytes()
+            if here not in refused:
+                try:
+                    return cls.at(kernels, q[i], t, p[i], z, method, rates)
+                except (SingularError, DomainError) as error:
+                    refused[here] = error
+        raise next(iter(refused.values()))
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """States as rows, of one choice of independent coordinates; faults: {state: why it has no start}, its q is NaN."""
+
+    choice: Choice
+    q: np.ndarray
+    zd: np.ndarray
+    p: np.ndarray
+    faults: dict[int, str]
+
+    @classmethod
+    def of(
+        cls,
+        kernels: Kernels,
+        q: BatchGiven | None,
+        zd: BatchGiven | None,
+        p: BatchGiven | None,
+        t: float,
+        z: tuple[str, ...],
+        method: Method | None,
+        choice: Choice | None = None,
+        assembled: bool = False,
+    ) -> States:
+        """From rows, one row for all, or {name: number, or one a state}; assembled: after positions that are open have been closed.
+
+        method: of `Choice.at`; choice: of independent coordinates, a new one if not given
+        Raises ModelError where shapes do not fit or lanes cannot do it.
+        """
+        p = _given(kernels, "p", p, kernels.parameters, kernels.p0)
+        usual = kernels.start(p) if q is None or isinstance(q, Mapping) else kernels.q0  # rows that are given need none beside them
+        q = _given(kernels, "q0", q, kernels.coordinates, usual)
+        rates = zd if isinstance(zd, Mapping) else None
+        zd = None if zd is None else _given(kernels, "zd0", zd, kernels.coordinates, np.zeros(kernels.n))
+        counts = {len(a) for a in (q, zd, p) if a is not None and a.ndim == 2}
+        if len(counts) != 1:
+            raise ModelError(f"{kernels.name}: q0, zd0 and p have {sorted(counts) or 'no'} rows; a batch has one number of them")
+        (size,) = counts
+        if not size:
+            raise ModelError(f"{kernels.name}: a batch of no states; give at least one row")
+        q, p = _rows(kernels, "q0", q, size, kernels.n), _rows(kernels, "p", p, size, len(kernels.p0), np.asarray)
+        q, faults = closed(kernels, q, t, p) if assembled else (q, {})
+        if len(faults) == size:
+            raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
+        choice = choice or Choice.at_first(kernels, q, t, p, z, method, rates or ())
+        if rates is not None and zd is not None:
+            zd = zd[..., [kernels.index[name] for name in all_independent(rates, choice.names)]]
+        nz = len(choice.names)
+        return cls(choice, q, _rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, size, nz), p, faults)
+
+
+def _refusal(kernels: Kernels, method: Method, partitions: Partitions) -> str | None:
+    if not method.integrator.in_lanes:
+        return f"{method.integrator.name} is not among {those_in_lanes()}"
+    return refusal(kernels, method, "emitted", "double") or refusal_of_size(kernels, partitions, "emitted")
+
+
+def those_in_lanes() -> str:
+    """Names of the integrators that run in lanes."""
+    return ", ".join(name for name, entry in INTEGRATORS.items() if entry.in_lanes)
+
+
+def _given(kernels: Kernels, what: str, given: BatchGiven | None, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
+    """Rows, one row for all, or {name: number, or one a state} in place of the defaults, as an array.
+
+    Raises ModelError for other things.
+    """
+    from ncgen.mechanism.arguments import numbers
+
+    def array(value: ArrayLike, of: str) -> np.ndarray:
+        try:
+            return numbers(value, f"{kernels.name}: {of}")
+        except NcgenError as error:
+            raise ModelError(str(error)) from None
+
+    if given is None:
+        return defaults
+    if not isinstance(given, Mapping):
+        return array(given, what)
+    for name in given:
+        known_name(name, names, what, "parameter" if what == "p" else "free coordinate")
+    columns = {name: array(value, f"{what}, {name}") for name, value in given.items()}
+    counts = {column.shape for column in columns.values() if column.shape}
+    if len(counts) > 1 or any(len(shape) > 1 for shape in counts):
+        raise ModelError(f"{kernels.name}: {what} has arrays of shapes {sorted(counts)}; give each name a number, or one for every state")
+    rows = np.tile(defaults, (*counts.pop(), 1)) if counts else np.array(defaults)
+    for name, column in columns.items():
+        rows[..., names.index(name)] = column
+    return rows
+
+
+def all_independent(rates: Mapping, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the independent coordinates. Raises ModelError if velocities of others are given."""
+    if unknown := [name for name in rates if name not in names]:
+        raise ModelError(f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}")
+    return names
+
+
+def _rows(
+    kernels: Kernels, name: str, array: np.ndarray, count: int, size: int, laid: Callable[[np.ndarray], np.ndarray] = np.ascontiguousarray
+) -> np.ndarray:
+    """laid: how a row for all becomes many: one after the other, or as it is, with the same memory for each (np.asarray)."""
+    if array.shape not in ((size,), (count, size)):
+        raise ModelError(f"{kernels.name}: {name} has shape {array.shape}; {(size,)} or {(count, size)} is needed")
+    return laid(array if array.shape == (count, size) else np.broadcast_to(array, (count, size)))
+
+
+def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, dict[int, str]]:
+    """Positions that close: those that do not are assembled, one after the other. Those that have none become NaN: {state: why}."""
+    with np.errstate(invalid="ignore"):
+        relative = np.abs(kernels.batch.phi(q, t, p) / kernels.row_sizes)[:, kernels.holonomic]
+    open_ = np.max(relative, axis=1, initial=0.0) > TOLERANCE
+    q, faults = q.copy(), {}
+    found: dict[bytes, np.ndarray | str] = {}
+    for i in np.flatnonzero(open_ | _may_be_mirrored(kernels, q, p)):
+        here = q[i].tobytes() + p[i].tobytes()
+        if here not in found:
+            found[here] = _assembled(kernels, q[i], t, p[i])
+        if isinstance(found[here], str):
+            faults[int(i)], q[i] = found[here], np.nan
+        else:
+            q[i] = found[here]
+    return q, faults
+
+
+def _assembled(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray | str:
+    """One position closed, or why it cannot be."""
+    try:
+        q = assemble(kernels, q, t, p)
+        check_mirror_roots(kernels, q, p)
+    except (NcgenError, np.linalg.LinAlgError) as error:
+        return str(error)
+    return q
+
+
+def _may_be_mirrored(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """States some angle of which is about half a turn off its elements, (B,)."""
+    known = angles(kernels)
+    if not known:
+        return np.zeros(len(q), dtype=bool)
+    if arms_have_parameters(kernels):
+        measured = np.array([measured_angles(kernels, *state) for state in zip(q, p, strict=True)])
+    else:
+        measured = measured_angles(kernels, q, p[0])
+    errors = q[:, [kernels.index[angle.name] for angle in known]] - measured
+    return np.min(np.cos(errors), axis=1) < NEAR_HALF_A_TURN

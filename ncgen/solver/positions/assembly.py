@@ -1,0 +1,98 @@
+"""Assembly: closing a mechanism whose initial position is only approximately known.
+
+A consistent position is left untouched to the last bit. Otherwise Newton's method with minimum-norm steps in
+natural units (lengths in the mechanism's size) moves everything a little; steps are kept short, so the
+mechanism stays on the branch it was drawn on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver import given
+from ncgen.solver.finite import is_finite, watched
+from ncgen.solver.given import Given
+from ncgen.solver.positions.position import CONSISTENT, TOLERANCE, check_finite, residual
+from ncgen.solver.positions.sparse_rows import DENSE, least_damped, scaled
+
+LIMIT = 100
+LONGEST_STEP = 0.1
+"""Largest change of any coordinate in one step, relative to its natural size."""
+
+SLOW = 0.5
+"""A step that leaves more than this of the residual is not one of Newton's method near a solution."""
+
+NAMED = 4
+"""How many rows a failure names."""
+
+
+def assemble(
+    kernels: Kernels,
+    q: Given | None = None,
+    t: float = 0.0,
+    p: Given | None = None,
+    weights: Mapping[str, float] | None = None,
+    tolerance: float = CONSISTENT,
+) -> np.ndarray:
+    """A consistent position near q (default: the model's at the parameters p), shape (n,) in m and rad, at time t (s).
+
+    q: numbers (n,) in the order of the coordinates or {name: number}; p likewise for parameters, (n_p,)
+    weights: {coordinate: how much dearer than others it is to move it}; 1 is the default
+    tolerance: the relative residual up to which a position passes as closed. One that is open beyond CONSISTENT is closed as far as
+        its rows allow: those of an overconstrained mechanism contradict each other by as much as its dimensions are rounded
+    Raises ConvergenceError naming the rows that do not close, DomainError naming one that is not a number, ModelError for
+    arguments that do not fit.
+    """
+    p, tolerance = given.parameters(kernels, p), given.closing(tolerance)
+    q, t = given.position(kernels, q, p), given.finite(t, "t")
+    dearer = given.numbers_by_name(weights or {}, kernels.index, "weights")
+    for name, weight in dearer.items():
+        given.positive(weight, f"weights: {name}")
+    if residual(kernels, q, t, p) <= min(tolerance, CONSISTENT):
+        return q
+    sizes = kernels.column_sizes / np.array([dearer.get(name, 1.0) for name in kernels.coordinates])
+    rows = kernels.holonomic
+    history, value = [], np.zeros(len(rows))
+    for _ in range(LIMIT):
+        value = kernels.phi(q, t, p)[rows] / kernels.row_sizes[rows]
+        history.append(float(np.max(np.abs(value), initial=0.0)))
+        if history[-1] <= TOLERANCE or (history[-1] <= tolerance and _stands_still(history)):
+            return q
+        if not np.isfinite(history[-1]):
+            if len(history) == 1 or is_finite(q):
+                check_finite(kernels, q, t, p)
+            break
+        step = _damped_step(watched(kernels), q, t, p, sizes, value)
+        step *= min(1.0, LONGEST_STEP / max(np.max(np.abs(step), initial=0.0), 1e-300))
+        q = q + sizes * step
+    raise ConvergenceError(_open_rows(kernels, value, tolerance), tuple(history))
+
+
+def _stands_still(history: list[float]) -> bool:
+    """True if the last step has not made a residual smaller: rows that contradict each other do not close further."""
+    return len(history) > 1 and history[-1] > SLOW * history[-2]
+
+
+def _damped_step(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, sizes: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Levenberg-Marquardt: the damping fades with the residual, so the end is Newton's."""
+    rows = kernels.holonomic
+    damping = float(min(1e-3, np.linalg.norm(value) ** 2))
+    if len(rows) >= DENSE:
+        return least_damped(scaled(kernels.phi_q(q, t, p)[rows], 1 / kernels.row_sizes[rows], sizes), -value, damping)
+    jacobian = kernels.jacobian(q, t, p)[rows] * sizes / kernels.row_sizes[rows, None]
+    stacked = np.vstack([jacobian, np.sqrt(damping) * np.eye(jacobian.shape[1])])
+    return np.linalg.lstsq(stacked, np.concatenate([-value, np.zeros(jacobian.shape[1])]), rcond=None)[0]
+
+
+def _open_rows(kernels: Kernels, value: np.ndarray, tolerance: float) -> str:
+    worst = [i for i in np.argsort(-np.abs(value)) if not abs(value[i]) <= min(tolerance, CONSISTENT)][:NAMED] or [
+        int(np.argmax(np.abs(value)))
+    ]
+    rows = [(kernels.holonomic[i], value[i]) for i in worst]
+    named = "; ".join(f"row {r + 1} ({kernels.rows[r].label}, {kernels.rows[r].owner}) by {v:.2g}" for r, v in rows)
+    advice = "correct a length, start nearer to a closed position, or allow more"
+    return f"{kernels.name}: the mechanism does not close: {named} (relative); {advice}"

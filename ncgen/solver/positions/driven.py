@@ -1,0 +1,143 @@
+"""Positions of a mechanism whose drivers leave it no freedom, over time, and how they change with its parameters."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import ConvergenceError, ModelError, SingularError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver import given
+from ncgen.solver.given import Given, checked_kernels
+from ncgen.solver.positions.position import EASY, TOLERANCE, check_finite, check_mirror_roots, solve_position
+from ncgen.solver.positions.rank import freedom_at
+
+HALVINGS = 10
+"""How often the way from one instant to the next is cut in half where it does not close at once."""
+
+ROUNDING = 1e-13
+"""A step of Newton's method, in natural sizes of the coordinates, after which a position is as near as it can be."""
+
+REGULAR = 1e-11
+"""Smallest reciprocal condition of the rows, in their natural sizes, with which derivatives have a digit."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenPositions:
+    """t (K,) in s, p (n_p,), q (K, n) in m and rad; rows: those that determine q, as many as there are coordinates."""
+
+    kernels: Kernels
+    t: np.ndarray
+    p: np.ndarray
+    q: np.ndarray
+    rows: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        return f"<DrivenPositions of {self.kernels.name}: {len(self.t)} instants>"
+
+    @cached_property
+    def q_by(self) -> np.ndarray:
+        """∂q/∂p (K, n, n_p): Φ(q(p), t, p) = 0 stays so, hence Φ_q dq = −Φ_p dp.
+
+        Raises SingularError naming the instant at which the position is singular: there is no derivative.
+        """
+        kernels, rows = self.kernels, list(self.rows)
+        here = list(zip(self.t.tolist(), self.q, strict=True))
+        if not here:
+            return np.empty((0, kernels.n, len(self.p)))
+        by_q = np.array([kernels.jacobian(q, t, self.p)[rows] for t, q in here])
+        by_p = np.array([kernels.dense_tangent("phi_p", q=q, t=t, p=self.p)[rows] for t, q in here])
+        amplified = np.linalg.cond(by_q / kernels.row_sizes[rows, None], 1)
+        for k in np.flatnonzero(~(amplified < 1 / REGULAR))[:1]:
+            at = f"the position at t = {self.t[k]:g} s"
+            raise SingularError(f"{kernels.name}: {at} is singular and has no derivative; leave that instant out")
+        return -np.linalg.solve(by_q, by_p)
+
+
+def driven_positions(kernels: Kernels, t: ArrayLike, p: Given | None = None, near: ArrayLike | None = None) -> DrivenPositions:
+    """Positions at instants t (K,) in s of a mechanism that is driven altogether, with their exact derivatives by parameters.
+
+    p: numbers (n_p,) or {name: number}; near: a position (n,) in m and rad near that at the first instant, each of the others being closed
+        from the one before, or rows (K, n) of one near each; default: the initial position
+    Raises ModelError where drivers leave a freedom or rows are no equations of position, SingularError where the first position is
+    singular, ConvergenceError where the mechanism cannot go.
+    """
+    checked_kernels(kernels)
+    t, p = given.several(t, "t"), given.parameters(kernels, p)
+    if len(kernels.holonomic) < kernels.m:
+        raise ModelError(f"{kernels.name}: what rolls has positions that depend on its way, not on the time alone; take ncgen.simulate")
+    rows = None if near is None or np.ndim(near) < 2 else np.asarray(near, dtype=float)
+    if rows is not None and rows.shape != (len(t), kernels.n):
+        raise ModelError(f"{kernels.name}: near has shape {rows.shape}; it must be ({kernels.n},) or ({len(t)}, {kernels.n})")
+    if not len(t):
+        return DrivenPositions(kernels, t, p, np.empty((0, kernels.n)), ())
+    motion = _Followed(kernels, p, tuple(range(kernels.m)) if kernels.m == kernels.n else ())
+    q = [motion.begun(given.position(kernels, near if rows is None else rows[0], p), float(t[0]))]
+    for k, (before, now) in enumerate(pairwise(t.tolist()), 1):
+        q.append(motion.from_one_to_next(q[-1], before, now) if rows is None else motion.from_near(rows[k], now))
+    return DrivenPositions(kernels, t, p, np.array(q), motion.rows)
+
+
+@dataclass
+class _Followed:
+    """Positions that rows determine, as many as there are coordinates; () where it is not known yet which."""
+
+    kernels: Kernels
+    p: np.ndarray
+    rows: tuple[int, ...]
+
+    def begun(self, q: np.ndarray, t: float) -> np.ndarray:
+        """The first position, from one near it. Raises ModelError and SingularError where rows do not determine it."""
+        if self.rows:
+            with suppress(ConvergenceError):
+                return self.closed(q, t)
+        kernels = self.kernels
+        q = solve_position(kernels, q, t, self.p).q
+        free = freedom_at(kernels, q, t, self.p)
+        if free.dof:
+            kind = "freedom is" if free.dof == 1 else "freedoms are"
+            raise ModelError(f"{kernels.name}: {free.dof} {kind} not driven, so the time alone leaves positions open; add m.drive for each")
+        if free.is_singular:
+            raise SingularError(f"{kernels.name}: the position at t = {t:g} s is singular; begin at another")
+        self.rows = free.kept_rows
+        return self.closed(q, t)
+
+    def closed(self, q: np.ndarray, t: float) -> np.ndarray:
+        """The position near another, to rounding. Raises ConvergenceError where Newton's method takes many steps, DomainError naming a row
+        that is not a number."""
+        kernels, rows = self.kernels, list(self.rows)
+        for _ in range(EASY):
+            try:
+                value = kernels.phi(q, t, self.p)[rows]
+                step = np.linalg.solve(kernels.jacobian(q, t, self.p)[rows], value)
+            except np.linalg.LinAlgError:
+                break
+            q = q - step
+            closed = np.all(np.abs(value) <= TOLERANCE * kernels.row_sizes[rows])  # beside a singular position steps do not become so small
+            if closed or np.all(np.abs(step) <= ROUNDING * kernels.column_sizes):
+                check_mirror_roots(kernels, q, self.p)
+                return q
+        check_finite(kernels, q, t, self.p)
+        raise ConvergenceError(f"{kernels.name}: the position at t = {t:g} s does not close in {EASY} steps; give a position near it")
+
+    def from_near(self, q: np.ndarray, t: float) -> np.ndarray:
+        """The position near another that may be some way off."""
+        with suppress(ConvergenceError):
+            return self.closed(q, t)
+        return self.closed(solve_position(self.kernels, q, t, self.p).q, t)
+
+    def from_one_to_next(self, q: np.ndarray, before: float, now: float, halvings: int = HALVINGS) -> np.ndarray:
+        """The position at an instant from that at another; in parts where it does not close at once, so that it stays on its branch."""
+        try:
+            return self.closed(q, now)
+        except ConvergenceError:
+            if not halvings:
+                raise
+        middle = (before + now) / 2
+        q = self.from_one_to_next(q, before, middle, halvings - 1)
+        return self.from_one_to_next(q, middle, now, halvings - 1)

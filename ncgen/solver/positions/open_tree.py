@@ -1,0 +1,47 @@
+"""Open trees of bodies: their tables, made from the kernels at the initial position, whatever their size."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from ncgen.mechanism.kernels import Kernels
+from ncgen.program.tree.tree_tables import Around, NoTables, OpenTree, Place
+from ncgen.symbolic.tree import spanning_tree
+
+ASIDE = 0.03
+"""By which share of theirs other parameters differ."""
+
+
+def open_tree(kernels: Kernels) -> OpenTree | None:
+    """The open tree that a mechanism is; None where it has loops, drivers, rolling, or bodies that are no links."""
+    return kernels.remember("open tree", (), lambda: _made(kernels))
+
+
+def is_open_tree(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
+    """True where a mechanism is an open tree whose rows are independent at a position, too: link by link, so that it can be large."""
+    tree = open_tree(kernels)
+    return tree is not None and tree.is_regular(_look(kernels, p, q, t))
+
+
+def _made(kernels: Kernels) -> OpenTree | None:
+    if "nu" in kernels.programs.programs or len(kernels.holonomic) < kernels.m or not 0 < kernels.m <= kernels.n:
+        return None
+    parameters = [kernels.p0]
+    if len(kernels.p0):
+        generator = np.random.default_rng(1)
+        parameters.append(
+            kernels.p0 + ASIDE * generator.uniform(-1, 1, len(kernels.p0)) * np.where(kernels.p0 == 0.0, 1.0, np.abs(kernels.p0))
+        )
+    around = Around(kernels.q0, [partial(_look, kernels, p) for p in parameters], kernels.row_sizes, kernels.column_sizes)
+    try:
+        tree = spanning_tree(kernels.model)
+        return OpenTree(kernels.programs.equations, tree, kernels.mass_pattern, kernels.phi_q_pattern, around)
+    except NoTables:
+        return None
+
+
+def _look(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> Place:
+    phi, phi_q, mass = (kernels.values(name, t, q, None, p) for name in ("phi", "phi_q", "mass"))
+    return Place(q, phi / kernels.row_sizes, phi_q, mass)

@@ -1,0 +1,264 @@
+"""Coordinate partitioning: which coordinates are independent, which rows are kept, and R.
+
+With dependent coordinates d and independent z, Φ_q^d q̇_d = ν − Φ_q^z ż (the paper's eqs 49-53), so
+q̇ = R ż + S ν and q̈ = R z̈ + S γ, where R = [−(Φ_q^d)⁻¹ Φ_q^z; 1] and S = [(Φ_q^d)⁻¹; 0] over the kept rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from ncgen.errors import ModelError, SingularError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.lapack import dgetrf, dgetrs
+from ncgen.solver.positions.open_tree import open_tree
+from ncgen.solver.positions.rank import Freedom, best_rows, column_order, freedom, scaled_jacobian
+from ncgen.solver.positions.sparse_rows import DENSE
+
+Factors: TypeAlias = tuple[np.ndarray, np.ndarray] | tuple[()]
+"""LU and exchanges of rows of a square matrix; nothing of an empty one."""
+
+WORST = 1e-7
+"""A partition of lower quality is refused."""
+
+BETTER = 1.3
+"""A new partition must be better by this factor to be worth a change."""
+
+
+@dataclass(frozen=True, eq=False)
+class Partition:
+    """rows: kept rows; dependent, independent: positions in q; all index arrays."""
+
+    rows: np.ndarray
+    dependent: np.ndarray
+    independent: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"<Partition: {len(self.independent)} independent, {len(self.dependent)} dependent>"
+
+    def names(self, kernels: Kernels) -> tuple[str, ...]:
+        """Names of the independent coordinates."""
+        return tuple(kernels.coordinates[i] for i in self.independent)
+
+
+@dataclass(frozen=True)
+class Partitions:
+    """One partition for positions and one for velocities: the same unless there are rolling conditions."""
+
+    position: Partition
+    velocity: Partition
+
+
+def determined(partitions: Partitions | None) -> Partitions:
+    """The partitions of a motion on independent coordinates. Raises SingularError where there are none."""
+    if partitions is None:
+        raise SingularError("there are no independent coordinates here: the position is singular, or nothing asked for them")
+    return partitions
+
+
+def choose_partitions(
+    kernels: Kernels,
+    q: np.ndarray,
+    t: float = 0.0,
+    p: np.ndarray | None = None,
+    independent: tuple[str, ...] = (),
+    rows: np.ndarray | None = None,
+) -> Partitions:
+    """Well-conditioned partitions at q; arguments and errors as for `choose_partition`."""
+    if len(kernels.holonomic) == kernels.m:
+        both = choose_partition(kernels, q, t, p, independent, rows)
+        return Partitions(both, both)
+    velocity = choose_partition(kernels, q, t, p, independent, rows)
+    kept = np.array([r for r in velocity.rows if r in set(kernels.holonomic)], dtype=int)
+    return Partitions(choose_partition(kernels, q, t, p, velocity.names(kernels), kept), velocity)
+
+
+def partitions_for(
+    kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: Sequence[str] = (), rates: Iterable[str] = ()
+) -> Partitions:
+    """Partitions at q on the coordinates that were asked for, z, else those that the model names, else those whose rates are given by name,
+    if they determine the position. Arguments and errors as for `choose_partition`."""
+    asked = tuple(z or kernels.model.chosen_independent)
+    if not asked and (named := tuple(rates)):
+        try:
+            return choose_partitions(kernels, q, t, p, named)
+        except (ModelError, SingularError):  # whoever needs these rates says which is not independent
+            pass
+    return choose_partitions(kernels, q, t, p, asked)
+
+
+def other_partitions(kernels: Kernels, present: Partitions, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> Partitions:
+    """The best partitions at q of a motion that runs on others: other coordinates, and of redundant rows others too.
+
+    Rows that represent all of them at one position may degenerate on the way (Bennett's linkage does this to them).
+    With rolling conditions the kept rows stay. Raises SingularError if q is singular.
+    """
+    rows = present.velocity.rows
+    if len(rows) < kernels.m == len(kernels.holonomic):
+        rows = best_rows(scaled_jacobian(kernels, q, t, p), len(rows))
+    return choose_partitions(kernels, q, t, p, rows=rows)
+
+
+def choose_partition(
+    kernels: Kernels,
+    q: np.ndarray,
+    t: float = 0.0,
+    p: np.ndarray | None = None,
+    independent: tuple[str, ...] = (),
+    rows: np.ndarray | None = None,
+) -> Partition:
+    """A partition that is well conditioned at q.
+
+    independent: coordinates the user wants independent; those that fit are taken, the rest is found by pivoting
+    rows: kept rows, if known (default: found by rank at several positions)
+    Raises SingularError if q is singular, ModelError if the wanted coordinates do not determine the position.
+    """
+    if rows is None:
+        found = freedom(kernels, q, t, p)
+        if found.is_singular:
+            raise SingularError(singular_message(kernels, found))
+        rows = np.array(found.kept_rows, dtype=int)
+    wanted = [_position(kernels, name) for name in independent]
+    if kernels.m == len(rows) >= DENSE and (measured := _measured(kernels, wanted)):
+        return Partition(rows, np.setdiff1d(np.arange(kernels.n), measured), np.array(measured))
+    jacobian = scaled_jacobian(kernels, q, t, p)[rows]
+    count = len(rows)
+    if len(wanted) > kernels.n - count:
+        raise ModelError(
+            f"{len(wanted)} independent coordinates were chosen, the mechanism has {kernels.n - count} degrees of freedom; leave some out"
+        )
+    # The last ones come first here, so that of two that serve equally well the first one stays independent.
+    others = np.array([i for i in reversed(range(kernels.n)) if i not in set(wanted)], dtype=int)
+    pivots = column_order(jacobian[:, others]) if count else np.arange(len(others))
+    dependent = np.sort(others[pivots[:count]])
+    partition = Partition(rows, dependent, np.array(wanted + sorted(set(others[pivots[count:]].tolist())), dtype=int))
+    if quality(kernels, partition, q, t, p) < WORST:
+        names = ", ".join(independent) or "the coordinates"
+        raise SingularError(f"{names} do not determine the position here: the partition is singular; choose other independent coordinates")
+    return partition
+
+
+def _measured(kernels: Kernels, wanted: list[int]) -> list[int]:
+    """Coordinates that measure the joints of a large open tree, one each, those that are wanted first; [] where they are none of these."""
+    tree = open_tree(kernels)
+    measured = {screw: c for c, (screw, _) in tree.measured.items()} if tree else {}
+    found = set(measured.values())
+    return wanted + sorted(found - set(wanted)) if tree and len(found) == len(tree.screws) and set(wanted) <= found else []
+
+
+def _position(kernels: Kernels, name: str) -> int:
+    if name not in kernels.index:
+        raise ModelError(f"independent coordinate {name}: {kernels.name} has no such free coordinate")
+    return kernels.index[name]
+
+
+def quality(kernels: Kernels, partition: Partition, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> float:
+    """Smallest singular value of the scaled Φ_q^d over the norm of Φ_q: 0 is singular, larger is better."""
+    if not len(partition.rows):
+        return 1.0
+    jacobian = scaled_jacobian(kernels, q, t, p)[partition.rows]
+    smallest = np.linalg.svd(jacobian[:, partition.dependent], compute_uv=False)[-1]
+    return float(smallest / max(np.linalg.norm(jacobian), 1e-300))
+
+
+def singular_message(kernels: Kernels, found: Freedom) -> str:
+    """One line about a singular position: the rank, and what can move there and nowhere else."""
+    motion = found.vanishing[:, 0]
+    movers = np.argsort(-np.abs(motion))[:3]
+    names = ", ".join(kernels.coordinates[i] for i in movers if abs(motion[i]) > 1e-6)
+    return (
+        f"{kernels.name}: the position is singular, rank {found.rank_here} where {found.rank} is general; "
+        f"the extra motion moves {names}; start from another position"
+    )
+
+
+def stuck_message(kernels: Kernels, t: float) -> str:
+    """One line about a motion on independent coordinates that ends."""
+    return (
+        f"{kernels.name}: the motion cannot go on beyond t = {t:.6g} s; the mechanism locks or comes to a "
+        "singular position there, which formalism='lagrange' passes; or take smaller steps (rtol, max_step)"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics:
+    """The factorised Jacobian at a position: velocities and accelerations from independent ones."""
+
+    partition: Partition
+    factors: Factors
+    R: np.ndarray
+
+    @property
+    def orientation(self) -> int:
+        """The sign of the determinant of Φ_q^d: it changes only where the partition or the mechanism is singular."""
+        if not self.factors:
+            return 1
+        lu, exchanges = self.factors
+        negative = int(np.sum(np.diag(lu) < 0)) + int(np.sum(exchanges != np.arange(len(exchanges))))
+        return -1 if negative % 2 else 1
+
+    def particular(self, right: np.ndarray) -> np.ndarray:
+        """S·right over all coordinates: what satisfies Φ_q x = right with x_z = 0; right: (m,), or (m, k) for k of them."""
+        result = np.zeros((self.R.shape[0], *right.shape[1:]))
+        if len(self.partition.rows):
+            result[self.partition.dependent] = solve(self.factors, right[self.partition.rows])
+        return result
+
+    def multipliers(self, right: np.ndarray, rows: int) -> np.ndarray:
+        """λ with Φ_qᵀ λ = right on the dependent coordinates; rows that are not kept get zero. right: (n,), or (n, k)."""
+        result = np.zeros((rows, *right.shape[1:]))
+        if len(self.partition.rows):
+            kept = solve(self.factors, right[self.partition.dependent], transposed=1)
+            result[self.partition.rows] = kept
+        return result
+
+
+def kinematics(kernels: Kernels, partition: Partition, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> Kinematics:
+    """Factor Φ_q^d at q and form R. Raises SingularError where the factorisation breaks down."""
+    jacobian = kernels.jacobian(q, t, p)[partition.rows]
+    R = np.zeros((kernels.n, len(partition.independent)))
+    R[partition.independent, np.arange(len(partition.independent))] = 1.0
+    if not len(partition.rows):
+        return Kinematics(partition, (), R)
+    factors = factor(jacobian[:, partition.dependent], kernels.name)
+    R[partition.dependent] = -solve(factors, jacobian[:, partition.independent])
+    return Kinematics(partition, factors, R)
+
+
+def kinematics_of_many(
+    kernels: Kernels, partition: Partition, q: np.ndarray, t: float, p: np.ndarray, right: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """R (B, n, nz) at positions q (B, n) with parameters p (B, n_p), and S·right, (B, n), of right (B, m), as of `Kinematics`.
+
+    Raises LinAlgError where a factorisation breaks down.
+    """
+    count, n = q.shape
+    R, particular = np.zeros((count, n, len(partition.independent))), np.zeros((count, n))
+    R[:, partition.independent, np.arange(len(partition.independent))] = 1.0
+    if len(partition.rows):
+        one = slice(0, 1) if (q == q[0]).all() and (p == p[0]).all() and (right == right[0]).all() else slice(None)  # a start for all
+        jacobian, right = kernels.dense_jacobians(q[one], t, p[one])[:, partition.rows], right[one]
+        known = np.concatenate([-jacobian[:, :, partition.independent], right[:, partition.rows, None]], axis=2)
+        found = np.linalg.solve(jacobian[:, :, partition.dependent], known)
+        R[:, partition.dependent], particular[:, partition.dependent] = found[:, :, :-1], found[:, :, -1]
+    return R, particular
+
+
+def factor(matrix: np.ndarray, name: str) -> Factors:
+    """LU factors, none of an empty matrix; SingularError instead of infinities."""
+    if not matrix.size:
+        return ()
+    lu, exchanges, _ = dgetrf(matrix)
+    pivots = np.abs(np.diag(lu))
+    if not np.min(pivots) > 1e-14 * np.max(pivots):
+        raise SingularError(f"{name}: the Jacobian of the dependent coordinates is singular; choose other independent coordinates")
+    return lu, exchanges
+
+
+def solve(factors: Factors, right: np.ndarray, transposed: int = 0) -> np.ndarray:
+    """x of A x = right, or of Aᵀ x = right."""
+    return dgetrs(*factors, right, trans=transposed)[0] if factors else right

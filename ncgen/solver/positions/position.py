@@ -1,0 +1,187 @@
+"""The position problem: coordinates that satisfy Φ(q, t) = 0.
+
+Newton's method with the minimum-norm step, halved where it does not help; redundant rows do no harm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import ConvergenceError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver import given
+from ncgen.solver.finite import check_instant, is_finite, watched
+from ncgen.solver.geometry import angles, measured_angles
+from ncgen.solver.given import Given
+from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
+
+TOLERANCE = 1e-12
+LIMIT = 40
+EASY = 6
+"""Newton steps within which a part of a displacement must close; else it is cut in half, since it may have changed its branch."""
+
+CONSISTENT = 1e-9
+"""A relative residual up to this passes as a consistent initial position."""
+
+
+@dataclass(frozen=True, eq=False)
+class Position:
+    """A solved position: q, the Newton steps taken, the relative residual, and its history."""
+
+    q: np.ndarray
+    iterations: int
+    residual: float
+    history: tuple[float, ...]
+
+    def __repr__(self) -> str:
+        return f"<Position of {len(self.q)} coordinates: {self.iterations} Newton steps, relative residual {self.residual:.2g}>"
+
+
+def residual(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> float:
+    """The largest |Φ| relative to the rows' natural sizes."""
+    values = np.abs(kernels.phi(q, t, p)) / kernels.row_sizes
+    return float(np.max(values, initial=0.0))
+
+
+def solve_position(
+    kernels: Kernels,
+    q: Given | None = None,
+    t: float = 0.0,
+    p: Given | None = None,
+    held: str | Iterable[str] | None = (),
+    tolerance: float = TOLERANCE,
+    limit: int = LIMIT,
+) -> Position:
+    """The consistent position near q (default: the initial one); the coordinates named in `held` (one name or several) keep their values.
+
+    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,); t: s
+    A position that is consistent already comes back to the last bit.
+    Raises ConvergenceError with the history and the worst row, also if an angle lands on its mirror root ψ + π, DomainError naming a
+    row that is not a number, ModelError for arguments that do not fit.
+    """
+    p = given.parameters(kernels, p)
+    q, t = given.position(kernels, q, p), given.finite(t, "t")
+    tolerance, limit = given.positive(tolerance, "tolerance"), given.count(limit, "limit")
+    names = given.names_of(held, "held", kernels.index)
+    free = np.array([i for i, name in enumerate(kernels.coordinates) if name not in names], dtype=int)
+    sizes = kernels.row_sizes
+    value = kernels.phi(q, t, p) / sizes
+    history = [float(np.max(np.abs(value), initial=0.0))]
+    while not history[-1] <= tolerance:
+        if not np.isfinite(history[-1]) and (len(history) == 1 or is_finite(q)):
+            check_finite(kernels, q, t, p)
+        if len(history) > limit or not np.isfinite(history[-1]):
+            raise ConvergenceError(_failure(kernels, value, history), tuple(history))
+        rows = kernels.holonomic
+        step = _least_step(watched(kernels), q, t, p, rows, free, -value[rows])
+        q, value = _damped(kernels, q, free, step, value, t, p)
+        history.append(float(np.max(np.abs(value), initial=0.0)))
+    check_mirror_roots(kernels, q, p, history)
+    return Position(q, len(history) - 1, history[-1], tuple(history))
+
+
+def _least_step(
+    kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rows: np.ndarray, free: np.ndarray, right: np.ndarray
+) -> np.ndarray:
+    """The smallest change of some coordinates that changes rows, in their natural sizes, as wanted."""
+    sizes = kernels.row_sizes[rows]
+    if DENSE <= len(rows) <= len(free):
+        jacobian = kernels.phi_q(q, t, p)[rows][:, free]
+        if found := independent_rows(scaled(jacobian, 1 / sizes, np.ones(len(free)))):
+            return found.least(right)
+    return np.linalg.lstsq(kernels.jacobian(q, t, p)[np.ix_(rows, free)] / sizes[:, None], right, rcond=1e-10)[0]
+
+
+def _damped(
+    kernels: Kernels, q: np.ndarray, free: np.ndarray, step: np.ndarray, value: np.ndarray, t: float, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The longest of the step, its half, quarter … that lowers the residual; the shortest if none does."""
+    norm, trial, new = np.linalg.norm(value), q, value
+    for power in range(6):
+        trial = q.copy()
+        trial[free] += step / 2**power
+        new = kernels.phi(trial, t, p) / kernels.row_sizes
+        if np.linalg.norm(new) < norm:
+            break
+    return trial, new
+
+
+def _failure(kernels: Kernels, value: np.ndarray, history: list[float]) -> str:
+    worst = int(np.nanargmax(np.where(np.isfinite(value), np.abs(value), np.inf)))
+    row = kernels.rows[worst]
+    return (
+        f"position problem: no convergence in {len(history) - 1} steps, the relative residual is {history[-1]:.2g}; "
+        f"worst is row {worst + 1} ({row.label}, {row.owner}); start nearer to a closed position or move in smaller steps"
+    )
+
+
+def check_mirror_roots(kernels: Kernels, q: np.ndarray, p: np.ndarray | None = None, history: Sequence[float] = ()) -> None:
+    """Raise ConvergenceError naming an angle whose coordinate is half a turn off its elements: the other root of its row."""
+    known = angles(kernels)
+    if not known:
+        return
+    errors = q[[kernels.index[angle.name] for angle in known]] - measured_angles(kernels, q, p)
+    for angle, error in zip(known, errors, strict=True):
+        if np.cos(error) < 0.0:
+            raise ConvergenceError(
+                f"angle {angle.name}: the position found is the mirror root, {np.degrees(error) % 360:.1f} degrees off; "
+                "start with the angle nearer to its elements",
+                tuple(history),
+            )
+
+
+def check_finite(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> None:
+    """Raise DomainError naming the first row or mass that is not a number at q, or the coordinate of q that is none."""
+    check_instant(kernels, q, None, t, p)
+
+
+def move(kernels: Kernels, q: Given | None, targets: dict[str, float], t: float = 0.0, p: Given | None = None, steps: int = 1) -> Position:
+    """A finite displacement: coordinates by name are brought to given values, in equal steps that are halved on failure.
+
+    q: where it begins, numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,);
+        t: s
+    The other coordinates follow and stay on their branch. Raises ConvergenceError where the mechanism cannot go, ModelError for
+    arguments that do not fit.
+    """
+    p = given.parameters(kernels, p)
+    q, t = given.position(kernels, q, p), given.finite(t, "t")
+    end = given.numbers_by_name(targets, kernels.index, "targets")
+    names, steps = list(end), given.count(steps, "steps")
+    where = [kernels.index[name] for name in names]
+    start, end = q[where], np.array(list(end.values()))
+    done, step = 0.0, 1.0 / steps
+    result = Position(q, 0, residual(kernels, q, t, p), ())
+    while done < 1.0:
+        share = min(1.0, done + step)
+        guess = result.q.copy()
+        guess[where] = start + share * (end - start)
+        try:
+            found = solve_position(kernels, guess, t, p, held=names, limit=EASY)
+            result, done = found, share
+        except ConvergenceError:
+            step /= 2
+            if step < 1e-4 / steps:
+                raise
+    return result
+
+
+def sweep(
+    kernels: Kernels, name: str, values: ArrayLike | Iterator[float], q: Given | None = None, t: float = 0.0, p: Given | None = None
+) -> np.ndarray:
+    """Positions (K, n) in m and rad while one coordinate takes the given values (K,), each started from the one before.
+
+    q: where it begins (default: the initial position), numbers (n,) in the order of the coordinates or {name: number}; p likewise
+        for parameters, (n_p,); t: s
+    Raises ConvergenceError where the mechanism cannot go, ModelError for arguments that do not fit.
+    """
+    p = given.parameters(kernels, p)
+    position, path = given.position(kernels, q, p), []
+    given.known_name(name, kernels.index, "name")
+    for value in given.several(values, "values"):
+        position = move(kernels, position, {name: value}, t, p).q
+        path.append(position)
+    return np.array(path).reshape(-1, kernels.n)

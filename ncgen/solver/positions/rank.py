@@ -1,0 +1,239 @@
+"""Rank of the Jacobian: degrees of freedom, redundant rows with what implies them, singular positions.
+
+Rank is numerical and is taken at several consistent positions, because one position may be special.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import scipy
+
+from ncgen.errors import ConvergenceError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.program.ir.sampling import firmly
+from ncgen.solver import given
+from ncgen.solver.given import Given
+from ncgen.solver.positions.open_tree import is_open_tree
+from ncgen.solver.positions.position import TOLERANCE, check_finite, solve_position
+from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
+
+if TYPE_CHECKING:
+    import scipy.sparse.linalg
+
+RELATIVE_ZERO = 1e-9
+"""Singular values below this, relative to the largest, count as zero."""
+
+POSITIONS = 6
+DISTANCE = 0.1
+"""How far the trial positions are from the given one, relative to the mechanism's size."""
+
+BADLY = 1e-4
+"""Share of the least singular value of all rows below which that of the kept ones asks for others."""
+
+REMEMBERED = 16
+"""How much of what was found for positions, such as degrees of freedom, is kept with the kernels."""
+
+NEIGHBOUR = 1e-3
+"""How far a neighbouring position is, likewise."""
+
+
+def numerical_rank(jacobian: np.ndarray) -> int:
+    """Rank by singular values."""
+    if not min(jacobian.shape):
+        return 0
+    values = np.linalg.svd(jacobian, compute_uv=False)
+    return int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300)))
+
+
+def null_space(jacobian: np.ndarray) -> np.ndarray:
+    """An orthonormal basis of the null space, columns (n, n − rank)."""
+    _, values, right = np.linalg.svd(jacobian, full_matrices=True)
+    rank = int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300))) if len(values) else 0
+    return right[rank:].T
+
+
+def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
+    """The `rank` rows that a QR factorisation with exchanges finds farthest from dependent, in their own order."""
+    return np.sort(column_order(jacobian.T)[:rank])
+
+
+def column_order(matrix: np.ndarray) -> np.ndarray:
+    """The columns of a matrix as a QR factorisation with exchanges takes them, the farthest from dependent first."""
+    _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(firmly(matrix), mode="r", pivoting=True))  # SciPy has no types
+    return order
+
+
+def scaled_jacobian(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> np.ndarray:
+    """Φ_q with rows divided by their natural size and lengths measured in the mechanism's size."""
+    return kernels.jacobian(q, t, p) * kernels.column_sizes / kernels.row_sizes[:, None]
+
+
+def sparse_jacobian(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> scipy.sparse.csr_array:
+    """`scaled_jacobian`, sparse."""
+    return scaled(kernels.phi_q(q, t, p), 1 / kernels.row_sizes, kernels.column_sizes)
+
+
+def _allowed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None) -> Callable[[np.ndarray], np.ndarray] | None:
+    """What leaves of any change of the coordinates the part that the rows allow; None where they allow nothing."""
+    if DENSE <= kernels.m < kernels.n and (rows := independent_rows(sparse_jacobian(kernels, q, t, p))):
+        return rows.allowed
+    basis = null_space(scaled_jacobian(kernels, q, t, p))
+    return (lambda x: basis @ (basis.T @ x)) if basis.shape[1] else None  # which does not depend on the choice of the basis
+
+
+def closeness_at(kernels: Kernels, q: np.ndarray) -> float:
+    """The tolerance of positions around q: far from the origin they close as well as coordinates can be told apart there."""
+    return max(TOLERANCE, 8 * np.finfo(float).eps * float(np.max(np.abs(q) / kernels.column_sizes, initial=0.0)))
+
+
+def trial_positions(
+    kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None, count: int = POSITIONS, distance: float = DISTANCE
+) -> list[np.ndarray]:
+    """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
+    generator = np.random.default_rng(0)
+    sizes, tolerance, allowed = kernels.column_sizes, closeness_at(kernels, q), _allowed(kernels, q, t, p)
+    found = [np.asarray(q, dtype=float)]
+    for attempt in range(4 * count):
+        if len(found) > count or allowed is None:
+            break
+        step = allowed(generator.standard_normal(kernels.n))
+        guess = q + distance / (1 + attempt // count) * sizes * step / max(np.max(np.abs(step)), 1e-300)
+        try:
+            found.append(solve_position(kernels, guess, t, p, tolerance=tolerance).q)
+        except ConvergenceError:
+            continue  # too far for this mechanism: the next attempts are nearer
+    return found
+
+
+@dataclass(frozen=True)
+class Redundancy:
+    """Row `row` (from 0) is implied by others: row = Σ coefficient · other row, with rows as generated."""
+
+    row: int
+    implied_by: dict[int, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Freedom:
+    """Degrees of freedom of a mechanism.
+
+    rank: of Φ_q in general position; rank_here: at the given position (less means it is singular)
+    redundant: rows that others imply in every position tried
+    vanishing: motions that exist only in this position, columns over the free coordinates
+    """
+
+    rank: int
+    rank_here: int
+    dof: int
+    redundant: tuple[Redundancy, ...]
+    kept_rows: tuple[int, ...]
+    vanishing: np.ndarray
+    positions: int
+
+    def __repr__(self) -> str:
+        here = f", {self.rank_here} here: singular" if self.is_singular else ""
+        return f"<Freedom {self.dof}: rank {self.rank}{here}, {len(self.redundant)} redundant rows>"
+
+    @property
+    def is_singular(self) -> bool:
+        return self.rank_here < self.rank
+
+
+def freedom(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given | None = None) -> Freedom:
+    """Degrees of freedom, redundant rows and singularity at a consistent position q (default: the initial one).
+
+    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,); t: s
+    Raises ModelError for arguments that do not fit.
+    """
+    p = given.parameters(kernels, p)
+    return freedom_at(kernels, given.position(kernels, q, p), given.finite(t, "t"), p)
+
+
+def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
+    """`freedom` of arguments that were looked at."""
+    return kernels.remember(
+        "freedom", (q.tobytes(), float(t), kernels.of_rows(p).tobytes()), lambda: _freedom(kernels, q, t, p), REMEMBERED
+    )
+
+
+def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
+    m, n = kernels.m, kernels.n
+    check_finite(kernels, q, t, p)
+    if DENSE <= m <= n and (independent_rows(sparse_jacobian(kernels, q, t, p)) or is_open_tree(kernels, q, t, p)):
+        return Freedom(m, m, n - m, (), tuple(range(m)), np.zeros((n, 0)), 1)
+    positions = trial_positions(kernels, q, t, p)
+    jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
+    largest = _largest_rows(jacobians)
+    jacobians = [j / largest for j in jacobians]
+    ranks = [numerical_rank(j) for j in jacobians]
+    rank = max(ranks)
+    general = [j for j, r in zip(jacobians, ranks, strict=True) if r == rank]
+    kept = _independent_rows(general)
+    if len(kept) != rank:  # rows at the edge of independence, which the order of exclusion decides
+        kept = best_rows(general[-1], rank).tolist()
+    elif _represents_badly(general[0], kept):
+        kept = best_rows(general[0], rank).tolist()
+    dependent = [row for row in range(m) if row not in set(kept)]
+    scale = kernels.row_sizes
+    redundant = tuple(_implication(general[-1] * largest, row, kept, scale) for row in dependent)
+    vanishing = _extra_motions(kernels, q, t, p, rank, largest) if ranks[0] < rank else np.zeros((kernels.n, 0))
+    return Freedom(rank, ranks[0], kernels.n - rank, redundant, tuple(kept), vanishing, len(positions))
+
+
+def _largest_rows(jacobians: list[np.ndarray]) -> np.ndarray:
+    """The norm of every row where it is largest, shape (m, 1): users' rows have no natural size, and one that is small everywhere is no
+    dependent one. Rows that vanish in some position keep doing so."""
+    norms = np.max([np.linalg.norm(j, axis=1) for j in jacobians], axis=0)
+    return np.where(norms > 0, norms, 1.0)[:, None]
+
+
+def _represents_badly(jacobian: np.ndarray, kept: list[int]) -> bool:
+    """True if rows, of which there are as many as the rank, are much nearer to being dependent than all rows together."""
+    least = (np.linalg.svd(rows, compute_uv=False)[len(kept) - 1] for rows in (jacobian[kept], jacobian))
+    return len(kept) > 0 and next(least) < BADLY * next(least)
+
+
+def _independent_rows(jacobians: list[np.ndarray]) -> list[int]:
+    """Rows in their own order, each kept if it is independent of those kept before in some position, which is then asked on.
+
+    Positions in which a kept row depends on those before are asked no more, so that all kept rows are independent together.
+    """
+    bases = [(j, np.zeros((0, j.shape[1]))) for j in jacobians]
+    kept: list[int] = []
+    for row in range(jacobians[0].shape[0]):
+        rests = [(j, basis, _rest(j[row], basis)) for j, basis in bases]
+        new = [(j, np.vstack([basis, rest / size])) for j, basis, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
+        bases = new or bases
+        kept += [row] if new else []
+    return kept
+
+
+def _rest(row: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """The part of a normalised row outside an orthonormal basis, orthogonalised twice against rounding."""
+    rest = row / max(np.linalg.norm(row), 1e-300)
+    for _ in range(2):
+        rest = rest - basis.T @ (basis @ rest)
+    return rest
+
+
+def _implication(jacobian: np.ndarray, row: int, kept: list[int], scale: np.ndarray) -> Redundancy:
+    solution = np.linalg.lstsq(jacobian[kept].T, jacobian[row], rcond=None)[0]
+    raw = solution * scale[row] / scale[kept]
+    return Redundancy(row, {k: float(c) for k, c, s in zip(kept, raw, solution, strict=True) if abs(s) > 1e-7})
+
+
+def _extra_motions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rank: int, largest: np.ndarray) -> np.ndarray:
+    """Motions that are free at q and not just beside it, in natural units, columns over the free coordinates.
+
+    They are what is left of the null space at q beside that of a neighbouring position in general position.
+    """
+    here = null_space(scaled_jacobian(kernels, q, t, p) / largest)
+    beside = trial_positions(kernels, q, t, p, distance=NEIGHBOUR)[1:]
+    spaces = [null_space(scaled_jacobian(kernels, x, t, p) / largest) for x in beside]
+    general = next((s for s in spaces if s.shape[1] == kernels.n - rank), np.zeros((kernels.n, 0)))
+    left, _, _ = np.linalg.svd(here.T @ general, full_matrices=True)
+    return here @ left[:, general.shape[1] :]

@@ -1,0 +1,94 @@
+"""What a run says against itself: energy that changes, constraints that are open. An alarm that cries wolf is not heard."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.methods.method import Method
+from ncgen.solver.positions.branches import refresh_branches
+from ncgen.solver.runs.run import Run
+from ncgen.solver.trajectories.energy import drift
+from ncgen.solver.trajectories.trajectory import Trajectory
+
+LOOKS = 8
+"""Instants inside a run at which the energy is looked at, besides its ends."""
+
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+
+SHARES = np.sort(np.arange(1, LOOKS + 1) * GOLDEN % 1.0)
+"""Of a run, where its energy is looked at: multiples of the golden section are as far from every even grid as can be, so a motion that
+rests at all instants of the grid does not rest at these. A run in C without other rows there is looked at where the step around ends."""
+
+LARGE = 1e-2
+"""Relative change of energy from which a motion whose constraints are held by feedback alone is not believed."""
+
+OPEN = 100.0
+"""Residuals of feedback, over rtol, from which they are told."""
+
+IMPOSSIBLE = 1e-6
+"""Share of what all rows' velocities add up to that a row may be off by."""
+
+
+def looks(run: Run, method: Method) -> np.ndarray:
+    """Times inside a run at which its energy is looked at; none where they would change the steps."""
+    if method.has_fixed_step:
+        return np.empty(0)
+    return run.times[0] + SHARES * run.duration
+
+
+def doubts(seen: Trajectory, rtol: float, method: Method) -> list[str]:
+    """What speaks against a motion, in words.
+
+    seen: the motion at the instants at which the energy was looked at, its ends included; rtol: that was kept
+    """
+    feedback = method.options.get("stabilisation") in ("baumgarte", "none")
+    said = [] if feedback or method.has_fixed_step else _contradiction(seen)
+    change = drift(seen.kernels, seen.t, seen.q, seen.qd, seen.work, seen.p)
+    if feedback and change > LARGE:
+        said.append(
+            f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "
+            "the motion may have left its branch, take smaller steps or another formalism"
+        )
+    elif not method.has_fixed_step and change > np.sqrt(rtol):
+        other = (
+            "or be too long for the tolerance"
+            if method.is_constrained
+            else "which formalism='lagrange' does better, or be too long for the tolerance"
+        )
+        said.append(
+            f"the energy changes by {change:.1g} of what moves, although rtol is {rtol:g}: "
+            f"the motion may have passed a singular position, {other}"
+        )
+    if feedback and not method.has_fixed_step and (violation := float(seen.violation().max())) > OPEN * rtol:
+        said.append(
+            f"{method.formalism.name} holds the constraints to {violation:.1g} only (relative), although rtol is {rtol:g}; "
+            + (
+                "raise alpha or omega (options), or take formalism='lagrange'"
+                if "alpha" in method.options
+                else "take stabilisation='projection'"
+            )
+        )
+    return said
+
+
+def _contradiction(seen: Trajectory) -> list[str]:
+    """What drivers and velocity rows demand that no velocity can do: projections then leave a remainder in Φ_q q̇ = ν. Velocities of rest
+    always satisfy rows without either. A remainder is set beside the velocities; where a driver comes to rest these are rounding, and
+    count as what would move nothing by a share of its size in the whole run."""
+    kernels, p = seen.kernels, seen.p
+    worst, said, slow = IMPOSSIBLE, [], IMPOSSIBLE / max(seen.t[-1] - seen.t[0], np.finfo(float).tiny)
+    if len(kernels.holonomic) == kernels.m and "nu" not in kernels.programs.programs:
+        return said
+    for t, q, qd in zip(seen.t, seen.q, seen.qd, strict=True):
+        nu = kernels.nu(q, t, p)
+        if len(kernels.holonomic) == kernels.m and not np.any(nu):
+            continue
+        rows = kernels.jacobian(q, t, refresh_branches(kernels, q, p))
+        rest, terms = np.abs(rows @ qd - nu), np.abs(rows) @ np.abs(qd) + np.abs(nu)
+        share = rest / (np.max(terms / kernels.row_sizes, initial=slow) * kernels.row_sizes)
+        row = int(np.argmax(share))
+        if share[row] > worst:
+            worst = share[row]
+            said = [f"at t = {t:.6g} s no velocities satisfy all rows: {kernels.rows[row].label} is off by {rest[row]:.3g} a second, "
+                    "so a driver or a velocity row contradicts the others"]  # fmt: skip
+    return said

@@ -1,0 +1,72 @@
+"""The rows of a trajectory while an engine makes them; one engine may go on where another stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.solver.formalisms.projection import Projected
+from ncgen.solver.positions.partition import Partitions
+
+
+@dataclass
+class Path:
+    """q, qd (rows, n) and work (rows,) at the first times of a grid; the partitions in use at the end, None where the
+    start is singular and the formalism needs none.
+
+    counts: steps, evaluations, Newton steps, changes of partition, repeated steps, in the order of `Statistics`
+    stopped: time (s) of the last row where the run ended before the end of the grid, at its `Stop` or since something was
+        raised, such as by Ctrl-C; None where it did not
+    projections, largest_projection: how often a state was projected, and how far a position moved at most, relative
+    jacobians, fallbacks: as in `Statistics`
+    stiff: how often dopri5 or dop853 in C found that stability, not the error, holds the steps down
+    """
+
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+    counts: np.ndarray
+    partitions: Partitions | None
+    projections: int = 0
+    largest_projection: float = 0.0
+    stopped: float | None = None
+    jacobians: int = 0
+    fallbacks: int = 0
+    stiff: int = 0
+
+    @classmethod
+    def empty(cls, n: int, partitions: Partitions | None) -> Path:
+        return cls(np.empty((0, n)), np.empty((0, n)), np.empty(0), np.zeros(5, dtype=int), partitions)
+
+    def extend(self, q: ArrayLike, qd: ArrayLike, work: ArrayLike, counts: ArrayLike) -> None:
+        """Add rows behind the last one; counts add up."""
+        rows = np.asarray(q), np.asarray(qd), np.asarray(work)
+        if len(self.q):
+            rows = np.vstack([self.q, q]), np.vstack([self.qd, qd]), np.concatenate([self.work, work])
+        self.q, self.qd, self.work = rows
+        self.counts = self.counts + np.asarray(counts)
+
+    def stop(self, t: float, q: np.ndarray, qd: np.ndarray, work: float) -> None:
+        """End with the state at which a run stops."""
+        self.extend(q[None], qd[None], [work], [0] * 5)
+        self.stopped = float(t)
+
+    def break_off(self, grid: np.ndarray, t: float, q: np.ndarray, qd: np.ndarray, work: float) -> None:
+        """End where a run was interrupted: with the state that it had reached, unless that is a row already."""
+        if len(self.q) and grid[len(self.q) - 1] >= t:
+            self.stopped = float(grid[len(self.q) - 1])
+        else:
+            self.stop(t, q, qd, work)
+
+    def note_projection(self, found: Projected) -> None:
+        self.projections += 1
+        self.largest_projection = max(self.largest_projection, found.moved)
+        self.counts[2] += found.steps
+
+    def take_last(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Remove the last row and return it: where another engine goes on."""
+        last = self.q[-1], self.qd[-1], float(self.work[-1])
+        self.q, self.qd, self.work = self.q[:-1], self.qd[:-1], self.work[:-1]
+        return last

@@ -1,0 +1,444 @@
+"""A run as it was asked for: one object, checked in one place. Every door builds it before anything is generated, compiled or moved.
+
+It needs names and sizes only, so a model will do where nothing is compiled yet (`outline`): `ncgen check` and the command line
+build it like `simulate` does, and refuse in the same words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from inspect import signature
+from numbers import Integral
+from typing import Any, Literal, TypeAlias, TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
+from ncgen.methods.table import (
+    AUTO,
+    FORMALISMS,
+    INTEGRATORS,
+    Formalism,
+    Integrator,
+    find_formalism,
+    find_integrator,
+    in_c,
+    is_real,
+    options_of,
+    partners,
+)
+from ncgen.model import Model
+from ncgen.model.elements import Component
+from ncgen.solver import given
+from ncgen.solver.given import ECHOED, Given, Outline, checked_kernels, finite, known_name, names_of, offer, parameters, position, several
+from ncgen.solver.positions.position import CONSISTENT
+from ncgen.solver.runs.signals import Signal, Signals, signals_of
+from ncgen.solver.runs.stop import Stop, stop_at
+from ncgen.solver.runs.telling import Told, check_told
+
+ENGINES = (AUTO, "c", "emitted", "refined", "python")
+EMITTED: tuple[Literal["emitted"], Literal["refined"]] = ("emitted", "refined")
+"""Engines for which the state derivative is written out for a mechanism."""
+
+Partitioned: TypeAlias = Literal["dense", "emitted", "refined"]
+"""Of a state derivative in C: eliminated by the runtime, written out, or that with iterative refinement."""
+
+Form: TypeAlias = Literal[Partitioned, "tree"]
+"""Over all coordinates also by a recursion in loops over tables."""
+
+NUMBERS = ("double", "float", "long double")
+"""Number types of C."""
+
+FINEST = 100 * np.finfo(float).eps
+"""Instants nearer to each other than this, relative to the time, cannot be told apart."""
+
+MOST_STEPS = 10**9
+"""Fixed steps of a run; more take hours."""
+
+MOST_NUMBERS = 2**31
+"""Numbers in a trajectory's positions, velocities and accelerations: 16 GiB."""
+
+
+class InitialArguments(TypedDict, total=False):
+    """What a caller may say of where a mechanism begins, as for `ncgen.simulate`."""
+
+    q0: Given | None
+    zd0: Given | None
+    qd0: Given | None
+    z: str | Iterable[str] | None
+    p: Given | None
+    t0: float
+    closing: float
+
+
+@dataclass(frozen=True, eq=False)
+class Initial:
+    """Where a mechanism begins, as it was asked for: nothing is closed or solved yet.
+
+    p (n_p,), q (n,): parameters and position; t: time (s)
+    z: names of the coordinates that are to be independent, () for the model's choice
+    zd: initial rates of the independent coordinates by name or as an array in the order of z, or None
+    qd: rates of any coordinates by name, or of all as an array (n,), or None
+    closing: the relative residual up to which the position passes as closed
+    """
+
+    p: np.ndarray
+    q: np.ndarray
+    t: float = 0.0
+    z: tuple[str, ...] = ()
+    zd: dict[str, float] | np.ndarray | None = None
+    qd: dict[str, float] | np.ndarray | None = None
+    closing: float = CONSISTENT
+
+    @classmethod
+    def asked(
+        cls,
+        subject: Kernels | Model,
+        *,
+        q0: Given | None = None,
+        zd0: Given | None = None,
+        qd0: Given | None = None,
+        z: str | Iterable[str] | None = None,
+        p: Given | None = None,
+        t0: float = 0.0,
+        closing: float = CONSISTENT,
+        names: tuple[str, str, str, str] = ("q0", "zd0", "qd0", "t0"),
+    ) -> Initial:
+        """From what the caller gives; names: of the arguments q0, zd0, qd0 and t0 in messages. Raises ModelError."""
+        known = outline(subject)
+        if zd0 is not None and qd0 is not None:
+            raise ModelError(f"{names[1]} and {names[2]} are both given; give the initial velocities once")
+        values = parameters(known, p)
+        return cls(
+            values,
+            position(known, q0, values, names[0]),
+            finite(t0, names[3]),
+            names_of(z, "z", known.coordinates),
+            _rates(known, zd0, names[1], whole=False),
+            _rates(known, qd0, names[2], whole=True),
+            given.closing(closing),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One simulation as it was asked for.
+
+    formalism, integrator: entries of `ncgen.methods.table`, None where the choice is ncgen's; options: as given
+    times (points,): the grid (s); rtol, atol: atol None for a hundredth of rtol in natural sizes; max_step: s, or inf
+    stop: where to end before, or None; signals: what drives the mechanism, or None; engine, number: as of `simulate`
+    """
+
+    initial: Initial
+    times: np.ndarray
+    formalism: Formalism | None
+    integrator: Integrator | None
+    options: dict[str, Any] = field(default_factory=dict)
+    rtol: float = 1e-8
+    atol: float | None = None
+    max_step: float = np.inf
+    stop: Stop | None = None
+    engine: str = AUTO
+    number: str = "double"
+    signals: Signals | None = None
+
+    @classmethod
+    def asked(
+        cls,
+        subject: Kernels | Model,
+        duration: float,
+        *,
+        formalism: str = AUTO,
+        integrator: str = AUTO,
+        rtol: float = 1e-8,
+        atol: float | None = None,
+        points: int | ArrayLike = 101,
+        max_step: float = np.inf,
+        engine: str = AUTO,
+        number: str = "double",
+        options: dict[str, Any] | None = None,
+        stop: Mapping[str, Any] | None = None,
+        inputs: Mapping[str, Signal] | None = None,
+        progress: Told = None,
+        **initial: Unpack[InitialArguments],
+    ) -> Run:
+        """From the arguments of `ncgen.simulate`; initial: those of `Initial.asked`. Raises ModelError with one sentence."""
+        known = outline(subject)
+        length = positive(duration, "duration", "number of seconds")
+        start = Initial.asked(subject, **initial)
+        pair = _entries(formalism, integrator, options)
+        check_told(progress)
+        run = cls(
+            start,
+            _grid(start.t, length, points, len(known.coordinates)),
+            *pair,
+            dict(options or {}),
+            positive(rtol, "rtol"),
+            None if atol is None else positive(atol, "atol"),
+            np.inf
+            if max_step is None or (is_real(max_step) and max_step == np.inf)
+            else positive(max_step, "max_step", "number of seconds"),
+            stop_at(known, stop),
+            chosen(engine, "engine", ENGINES),
+            chosen(number, "number", NUMBERS),
+            signals_of(known, inputs, start.p),
+        )
+        run._check_steps()
+        run._check_engine()
+        return run
+
+    @property
+    def duration(self) -> float:
+        """From the first instant to the last (s)."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def promises(self) -> bool:
+        """True where the integrator is ncgen's choice: rtol is then promised for the end of the run and not for every step."""
+        return self.integrator is None
+
+    def _check_steps(self) -> None:
+        """A fixed step is needed, or not too small for the time there is."""
+        if self.integrator is not None and self.integrator.has_fixed_step and self.max_step == np.inf:
+            raise ModelError(f"max_step: {self.integrator.name} has a fixed step; give its length in seconds")
+        if self.max_step == np.inf:
+            return
+        fixed = self.integrator is not None and self.integrator.has_fixed_step
+        if self.max_step < FINEST * np.max(np.abs(self.times)):
+            raise ModelError(
+                f"max_step: {self.max_step:.6g} s cannot be told apart at t = {np.max(np.abs(self.times)):.6g} s; take a longer one"
+            )
+        if self.duration / self.max_step > MOST_STEPS:
+            kind = "steps" if fixed else "steps at least"
+            raise ModelError(
+                f"max_step: {self.max_step:.6g} s makes {self.duration / self.max_step:.3g} {kind}; "
+                f"{MOST_STEPS:.0e} are the limit, take a longer one"
+            )
+
+    def _check_engine(self) -> None:
+        """An engine that can never take the method."""
+        if self.engine in EMITTED and self.formalism is not None and self.formalism.is_constrained:
+            raise ModelError(
+                f"engine {self.engine!r}: a state derivative is emitted for coordinate-partitioning, not for {self.formalism.name}"
+            )
+        named = self.integrator
+        if named is not None and not named.in_c and (self.engine in ("c", *EMITTED) or self.number != "double"):
+            what = f"engine {self.engine!r}" if self.engine in ("c", *EMITTED) else f"number {self.number!r}"
+            raise ModelError(f"{what}: {named.name} runs in Python; in C there are {', '.join(in_c(INTEGRATORS))}")
+        if self.engine == "python" and self.number != "double":
+            raise ModelError(f"number {self.number!r}: Python computes with doubles; leave out engine='python'")
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """As much of a model as of its kernels; free: the coordinates that can move."""
+
+    model: Model
+    free: tuple[Component, ...]
+    p0: np.ndarray
+
+    @property
+    def name(self) -> str:
+        return self.model.name
+
+    @property
+    def n(self) -> int:
+        return len(self.free)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        return tuple(c.name for c in self.free)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return tuple(self.model.numbers)
+
+    @property
+    def index(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.coordinates)}
+
+    @property
+    def q0(self) -> np.ndarray:
+        return self.start()
+
+    def start(self, p: ArrayLike | None = None) -> np.ndarray:
+        """The initial position (n,) in m and rad; its numbers at the parameters' defaults are enough here."""
+        return np.array([c.initial for c in self.free], dtype=float)
+
+
+def outline(subject: Kernels | Model) -> Outline:
+    """Names, sizes and defaults of a mechanism: the kernels themselves, or as much of a model. Raises ModelError for anything else."""
+    if isinstance(subject, Model):
+        values = [number.default for number in subject.numbers.values()]
+        return _Plan(subject, tuple(c for c in subject.components if not c.fixed), np.array(values, dtype=float))
+    return checked_kernels(subject)
+
+
+DURATION = 1.0
+"""Seconds that a run takes unless its model or its caller says something else."""
+
+GIVEN = ("subject", "initial", "names", "progress")
+"""Arguments of a run that are no options of it."""
+
+OPTIONS = tuple(name for name in {**signature(Run.asked).parameters, **signature(Initial.asked).parameters} if name not in GIVEN)
+"""What a model's own `simulation` can say."""
+
+
+def check_simulation(model: Model, **more: Any) -> Run:
+    """The run that a model's own `simulation` describes, with other options in their place, checked and not carried out.
+
+    Raises ModelError naming the option.
+    """
+    options = simulation_of(model, **more)
+    check_options(options)
+    return Run.asked(model, **options)
+
+
+def refusals(model: Model) -> list[tuple[str | None, str]]:
+    """All that is wrong with a model's own `simulation`: (option, message), the option None where none is to blame.
+
+    To blame is the last option without which nothing is wrong, or at least something else.
+    """
+    options, found = dict(model.simulation_options), []
+    while message := _refusal(model, options):
+        without = {name: _refusal(model, {k: v for k, v in options.items() if k != name}) for name in reversed(options)}
+        blamed = min((name for name in without if without[name] != message), key=lambda name: without[name] != "", default=None)
+        found.append((blamed, message))
+        if blamed is None:
+            break
+        del options[blamed]
+    return found
+
+
+def _refusal(model: Model, options: dict[str, Any]) -> str:
+    """Why there is no such run, or nothing."""
+    try:
+        check_options(options)
+        arguments: dict[str, Any] = {"duration": DURATION, **options}
+        Run.asked(model, **arguments)
+    except ModelError as error:
+        return str(error)
+    return ""
+
+
+def check_options(options: Iterable[str]) -> None:
+    """Raise ModelError for a name that is no option of a run."""
+    for name in options:
+        if name not in OPTIONS:
+            raise ModelError(f"m.simulation({name[:40]}=…): simulate has no such option; {offer(name, sorted(OPTIONS))}")
+
+
+def simulation_of(model: Model, **more: Any) -> dict[str, Any]:
+    """Arguments of `ncgen.simulate` for a model: its own, with others in their place where they are not None."""
+    return {"duration": DURATION, **model.simulation_options, **{name: value for name, value in more.items() if value is not None}}
+
+
+# -- single numbers and words --------------------------------------------------------------------------------------------------------------
+
+
+def positive(value: object, name: str, what: str = "number") -> float:
+    """A positive, finite number. Raises ModelError naming the argument."""
+    if isinstance(value, (bool, np.bool_)) or not is_real(value) or not 0 < value < np.inf:
+        raise ModelError(f"{name}: {echo(value)} given; it must be a positive {what}")
+    return float(value)
+
+
+def count(value: object, name: str, least: int, why: str) -> int:
+    """A whole number from `least` on. Raises ModelError naming the argument."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Integral) or value < least:
+        raise ModelError(f"{name}: {echo(value)} given; {why}")
+    return int(value)
+
+
+def chosen(value: object, name: str, known: tuple[str, ...]) -> str:
+    """One of some words. Raises ModelError listing them."""
+    if not isinstance(value, str) or value not in known:
+        raise ModelError(f"{name} {echo(value)} is unknown; choose one of {', '.join(known)}")
+    return value
+
+
+def echo(value: object) -> str:
+    """What was given, shortened."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= ECHOED else f"{text[: ECHOED - 1]}…"
+
+
+def _grid(start: float, length: float, points: Any, n: int) -> np.ndarray:
+    """Even instants, or those that are given. Raises ModelError where there are too many, or they cannot be told apart."""
+    given = None if points is None or np.ndim(points) == 0 else several(points, "points")
+    size = count(points, "points", 2, "a trajectory has at least 2") if given is None else len(given)
+    if size * (3 * n + 1) > MOST_NUMBERS:
+        raise ModelError(f"points: {size} instants of {n} coordinates take {size * (3 * n + 1) * 8 / 2**30:.3g} GiB; ask for fewer")
+    end = start + length
+    if not np.isfinite(end):
+        raise ModelError(f"duration: {length:.6g} s from t0 = {start:.6g} s on is beyond all numbers; take a shorter one")
+    shortest = FINEST * max(abs(start), abs(end))
+    if given is not None:
+        return _instants(given, start, end, shortest)
+    if length / (size - 1) < shortest:
+        raise ModelError(
+            f"t0: {start:.6g} s with {size} points in {length:.6g} s: instants cannot be told apart in double precision; "
+            "begin nearer to 0, or ask for fewer points"
+        )
+    return np.linspace(start, end, size)
+
+
+def _instants(given: np.ndarray, start: float, end: float, shortest: float) -> np.ndarray:
+    """Given instants. Raises ModelError unless they ascend from the start of a run to its end."""
+    if len(given) < 2 or abs(given[0] - start) > shortest or abs(given[-1] - end) > shortest:
+        raise ModelError(f"points: {echo(given.tolist())} given; instants begin at t0 = {start:.6g} s and end at {end:.6g} s")
+    for k in np.flatnonzero(~(np.diff(given) >= shortest))[:1]:
+        raise ModelError(f"points: {given[k + 1]:.6g} s follows {given[k]:.6g} s; let the instants ascend")
+    return given
+
+
+def _rates(subject: Outline, given: Given | None, name: str, whole: bool) -> dict[str, float] | np.ndarray | None:
+    """Rates by name or as an array, or None; whole: an array has one number a free coordinate."""
+    if given is None:
+        return None
+    if isinstance(given, dict):
+        return {known_name(key, subject.coordinates, name): finite(value, f"{name}: {key}") for key, value in given.items()}
+    try:
+        kind = np.asarray(given).dtype.kind
+        rates = np.array(given, dtype=float) if kind in "biufO" else None
+    except (TypeError, ValueError, OverflowError):
+        rates = None
+    if rates is None or rates.ndim != 1 or (whole and len(rates) != len(subject.coordinates)):
+        needed = f"{len(subject.coordinates)} numbers, one a free coordinate," if whole else "numbers in the order of z"
+        raise ModelError(f"{name}: {echo(given)} given; give {needed} or {{name: rate}}")
+    for k, rate in enumerate(rates.tolist()):
+        finite(rate, f"{name}: {subject.coordinates[k] if whole else f'number {k + 1}'}")
+    return rates
+
+
+def _entries(formalism: str, integrator: str, options: dict[str, Any] | None) -> tuple[Formalism | None, Integrator | None]:
+    """Entries of the table, None for "auto". Raises ModelError where they do not go together or an option is not theirs."""
+    one = None if isinstance(formalism, str) and formalism == AUTO else find_formalism(formalism)
+    other = None if isinstance(integrator, str) and integrator.lower() == AUTO else find_integrator(integrator)
+    if one and not other and not one.is_ordinary:
+        other = next(entry for entry in INTEGRATORS.values() if one.name in entry.steps)  # the only one that there can be
+    if one and other:
+        Method.of(one.name, other.name, options)
+    elif one:  # whatever is chosen beside it, an option must belong to one of the methods that there may be
+        _some_option([(one, INTEGRATORS[i]) for i in partners(one)], options)
+    elif other:
+        _some_option([(FORMALISMS[f], other) for f in partners(other)], options)
+    elif options:
+        _some_option([(FORMALISMS[f], i) for i in INTEGRATORS.values() for f in partners(i)], options)
+    return one, other
+
+
+def _some_option(pairs: list[tuple[Formalism, Integrator]], options: dict[str, Any] | None) -> None:
+    """Raise the first refusal where no pair takes the options."""
+    refusals = []
+    for pair in pairs:
+        try:
+            options_of(*pair, options)
+            return
+        except ModelError as error:
+            refusals.append(error)
+    raise refusals[0]

@@ -1,0 +1,164 @@
+"""Where a simulation starts: a closed position and velocities that the constraints allow.
+
+Velocities are given for the independent coordinates, for any coordinates by name, or for all of them; what the
+constraints do not allow is projected, and said.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from ncgen.errors import ModelError, SingularError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.formalisms.projection import least_energy, project_velocity
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.branches import check_choices, refresh_branches
+from ncgen.solver.positions.partition import Partition, Partitions, determined, kinematics, partitions_for
+from ncgen.solver.positions.position import check_finite, check_mirror_roots
+from ncgen.solver.positions.rank import REMEMBERED
+from ncgen.solver.positions.sparse_rows import DENSE
+from ncgen.solver.runs.run import Initial
+
+NOTICEABLE = 1e-9
+"""Changes of a given velocity up to this, relative to the largest velocity, are rounding and not reported."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A closed position q (n,) and velocities qd (n,) that the constraints allow; p (n_p,) with the paper rows' choice made there.
+
+    partitions: the independent coordinates there, None where nothing asks for them or the position is singular
+    """
+
+    q: np.ndarray
+    qd: np.ndarray
+    p: np.ndarray
+    partitions: Partitions | None
+
+    @property
+    def rates(self) -> np.ndarray:
+        """Velocities of the independent coordinates."""
+        return self.qd[determined(self.partitions).velocity.independent]
+
+
+def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
+    """Where a run starts, closed and with velocities; partitioned: whether it goes on with independent coordinates alone.
+
+    Raises ConvergenceError naming the rows that do not close, SingularError at a singular position that the method or the given
+    velocities cannot do with, ModelError for independent coordinates that do not determine the motion.
+    """
+    t = initial.t
+    p = refresh_branches(kernels, initial.q, initial.p)
+    key = initial.q.tobytes(), t, p.tobytes(), initial.closing
+    q = kernels.remember("closed position", key, lambda: _closed(kernels, initial, p), REMEMBERED).copy()
+    _tell_moved(kernels, initial.q, q)
+    driven = "nu" in kernels.programs.programs and bool(np.any(kernels.nu(q, t, p)))
+    needed = partitioned or initial.zd is not None
+    partitions = None
+    if needed or initial.z or (driven and initial.qd is None):
+        partitions = _partitions(kernels, q, p, initial, needed)
+    return Start(q, _velocity(kernels, partitions, initial, q, p, driven), p, partitions)
+
+
+def _closed(kernels: Kernels, initial: Initial, p: np.ndarray) -> np.ndarray:
+    """The position closed, on the branches that the coordinates say."""
+    check_finite(kernels, initial.q, initial.t, p)
+    q = assemble(kernels, initial.q, initial.t, p, tolerance=initial.closing)
+    check_mirror_roots(kernels, q, p)
+    check_choices(kernels, q, initial.t, p)
+    return q
+
+
+def _tell_moved(kernels: Kernels, given: np.ndarray, closed: np.ndarray) -> None:
+    """A warning where the start was open, with what moved most."""
+    moved = np.abs(closed - given)
+    if np.any(moved > 0):
+        most = int(np.argmax(moved))
+        warnings.warn(
+            f"{kernels.name}: the initial position was open and has been assembled; {kernels.coordinates[most]} moved most, "
+            f"by {moved[most]:.3g}",
+            stacklevel=3,
+        )
+
+
+def _partitions(kernels: Kernels, q: np.ndarray, p: np.ndarray, initial: Initial, needed: bool) -> Partitions | None:
+    """Independent coordinates at the start; None at a singular position where they can be done without."""
+    t, z, rates = initial.t, tuple(initial.z), tuple(initial.zd) if isinstance(initial.zd, dict) else ()
+    try:
+        key = ("partitions", q.tobytes(), float(t), p.tobytes(), z or kernels.model.chosen_independent, rates)
+        return kernels.remember("partitions", key, lambda: partitions_for(kernels, q, t, p, z, rates), REMEMBERED)
+    except SingularError:
+        if needed:
+            raise
+        return None
+
+
+def _velocity(kernels: Kernels, partitions: Partitions | None, initial: Initial, q: np.ndarray, p: np.ndarray, driven: bool) -> np.ndarray:
+    """All initial velocities."""
+    if initial.qd is not None:
+        return given_velocity(kernels, initial.qd, q, initial.t, p)
+    if partitions is not None:
+        return velocity_from_rates(
+            kernels, partitions.velocity, _independent_rates(kernels, partitions.velocity, initial.zd), q, initial.t, p
+        )
+    return given_velocity(kernels, {}, q, initial.t, p) if driven else np.zeros(kernels.n)
+
+
+def _independent_rates(kernels: Kernels, partition: Partition, given: dict[str, float] | np.ndarray | None) -> np.ndarray:
+    """Rates of the independent coordinates in their order. Raises ModelError for others, or where their number is another."""
+    names = partition.names(kernels)
+    if given is None:
+        return np.zeros(len(names))
+    if isinstance(given, dict):
+        if unknown := [name for name in given if name not in names]:
+            raise ModelError(
+                f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}; others are "
+                "chosen by z, or by qd0 with the velocities of any coordinates"
+            )
+        return np.array([given.get(name, 0.0) for name in names], dtype=float)
+    if len(given) != len(names):
+        raise ModelError(f"zd0: {len(given)} numbers given, {len(names)} needed for the independent coordinates {', '.join(names)}")
+    return given
+
+
+def velocity_from_rates(kernels: Kernels, partition: Partition, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
+    """All velocities (n,) from those of the independent coordinates."""
+    if kernels.m >= DENSE and len(kernels.holonomic) == kernels.m:
+        held = scipy.sparse.csr_array((np.ones(len(rates)), (np.arange(len(rates)), partition.independent)), (len(rates), kernels.n))
+        rows = scipy.sparse.vstack([kernels.phi_q(q, t, p)[partition.rows], held], format="csc")
+        return scipy.sparse.linalg.splu(rows).solve(np.concatenate([kernels.nu(q, t, p)[partition.rows], rates]))
+    frame = kinematics(kernels, partition, q, t, p)
+    return frame.R @ rates + frame.particular(kernels.nu(q, t, p))
+
+
+def given_velocity(kernels: Kernels, qd0: dict[str, float] | np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
+    """All velocities (n,) from `qd0`, an array over the coordinates or {name: rate}.
+
+    Rates by name leave the others free: they become those of least kinetic energy. A warning with the number says
+    where the constraints did not allow what was given.
+    """
+    wanted = {kernels.index[name]: rate for name, rate in qd0.items()} if isinstance(qd0, dict) else dict(enumerate(qd0))
+    where, rates = np.array(list(wanted), dtype=int), np.array(list(wanted.values()), dtype=float)
+    qd = _least_energy(kernels, where, rates, q, t, p) if isinstance(qd0, dict) else rates
+    allowed = project_velocity(kernels, q, qd, t, p)
+    changed = np.abs(allowed[where] - rates) / kernels.column_sizes[where]
+    if np.max(changed, initial=0.0) > NOTICEABLE * np.max(np.abs(allowed / kernels.column_sizes), initial=0.0):
+        most = where[int(np.argmax(changed))]
+        warnings.warn(
+            f"{kernels.name}: the initial velocities contradict the constraints and have been projected; "
+            f"rate({kernels.coordinates[most]}) changed most, from {wanted[most]:.6g} to {allowed[most]:.6g}",
+            stacklevel=3,
+        )
+    return allowed
+
+
+def _least_energy(kernels: Kernels, where: np.ndarray, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
+    """Velocities of least kinetic energy among those with the given rates: the given ones are rows like the others."""
+    sizes = kernels.column_sizes
+    held = scipy.sparse.csr_array((np.ones(len(where)), (np.arange(len(where)), where)), (len(where), kernels.n))
+    right = np.concatenate([kernels.nu(q, t, p) / kernels.row_sizes, rates / sizes[where]])
+    return sizes * least_energy(kernels, q, t, p, held).solve(np.zeros(kernels.n), right)[0]

@@ -1,0 +1,64 @@
+"""What an engine carries out, in C or in Python: the same for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ncgen.mechanism.driving import Function, Pieces
+from ncgen.methods.method import Method
+from ncgen.solver.runs.signals import Signals
+from ncgen.solver.runs.stop import Stop
+from ncgen.solver.runs.tolerances import Tolerances
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A method, from a start over a time grid.
+
+    grid (points,): s; q (n,): m and rad; p (n_p,): parameters
+    looks (points,): a mask of instants that need not be exact: C moves them, in the grid, to where its steps end
+    velocities: in the same per second, of all coordinates (n,), or with coordinate partitioning of the independent ones (nz,)
+    max_step: s, or inf; tolerances: where the method has error control
+    number: C's type; stop: where to end before
+    progress: called now and then with the time reached. What is raised meanwhile ends the run and is raised, the path holding what was
+        reached
+    signals: what drives the mechanism, if anything does
+    corners: instants (s) inside the run at which what depends on time has corners
+    stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
+    """
+
+    method: Method
+    grid: np.ndarray
+    q: np.ndarray
+    velocities: np.ndarray
+    p: np.ndarray
+    max_step: float
+    tolerances: Tolerances
+    number: str = "double"
+    stop: Stop | None = None
+    progress: Callable[[float], None] | None = None
+    stop_when_stiff: bool = False
+    signals: Signals | None = None
+    corners: np.ndarray = field(default_factory=lambda: np.empty(0))
+    looks: np.ndarray | None = None
+
+    def looks_from(self, row: int) -> np.ndarray:
+        """The mask from a row on."""
+        return (np.zeros(len(self.grid), dtype=bool) if self.looks is None else self.looks)[row:]
+
+    def looked_at(self, row: int, times: np.ndarray) -> None:
+        """Rows from one on are of these times (s), of which looks may be others than were asked for."""
+        np.copyto(self.grid[row : row + len(times)], times, where=self.looks_from(row)[: len(times)])
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """Where steps with error control end, besides (s), ascending."""
+        return np.union1d(self.corners, self.signals.breaks if self.signals else ())
+
+    @property
+    def driven(self) -> tuple[Pieces | Function | None, ...]:
+        """What C is given for every input, () where nothing drives the mechanism."""
+        return self.signals.functions if self.signals else ()

@@ -1,0 +1,60 @@
+"""What an integrator with error control may be wrong by, for every engine in its own form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ncgen.solver.runs.run import Run
+
+SHARED = 20.0
+"""Steps that may each take the whole tolerance where rtol is promised for the whole run; more of them share it."""
+
+NEAR_ZERO = 0.01
+"""atol over rtol, in natural sizes, where atol is not given."""
+
+LEAST = 10.0
+"""Roundings that a relative tolerance is at least."""
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """The error of a step in a component x may be min(1, max(h, mean step) / span) (atol s + rtol |x|).
+
+    natural: s is the natural size of the component, else 1; span: s; 0 where every step may have the whole
+    """
+
+    rtol: float
+    atol: float
+    natural: bool
+    span: float
+
+    @classmethod
+    def of(cls, run: Run, length: float, rounding: float) -> Tolerances:
+        """Those of a run in a mechanism of a length (m); what a number type cannot keep is raised to its rounding."""
+        natural = run.atol is None
+        atol = NEAR_ZERO * run.rtol if run.atol is None else run.atol
+        least = rounding * (1.0 if natural else length)
+        span = run.duration / SHARED if run.promises else 0.0
+        return cls(max(run.rtol, LEAST * rounding), max(atol, least), natural, span)
+
+    @classmethod
+    def promised(cls, rtol: float, duration: float) -> Tolerances:
+        """Those of a run in doubles for which rtol is promised as a whole, as where the method is ncgen's choice."""
+        rounding = float(np.finfo(float).eps)
+        return cls(max(rtol, LEAST * rounding), max(NEAR_ZERO * rtol, rounding), True, duration / SHARED)
+
+    def in_c(self, velocities: np.ndarray, positions: np.ndarray) -> dict[str, Any]:
+        """Arguments of a run in C whose velocities and positions have these natural sizes."""
+        return {"rtol": self.rtol, "atol": self.atol, "span": self.span, "sizes": _state(velocities, positions) if self.natural else None}
+
+    def for_scipy(self, velocities: np.ndarray, positions: np.ndarray) -> dict[str, Any]:
+        """Arguments of SciPy's solvers for a state of velocities and positions of these natural sizes, and the work."""
+        return {"rtol": self.rtol, "atol": self.atol * _state(velocities, positions) if self.natural else self.atol}
+
+
+def _state(velocities: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Sizes of a state: velocities, positions, and the work, which has none of its own."""
+    return np.concatenate([velocities, positions, [1.0]])

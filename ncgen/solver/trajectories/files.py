@@ -1,0 +1,77 @@
+"""A trajectory as files: all that is known of it in an archive of NumPy's, and its histories as a table for other programs."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import platform
+from dataclasses import asdict
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ncgen import __version__
+from ncgen.emit.sources import write_bytes
+from ncgen.errors import ModelError, NcgenError
+
+if TYPE_CHECKING:
+    from ncgen.solver.trajectories.trajectory import Trajectory
+
+FORMAT = 1
+"""Of what an archive says of itself; archives of before say nothing."""
+
+
+def archive(run: Trajectory) -> bytes:
+    """Numbers and names by their keys, `about` as JSON, and `model`, the text of its model file, where a file can say it."""
+    buffer = io.BytesIO()
+    ports = {"inputs": run.inputs, "outputs": run.outputs}
+    told: dict[str, Any] = {kind: np.array([*values.values()]).T for kind, values in ports.items() if values}
+    told |= {f"{kind[:-1]}_names": np.array([*values], dtype=str) for kind, values in ports.items() if values}
+    if (text := _model_text(run)) is not None:
+        told["model"] = np.array(text)
+    np.savez(
+        buffer, t=run.t, q=run.q, qd=run.qd, qdd=run.qdd, lam=run.lam, work=run.work, p=run.p,
+        coordinates=np.array(run.coordinates, dtype=str), parameters=np.array(run.kernels.parameters, dtype=str),
+        rows=np.array([r.label for r in run.model.rows], dtype=str), independent=np.array(run.independent, dtype=str),
+        about=np.array(json.dumps(about(run))), **told,
+    )  # fmt: skip
+    return buffer.getvalue()
+
+
+def about(run: Trajectory) -> dict[str, Any]:
+    """How a trajectory was made, and by which versions, as JSON has it."""
+    said = {name: getattr(run, name) for name in ("formalism", "integrator", "engine", "number", "stopped", "made_with")}
+    versions = {"ncgen": __version__, "numpy": np.__version__, "python": platform.python_version()}
+    options = {name: value if isinstance(value, (bool, int, str)) else float(value) for name, value in run.options.items()}
+    own = {"name": run.name, "chosen": list(run.chosen), "options": options, "statistics": asdict(run.statistics)}
+    return {"format": FORMAT, **versions, **said, **own}
+
+
+def _model_text(run: Trajectory) -> str | None:
+    """None for a model with a Python function in it, which is no data."""
+    try:
+        return import_module("ncgen.exchange.toml_writer").to_toml(run.model)
+    except ModelError:
+        return None
+
+
+def histories(run: Trajectory) -> dict[str, np.ndarray]:
+    """{column: (K,)}: t, coordinates, velocities, inputs and outputs."""
+    moved = dict(zip(run.coordinates, run.q.T, strict=True))
+    rates = {f"rate({name})": column for name, column in zip(run.coordinates, run.qd.T, strict=True)}
+    return {"t": run.t, **moved, **rates, **run.inputs, **run.outputs}
+
+
+def write_parquet(run: Trajectory, path: Path) -> Path:
+    """The histories as a Parquet file, with `about` and the model's text among its metadata under "ncgen" and "ncgen.model"."""
+    try:
+        arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise NcgenError("pyarrow is not installed; pip install 'ncgen[tables]'") from error
+    said = {"ncgen": json.dumps(about(run)), "ncgen.model": _model_text(run) or ""}
+    buffer = io.BytesIO()
+    parquet.write_table(arrow.table(histories(run)).replace_schema_metadata(said), buffer)
+    return write_bytes(Path(os.fspath(path)), buffer.getvalue())

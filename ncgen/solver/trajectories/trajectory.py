@@ -1,0 +1,339 @@
+"""A trajectory: what a simulation found, with names and units."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, overload
+
+import numpy as np
+
+from ncgen.errors import ModelError, NcgenError, shown
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import FORMALISMS
+from ncgen.model.elements import Element, Point, Vector, coordinate_of
+from ncgen.solver import frames, geometry
+from ncgen.solver.formalisms import accelerations_by
+from ncgen.solver.formalisms.coordinate_partitioning import Motion, motion_at
+from ncgen.solver.given import echo, offer
+from ncgen.solver.positions.branches import refresh_branches
+from ncgen.solver.positions.partition import Partitions, choose_partitions, determined, other_partitions, quality
+from ncgen.solver.trajectories.energy import drift, energies
+from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, uses_loads
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from scipy.spatial.transform import Rotation
+
+    from ncgen.model import Model
+    from ncgen.solver.loads.reactions import Reactions
+    from ncgen.solver.trajectories.difference import Difference
+
+CONDITION = 1e-3
+"""Quality of a partition below which accelerations are computed with a better one."""
+
+
+class Page(Protocol):
+    """A page that `ncgen.view.page` makes: a notebook shows it, `save` writes it into a file."""
+
+    text: str
+
+    def _repr_html_(self) -> str: ...
+
+    def save(self, path: str | os.PathLike[str]) -> Path: ...
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What a simulation cost.
+
+    steps, evaluations of the state derivative, Newton steps of position problems and projections, changes of the
+    independent coordinates, steps repeated because the position problem failed, and seconds; how often a state was
+    projected onto the constraints, and how far a position was moved at most, relative to its natural size. Of implicit
+    methods how many Jacobians were taken; of emitted ones how many accelerations were computed with row exchanges, since
+    a pivot vanished or a step had to be repeated.
+    """
+
+    steps: int
+    evaluations: int
+    newton_steps: int
+    partition_changes: int
+    repeated_steps: int
+    seconds: float
+    projections: int = 0
+    largest_projection: float = 0.0
+    jacobians: int = 0
+    fallbacks: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A motion on a time grid of K instants.
+
+    t (K,) in s; q, qd, qdd (K, n) in m and rad, in the order of `coordinates`; lam (K, m): multipliers of the rows,
+    in the sense M q̈ + Φ_qᵀ λ = Q; work (K,): work (J) of drivers and of forces without a potential since the start.
+    Accelerations and multipliers are computed when they are first asked for.
+    engine: "c", "emitted", or "python" with the reason; moved_by: the kernels that the motion was computed with, which
+    stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism; stopped: the
+    run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid; number: the number
+    type that it was computed with; made_with: the method and the engine in words, and why they were taken.
+    `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity; like a dictionary a trajectory has the coordinates' names to go
+    through, and `"psi2" in run`. Two trajectories are equal if they are the same one.
+    """
+
+    kernels: Kernels
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+    p: np.ndarray
+    partitions: Partitions | None
+    statistics: Statistics
+    formalism: str
+    integrator: str
+    engine: str = "python"
+    chosen: tuple[str, ...] = ()
+    moved_by: Kernels | None = None
+    options: dict[str, Any] = field(default_factory=dict)
+    stopped: bool = False
+    number: str = "double"
+    made_with: str = ""
+
+    def __repr__(self) -> str:
+        grid = f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no instant"
+        return f"<Trajectory {self.name}: {grid}, {len(self)} coordinates, {self.formalism}, {self.integrator}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return import_module("ncgen.report.cards").of_trajectory(self)
+
+    @property
+    def independent(self) -> tuple[str, ...]:
+        """Names of the independent coordinates: those that were chosen, else those at the end of the run."""
+        partitions = self.partitions or choose_partitions(self.kernels, self.q[-1], self.t[-1], self.p)
+        used = partitions.position.names(self.kernels)
+        return self.chosen if len(self.chosen) == len(used) else used
+
+    @cached_property
+    def _motions(self) -> list[Motion]:
+        """Every instant once more with accelerations and multipliers."""
+        instants = zip(self.t, self.q, self.qd, strict=True)
+        return [self._motion(*instant) for instant in instants]
+
+    def _motion(self, t: float, q: np.ndarray, qd: np.ndarray) -> Motion:
+        kernels = self.moved_by or self.kernels
+        p = refresh_branches(kernels, q, self.p)
+        if FORMALISMS[self.formalism].is_constrained:
+            return accelerations_by(self.formalism).motion(kernels, q, qd, t, p, self.options)
+        present = determined(self.partitions)
+        part = present.velocity
+        if quality(kernels, part, q, t, p) < CONDITION:
+            part = other_partitions(kernels, present, q, t, p).velocity
+        return motion_at(kernels, part, t, q, qd[part.independent], p)
+
+    @cached_property
+    def qdd(self) -> np.ndarray:
+        """Accelerations (K, n)."""
+        return np.array([m.qdd for m in self._motions])
+
+    @cached_property
+    def lam(self) -> np.ndarray:
+        """Multipliers of the rows (K, m)."""
+        return np.array([m.lam for m in self._motions])
+
+    @property
+    def model(self) -> Model:
+        return self.kernels.model
+
+    @property
+    def name(self) -> str:
+        return self.kernels.name
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        return self.kernels.coordinates
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """One free coordinate, `rate(name)`, an output or an input over time, shape (K,). Raises ModelError for an unknown name."""
+        if isinstance(name, str) and name not in self and (name in self.model.outputs or name in self.kernels.inputs):
+            return self.outputs[name] if name in self.model.outputs else self.inputs[name]
+        if not isinstance(name, str):
+            raise ModelError(
+                f"{self.name}: a coordinate is asked for by its name, not by {echo(name)}; instants are rows of run.t, run.q, run.qd"
+            )
+        inner = coordinate_of(name)
+        if isinstance(thing := self.model.elements.get(inner), (Point, Vector)):
+            kind = type(thing).__name__.lower()
+            raise ModelError(
+                f"{self.name}: {inner} is a {kind} of three coordinates, {inner}.x and others; run.{kind}({inner!r}) has them all"
+            )
+        if inner not in self.kernels.index:
+            raise ModelError(f"{self.name} has no free coordinate {echo(inner)}; {offer(inner, self.coordinates)}")
+        return (self.q if inner == name else self.qd)[:, self.kernels.index[inner]]
+
+    def __contains__(self, name: object) -> bool:
+        """Whether a free coordinate, or `rate(name)` of one, has that name."""
+        return isinstance(name, str) and coordinate_of(name) in self.kernels.index
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the free coordinates."""
+        return iter(self.coordinates)
+
+    def __len__(self) -> int:
+        """How many free coordinates there are; the number of instants is len(run.t)."""
+        return len(self.coordinates)
+
+    def keys(self) -> tuple[str, ...]:
+        """The names of the free coordinates, so that `dict(run)` has all histories by name."""
+        return self.coordinates
+
+    @cached_property
+    def outputs(self) -> dict[str, np.ndarray]:
+        """{label: (K,)} of the model's outputs over time. Warns of loads in them that are not unique."""
+        if not self.model.outputs:
+            return {}
+        if uses_loads(self.model):
+            from ncgen.solver.loads.observed_loads import warn_of_shared
+
+            warn_of_shared(self)
+        found = (self.qdd, self.lam) if uses_accelerations(self.model) else None
+        seen = outputs_of(self.kernels, self.t, self.q, self.qd, self.p, found)
+        return dict(zip(self.model.outputs, seen.T, strict=True))
+
+    @property
+    def inputs(self) -> dict[str, np.ndarray]:
+        """{name: (K,)} of the model's inputs over time."""
+        p = np.array([self.kernels.present(float(t), self.p) for t in self.t])
+        return {name: p[:, self.kernels.parameters.index(name)] for name in self.kernels.inputs}
+
+    def point(self, name: str) -> np.ndarray:
+        """Positions (m) of a point, shape (K, 3). Raises ModelError where there is no such point."""
+        return geometry.element(self.kernels, self._named(name, Point), self.q, self.p)
+
+    def vector(self, name: str) -> np.ndarray:
+        """Components of a unit vector, shape (K, 3). Raises ModelError where there is no such vector."""
+        return geometry.element(self.kernels, self._named(name, Vector), self.q, self.p)
+
+    def _named(self, name: str, kind: type[Element]) -> Element:
+        known = {e.name: e for e in self.model.elements.values() if isinstance(e, kind)}
+        if name not in known:
+            raise ModelError(f"{self.name} has no {kind.__name__.lower()} {echo(name)}; {offer(name, tuple(known))}")
+        return known[name]
+
+    def rotation(self, body: str) -> Rotation:
+        """Orientation of a body relative to the initial position, a scipy Rotation of K instants.
+
+        Euler angles, Bryant angles and Euler parameters (the paper's eqs 1-5) are its views:
+        `.as_euler("ZXZ")`, `.as_euler("XYZ")`, `.as_quat(scalar_first=True)`.
+        """
+        return frames.rotation(self.kernels, body, self.q, self.p)
+
+    def angular_velocity(self, body: str) -> np.ndarray:
+        """Angular velocity (rad/s) of a body in global axes, shape (K, 3)."""
+        return frames.angular_velocity(self.kernels, body, self.q, self.qd, self.p)
+
+    def energy(self) -> np.ndarray:
+        """Kinetic and potential energy (J) and power (W) of forces without a potential, shape (K, 3)."""
+        return energies(self.kernels, self.t, self.q, self.qd, self.p)
+
+    @cached_property
+    def energy_drift(self) -> float:
+        """The largest |T + V − W − its start|, relative to the energy that moves (largest T or change of V); 0 where it is rounding."""
+        return drift(self.kernels, self.t, self.q, self.qd, self.work, self.p)
+
+    def thinned(self, count: int) -> Trajectory:
+        """The same motion at `count` of its instants, or all if they are fewer."""
+        kept = np.unique(np.linspace(0, len(self.t) - 1, count).round().astype(int))
+        return replace(self, t=self.t[kept], q=self.q[kept], qd=self.qd[kept], work=self.work[kept])
+
+    def violation(self) -> np.ndarray:
+        """The largest |Φ| relative to the rows' natural sizes at every instant, shape (K,); of angles in the paper's form the equation
+        in force there."""
+        from ncgen.solver.positions.branches import refresh_branches
+        from ncgen.solver.positions.position import residual
+
+        return np.array(
+            [residual(self.kernels, q, t, refresh_branches(self.kernels, q, self.p)) for t, q in zip(self.t, self.q, strict=True)]
+        )
+
+    def reactions(self) -> Reactions:
+        """Loads between bodies, see `ncgen.solver.loads.reactions.reactions`."""
+        from ncgen.solver.loads.reactions import reactions
+
+        return reactions(self)
+
+    def driver_forces(self) -> dict[str, np.ndarray]:
+        """Forces and couples of the model's drivers by coordinate, see `ncgen.solver.loads.inverse_dynamics.driver_forces`."""
+        from ncgen.solver.loads.inverse_dynamics import driver_forces
+
+        return driver_forces(self)
+
+    # -- files ---------------------------------------------------------------------------------
+
+    def to_npz(self, path: str | os.PathLike[str]) -> Path:
+        """Write all arrays and names as a NumPy archive, inputs and outputs (K, …) of a model that has them too, with the model as text,
+        how the motion was made, and versions, so that `ncgen.read` gives the trajectory back; returns the path. Raises NcgenError if it
+        cannot."""
+        from ncgen.emit.sources import write_bytes
+        from ncgen.solver.trajectories.files import archive
+
+        return write_bytes(_path(path), archive(self))
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write t, coordinates, velocities, inputs and outputs with a header line, every digit; returns the path."""
+        from ncgen.emit.sources import write_text
+        from ncgen.solver.trajectories.files import histories
+
+        columns = histories(self)
+        lines = [",".join(map(_cell, columns))] + [",".join(map(repr, row)) for row in np.column_stack([*columns.values()]).tolist()]
+        return write_text(_path(path), "\n".join(lines) + "\n")
+
+    def to_parquet(self, path: str | os.PathLike[str]) -> Path:
+        """Write the columns of `to_csv` as a Parquet file; returns the path. Raises NcgenError if it cannot, or without pyarrow."""
+        from ncgen.solver.trajectories.files import write_parquet
+
+        return write_parquet(self, _path(path))
+
+    def compared(self, other: Trajectory) -> Difference:
+        """How far this motion is from another of the same coordinates, see `ncgen.solver.trajectories.difference.difference`."""
+        from ncgen.solver.trajectories.difference import difference
+
+        return difference(self, other)
+
+    @overload
+    def plot(self, path: None = None, names: str | Iterable[str] | None = None) -> Figure: ...
+
+    @overload
+    def plot(self, path: str | os.PathLike[str], names: str | Iterable[str] | None = None) -> Path: ...
+
+    def plot(self, path: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None) -> Figure | Path:
+        """Time histories, energy and violation as a matplotlib figure, which a notebook shows; written to `path` if given."""
+        view = import_module("ncgen.view.figure")
+        figure = view.plot(self, names)
+        return figure if path is None else view.save(figure, _path(path))
+
+    @overload
+    def animate(self, path: None = None) -> Page: ...
+
+    @overload
+    def animate(self, path: str | os.PathLike[str]) -> Path: ...
+
+    def animate(self, path: str | os.PathLike[str] | None = None) -> Page | Path:
+        """A self-contained HTML page that shows the motion, which a notebook shows in a frame; written to `path` if given."""
+        view = import_module("ncgen.view.player")
+        return view.page_of(self) if path is None else view.write_player(self, _path(path))
+
+
+def _path(path: str | os.PathLike[str]) -> Path:
+    if not isinstance(path, (str, os.PathLike)) or not str(path):
+        raise NcgenError(f"path: {shown(path)} given; name a file")
+    return Path(path)
+
+
+def _cell(label: str) -> str:
+    """A label as a cell of a table: in quotes where a comma or a quote would end it."""
+    return '"' + label.replace('"', '""') + '"' if set(label) & set(',"') else label
