@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -18,7 +19,7 @@ def new(file: Annotated[Path, typer.Argument(help="the file to write: NAME.toml"
     from ncgen.exchange.start import write_start
 
     path = write_start(file)
-    out.print(f"{path}: a four-bar linkage to change; `ncgen watch {path}` runs it whenever you save it", markup=False)
+    out.print(f"{path}: a four-bar linkage to change; `ncgen watch {shlex.quote(str(path))}` runs it whenever you save it", markup=False)
 
 
 def check(file: Annotated[Path, typer.Argument(help="a model file: .toml, .py, .urdf, .sdf or .xml")]) -> None:

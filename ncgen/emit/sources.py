@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ncgen.emit.language import language, languages
-from ncgen.errors import NcgenError
+from ncgen.errors import NcgenError, shown
 from ncgen.program.programs import Programs
 
 
@@ -52,7 +52,15 @@ class Sources:
 
         Raises NcgenError naming the folder if it cannot be written.
         """
-        return [write_text(Path(folder) / name, text) for name, text in self.files.items()]
+        place = path_of(folder, "folder")
+        return [write_text(place / name, text) for name, text in self.files.items()]
+
+
+def path_of(given: str | os.PathLike[str], what: str = "path") -> Path:
+    """A path that something is to be written to. Raises NcgenError for what is none; what: the argument's name."""
+    if not isinstance(given, (str, os.PathLike)) or not str(given):
+        raise NcgenError(f"{what}: {shown(given)} given; name a {'folder' if what == 'folder' else 'file'}")
+    return Path(given)
 
 
 def write_text(path: Path, text: str) -> Path:

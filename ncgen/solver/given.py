@@ -14,7 +14,7 @@ from typing import Protocol, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.methods.table import is_real
 from ncgen.model import Model
 
@@ -148,7 +148,7 @@ def finite(value: object, what: str) -> float:
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise ModelError(f"{what} is {echo(plain)}; it must be a finite number")
+        raise ModelError(f"{what} is {shown(plain) if isinstance(plain, str) else echo(plain)}; it must be a finite number")
     return number
 
 

@@ -68,6 +68,10 @@ def test_names_that_cannot_be(ncgen_main, folder, name, words):
     assert list(folder.iterdir()) == []
 
 
+def test_what_to_type_next_can_be_typed(ncgen_main, folder):
+    assert "`ncgen watch 'my bars/bar.toml'`" in ncgen_main("new", "my bars/bar.toml").out
+
+
 def test_a_name_with_a_hyphen_in_a_new_folder(ncgen_main, folder):
     assert ncgen_main("new", "a/my-bar.toml").code == 0
     assert 'name = "my_bar"' in Path("a/my-bar.toml").read_text(encoding="utf-8")

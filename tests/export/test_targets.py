@@ -8,7 +8,7 @@ import pytest
 
 import ncgen
 import ncgen.exchange.export
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, NcgenError
 from ncgen.exchange.export import export, targets
 
 TARGET = '''
@@ -18,6 +18,13 @@ TARGET = '''
 def files(package):
     return {"size.txt": f"{package.dof} of {package.kernels.n}", "size.bin": bytes([package.dof, package.kernels.n])}
 '''
+
+
+def test_a_folder_is_named():
+    with pytest.raises(NcgenError, match="^folder: None given; name a folder$"):
+        export(ncgen.load("pendulum"), "c", None)
+    with pytest.raises(NcgenError, match="^folder: '' given; name a folder$"):
+        ncgen.generate(ncgen.load("pendulum")).write("")
 
 
 def test_a_module_is_a_target(tmp_path, monkeypatch):

@@ -60,6 +60,17 @@ def test_coordinates_have_the_names_and_zeros_of_the_file():
     assert model.left_out == ("limits of joints (4)", "friction of joints (1)")
 
 
+def test_elements_that_the_format_does_not_have_are_told(tmp_path):
+    """Nothing is dropped in silence: an include that nobody expanded, a misspelt element of a joint."""
+    text = (HERE / "crane.urdf").read_text(encoding="utf-8")
+    text = text.replace("</robot>", '<xi:include href="more.xml" xmlns:xi="x"/></robot>').replace(
+        "<axis ", '<dynamic damping="3"/><axis ', 1
+    )
+    (tmp_path / "crane.urdf").write_text(text, encoding="utf-8")
+    told = ncgen.load(tmp_path / "crane.urdf").left_out
+    assert {f"<{tag}>, which is none of URDF's elements (1)" for tag in ("xi:include", "dynamic")} <= set(told)
+
+
 def test_a_floating_base_is_a_body_more():
     fixed, floating = (ncgen.load(HERE / "crane.urdf", floating=free) for free in (False, True))
     assert set(floating.bodies) - set(fixed.bodies) == {"base"}

@@ -51,7 +51,7 @@ def test_what_comes_out_is_the_callers_own(slider):
         (1.0, "p: an array of shape () given, 2 needed: k, c"),
         ([np.nan, 1], "p: k is nan; it must be a finite number"),
         ({"k": float("inf")}, "p: k is inf; it must be a finite number"),
-        ({"k": "1"}, "p: k is 1; it must be a finite number"),
+        ({"k": "1"}, "p: k is '1'; it must be a finite number"),
         ({"k": 10**400}, "it must be a finite number"),
         (["1", "2"], "p: ['1', '2'] given, 2 needed: k, c"),
         ("ab", "p: ab given, 2 needed: k, c"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import ncgen
+from ncgen.errors import NcgenError
 
 pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="compiles with cc")
 
@@ -40,5 +41,8 @@ def test_a_compiler_reads_the_same_numbers(tmp_path):
 
 @pytest.mark.filterwarnings("ignore:.*neither rest in equilibrium")
 def test_without_inputs_there_is_a_alone(tmp_path):
-    text = ncgen.linearise(ncgen.compile(ncgen.load("pendulum"))).to_c(tmp_path / "swing.h").read_text()
+    near = ncgen.linearise(ncgen.compile(ncgen.load("pendulum")))
+    with pytest.raises(NcgenError, match="^path: 3 given; name a file$"):
+        near.to_c(3)
+    text = near.to_c(tmp_path / "swing.h").read_text()
     assert "swing_A[2][2]" in text and "swing_B" not in text and "swing_D" not in text

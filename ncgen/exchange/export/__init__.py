@@ -46,7 +46,9 @@ def export(model: Model, to: str, folder: Path | str, platforms: Sequence[str] =
     """
     if to not in targets():
         raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(targets())}")
-    from ncgen.emit.sources import write_bytes
+    from ncgen.emit.sources import path_of, write_bytes
+
+    place = path_of(folder, "folder")
 
     model, target = checked_model(model), import_module(f"{__name__}.{to}{END}")
     more = {"platforms": platforms} if platforms else {}
@@ -56,4 +58,4 @@ def export(model: Model, to: str, folder: Path | str, platforms: Sequence[str] =
         target.check(platforms)
     files = target.files_of(model) if hasattr(target, "files_of") else target.files(_package(model), **more)
     contents = {name: data if isinstance(data, bytes) else data.encode() for name, data in files.items()}
-    return [write_bytes(Path(folder) / name, data) for name, data in contents.items()]
+    return [write_bytes(place / name, data) for name, data in contents.items()]

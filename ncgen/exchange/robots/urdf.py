@@ -6,6 +6,7 @@ and collisions are listed as omitted.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -38,6 +39,13 @@ OMITTED = {
 }  # fmt: skip
 """What is not modelled: tags, and words for them."""
 
+READ = {
+    "robot": ("link", "joint", "material"),
+    "link": ("inertial", "visual"),
+    "joint": ("parent", "child", "origin", "axis", "dynamics", "mimic"),
+}
+"""What is read of an element; what else stands there is listed as omitted, too."""
+
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file, from its root element. Raises ModelError with file and line."""
@@ -51,12 +59,20 @@ def robot_of(root: Markup, path: Path) -> Robot:
     name = root.attributes.get("name") or path.stem
     beside = unseen(each for found in looks.values() for each in found)
     friction = sum(each.number("friction", 0.0) != 0.0 for each in root.walk() if each.tag == "dynamics")
-    return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=root.counted(OMITTED, friction) + beside).ordered()
+    omitted = root.counted(OMITTED, friction) + _unknown(root) + beside
+    return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=omitted).ordered()
 
 
 def problems_of(root: Markup, path: Path) -> list[str]:
     """What is wrong with links and joints, each looked at by itself."""
     return [*refusals(lambda each: _link(each, ()), root.all("link")), *refusals(_joint, root.all("joint"))]
+
+
+def _unknown(root: Markup) -> tuple[str, ...]:
+    """Elements that the format does not have."""
+    parts = [child for each in (root, *root.all("link"), *root.all("joint")) for child in each.children if child.tag not in READ[each.tag]]
+    counts = Counter(part.tag for part in parts if part.tag not in OMITTED)
+    return tuple(f"<{tag}>, which is none of URDF's elements ({count})" for tag, count in counts.items())
 
 
 def _pose(each: Markup) -> Placement:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.emit.c.linear import linear_header
-from ncgen.emit.sources import write_text
+from ncgen.emit.sources import path_of, write_text
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import rate_name
@@ -122,7 +122,7 @@ class Linearisation:
 
         The header's names begin with that of the file. Raises NcgenError if it cannot be written.
         """
-        place = Path(path)
+        place = path_of(path)
         matrices = {"A": self.matrix, "B": self.B, "C": self.C, "D": self.D}
         names = {"state": self.states, "input": self.inputs, "output": self.outputs}
         return write_text(place, linear_header(place.stem, self._beside, matrices, names))

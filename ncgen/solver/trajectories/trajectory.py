@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
-from ncgen.errors import ModelError, NcgenError, shown
+from ncgen.emit.sources import path_of, write_bytes, write_text
+from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
 from ncgen.model.elements import Element, Point, Vector, coordinate_of
@@ -278,25 +279,23 @@ class Trajectory:
         """Write all arrays and names as a NumPy archive, inputs and outputs (K, …) of a model that has them too, with the model as text,
         how the motion was made, and versions, so that `ncgen.read` gives the trajectory back; returns the path. Raises NcgenError if it
         cannot."""
-        from ncgen.emit.sources import write_bytes
         from ncgen.solver.trajectories.files import archive
 
-        return write_bytes(_path(path), archive(self))
+        return write_bytes(path_of(path), archive(self))
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write t, coordinates, velocities, inputs and outputs with a header line, every digit; returns the path."""
-        from ncgen.emit.sources import write_text
         from ncgen.solver.trajectories.files import histories
 
         columns = histories(self)
         lines = [",".join(map(_cell, columns))] + [",".join(map(repr, row)) for row in np.column_stack([*columns.values()]).tolist()]
-        return write_text(_path(path), "\n".join(lines) + "\n")
+        return write_text(path_of(path), "\n".join(lines) + "\n")
 
     def to_parquet(self, path: str | os.PathLike[str]) -> Path:
         """Write the columns of `to_csv` as a Parquet file; returns the path. Raises NcgenError if it cannot, or without pyarrow."""
         from ncgen.solver.trajectories.files import write_parquet
 
-        return write_parquet(self, _path(path))
+        return write_parquet(self, path_of(path))
 
     def compared(self, other: Trajectory) -> Difference:
         """How far this motion is from another of the same coordinates, see `ncgen.solver.trajectories.difference.difference`."""
@@ -314,7 +313,7 @@ class Trajectory:
         """Time histories, energy and violation as a matplotlib figure, which a notebook shows; written to `path` if given."""
         view = import_module("ncgen.view.figure")
         figure = view.plot(self, names)
-        return figure if path is None else view.save(figure, _path(path))
+        return figure if path is None else view.save(figure, path_of(path))
 
     @overload
     def animate(self, path: None = None) -> Page: ...
@@ -325,13 +324,7 @@ class Trajectory:
     def animate(self, path: str | os.PathLike[str] | None = None) -> Page | Path:
         """A self-contained HTML page that shows the motion, which a notebook shows in a frame; written to `path` if given."""
         view = import_module("ncgen.view.player")
-        return view.page_of(self) if path is None else view.write_player(self, _path(path))
-
-
-def _path(path: str | os.PathLike[str]) -> Path:
-    if not isinstance(path, (str, os.PathLike)) or not str(path):
-        raise NcgenError(f"path: {shown(path)} given; name a file")
-    return Path(path)
+        return view.page_of(self) if path is None else view.write_player(self, path_of(path))
 
 
 def _cell(label: str) -> str:
