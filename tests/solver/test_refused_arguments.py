@@ -36,7 +36,7 @@ def test_every_door_refuses_the_same_in_the_same_words(fourbar, door):
     assert refused(door, fourbar, {"psy": 1}) == "q: the mechanism has no free coordinate psy; it has B.x, B.y, C.x, C.y, psi"
     assert refused(door, fourbar, p=[1]) == "p: 1 number given, the mechanism has no parameter"
     assert refused(door, fourbar, p={"k": 1}) == "p: the mechanism has no parameter k; it has none"
-    assert refused(door, fourbar, t="now") == "t is now; it must be a finite number"
+    assert refused(door, fourbar, t="now") == "t is 'now'; it must be a finite number"
     assert refused(door, fourbar.model).endswith("given; ncgen.compile(model) makes them")
     assert refused(door, "fourbar") == "kernels needed, fourbar given; ncgen.compile(model) makes them"
 
@@ -54,7 +54,7 @@ def test_every_door_takes_names_and_numbers(fourbar, door):
         (lambda k: ncgen.solve_position(k, tolerance=-1), "tolerance is -1; it must be positive"),
         (lambda k: ncgen.solve_position(k, limit=1.5), "limit is 1.5; it must be a positive whole number"),
         (lambda k: ncgen.move(k, None, "psi"), "targets: psi given; give {name: number}"),
-        (lambda k: ncgen.move(k, None, {"psi": "a"}), "targets: psi is a; it must be a finite number"),
+        (lambda k: ncgen.move(k, None, {"psi": "a"}), "targets: psi is 'a'; it must be a finite number"),
         (lambda k: ncgen.move(k, None, {"psi": 1}, steps=0), "steps is 0; it must be a positive whole number"),
         (lambda k: ncgen.sweep(k, "psy", [1]), "name: the mechanism has no free coordinate psy; it has B.x, B.y, C.x, C.y, psi"),
         (lambda k: ncgen.sweep(k, "psi", 1.0), "values: 1.0 given; a list of numbers is needed"),

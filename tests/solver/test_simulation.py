@@ -97,13 +97,13 @@ def test_what_is_refused(rod):
     kept = sim.state
     for act, kind, said in (
         (lambda: sim.step(0.0), ModelError, "h is 0.0; it must be positive"),
-        (lambda: sim.step("1e-3"), ModelError, "h is 1e-3; it must be a finite number"),
-        (lambda: sim.step(1e-3, tau="1"), ModelError, "step: tau is 1; it must be a finite number"),
+        (lambda: sim.step("1e-3"), ModelError, "h is '1e-3'; it must be a finite number"),
+        (lambda: sim.step(1e-3, tau="1"), ModelError, "step: tau is '1'; it must be a finite number"),
         (lambda: sim.reset(3), ModelError, "reset: 3 given; give a state that was kept, such as kept = sim.state"),
         (lambda: sim.step(math.nan), ModelError, "h is nan; it must be a finite number"),
         (lambda: sim.step(1e-3, nobody=1.0), ModelError, "step: the mechanism has no input nobody; it has tau"),
         (lambda: sim.step(1e-3, tau=math.inf), ModelError, "step: tau is inf; it must be a finite number"),
-        (lambda: sim.step(1e-3, tau="much"), ModelError, "step: tau is much; it must be a finite number"),
+        (lambda: sim.step(1e-3, tau="much"), ModelError, "step: tau is 'much'; it must be a finite number"),
     ):
         with pytest.raises(kind) as refused:
             act()

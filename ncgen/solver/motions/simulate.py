@@ -16,7 +16,6 @@ from ncgen.mechanism.corners import corners
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
-from ncgen.solver.engines.segments import in_segments
 from ncgen.solver.given import Given, checked_kernels
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
 from ncgen.solver.positions.position import CONSISTENT
@@ -233,11 +232,11 @@ class _Motion:
 
     def _in_python(self) -> None:
         from ncgen.solver import steppers
-        from ncgen.solver.engines import full_coordinates, python_engine
+        from ncgen.solver.engines import full_coordinates, python_engine, segments
 
         task = self._task()
         ordinary = full_coordinates.run if task.method.is_constrained else python_engine.run
-        in_segments(steppers.run if task.method.is_stepper else ordinary, self.path, self.kernels, task)
+        segments.in_segments(steppers.run if task.method.is_stepper else ordinary, self.path, self.kernels, task)
 
     def _task(self) -> Task:
         """What is asked of an engine."""
