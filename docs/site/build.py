@@ -7,6 +7,7 @@ repository) is made anew; open its index.html. Needs pip install 'ncgen[docs]'.
 
 from __future__ import annotations
 
+import logging
 import re
 import shutil
 import sys
@@ -119,6 +120,7 @@ def _entries(entry: object, staged: Path) -> list[object]:
 
 
 def main(arguments: list[str]) -> None:
+    logging.basicConfig(level=logging.WARNING, format="%(message)s")  # what ends a strict build is told nowhere else
     site = Path(arguments[0]).resolve() if arguments else ROOT.parent / "ncgen-site"
     if site.exists() and not (site / "sitemap.xml").is_file():
         sys.exit(f"{site} is there and is no site; give another folder")

@@ -115,9 +115,9 @@ def modules() -> str:
 
 
 def _first_words(path: Path) -> str:
-    """The first paragraph of a module's docstring on one line, as the cell of a table."""
+    """The first paragraph of a module's docstring on one line, as the cell of a table; matrices in brackets are no links."""
     text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-    return " ".join(text.split("\n\n")[0].split()).replace("|", "\\|")
+    return " ".join(text.split("\n\n")[0].split()).replace("|", "\\|").replace("[", "&#91;")
 
 
 # -- functions -----------------------------------------------------------------------------------------------------------------------------
