@@ -41,7 +41,8 @@ def study(
         with timed(f"{asked.model.name}: {asked.size} variants", asked.size) as advance:
             result = carry_out(asked, folder, cluster or workers, threads, advance)
     except KeyboardInterrupt:
-        err.print(f"ncgen: stopped; what was done is in {folder}, and the same command goes on", markup=False)
+        kept = f"what was done is in {folder}, and the same command goes on" if folder.is_dir() else "nothing was done yet"
+        err.print(f"ncgen: stopped; {kept}", markup=False)
         raise
     if plot is not None:
         result.plot(plot)

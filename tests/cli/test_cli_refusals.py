@@ -202,3 +202,14 @@ def test_nothing_is_left_beside_the_users_file(mine, folder):
     command = [sys.executable, "-m", "ncgen.cli", "run", "mine.py", "--no-files", "--backend", "numpy", "--json"]
     subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=True, timeout=60)
     assert [path.name for path in folder.iterdir()] == ["mine.py"]
+
+
+def test_a_study_that_is_stopped_tells_of_no_folder_that_is_not_there(ncgen_main, folder, monkeypatch):
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ncgen.studies.running.carry_out", interrupted)
+    (folder / "asked.toml").write_text('model = "pendulum"\nkeep = ["B.x"]\n[vary]\n"start(rate(B.x))" = [1.0, 2.0]\n')
+    assert "stopped; nothing was done yet" in ncgen_main("study", "asked.toml").err
+    (folder / "asked-study").mkdir()
+    assert "stopped; what was done is in asked-study" in ncgen_main("study", "asked.toml").err

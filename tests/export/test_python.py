@@ -91,11 +91,11 @@ assert np.array_equal(motion.qdd, other.qdd) and np.array_equal(motion.p, 1.5 * 
 motion.t = 0.25
 assert motion.t == 0.25
 
-def refused(error, change):
+def refused(error, change, what=""):
     try:
         change()
     except error as said:
-        assert "\n" not in str(said), said
+        assert "\n" not in str(said) and what in str(said), said
     else:
         raise AssertionError(change)
 
@@ -103,6 +103,11 @@ for wrong in ([1.0], "text", 1j * mechanism.DEFAULTS, [None] * len(mechanism.DEF
     refused(ValueError, lambda: setattr(motion, "p", wrong))
 refused(ValueError, lambda: setattr(motion, "q", np.zeros(len(motion.q) + 1)))
 refused(ValueError, lambda: setattr(motion, "t", "now"))
+refused(ValueError, lambda: motion.advance(0.125), "t: 0.125 s given, and the motion has come to 0.25 s")
+refused(ValueError, lambda: motion.advance("1"), "t: a finite number needed")
+refused(ValueError, lambda: motion.advance(1.0, rtol=-1e-3), "rtol: -0.001 given")
+refused(ValueError, lambda: motion.advance(1.0, atol=float("nan")), "atol: a finite number needed, nan given")
+refused(ValueError, lambda: motion.step(0.0), "h: 0 given")
 refused(AttributeError, lambda: setattr(motion, "work", 1.0))
 refused(AttributeError, lambda: delattr(motion, "q"))
 kept, q = motion.q.copy(), motion.q
