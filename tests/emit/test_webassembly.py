@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import subprocess
 
@@ -10,6 +11,7 @@ import pytest
 
 from ncgen.emit.wasm.files import module
 from ncgen.model.pieces import Pieces
+from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
@@ -90,3 +92,12 @@ def test_lookups(tmp_path, knots, period):
     points = sorted({-7.0, -0.75, *knots, *(x + 0.375 for x in knots), 9.5})
     found = in_node(Program("all", ("q",), "out", len(lookups), (line,)), [[x] for x in points], tmp_path)
     assert found == [[pieces.at(x) for pieces in lookups] for x in points]
+
+
+def test_sines_and_cosines_of_angles(tmp_path):
+    """Of two coordinates, near and so far that they are Math's own: both in an array of their own, in the last bits."""
+    loads = tuple(Op("load", (), Input(array, k)) for array in SHARED.values() for k in range(2))
+    line = Straight(loads, tuple(Store("out", k, k) for k in range(4)))
+    inputs = [[0.3, 9.0, -0.7], [-2.0, 9.0, 100.25], [1e6, 9.0, 0.0], [3.14159, 9.0, -1e9]]
+    for q, found in zip(inputs, in_node(Program("all", ("q",), "out", 4, (line,), angles=(0, 2)), inputs, tmp_path), strict=True):
+        assert found == pytest.approx([f(q[k]) for f in (math.sin, math.cos) for k in (0, 2)], rel=4e-16, abs=1e-18)
