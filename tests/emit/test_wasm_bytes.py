@@ -7,7 +7,9 @@ import pytest
 from ncgen.emit.wasm import binary
 from ncgen.emit.wasm.binary import F64, I32, Function, Import, Signature
 from ncgen.emit.wasm.code import function
+from ncgen.emit.wasm.lookup import lookup
 from ncgen.emit.wasm.memory import Memory
+from ncgen.emit.wasm.sincos import sincos
 from ncgen.program.ir.blocks import Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.graph import Input, Op
 
@@ -95,3 +97,12 @@ def test_instructions():
     store = f"41 00 41 18 6a {run} 08 6c 6a 20 04 39 03 00"
     assert done.body == bytes.fromhex(f"41 00 21 03 03 40 {load} {store} {run} 01 6a 21 03 {run} 03 49 0d 00 0b")
     assert (done.signature.arguments, done.integers, done.numbers) == ((F64, I32, I32), 1, 1)
+
+
+def test_functions_of_a_module_have_the_locals_that_they_need():
+    """A lookup counts with two whole numbers and adds in one; a sine needs one for each assignment in ncgen_math.h."""
+    assert (lookup().integers, lookup().numbers) == (2, 1)
+    wanted = sincos(0, 1)
+    used = [place for place in range(3, 3 + wanted.numbers) if b"\x21" + bytes([place]) in wanted.body]
+    assert wanted.integers == 0 and len(used) == wanted.numbers
+    assert b"\x21" + bytes([3 + wanted.numbers]) not in wanted.body
