@@ -116,3 +116,10 @@ def test_everyone_may_read_what_is_written(tmp_path):
     for data in (b"1", b"2"):
         assert put(path, data, ".a.") == path
     assert path.read_bytes() == b"2" and path.stat().st_mode & 0o777 == 0o644 and list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_is_left_of_what_cannot_be_written(tmp_path):
+    (tmp_path / "a.c").mkdir()
+    with pytest.raises(OSError):
+        put(tmp_path / "a.c", b"1", ".a.")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.c"]

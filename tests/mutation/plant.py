@@ -145,8 +145,10 @@ def main() -> None:
     chosen = drawn(given.room, given.count, given.seed, given.part)
     with tempfile.TemporaryDirectory() as folder:
         log = Log(given.log or Path(folder) / "log")
-        known = {fault: by for fault, by in log.found().items() if by or not given.again}
-        missing = [fault for fault in chosen if str(fault) not in known]
+        known = log.found()
+        missing = [
+            fault for fault in chosen if str(fault) not in known or given.again and judged(fault, known[str(fault)])[0] == "survived"
+        ]
         # One cache for all faults: what lies there is found by all that made it, so it belongs to sources without the fault or with it.
         os.environ |= {"NCGEN_TEST_CACHE": str((given.cache or Path(folder) / "cache").resolve()), "OPENBLAS_NUM_THREADS": "1"}
         warm_up()
