@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import struct
+from fractions import Fraction
 
 import pytest
 import sympy
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 import ncgen
 from ncgen import Model
 from ncgen.emit.c.spelling import number
+from ncgen.emit.environment import c_literal
 from ncgen.model.values import LARGEST
 from ncgen.program.ir.evaluate import evaluate
 
@@ -104,3 +106,13 @@ def test_initial_position_and_defaults(tmp_path):
     assert bits([*namespace["INITIAL_POSITION"], *namespace["DEFAULT_PARAMETERS"]]) == bits(values)
     said = run_consumer(compile_object(sources, tmp_path))
     assert bits([*said["q0"], *said["p0"]]) == bits(values)
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [(Fraction(3, 8), "Q(3, 8)"), (-2, "-R(2.0)"), (Fraction(-1, 3), "-Q(1, 3)"), (2**53 - 1, "R(9007199254740991.0)"),
+     (2**53, "R(90071992547409920e-1)"), (2**53 + 1, "R(90071992547409930e-1)"), (Fraction(-1, 2**54), f"-R({5**54}e-54)")],
+)  # fmt: skip
+def test_exact_numbers_in_headers(number, text):
+    """A whole number that a double cannot hold is written with all its digits."""
+    assert c_literal(number) == text

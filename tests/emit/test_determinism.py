@@ -17,6 +17,7 @@ import sympy
 
 import ncgen
 from ncgen import Model
+from ncgen.emit.sources import put
 from ncgen.exchange.examples import example_names
 from ncgen.model.digest import digest
 from ncgen.resources import folder
@@ -107,3 +108,18 @@ def test_the_fingerprint_is_the_source():
     lengths = (1.0, 1.0, math.nextafter(1.0, 2.0))
     found = [re.search(r'\.fingerprint = "([0-9a-f]{16})"', ncgen.generate(pendulum(x)).c["pendulum.c"])[1] for x in lengths]
     assert found[0] == found[1] != found[2]
+
+
+def test_everyone_may_read_what_is_written(tmp_path):
+    """One file under its own name, in place of what stood there."""
+    path = tmp_path / "a.c"
+    for data in (b"1", b"2"):
+        assert put(path, data, ".a.") == path
+    assert path.read_bytes() == b"2" and path.stat().st_mode & 0o777 == 0o644 and list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_is_left_of_what_cannot_be_written(tmp_path):
+    (tmp_path / "a.c").mkdir()
+    with pytest.raises(OSError):
+        put(tmp_path / "a.c", b"1", ".a.")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.c"]

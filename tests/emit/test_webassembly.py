@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import subprocess
 
 import pytest
 
 from ncgen.emit.wasm.files import module
+from ncgen.model.pieces import Pieces
+from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
-from ncgen.program.ir.graph import ARITHMETIC, Input, Op
+from ncgen.program.ir.graph import ARITHMETIC, PIECES, Input, Op
 
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 
@@ -74,3 +77,27 @@ def test_loops(tmp_path):
     q = [3.0, 5.0, 7.0, 11.0, 13.0, 17.0]
     ((*found,),) = in_node(Program("all", ("q",), "out", 5, (loop,)), [q], tmp_path)
     assert found == [17 * 2 + 5 * 7, 0.0, 11 * 0.25 + 3 * 7, 0.0, 5 * 0.5 + 13 * 7]
+
+
+@pytest.mark.parametrize("period", [0.0, 4.5])
+@pytest.mark.parametrize("knots", [(1.0,), (1.0, 2.0), (-0.5, 1.0, 1.25, 4.0)])
+def test_lookups(tmp_path, knots, period):
+    """Of polynomials of degree 0, 1 and 3 at every knot, between and beyond them, to the last bit."""
+    lookups = []
+    for degree in (0, 1, 3):
+        rows = ((0.5 + k, *(0.75 * (-1) ** j * (k + 1) / (j + 2) for j in range(degree + 1))) for k in range(len(knots) + 1))
+        lookups.append(Pieces(knots, tuple(rows), period))
+    ops = (Op("load", (), Input("q", 0)), *(Op(PIECES, (0,), pieces) for pieces in lookups))
+    line = Straight(ops, tuple(Store("out", k, k + 1) for k in range(len(lookups))))
+    points = sorted({-7.0, -0.75, *knots, *(x + 0.375 for x in knots), 9.5})
+    found = in_node(Program("all", ("q",), "out", len(lookups), (line,)), [[x] for x in points], tmp_path)
+    assert found == [[pieces.at(x) for pieces in lookups] for x in points]
+
+
+def test_sines_and_cosines_of_angles(tmp_path):
+    """Of two coordinates, near and so far that they are Math's own: both in an array of their own, in the last bits."""
+    loads = tuple(Op("load", (), Input(array, k)) for array in SHARED.values() for k in range(2))
+    line = Straight(loads, tuple(Store("out", k, k) for k in range(4)))
+    inputs = [[0.3, 9.0, -0.7], [-2.0, 9.0, 100.25], [1e6, 9.0, 0.0], [3.14159, 9.0, -1e9]]
+    for q, found in zip(inputs, in_node(Program("all", ("q",), "out", 4, (line,), angles=(0, 2)), inputs, tmp_path), strict=True):
+        assert found == pytest.approx([f(q[k]) for f in (math.sin, math.cos) for k in (0, 2)], rel=4e-16, abs=1e-18)

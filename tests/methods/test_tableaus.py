@@ -15,7 +15,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, find_integrator, in_c, number_in_c, other_names, partners
 from ncgen.methods.tableau import Tableau, WrongTableau, trees
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.integrators.solvers import FixedRungeKutta, ode_solver
+from ncgen.solver.integrators.solvers import FixedRungeKutta, _adaptive, ode_solver
 from ncgen.solver.steppers import stepper_of
 from ncgen.solver.steppers.stepper import Stepper
 
@@ -117,3 +117,15 @@ def test_partners_are_mutual():
             if entry.name not in partners(formalism):
                 with pytest.raises(ModelError, match=f"{entry.name} does not go with {formalism.name}"):
                     Method.of(formalism.name, entry.name)
+
+
+@pytest.mark.parametrize(("name", "theirs"), [("rk23", scipy.integrate.RK23), ("dopri5", scipy.integrate.RK45)])
+def test_what_scipy_takes_of_a_tableau_is_what_it_has(name, theirs):
+    """Orders, stages, coefficients, dense output and the estimate of the error, of the two methods that it knows itself."""
+    made = _adaptive(name, EXPLICIT[name])
+    assert (made.order, made.error_estimator_order, made.n_stages) == (theirs.order, theirs.error_estimator_order, theirs.n_stages)
+    for member in "ABCP":
+        wanted = getattr(theirs, member)
+        ours = getattr(made, member)[..., : wanted.shape[-1]]  # a last column of zeros may be missing
+        np.testing.assert_allclose(ours, wanted, rtol=0, atol=1e-14, err_msg=member)
+    np.testing.assert_allclose(made.E * np.sign(made.E[0] / theirs.E[0]), theirs.E, rtol=0, atol=1e-15)  # of which the size counts

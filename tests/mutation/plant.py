@@ -2,6 +2,7 @@
 
     python tests/mutation/measured.py                   # once: which test runs which line, in .coverage and .tests
     python tests/mutation/plant.py COUNT [SEED] [--room program emit solver runtime] [--part PART] [--seconds 40] [--cache FOLDER]
+                                   [--log FILE [--again]] [--workers 1]
 
 A fault is one small change of a source (`faults.py` says of what kind). It is made in a copy of the repository, where those tests that run
 its line, the quick ones first, run until one fails or the seconds of the processor are over; a test that does not end notices, too. What
@@ -9,16 +10,18 @@ is not noticed by then counts as a survivor, so the rate that is printed is a lo
 what noticed it, and at the end how many of each room were caught. Some faults change nothing that anybody could see: those that somebody
 has looked at and judged so stand in `unseen.toml` with the reason, and the rate over the others is printed beside that over all.
 
-A seed gives the same faults as long as the sources are the same. --part takes those in files whose path contains it, --again LOG only those
-that survived in the output of an earlier run, and --cache keeps what tests have compiled for later runs.
+A seed gives the same faults as long as the sources are the same. --part takes those in files whose path contains it. --log keeps what has
+been found in a file, and what stands there is not planted again: an interrupted run goes on, and the rate that it prints is that of all;
+with --again what survived is planted once more. --workers says how many are planted at a time, and --cache keeps what tests have compiled
+for later runs.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import random
-import re
 import shutil
 import signal
 import sys
@@ -27,6 +30,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from itertools import count, islice
+from multiprocessing import get_context
 from pathlib import Path
 
 from faults import ROOT, Fault, faults, is_source
@@ -41,10 +45,29 @@ JUDGED = {(entry["file"], entry["change"]): entry["why"] for entry in tomllib.lo
 """Why a fault changes nothing that anybody could see."""
 
 
+class Log:
+    """What has been found, a line of JSON a fault: {"fault": text, "by": the test that noticed it, or nothing}."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        path.touch()
+
+    def found(self) -> dict[str, str]:
+        """What noticed each fault, or nothing."""
+        records = map(json.loads, self.path.read_text(encoding="utf-8").splitlines())
+        return {record["fault"]: record["by"] for record in records}
+
+    def add(self, fault: Fault, by: str) -> None:
+        """Remember what noticed a fault."""
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"fault": str(fault), "by": by}, ensure_ascii=False) + "\n")
+
+
 class Planted:
     """A copy of the repository, with one fault at a time."""
 
     def __init__(self, folder: Path) -> None:
+        folder.mkdir()
         self.copy = folder / "copy"
         self.turns = count(1)
         shutil.copytree(ROOT, self.copy, ignore=shutil.ignore_patterns(".git", "__pycache__", ".coverage*", ".tests", "*-output"))
@@ -80,6 +103,25 @@ def drawn(rooms: list[str], number: int, seed: int, part: str = "") -> list[Faul
     return list(islice(_once(filter(is_source, offered)), number))
 
 
+def plant(chosen: list[Fault], folder: Path, seconds: float, log: Log) -> None:
+    """Plant faults in a copy in a new folder, and remember and print what becomes of each."""
+    planted, reached = Planted(folder), Reached()
+    os.environ["PYTHONPATH"] = str(planted.copy)
+    for fault in chosen:
+        by = planted.noticed_by(fault, reached.tests(fault), seconds)
+        log.add(fault, by)
+        print(judged(fault, by)[1], flush=True)
+
+
+def judged(fault: Fault, by: str) -> tuple[str, str]:
+    """What has become of a fault, in a word and in a line; by: the test that noticed it, or nothing."""
+    if by:
+        return "caught", f"caught   {fault}  by {by}"
+    if why := JUDGED.get((fault.file, fault.change)):
+        return "unseen", f"unseen   {fault}  {why}"
+    return "survived", f"SURVIVED {fault}"
+
+
 def told(name: str, tally: Counter[str]) -> str:
     """How many were caught, of all and of those that could be seen."""
     caught, whole, unseen = tally["caught"], tally.total(), tally["unseen"]
@@ -93,32 +135,33 @@ def main() -> None:
     asked.add_argument("seed", type=int, nargs="?", default=0)
     asked.add_argument("--room", nargs="+", choices=ROOMS, default=list(ROOMS))
     asked.add_argument("--seconds", type=float, default=40.0)
-    asked.add_argument("--again", type=Path)
     asked.add_argument("--part", default="")
+    asked.add_argument("--log", type=Path)
+    asked.add_argument("--again", action="store_true")
+    asked.add_argument("--workers", type=int, default=1)
     asked.add_argument("--cache", type=Path)
     given = asked.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the tests that run end, too
     chosen = drawn(given.room, given.count, given.seed, given.part)
-    if given.again:
-        survivors = set(re.findall(r"^SURVIVED (.*)$", given.again.read_text(encoding="utf-8"), re.M))
-        chosen = [fault for fault in chosen if str(fault) in survivors]
-    reached = Reached()
-    tally = {room: Counter[str]() for room in given.room}
     with tempfile.TemporaryDirectory() as folder:
-        planted = Planted(Path(folder))
+        log = Log(given.log or Path(folder) / "log")
+        known = log.found()
+        missing = [
+            fault for fault in chosen if str(fault) not in known or given.again and judged(fault, known[str(fault)])[0] == "survived"
+        ]
         # One cache for all faults: what lies there is found by all that made it, so it belongs to sources without the fault or with it.
-        cache = (given.cache or planted.copy.parent / "cache").resolve()
-        os.environ |= {"PYTHONPATH": str(planted.copy), "NCGEN_TEST_CACHE": str(cache), "OPENBLAS_NUM_THREADS": "1"}
+        os.environ |= {"NCGEN_TEST_CACHE": str((given.cache or Path(folder) / "cache").resolve()), "OPENBLAS_NUM_THREADS": "1"}
         warm_up()
-        for fault in chosen:
-            if by := planted.noticed_by(fault, reached.tests(fault), given.seconds):
-                verdict, said = "caught", f"caught   {fault}  by {by}"
-            elif why := JUDGED.get((fault.file, fault.change)):
-                verdict, said = "unseen", f"unseen   {fault}  {why}"
-            else:
-                verdict, said = "survived", f"SURVIVED {fault}"
-            tally[fault.room][verdict] += 1
-            print(said, flush=True)
+        shares = [(missing[k :: given.workers], Path(folder) / str(k), given.seconds, log) for k in range(given.workers)]
+        processes = [get_context("fork").Process(target=plant, args=share, daemon=True) for share in shares]
+        for process in processes:
+            process.start()
+        for process in processes:
+            process.join()
+        found = log.found()
+    tally = {room: Counter[str]() for room in given.room}
+    for fault in chosen:
+        tally[fault.room][judged(fault, found[str(fault)])[0]] += 1
     for room in given.room:
         print(told(room, tally[room]))
     print(told("in all", sum(tally.values(), Counter())))

@@ -38,6 +38,7 @@ def test_same_numbers_in_short_blocks(monkeypatch, longest, seed):
     assert len(parts.blocks) == -(-len(whole.blocks[0].ops) // longest)
     assert all(sum(bool(op.args) for op in block.ops) <= longest for block in parts.blocks)
     assert parts.temporaries[KEPT] < len(whole.blocks[0].ops) / 2
+    assert {store.index for block in parts.blocks for store in block.stores if store.array == KEPT} == set(range(parts.temporaries[KEPT]))
 
 
 def test_what_is_short_stays_whole():

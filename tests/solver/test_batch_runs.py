@@ -108,8 +108,10 @@ def test_states_whose_coordinates_become_bad_go_on_alone():
     """A pendulum passes positions that x or y alone do not determine; after the elliptic period it is back."""
     kernels = ncgen.compile(ncgen.load("pendulum"), "c")
     period = 4 * ellipk(0.5) / np.sqrt(9.81)
-    batch = ncgen.simulate_batch(kernels, period, q0=np.tile(kernels.q0, (9, 1)), rtol=1e-11, atol=1e-13)
+    told = []
+    batch = ncgen.simulate_batch(kernels, period, q0=np.tile(kernels.q0, (9, 1)), rtol=1e-11, atol=1e-13, progress=told.append)
     assert batch.alone.all() and batch.ok.all()
+    assert told[-10:] == pytest.approx(np.arange(10) / 9)
     assert np.max(np.abs(batch.q[:, -1] - batch.q[:, 0])) < 1e-8
 
 

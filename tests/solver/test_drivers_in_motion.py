@@ -62,6 +62,15 @@ def test_nothing_is_free(kernels, run):
     assert run.q[:, kernels.index["psi"]] == pytest.approx(law(run.t)[0], abs=1e-11)
 
 
+@pytest.mark.parametrize("formalism", ["lagrange", "null-space"])
+def test_steps_of_radau_end_on_rows_of_their_time(kernels, formalism):
+    """Every step is projected at the time at which it ends: the crank is where the law has it, and nothing else is."""
+    run = ncgen.simulate(kernels, 0.5, formalism=formalism, integrator="radau", engine="c", points=6, rtol=1e-7, atol=1e-8)
+    assert run.q[:, kernels.index["psi"]] == pytest.approx(law(run.t)[0], abs=1e-10)
+    assert np.max(run.violation()) < 1e-10
+    assert run.statistics.largest_projection < 1e-4
+
+
 def test_nu_and_gamma(kernels):
     """ν = −Φ_t is the law's rate, γ its second; all other rows do not know of time."""
     rng = np.random.default_rng(1)

@@ -14,6 +14,7 @@ from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism import taped
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.runs.tolerances import Tolerances
 
 STEP = 1e-30
 DURATION, STEPS = 0.5, 40
@@ -291,6 +292,16 @@ def test_steps_with_error_control(case):
     assert list(back.slopes.values()) == pytest.approx(wanted, rel=1e-11)
     with pytest.raises(ModelError, match="rtol: rk4 does not estimate its error; leave rtol out, or take .*dopri5"):
         ncgen.gradient(kernels, DURATION, 2, lambda q, qd: (0.0, None, None), rtol=1e-8, **at)
+
+
+def test_a_tolerance_is_that_of_the_whole_motion(case, monkeypatch):
+    """However many instants are looked at."""
+    kernels, rates, _, method = case
+    asked, promised = [], Tolerances.promised
+    monkeypatch.setattr(Tolerances, "promised", lambda *given: asked.append(given) or promised(*given))
+    for steps in (1, 3) if method != "rk4" else ():
+        ncgen.sensitivities(kernels, DURATION, steps, "dopri5", 1e-6, zd0=rates, z=tuple(rates))
+    assert asked == ([] if method == "rk4" else [(1e-6, DURATION)] * 2)
 
 
 def test_a_singular_position_is_refused():

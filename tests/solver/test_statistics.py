@@ -49,6 +49,15 @@ def test_engines_count_alike(fourbar, formalism, integrator, stages):
     assert (c.newton_steps >= c.evaluations) == (python.newton_steps >= python.evaluations) == (formalism != "lagrange")
 
 
+@pytest.mark.parametrize("integrator", ["energy-momentum", "rattle"])
+@pytest.mark.parametrize("engine", ["c", "python"])
+def test_steps_of_constraints_change_no_partition(fourbar, engine, integrator):
+    """They have none, and repeat no step; one of Newton's method at least goes into each."""
+    spent = ncgen.simulate(fourbar, 0.02, integrator=integrator, max_step=0.02 / STEPS, engine=engine, points=3).statistics
+    assert spent.steps == STEPS and spent.newton_steps >= STEPS
+    assert spent.partition_changes == spent.repeated_steps == spent.fallbacks == 0
+
+
 def test_rejected_steps_are_those_of_scipy():
     """A force that jumps 4 times in 0.3 s: steps are rejected there, and those that follow do not grow at once."""
     m = ncgen.Model("kicked")

@@ -157,9 +157,11 @@ def test_a_sleeping_top(spin, stable):
     assert small.steady and small.stable == stable
 
 
+@pytest.mark.parametrize("driven", ["angle", "component"])
 @pytest.mark.parametrize("z", [(), ("B.z",)], ids=str)
-def test_a_driven_governor(z):
-    """An arm on a shaft that a driver turns: it hangs at cos θ = g/(L Ω²), and swings at Ω sin θ."""
+def test_a_driven_governor(z, driven):
+    """An arm on a shaft that a driver turns: it hangs at cos θ = g/(L Ω²), and swings at Ω sin θ. Driven is its angle, or a component
+    of a vector on it, whose acceleration changes with time alone."""
     length, rate = 0.4, 7.0
     angle = np.arccos(G / (length * rate**2))
     model = ncgen.Model("governor")
@@ -170,8 +172,10 @@ def test_a_driven_governor(z):
     model.body("ball", [ball], mass=2.0)
     model.distance(top_, ball)
     model.constrain(a.x * ball.x + a.y * ball.y + a.z * ball.z)
-    psi = model.angle("psi", model.vector("f", (0, 1, 0), fixed=True), a, e)
-    model.drive(psi, rate * model.time)
+    if driven == "angle":
+        model.drive(model.angle("psi", model.vector("f", (0, 1, 0), fixed=True), a, e), rate * model.time)
+    else:
+        model.drive(a.x, -sympy.sin(rate * model.time))
     model.gravity((0, 0, -G))
     kernels = ncgen.compile(model, backend="numpy")
     assert shaft.vectors

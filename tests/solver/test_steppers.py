@@ -206,3 +206,18 @@ def test_a_mechanism_without_mass_at_rest_stays_where_it_is(engine):
     kernels = ncgen.compile(model, backend="c")
     run = ncgen.simulate(kernels, 0.05, formalism="ali3p", integrator="trapezoidal", max_step=0.00625, engine=engine)
     np.testing.assert_allclose(run.q[:, 0], 0.59, rtol=1e-14)
+
+
+@pytest.mark.parametrize("engine", ["c", "python"])
+@pytest.mark.parametrize("integrator", ["energy-momentum", "rattle"])
+def test_a_force_that_grows_with_time_is_integrated_exactly(integrator, engine):
+    """By the middle of a step, or by both of its ends: pushes of 6 t and 4 − 12 t on 2 kg give the velocity 3 t²/2 and 2 t − 3 t²."""
+    model = ncgen.Model("pushed")
+    ball = model.point("ball", (0, 0, 0))
+    model.body("body", [ball], mass=2.0)
+    model.force(ball, (6 * model.time, 4 - 12 * model.time, 0))
+    model.distance(model.point("O", (0, 2, 0), fixed=True), model.point("P", (0, 1, 0)))
+    model.body("other", [model.elements["P"]], mass=1.0)
+    run = ncgen.simulate(ncgen.compile(model, "c"), 0.5, integrator=integrator, max_step=0.05, engine=engine, points=6)
+    assert run["rate(ball.x)"] == pytest.approx(1.5 * run.t**2, abs=1e-13)
+    assert run["rate(ball.y)"] == pytest.approx(2 * run.t - 3 * run.t**2, abs=1e-13)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ncgen.errors import ModelError, NcgenError
+from ncgen.solver.trajectories.trajectory import _cell
 
 
 def test_names(turning, fourbar):
@@ -79,3 +80,17 @@ def test_what_cannot_be_written_says_so(turning, tmp_path, write):
         getattr(turning, write)("")
     with pytest.raises(NcgenError, match="path: 3 given; name a file"):
         getattr(turning, write)(3)
+
+
+@pytest.mark.parametrize("label", ["psi", "force of A, B", 'the "arm"', '"a", b'])
+def test_labels_are_cells(label):
+    """Whatever stands in a label, a reader of tables finds it."""
+    assert list(csv.reader([f"t,{_cell(label)},q"])) == [["t", label, "q"]]
+
+
+def test_a_thinned_motion_keeps_its_ends(turning):
+    """Five of 21 instants, evenly; all of them where more are asked for."""
+    few = turning.thinned(5)
+    for name in ("t", "q", "qd", "work"):
+        assert np.array_equal(getattr(few, name), getattr(turning, name)[[0, 5, 10, 15, 20]])
+    assert np.array_equal(turning.thinned(22).t, turning.t)
