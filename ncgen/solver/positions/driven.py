@@ -50,13 +50,20 @@ class DrivenPositions:
         here = list(zip(self.t.tolist(), self.q, strict=True))
         if not here:
             return np.empty((0, kernels.n, len(self.p)))
-        by_q = np.array([kernels.jacobian(q, t, self.p)[rows] for t, q in here])
-        by_p = np.array([kernels.dense_tangent("phi_p", q=q, t=t, p=self.p)[rows] for t, q in here])
+        by_q = np.array([kernels.jacobian(q, t, self.p) for t, q in here])[:, rows]
+        by_p = np.array([kernels.dense_tangent("phi_p", q=q, t=t, p=self.p) for t, q in here])[:, rows]
         amplified = np.linalg.cond(by_q / kernels.row_sizes[rows, None], 1)
         for k in np.flatnonzero(~(amplified < 1 / REGULAR))[:1]:
             at = f"the position at t = {self.t[k]:g} s"
             raise SingularError(f"{kernels.name}: {at} is singular and has no derivative; leave that instant out")
         return -np.linalg.solve(by_q, by_p)
+
+    def foreseen(self, p: Given) -> np.ndarray:
+        """The positions with other parameters to first order, (K, n): what those are near, as far as derivatives tell.
+
+        p: numbers (n_p,) or {name: number}. Raises ModelError for what is none, and as `q_by` does.
+        """
+        return self.q + self.q_by @ (given.parameters(self.kernels, p) - self.p)
 
 
 def driven_positions(kernels: Kernels, t: ArrayLike, p: Given | None = None, near: ArrayLike | None = None) -> DrivenPositions:
