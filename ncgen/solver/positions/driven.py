@@ -47,11 +47,10 @@ class DrivenPositions:
         Raises SingularError naming the instant at which the position is singular: there is no derivative.
         """
         kernels, rows = self.kernels, list(self.rows)
-        here = list(zip(self.t.tolist(), self.q, strict=True))
-        if not here:
+        if not len(self.t):
             return np.empty((0, kernels.n, len(self.p)))
-        by_q = np.array([kernels.jacobian(q, t, self.p) for t, q in here])[:, rows]
-        by_p = np.array([kernels.dense_tangent("phi_p", q=q, t=t, p=self.p) for t, q in here])[:, rows]
+        by_q = kernels.jacobians(self.q, self.t, self.p)[:, rows]
+        by_p = kernels.dense_tangents("phi_p", self.q, self.t, self.p)[:, rows]
         amplified = np.linalg.cond(by_q / kernels.row_sizes[rows, None], 1)
         for k in np.flatnonzero(~(amplified < 1 / REGULAR))[:1]:
             at = f"the position at t = {self.t[k]:g} s"
