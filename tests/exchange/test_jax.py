@@ -86,6 +86,7 @@ def test_of_many_the_one_that_cannot_move_is_named(kernels):
 
 def test_what_is_written_in_place_is_what_is_copied(kernels, monkeypatch):
     """On the processor results are written where XLA wants them; elsewhere it calls Python, and copies: the same bits, the same errors."""
+    pytest.importorskip("jax.ffi")
     motion = ncgen.jax(kernels).motion(0.4, STEPS)
     several, rates = np.linspace(0.8, 1.2, 5)[:, None] * P, np.linspace(-1, 1, 3)[:, None]
 
