@@ -6,6 +6,7 @@ calls Python, and copies.
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Callable
 from importlib import import_module
 from math import prod
@@ -26,8 +27,9 @@ SOURCE = Path(__file__).with_name("xla.c")
 HEADER = "xla/ffi/api/c_api.h"
 TARGET = "ncgen_fill"
 
-_functions: list[ArrayFunction] = []
-"""Those that XLA calls, by their numbers. They stay: a program that calls one may be anywhere, and for as long as the process lasts."""
+_functions: dict[int, ArrayFunction] = {}
+"""Those that XLA calls. They stay: a program that calls one may be anywhere, and for as long as the process lasts. Numbers are random, so
+that a program that was compiled in another process, and kept, finds none here in place of a wrong one."""
 
 
 def operation(function: ArrayFunction) -> Callable[..., Any]:
@@ -48,8 +50,9 @@ def operation(function: ArrayFunction) -> Callable[..., Any]:
 
 @once
 def _number(function: ArrayFunction) -> int:
-    _functions.append(function)
-    return len(_functions) - 1
+    number = secrets.randbits(62)
+    _functions[number] = function
+    return number
 
 
 @once
@@ -75,13 +78,16 @@ def _handler() -> tuple[InC, ...] | None:
 def _fill(ffi: Interface, room: int) -> InC:
     """`ncgen_xla_fill`; room: bytes of a line."""
 
-    def fill(function: int, count: int, arrays: InC, line: InC) -> int:
-        _functions[function].fill(*(_array(ffi, arrays[k]) for k in range(count)))
+    def fill(number: int, count: int, arrays: InC, line: InC) -> int:
+        if number not in _functions:
+            raise NcgenError("this program was compiled in another process, whose motions are not here; let JAX trace it again")
+        _functions[number].fill(*(_array(ffi, arrays[k]) for k in range(count)))
         return 0
 
     def tell(kind: type[BaseException], raised: BaseException, traceback: TracebackType) -> None:
         text = str(raised) if isinstance(raised, NcgenError) else shortened(f"{kind.__name__}: {raised}")
-        ffi.memmove(traceback.tb_frame.f_locals["line"], text.encode()[: room - 1] + b"\0", min(len(text.encode()), room - 1) + 1)
+        told = text.encode()[: room - 1] + b"\0"
+        ffi.memmove(traceback.tb_frame.f_locals["line"], told, len(told))
 
     return ffi.callback("ncgen_xla_fill *", fill, error=1, onerror=tell)
 

@@ -113,6 +113,23 @@ def test_programs_outlive_what_they_were_made_of(kernels):
     assert np.array(end(P)) == pytest.approx(ncgen.sensitivities(kernels, 0.4, STEPS, p=P, zd0=RATES).q[-1], abs=1e-15)
 
 
+def test_a_program_of_another_process_is_refused(kernels):
+    """What JAX has compiled may be written to a file; what it calls may not."""
+    pytest.importorskip("jax.ffi")
+    serialize = pytest.importorskip("jax.experimental.serialize_executable")
+    motion = ncgen.jax(kernels).motion(0.4, STEPS)
+    kept = serialize.serialize(jax.jit(lambda p: motion(p, RATES)[0]).lower(P).compile())
+    here = serialize.deserialize_and_load(*kept)
+    assert np.array_equal(here(P), motion(P, RATES)[0])
+    there = dict(xla._functions)
+    xla._functions.clear()
+    try:
+        with pytest.raises(Exception, match="this program was compiled in another process, whose motions are not here"):
+            jax.block_until_ready(here(P))
+    finally:
+        xla._functions.update(there)
+
+
 def test_without_a_compiler_nothing_is_in_place(monkeypatch):
     def refused(*given):
         raise ncgen.CompileError("no C compiler found")
