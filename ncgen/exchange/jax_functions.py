@@ -18,6 +18,7 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.exchange.motion_functions import MotionFunction, rates_of
+from ncgen.exchange.xla import operation
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.given import checked_kernels
 from ncgen.solver.runs.run import InitialArguments
@@ -61,19 +62,9 @@ class JaxFunctions:
 
 def _in_jax(function: MotionFunction) -> Callable[[Array, Array], tuple[Array, Array]]:
     jax = import_module("jax")
-    of_p, of_rates, of_q = (jax.ShapeDtypeStruct(shape, np.float64) for shape in function.shapes)
-
-    def call(back: Callable[..., Any], shapes: Any, *arrays: Array) -> Any:
-        def called(*arrays: Array) -> Any:
-            return back(*map(np.asarray, arrays))
-
-        return jax.pure_callback(called, shapes, *arrays, vmap_method="broadcast_all")
-
-    @jax.custom_vjp
-    def moved(p: Array, rates: Array) -> Any:
-        return call(function.forward, (of_q, of_q), p, rates)
-
-    moved.defvjp(lambda p, rates: (moved(p, rates), (p, rates)), lambda here, by: call(function.backward, (of_p, of_rates), *here, *by))
+    forward, backward = operation(function.forward), operation(function.backward)
+    moved = jax.custom_vjp(forward)
+    moved.defvjp(lambda p, rates: (forward(p, rates), (p, rates)), lambda here, by: backward(*here, *by))
 
     def motion(p: Array, rates: Array) -> tuple[Array, Array]:
         p, rates = (_real(array, name, function.kernels.name) for array, name in ((p, "p"), (rates, "rates")))

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias, Unpack
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.exchange.motion_functions import MotionFunction, rates_of
+from ncgen.exchange.motion_functions import ArrayFunction, MotionFunction, rates_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.given import checked_kernels
 from ncgen.solver.runs.run import InitialArguments
@@ -95,8 +95,8 @@ def _autograd() -> Any:
     """The function that autograd knows, and the way back as another, each of one or many motions; made once PyTorch is there."""
     library = import_module("torch")
 
-    def call(run: Callable[..., tuple[np.ndarray, ...]], *tensors: Tensor) -> tuple[Tensor, ...]:
-        return tuple(library.from_numpy(np.array(a)) for a in run(*(x.detach().contiguous().numpy() for x in tensors)))
+    def call(function: ArrayFunction, *tensors: Tensor) -> tuple[Tensor, ...]:
+        return tuple(map(library.from_numpy, function(*(x.detach().numpy() for x in tensors))))  # in the same memory
 
     def mapped(which: Any, info: Any, dims: tuple[int | None, ...], function: MotionFunction, *tensors: Tensor) -> tuple[Any, Any]:
         """Under vmap: the mapped axes to the front, where leading ones are those of many motions."""

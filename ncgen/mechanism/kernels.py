@@ -360,6 +360,11 @@ class Kernels(ABC):
         """One of these eight by its name, t, q, qd, qdd, lam and p given by theirs, as a dense array: quicker where it is small."""
         return self._dense(*self._tangent_values(name, given))
 
+    def dense_tangents(self, name: str, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """One that takes no more than q (K, n), t (K,) and p (n_p,), of a few states one after the other, (K, rows, columns)."""
+        found = [self._tangent_values(name, {"q": at, "t": now, "p": p}) for at, now in zip(q, t.tolist(), strict=True)]
+        return self._dense(found[0][0], np.array([values for _, values in found]))
+
     def _tangent(self, name: str, **given: ArrayLike | None) -> csr_array:
         return self._sparse(*self._tangent_values(name, given))
 
@@ -377,6 +382,11 @@ class Kernels(ABC):
     def jacobian(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Φ_q as a dense array, for linear algebra on small mechanisms."""
         return self._dense(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
+
+    def jacobians(self, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Φ_q of a few states q (K, n) at t (K,) one after the other, (K, m, n): nothing is compiled for it."""
+        found = [self.values("phi_q", now, at, None, p) for at, now in zip(q, t.tolist(), strict=True)]
+        return self._dense(self.phi_q_pattern, np.array(found))
 
     def dense_jacobians(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Φ_q of many states, (B, m, n)."""

@@ -118,12 +118,15 @@ class Motions:
         """States that are well run together by one thread; back: and gone back through, so that all of their tapes are kept meanwhile."""
         return self.lanes * (max(1, TAPED // (8 * self._tape)) if back else UNTAPED)
 
-    def run(self, q: np.ndarray, qd: np.ndarray, p: np.ndarray, back: bool = True, rows: np.ndarray | None = None) -> LaneRuns:
+    def run(
+        self, q: np.ndarray, qd: np.ndarray, p: np.ndarray, back: bool = True, rows: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> LaneRuns:
         """Runs of states from closed positions q and velocities qd that the joints allow, (states, n) each, with parameters p,
-        (states, n_p); back: whether there will be a way back; rows: where q and q̇ go, (2, states, K, n), each in one piece, None for new
+        (states, n_p); back: whether there will be a way back; rows: where q and q̇ go, (states, K, n), each in one piece, None for new
         memory."""
         ffi, kernels, count = self._ffi, self.kernels, len(q)
-        rows = np.empty((2, count, len(self._times), kernels.n)) if rows is None else rows
+        shape = count, len(self._times), kernels.n
+        to_q, to_qd = rows or (np.empty(shape), np.empty(shape))
         other, taped = np.empty(count, dtype=np.intc), len(self._times) - 1 if back else 1
         size = self._library.ncgen_motions_tape(self._in_c, taped) * (-(-count // self.lanes) if back else 1)
         tape = aligned(size)
@@ -131,10 +134,10 @@ class Motions:
         column_sizes, row_sizes, times, *start = (pointer(ffi, a) for a in arrays)
         self._library.ncgen_motions(
             self._emitted.motion[0], self._in_c, kernels.m, column_sizes, row_sizes, len(self._times) - 1, times, count, *start,
-            pointer(ffi, rows[0]), pointer(ffi, rows[1]), pointer(ffi, other, "int[]"), taped, pointer(ffi, tape),
+            pointer(ffi, to_q), pointer(ffi, to_qd), pointer(ffi, other, "int[]"), taped, pointer(ffi, tape),
             pointer(ffi, aligned(self._work)),
         )  # fmt: skip
-        return LaneRuns(self, rows[0], rows[1], other != 0, tape)
+        return LaneRuns(self, to_q, to_qd, other != 0, tape)
 
     def call(self, function: str, tape: np.ndarray, width: int, *weights: np.ndarray, which: tuple[int, ...] = ()) -> np.ndarray:
         """Slopes (states, width) of a function of the library that goes back; which: what it asks for besides."""

@@ -168,9 +168,24 @@ class Taped:
         """Changes (steps + 1, 2 n, D) where steps begin and end, and where they are wanted of all that is on the tape."""
         seeds = np.vstack([dq, dqd, dp]).astype(float, order="C")
         changes = np.empty((len(self._times), 2 * self._sizes.n_coordinates, dp.shape[1]))
-        lanes = self._kernels.remember("directions", (), lambda: _Directions(self._kernels, self._dynamics))
-        lanes(self._sizes, self._p, self.driven.values, self._times, self._states, seeds, changes, taped)
+        self._directions.run(self._sizes, self._p, self.driven.values, self._times, self._states, seeds, changes, taped)
         return changes
+
+    def velocities_along(self, dq: np.ndarray, dp: np.ndarray) -> np.ndarray:
+        """How the velocities that the joints allow at the start change, (n, D), with q, (n, D), and p, (n_p, D)."""
+        return self._start_along(True, dq, dp)
+
+    def closing_along(self, dp: np.ndarray) -> np.ndarray:
+        """How a step of Newton's method at the start changes, (n, D), with p, (n_p, D)."""
+        return self._start_along(False, np.zeros((self._sizes.n_coordinates, dp.shape[1])), dp)
+
+    def _start_along(self, of_velocities: bool, dq: np.ndarray, dp: np.ndarray) -> np.ndarray:
+        seeds = np.vstack([dq, np.zeros_like(dq), dp]).astype(float, order="C")
+        return self._directions.start(of_velocities, self._sizes, self._p, self._times[0], self._states, seeds)
+
+    @property
+    def _directions(self) -> _Directions:
+        return self._kernels.remember("directions", (), lambda: _Directions(self._kernels, self._dynamics))
 
     def _dual_numbers(self) -> Numbers:
         return dual_numbers(self._dynamics.source("adjoint"), f"{identifier(self._kernels.name)}_adjoint")
@@ -205,9 +220,22 @@ class Segmented:
         self.outcome = replace(parts[-1], **rows)
 
     @cached_property
+    def _first(self) -> Taped:
+        """Its first step: all that is asked of the start."""
+        return self._segment(slice(0, 2))
+
+    @property
     def back(self) -> Sweep:
-        """The way back through its first step: the start is all that is asked there."""
-        return self._segment(slice(0, 2)).back
+        """The way back through its first step."""
+        return self._first.back
+
+    def velocities_along(self, dq: np.ndarray, dp: np.ndarray) -> np.ndarray:
+        """As of `Taped`."""
+        return self._first.velocities_along(dq, dp)
+
+    def closing_along(self, dp: np.ndarray) -> np.ndarray:
+        """As of `Taped`."""
+        return self._first.closing_along(dp)
 
     def _segments(self) -> Iterator[tuple[slice, Taped]]:
         """The last one first, each with its place among the times."""
@@ -255,11 +283,21 @@ class _Directions:
         _, self._emitted = in_lanes(files, f"const void *{getter}(void);", runtime_abi(), self._library.ncgen_directions_lanes())
         self._motion = getattr(self._emitted, getter)()
 
-    def __call__(
+    def start(self, of_velocities: bool, sizes: Sizes, p: np.ndarray, t: float, states: np.ndarray, seeds: np.ndarray) -> np.ndarray:
+        """Changes (n, D) of what comes before the run, as of `ncgen_starts_along`; states begin with that of the start."""
+        counts, changes = self._counts(sizes), np.empty((sizes.n_coordinates, seeds.shape[1]))
+        work = aligned(self._library.ncgen_directions_workspace(*counts, sizes.method))
+        p_in_c, *arrays = (pointer(self._ffi, a) for a in (p, states, seeds, changes, work))
+        self._library.ncgen_starts_along(
+            self._motion, *counts, sizes.method, p_in_c, of_velocities, t, arrays[0], seeds.shape[1], *arrays[1:]
+        )
+        return changes
+
+    def run(
         self, sizes: Sizes, p: np.ndarray, inputs: np.ndarray, times: np.ndarray, states: np.ndarray, seeds: np.ndarray,
         changes: np.ndarray, taped: np.ndarray | None,
     ) -> None:  # fmt: skip
-        counts = sizes.n_coordinates, sizes.n_parameters, sizes.n_prepared
+        counts = self._counts(sizes)
         work = aligned(self._library.ncgen_directions_workspace(*counts, sizes.method))
         given = [pointer(self._ffi, a) for a in (p, np.ascontiguousarray(inputs), times, states, seeds, changes, taped, work)]
         p_in_c, inputs_in_c, *tape, seeds_in_c = given[:5]
@@ -277,3 +315,7 @@ class _Directions:
             seeds_in_c,
             *given[5:],
         )
+
+    @staticmethod
+    def _counts(sizes: Sizes) -> tuple[int, int, int]:
+        return sizes.n_coordinates, sizes.n_parameters, sizes.n_prepared

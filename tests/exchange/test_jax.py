@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 
 import numpy as np
@@ -10,6 +11,7 @@ from swing import swing
 
 import ncgen
 from ncgen import ModelError
+from ncgen.exchange import xla
 
 jax = pytest.importorskip("jax")
 STEPS = 20
@@ -80,6 +82,60 @@ def test_of_many_the_one_that_cannot_move_is_named(kernels):
     several = np.array([P, [np.nan, 1.0], P])
     with pytest.raises(Exception, match="motion 1 of 3: p: length is nan; it must be a finite number"):
         jax.block_until_ready(jax.vmap(lambda p: motion(p, RATES)[0])(several))
+
+
+def test_what_is_written_in_place_is_what_is_copied(kernels, monkeypatch):
+    """On the processor results are written where XLA wants them; elsewhere it calls Python, and copies: the same bits, the same errors."""
+    pytest.importorskip("jax.ffi")
+    motion = ncgen.jax(kernels).motion(0.4, STEPS)
+    several, rates = np.linspace(0.8, 1.2, 5)[:, None] * P, np.linspace(-1, 1, 3)[:, None]
+
+    def number(p, rate):
+        q, qd = motion(p, rate)
+        return q[-1, 0] * qd[5, 1], (q, qd)
+
+    def found():  # p and the weights have one axis of the two: what is not mapped is handed on once, and not copied
+        both = jax.grad(number, argnums=(0, 1), has_aux=True)
+        return jax.tree.leaves(jax.jit(jax.vmap(jax.vmap(both, (None, 0)), (0, None)))(several, rates))
+
+    assert xla._handler() is not None
+    in_place = found()
+    monkeypatch.setattr(xla, "_handler", lambda: None)
+    for mine, copied in zip(in_place, found(), strict=True):
+        assert np.array_equal(mine, copied)
+    with pytest.raises(Exception, match="motion 1 of 2: p: length is nan; it must be a finite number"):
+        jax.block_until_ready(jax.vmap(lambda p: motion(p, RATES)[0])(np.array([P, [np.nan, 1.0]])))
+
+
+def test_programs_outlive_what_they_were_made_of(kernels):
+    end = jax.jit(lambda p: ncgen.jax(kernels).motion(0.4, STEPS)(p, RATES)[0][-1]).lower(P).compile()
+    gc.collect()
+    assert np.array(end(P)) == pytest.approx(ncgen.sensitivities(kernels, 0.4, STEPS, p=P, zd0=RATES).q[-1], abs=1e-15)
+
+
+def test_a_program_of_another_process_is_refused(kernels):
+    """What JAX has compiled may be written to a file; what it calls may not."""
+    pytest.importorskip("jax.ffi")
+    serialize = pytest.importorskip("jax.experimental.serialize_executable")
+    motion = ncgen.jax(kernels).motion(0.4, STEPS)
+    kept = serialize.serialize(jax.jit(lambda p: motion(p, RATES)[0]).lower(P).compile())
+    here = serialize.deserialize_and_load(*kept)
+    assert np.array_equal(here(P), motion(P, RATES)[0])
+    there = dict(xla._functions)
+    xla._functions.clear()
+    try:
+        with pytest.raises(Exception, match="this program was compiled in another process, whose motions are not here"):
+            jax.block_until_ready(here(P))
+    finally:
+        xla._functions.update(there)
+
+
+def test_without_a_compiler_nothing_is_in_place(monkeypatch):
+    def refused(*given):
+        raise ncgen.CompileError("no C compiler found")
+
+    monkeypatch.setattr(xla, "load", refused)
+    assert xla._handler.__wrapped__() is None
 
 
 @pytest.mark.slow

@@ -65,10 +65,34 @@ def test_near_other_positions():
     np.testing.assert_allclose(last.q[0, kernels.index["B.x"]], slider(CRANK, ROD, t[2]), atol=1e-14)
 
 
+def test_near_what_is_none():
+    """Of positions that are near others one may begin far off; one at an angle's other root is refused."""
+    kernels, t = ncgen.compile(slider_crank()), np.array([0.2, 2.2, 4.1])
+    found = ncgen.driven_positions(kernels, t)
+    crank = [kernels.index["A.x"], kernels.index["A.y"]]
+    far, turned = found.q.copy(), found.q.copy()
+    far[1] += 0.4
+    turned[1, crank] *= -1
+    np.testing.assert_allclose(ncgen.driven_positions(kernels, t, near=far).q, found.q, atol=1e-14)
+    with pytest.raises(ncgen.ConvergenceError, match="^angle psi: the position found is the mirror root, 180.0 degrees off"):
+        ncgen.driven_positions(kernels, t, near=turned)
+
+
+def test_what_derivatives_foresee():
+    """To first order, and what is closed from there is the position."""
+    kernels, lengths = ncgen.compile(slider_crank()), np.array([0.35, 0.75])
+    t, at = np.array([0.2, 2.2, 4.1]), kernels.index["B.x"]
+    first = ncgen.driven_positions(kernels, t)
+    near = first.foreseen({"r": 0.35, "L": 0.75})
+    along = slider(CRANK + 1e-30j * (0.35 - CRANK), ROD + 1e-30j * (0.75 - ROD), t).imag / 1e-30
+    np.testing.assert_allclose(near[:, at], slider(CRANK, ROD, t) + along, atol=1e-13)
+    np.testing.assert_allclose(ncgen.driven_positions(kernels, t, lengths, near).q[:, at], slider(0.35, 0.75, t), atol=1e-14)
+
+
 def test_no_instants():
     kernels = ncgen.compile(slider_crank(), backend="numpy")
     found = ncgen.driven_positions(kernels, [])
-    assert found.q.shape == (0, kernels.n) and found.q_by.shape == (0, kernels.n, 2)
+    assert found.q.shape == (0, kernels.n) and found.q_by.shape == (0, kernels.n, 2) and found.foreseen(found.p).shape == found.q.shape
 
 
 def test_refusals():

@@ -169,6 +169,43 @@ static void stages(const sweep *s, double t, double h, const double *states, con
         s->state[i] = s->seed[i];
 }
 
+/* The directions from the first one on: their changes of a state into s->state, those of p, with what is prepared, to where they stay. */
+static void turn_to(sweep *s, int n_parameters, long first, const double *seeds)
+{
+    const int size = 2 * s->n;
+    s->first = first;
+    read_rows(size, s->count, first, seeds, s->state);
+    read_rows(n_parameters, s->count, first, seeds + size * s->count, s->seed + size);
+    if (s->motion->prepare)
+        s->motion->prepare(s->p, s->seed + size, s->seed + size + n_parameters);
+    for (int i = 0; i < s->n_p; ++i)
+        s->brief[s->n + i] = s->seed[size + i];
+}
+
+void ncgen_starts_along(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int method, const double *p,
+                        int of_velocities, double t, const double *state, long count, const double *seeds, double *changes,
+                        double *workspace)
+{
+    const int size = 2 * n_coordinates;
+    sweep s;
+    ncgen_space space = {(ncgen_real *)workspace, 0};
+    lay_out(&s, n_coordinates, n_parameters + n_prepared, method, &space);
+    s.motion = motion;
+    s.count = count;
+    spread(s.n_p, p, s.p);
+    spread(size, state, s.at);
+    for (long first = 0; first < count; first += NCGEN_LANES) {
+        turn_to(&s, n_parameters, first, seeds);
+        for (int i = 0; i < size; ++i)
+            s.seed[i] = s.state[i];
+        if (of_velocities)
+            velocities(&s, t);
+        else
+            close(&s, t);
+        write_rows(s.n, count, first, s.found, changes);
+    }
+}
+
 void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int is_driven, int method,
                       int n_inputs, const double *p, const double *inputs, long steps, const double *times, const double *states, long count, const double *seeds,
                       double *changes, double *taped, double *workspace)
@@ -185,14 +222,8 @@ void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, i
     s.w = s.p + n_parameters - n_inputs;
     spread(s.n_p, p, s.p);
     for (long first = 0; first < count; first += NCGEN_LANES) {
-        read_rows(size, count, first, seeds, s.state);
-        read_rows(n_parameters, count, first, seeds + size * count, s.seed + size);
-        if (s.motion->prepare)
-            s.motion->prepare(s.p, s.seed + size, s.seed + size + n_parameters);
-        for (int i = 0; i < s.n_p; ++i)
-            s.brief[s.n + i] = s.seed[size + i];
+        turn_to(&s, n_parameters, first, seeds);
         write_rows(size, count, first, s.state, changes);
-        s.first = first;
         for (long k = 0; k < steps; ++k) {
             const size_t begins = (size_t)k * (size_t)(2 * s.method->stages + 3) * (size_t)s.n;
             const double *step = states + begins;

@@ -33,6 +33,9 @@ Result = TypeVar("Result")
 Weighed: TypeAlias = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """From the numbers of some states, and their q and q̇, (states, K, n) each, to how a number of each changes with these."""
 
+Rows: TypeAlias = tuple[np.ndarray, np.ndarray]
+"""Where q and q̇ of states go, (states, K, n) each."""
+
 
 @dataclass(frozen=True, eq=False)
 class Swept:
@@ -49,7 +52,16 @@ class _Asked:
     """What a sweep is to do with a run; members as of `TapedBatch.sweep`."""
 
     weigh: Weighed | None
-    rows: np.ndarray | None
+    rows: Rows | None
+
+    def of(self, states: slice | int) -> Rows | None:
+        """Where those of some states go."""
+        return self.rows and (self.rows[0][states], self.rows[1][states])
+
+    def no_rows(self, i: int) -> None:
+        """A state has none."""
+        for rows in self.rows or ():
+            rows[i] = np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,26 +100,25 @@ class TapedBatch:
         self,
         weigh: Weighed | None,
         progress: Callable[[float], None] | None = None,
-        rows: np.ndarray | None = None,
+        rows: Rows | None = None,
     ) -> Swept:
         """Run all, and go back through each with the weights that `weigh` gives, called by several threads; None: do not go back.
 
         progress: called with the share of the states that are done. What it or `weigh` raises ends the sweep
-        rows: where all q and q̇ go, (2, B, K, n), NaN for states that have none; None where they are not kept
+        rows: where all q and q̇ go, NaN for states that have none; None where they are not kept
         """
-        count = len(self.states.q)
+        count, asked = len(self.states.q), _Asked(weigh, rows)
         found = Swept(np.full((count, len(self.names)), np.nan), [INTERRUPTED] * count, np.ones(count, dtype=bool))
         tell = progress or (lambda share: None)
         if self._motions:
             self._motions.prepare(back=weigh is not None)
-            self._in_lanes(self._motions, _Asked(weigh, rows), found, tell)
+            self._in_lanes(self._motions, asked, found, tell)
         for i, fault in self.states.faults.items():
             found.status[i], found.alone[i] = fault, False
-            if rows is not None:
-                rows[:, i] = np.nan
+            asked.no_rows(i)
         left = np.flatnonzero(found.alone).tolist()
         for k, i in enumerate(left):
-            found.status[i] = self._alone(i, _Asked(weigh, rows), found.slopes)
+            found.status[i] = self._alone(i, asked, found.slopes)
             tell(1.0 - (len(left) - k - 1) / count)
         return found
 
@@ -133,7 +144,7 @@ class TapedBatch:
         except np.linalg.LinAlgError:
             return part
         qd = (velocities @ zd[:, :, None])[:, :, 0] + driven
-        runs = motions.run(q, qd, p, asked.weigh is not None, None if asked.rows is None else asked.rows[:, part])
+        runs = motions.run(q, qd, p, asked.weigh is not None, asked.of(part))
         fine = part.start + np.flatnonzero(~runs.other)
         if asked.weigh is not None and len(fine):
             frames = StartFrames(positions, velocities, kernels.start_p(p) if self.follows else None)
@@ -145,18 +156,19 @@ class TapedBatch:
 
     def _back(self, runs: LaneRuns, frames: StartFrames, weigh: Weighed, fine: np.ndarray, first: int) -> np.ndarray:
         """Derivatives (fine, columns) of the states that have been run, of which the first of the part is number `first`."""
-        seen = slice(None) if len(fine) == len(runs.q) else fine - first
-        weights = [np.zeros_like(runs.q), np.zeros_like(runs.q)]
-        for all_of_them, given in zip(weights, weigh(fine, runs.q[seen], runs.qd[seen]), strict=True):
-            all_of_them[seen] = given
+        if len(fine) == len(runs.q):
+            seen, weights = slice(None), weigh(fine, runs.q, runs.qd)
+        else:
+            seen, weights = fine - first, (np.zeros_like(runs.q), np.zeros_like(runs.q))
+            for all_of_them, given in zip(weights, weigh(fine, runs.q[seen], runs.qd[seen]), strict=True):
+                all_of_them[seen] = given
         at_start, at_start_qd, by_p = runs.backward(*weights)
         by_start, *by_state = start_back(runs, self.choice.partitions, frames, np.hstack([at_start, at_start_qd]))
         return np.hstack([by_p + by_start, *by_state])[seen]
 
     def _alone(self, i: int, asked: _Asked, slopes: np.ndarray) -> str:
         """A run of a state's own; its status."""
-        if asked.rows is not None:
-            asked.rows[:, i] = np.nan
+        asked.no_rows(i)
         try:
             motion = self._motion(i)
         except NcgenError as error:
@@ -164,8 +176,8 @@ class TapedBatch:
         if set(motion.names) != set(self.names):
             others = ", ".join(name for name in motion.names if name not in self.names)
             return f"{self.kernels.name}: {others} are independent here, not those of the batch; take gradient for this state"
-        if asked.rows is not None:
-            asked.rows[:, i] = motion.q, motion.qd
+        for rows, found in zip(asked.rows or (), (motion.q, motion.qd)):
+            rows[i] = found
         if asked.weigh is not None:
             by_q, by_qd = asked.weigh(np.array([i]), motion.q[None], motion.qd[None])
             slopes[i, [self.names.index(name) for name in motion.names]] = motion.backward(by_q[0], by_qd[0])[0]

@@ -133,11 +133,21 @@ class TapedMotion:
 
     def _seeds(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Changes of q and q̇ at the start, (n, D) each, and of p, (n_p, D), along directions."""
-        n, count = self.kernels.n, len(directions)
-        if not (self._start_reads_parameters or np.any(directions[len(self.p) :])):
-            return np.zeros((n, directions.shape[1])), np.zeros((n, directions.shape[1])), directions[: len(self.p)]
-        by_start = np.array([np.concatenate(self._start_back(weights))[:count] for weights in np.eye(2 * n)]) @ directions
-        return by_start[:n], by_start[n:], directions[: len(self.p)]
+        position, velocity = self._partitions.position.independent, self._partitions.velocity.independent
+        given = np.zeros((len(self.names), directions.shape[1]))
+        given[: len(directions)] = directions
+        dp, dz, rates = np.split(given, [len(self.p), len(self.p) + len(position)])
+        dq = dqd = np.zeros((self.kernels.n, dp.shape[1]))
+        if not (self._start_reads_parameters or np.any(given[len(self.p) :])):
+            return dq, dqd, dp
+        start = self._start
+        if start.by_parameters is not None:
+            dz = dz + start.by_parameters[position] @ dp
+        if self._rows_read_parameters:
+            dq = self._run.closing_along(dp)
+        dq = dq + start.positions @ (dz - dq[position])
+        dqd = self._run.velocities_along(dq, dp)
+        return dq, dqd + start.velocities @ (rates - dqd[velocity]), dp
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
         """Derivatives of a number by what has a name (columns,), and by what drove the run, from those by q and q̇ at all instants, (K, n)

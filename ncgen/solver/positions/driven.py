@@ -47,16 +47,22 @@ class DrivenPositions:
         Raises SingularError naming the instant at which the position is singular: there is no derivative.
         """
         kernels, rows = self.kernels, list(self.rows)
-        here = list(zip(self.t.tolist(), self.q, strict=True))
-        if not here:
+        if not len(self.t):
             return np.empty((0, kernels.n, len(self.p)))
-        by_q = np.array([kernels.jacobian(q, t, self.p)[rows] for t, q in here])
-        by_p = np.array([kernels.dense_tangent("phi_p", q=q, t=t, p=self.p)[rows] for t, q in here])
+        by_q = kernels.jacobians(self.q, self.t, self.p)[:, rows]
+        by_p = kernels.dense_tangents("phi_p", self.q, self.t, self.p)[:, rows]
         amplified = np.linalg.cond(by_q / kernels.row_sizes[rows, None], 1)
         for k in np.flatnonzero(~(amplified < 1 / REGULAR))[:1]:
             at = f"the position at t = {self.t[k]:g} s"
             raise SingularError(f"{kernels.name}: {at} is singular and has no derivative; leave that instant out")
         return -np.linalg.solve(by_q, by_p)
+
+    def foreseen(self, p: Given) -> np.ndarray:
+        """The positions with other parameters to first order, (K, n): what those are near, as far as derivatives tell.
+
+        p: numbers (n_p,) or {name: number}. Raises ModelError for what is none, and as `q_by` does.
+        """
+        return self.q + self.q_by @ (given.parameters(self.kernels, p) - self.p)
 
 
 def driven_positions(kernels: Kernels, t: ArrayLike, p: Given | None = None, near: ArrayLike | None = None) -> DrivenPositions:
@@ -78,8 +84,11 @@ def driven_positions(kernels: Kernels, t: ArrayLike, p: Given | None = None, nea
         return DrivenPositions(kernels, t, p, np.empty((0, kernels.n)), ())
     motion = _Followed(kernels, p, tuple(range(kernels.m)) if kernels.m == kernels.n else ())
     q = [motion.begun(given.position(kernels, near if rows is None else rows[0], p), float(t[0]))]
-    for k, (before, now) in enumerate(pairwise(t.tolist()), 1):
-        q.append(motion.from_one_to_next(q[-1], before, now) if rows is None else motion.from_near(rows[k], now))
+    if rows is None:
+        for before, now in pairwise(t.tolist()):
+            q.append(motion.from_one_to_next(q[-1], before, now))
+    else:
+        q += motion.from_near(rows[1:], t[1:].tolist())
     return DrivenPositions(kernels, t, p, np.array(q), motion.rows)
 
 
@@ -108,9 +117,16 @@ class _Followed:
         return self.closed(q, t)
 
     def closed(self, q: np.ndarray, t: float) -> np.ndarray:
-        """The position near another, to rounding. Raises ConvergenceError where Newton's method takes many steps, DomainError naming a row
-        that is not a number."""
-        kernels, rows = self.kernels, list(self.rows)
+        """The position near another, to rounding. Raises ConvergenceError where Newton's method takes many steps, or finds an angle's other
+        root, DomainError naming a row that is not a number."""
+        q = self._root(q, t)
+        check_mirror_roots(self.kernels, q, self.p)
+        return q
+
+    def _root(self, q: np.ndarray, t: float) -> np.ndarray:
+        """As `closed`, where angles may be found at their other roots."""
+        kernels, rows = self.kernels, slice(None) if len(self.rows) == self.kernels.m else list(self.rows)
+        near, still = TOLERANCE * kernels.row_sizes[rows], ROUNDING * kernels.column_sizes
         for _ in range(EASY):
             try:
                 value = kernels.phi(q, t, self.p)[rows]
@@ -118,15 +134,20 @@ class _Followed:
             except np.linalg.LinAlgError:
                 break
             q = q - step
-            closed = np.all(np.abs(value) <= TOLERANCE * kernels.row_sizes[rows])  # beside a singular position steps do not become so small
-            if closed or np.all(np.abs(step) <= ROUNDING * kernels.column_sizes):
-                check_mirror_roots(kernels, q, self.p)
+            if (np.abs(value) <= near).all() or (np.abs(step) <= still).all():  # beside a singular position steps do not become so small
                 return q
         check_finite(kernels, q, t, self.p)
         raise ConvergenceError(f"{kernels.name}: the position at t = {t:g} s does not close in {EASY} steps; give a position near it")
 
-    def from_near(self, q: np.ndarray, t: float) -> np.ndarray:
-        """The position near another that may be some way off."""
+    def from_near(self, rows: np.ndarray, t: list[float]) -> list[np.ndarray]:
+        """Positions at some instants, each near another that may be some way off."""
+        with suppress(ConvergenceError):
+            found = [self._root(q, now) for q, now in zip(rows, t, strict=True)]
+            check_mirror_roots(self.kernels, np.array(found).reshape(rows.shape), self.p)
+            return found
+        return [self._from_afar(q, now) for q, now in zip(rows, t, strict=True)]
+
+    def _from_afar(self, q: np.ndarray, t: float) -> np.ndarray:
         with suppress(ConvergenceError):
             return self.closed(q, t)
         return self.closed(solve_position(self.kernels, q, t, self.p).q, t)

@@ -120,18 +120,18 @@ def _failure(kernels: Kernels, value: np.ndarray, history: list[float]) -> str:
 
 
 def check_mirror_roots(kernels: Kernels, q: np.ndarray, p: np.ndarray | None = None, history: Sequence[float] = ()) -> None:
-    """Raise ConvergenceError naming an angle whose coordinate is half a turn off its elements: the other root of its row."""
+    """Raise ConvergenceError naming an angle whose coordinate is half a turn off its elements at q (…, n): the other root of its row."""
     known = angles(kernels)
     if not known:
         return
-    errors = q[[kernels.index[angle.name] for angle in known]] - measured_angles(kernels, q, p)
-    for angle, error in zip(known, errors, strict=True):
-        if np.cos(error) < 0.0:
-            raise ConvergenceError(
-                f"angle {angle.name}: the position found is the mirror root, {np.degrees(error) % 360:.1f} degrees off; "
-                "start with the angle nearer to its elements",
-                tuple(history),
-            )
+    errors = q[..., [kernels.index[angle.name] for angle in known]] - measured_angles(kernels, q, p)
+    for k in np.flatnonzero(np.cos(errors) < 0.0)[:1].tolist():
+        angle, error = known[k % len(known)], errors.flat[k]
+        raise ConvergenceError(
+            f"angle {angle.name}: the position found is the mirror root, {np.degrees(error) % 360:.1f} degrees off; "
+            "start with the angle nearer to its elements",
+            tuple(history),
+        )
 
 
 def check_finite(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> None:
