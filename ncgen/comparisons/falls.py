@@ -13,13 +13,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from ncgen.comparisons.rivals import handwritten, octave
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.report.methods import Tolerances
 from ncgen.solver.engines.compiled import is_emitted
 from ncgen.solver.motions.simulate import simulate
-from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.run import InitialArguments, simulation_of
 from ncgen.solver.trajectories.trajectory import Trajectory
 
@@ -59,8 +58,8 @@ def fall_records(kernels: Kernels) -> Iterator[dict]:
 
     error: largest difference (m, rad) of the end position; seconds: of the run; total: of the whole call of `simulate`
     """
-    duration = own_run(kernels)[0]
-    if not _runs_in_c(kernels) or (reference := end_state(kernels, duration)) is None:
+    duration = own_run(kernels)[0]  # what only Python simulates would take minutes
+    if not is_emitted(kernels, own_start(kernels)[1]) or (reference := end_state(kernels, duration)) is None:
         return
     for way in WAYS:
         for integrator, setting, options in _settings(duration):
@@ -73,12 +72,6 @@ def own_run(kernels: Kernels) -> tuple[float, dict[str, Any]]:
     """Duration (s) and beginning of the model's own simulation, as arguments of `simulate`."""
     options = simulation_of(kernels.model)
     return float(options["duration"]), {k: options[k] for k in InitialArguments.__annotations__ if k in options}
-
-
-def _runs_in_c(kernels: Kernels) -> bool:
-    """False for what only Python simulates: it would take minutes."""
-    partitions = choose_partitions(kernels, assemble(kernels, kernels.q0), independent=kernels.model.chosen_independent)
-    return is_emitted(kernels, partitions)
 
 
 def _settings(duration: float) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
