@@ -84,8 +84,8 @@ class Group:
         return len(self.variables)
 
 
-def fmu(package: Package, version: int, platforms: Sequence[str] = ()) -> bytes:
-    """The unit as the bytes of its archive.
+def fmu_files(package: Package, platforms: Sequence[str] = (), *, version: int) -> dict[str, bytes]:
+    """{file name: the unit}.
 
     platforms: of `PLATFORMS`, beside the machine that this is
     Raises NcgenError for a platform that is not known or without fmpy, CompileError without a compiler.
@@ -121,7 +121,7 @@ def fmu(package: Package, version: int, platforms: Sequence[str] = ()) -> bytes:
     files["modelDescription.xml"] = render(f"package/fmu/fmi{version}.xml.jinja", **records).encode()
     if version == 3:
         files["sources/buildDescription.xml"] = render("package/fmu/buildDescription.xml.jinja", **records).encode()
-    return _archive(files)
+    return {f"{package.prefix}.fmu": _archive(files)}
 
 
 def _groups(package: Package) -> list[Group]:
