@@ -65,12 +65,11 @@ def _loops(space: JointSpace) -> dict[str, object]:
     """What closing needs to know; nothing of an open tree."""
     if not isinstance(space, JointsInLoops):
         return {"loops": False}
-    start = space.placed_start
     return {
         "loops": True,
         "free": space.free.tolist(),
         "sizes": [number(float(size)) for size in space.sizes],
-        "all_start": [number(float(x)) for x in start],
+        "all_start": [number(float(x)) for x in space.begin[0]],
     }
 
 
