@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ncgen.cli.completion import words_of
-from ncgen.cli.terminal import Floating, Having, ModelName, err, of_robots, out, progress
+from ncgen.cli.terminal import Floating, Having, ModelName, err, of_robots, out, progress, show
 from ncgen.errors import ModelError
 from ncgen.exchange.export import targets
 
@@ -79,8 +79,7 @@ def export(
     loaded = load(model, **of_robots(floating, having))
     with progress(f"exporting {loaded.name}", None):
         paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"), platform or ())
-    for path in paths:
-        out.print(str(path), markup=False)
+    show(paths)
 
 
 def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all compiled libraries")] = False) -> None:

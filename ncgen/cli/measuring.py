@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ncgen.cli.completion import words_of
-from ncgen.cli.terminal import PICTURES, Json, ModelName, out, progress, writable
+from ncgen.cli.terminal import PICTURES, Json, ModelName, out, progress, show, tell, writable
 from ncgen.errors import ModelError
 
 if TYPE_CHECKING:
@@ -36,7 +36,8 @@ def bench(
 ) -> None:
     """Measure generated code beside hand-written code: times with their errors."""
     from ncgen.comparisons.bench import bench as measurements
-    from ncgen.comparisons.bench import data_section, gradient_section, library_section, show
+    from ncgen.comparisons.bench import data_section, gradient_section, library_section
+    from ncgen.comparisons.bench import show as show_section
     from ncgen.exchange.examples import example_names, load
 
     writable("--html", html)
@@ -64,7 +65,7 @@ def bench(
             records += found
             advance(done)
             if not json_output:
-                show(out, title, found)
+                show_section(out, title, found)
     if json_output:
         print(json.dumps(records, indent=1))
 
@@ -81,11 +82,7 @@ def _growth(model: Model, json_output: bool) -> None:
         for done, record in enumerate(growth_records(model.name), 1):
             records.append(record)
             advance(done)
-    if json_output:
-        print(json.dumps(records, indent=1))
-    else:
-        for line in aligned(generation_rows(records)):
-            out.print(line, markup=False)
+    tell(records, lambda found: aligned(generation_rows(found)), json_output)
 
 
 def _instructions(model: Model, json_output: bool) -> None:
@@ -95,11 +92,7 @@ def _instructions(model: Model, json_output: bool) -> None:
 
     with progress(f"counting instructions of {model.name}", None):
         records = list(instruction_records(model))
-    if json_output:
-        print(json.dumps(records, indent=1))
-    else:
-        for line in aligned(table(records)):
-            out.print(line, markup=False)
+    tell(records, lambda found: aligned(table(found)), json_output)
 
 
 def _peers(model: Model, limit: float, json_output: bool) -> None:
@@ -113,8 +106,7 @@ def _peers(model: Model, limit: float, json_output: bool) -> None:
         with progress(f"measuring {count} four-bars", None):
             found = list(peers.peer_records([count], limit=limit))
         records += found
-        for line in () if json_output else peers.lines(found):
-            out.print(line, markup=False)
+        show(() if json_output else peers.lines(found))
     if json_output:
         print(json.dumps(records, indent=1))
 
@@ -134,8 +126,7 @@ def _precision(model: Model, html: Path | None, plot: Path | None, json_output: 
     if json_output:
         print(json.dumps({"machine": machine(), "records": records}, indent=1))
     else:
-        for line in [f"{model.name}: time until an error is reached", *aligned(rows), doubt, *front]:
-            out.print(line, markup=False)
+        show([f"{model.name}: time until an error is reached", *aligned(rows), doubt, *front])
     if html is not None:
         section = Section("Time until an error is reached", "; ".join([doubt, *front]), tuple(rows), precision.figure(records, model.name))
         write_text(html, page(f"{model.name}: error against time", [section], machine()))
@@ -176,8 +167,7 @@ def compare(
     with progress(f"comparing {loaded.name}", None):
         for section in comparison.sections():
             if not json_output:
-                for line in comparison.lines(section):
-                    out.print(line, markup=False)
+                show(comparison.lines(section))
     for path, write in ((html, comparison.html), (csv, comparison.csv)):
         if path is not None:
             write_text(path, write())
@@ -199,10 +189,7 @@ def _mistakes(model: Model, path: Path, json_output: bool) -> None:
         print(json.dumps({name: [asdict(m) for m in mistakes] for name, mistakes in found.items()}, indent=1))
     else:
         for name, mistakes in found.items():
-            for mistake in mistakes:
-                out.print(str(mistake), markup=False)
-            if not mistakes:
-                out.print(f"{name}: no mistakes", markup=False)
+            show(mistakes or [f"{name}: no mistakes"])
     if any(found.values()):
         raise typer.Exit(1)
 
@@ -231,8 +218,7 @@ def hard(
             records.append(record)
             advance(done)
             if not json_output and done % len(methods()) == 0:
-                for line in lines(records[-len(methods()) :]):
-                    out.print(line, markup=False)
+                show(lines(records[-len(methods()) :]))
     if json_output:
         print(json.dumps(records, indent=1))
 
@@ -246,8 +232,4 @@ def _defaults(case: list[str] | None, limit: float, json_output: bool) -> None:
         for record in default_records(names, limit):
             records.append(record)
             advance(len(records))
-    if json_output:
-        print(json.dumps(records, indent=1))
-    else:
-        for line in default_lines(records):
-            out.print(line, markup=False)
+    tell(records, default_lines, json_output)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ncgen.cli.terminal import PICTURES, Json, err, out, timed, writable
+from ncgen.cli.terminal import PICTURES, Json, err, out, show, timed, writable
 
 SHOWN = 3
 """Failures that are printed; the table has all."""
@@ -55,8 +55,7 @@ def study(
         return
     out.print(f"{result.about['model']}: {result.ok.sum()} of {len(result)} variants arrived, in {folder}", markup=False)
     out.print(f"  {result.about['made_with']}", markup=False)
-    for variant, sentence in list(failures.items())[:SHOWN]:
-        out.print(f"  variant {variant}: {sentence}", markup=False)
+    show(f"  variant {variant}: {sentence}" for variant, sentence in list(failures.items())[:SHOWN])
     if len(failures) > SHOWN:
         out.print(f"  and {len(failures) - SHOWN} more", markup=False)
     if sobol is not None:

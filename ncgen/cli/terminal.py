@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +15,7 @@ from ncgen.cli.completion import models, words_of
 from ncgen.errors import ModelError
 from ncgen.report.bar import err, progress, timed
 
-__all__ = ["err", "of_robots", "out", "progress", "timed", "writable"]
+__all__ = ["err", "of_robots", "out", "progress", "show", "tell", "timed", "writable"]
 
 out = Console(highlight=False, soft_wrap=True)
 
@@ -36,6 +38,20 @@ Backend = Annotated[str, typer.Option(help="auto, c or numpy", autocompletion=wo
 Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled", autocompletion=words_of("ncgen.program.programs", "EMISSIONS"))]
 
 PICTURES = (".svg", ".png")
+
+
+def show(lines: Iterable[object]) -> None:
+    """Lines as they are: brackets in them are no markup."""
+    for line in lines:
+        out.print(str(line), markup=False)
+
+
+def tell(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]], json_output: bool) -> None:
+    """Records as JSON, or as the lines that are made of them."""
+    if json_output:
+        print(json.dumps(records, indent=1))
+    else:
+        show(lines(list(records)))
 
 
 def of_robots(floating: bool | None, having: list[str] | None) -> dict[str, Any]:

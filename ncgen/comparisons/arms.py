@@ -21,7 +21,8 @@ import numpy as np
 
 from ncgen.comparisons.batches import STATES
 from ncgen.comparisons.rivals import articulated, mujoco, pinocchio, relative_error
-from ncgen.comparisons.rivals.exact import DIGITS, MPMATH
+from ncgen.comparisons.rivals.base import own_start
+from ncgen.comparisons.rivals.exact import DIGITS, exact_motion
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module
@@ -29,15 +30,12 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.runtime import EmittedDynamics
 from ncgen.model.values import evaluate as value_of
 from ncgen.program.ir.cost import cost
-from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.programs import Split
 from ncgen.report.clock import Run, measure, repeated
 from ncgen.report.derivative import motion
 from ncgen.report.repeat import Call, runner
 from ncgen.solver.engines.compiled import all_coordinates, dynamics, split_of
 from ncgen.solver.motions.batch import accelerations_batch
-from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.partition import choose_partitions
 
 COUNTS = (7, 20, 50)
 """Joints."""
@@ -94,8 +92,7 @@ def posture(count: int) -> Posture:
     """A random one."""
     kernels = compile(example_module("arm").build(count), "c")
     assert isinstance(kernels, CompiledKernels), "compiled a line above"
-    start, rng = assemble(kernels, kernels.q0), np.random.default_rng(count)
-    partitions = choose_partitions(kernels, start, independent=kernels.model.chosen_independent)
+    (start, partitions), rng = own_start(kernels), np.random.default_rng(count)
     split = split_of(partitions.velocity)
     emitted = dynamics(kernels, partitions, "emitted", start, kernels.p0)
     programs = emitted.written.programs
@@ -103,14 +100,8 @@ def posture(count: int) -> Posture:
     start = start.copy()
     start[list(split.independent)] += REACH * rng.uniform(-1, 1, count)
     with mpmath.workdps(DIGITS):
-        number = mpmath.mpf
-        given = {"t": number(0), "p": [number(float(x)) for x in kernels.p0]}
-        q = [number(float(x)) for x in start]
-        for _ in range(100):
-            steps = programs.close(q, evaluate(programs.newton, given | {"q": q}, MPMATH, number))
-            if max(map(abs, steps)) < 1e-40:
-                break
-        found = evaluate(programs.acceleration, given | {"q": q, "zd": [number(float(x)) for x in rates]}, MPMATH, number)
+        q, zd = ([mpmath.mpf(float(x)) for x in numbers] for numbers in (start, rates))
+        found = exact_motion(programs, q, zd, kernels.p0)
         expected = np.array([float(x) for x in found[kernels.n : -2]])
     return Posture(kernels, emitted, split, np.array([float(x) for x in q]), rates, expected)
 
@@ -125,8 +116,7 @@ def arm_records(counts: Iterable[int] = COUNTS) -> Iterator[list[dict]]:
         first = spent[FIRST].least
         records = []
         for c in contenders:
-            spread = spent[c.name]
-            times = {name: x / c.states for name, x in (("seconds", spread.least), ("low", spread.low), ("high", spread.high))}
+            times = spent[c.name].seconds(c.states) | {"seconds": spent[c.name].least / c.states}
             error = relative_error(c.values(), place.expected)
             record = {"case": "arm", "count": count, "tool": c.name, "error": error, "operations": c.operations, "ready": c.ready}
             records.append(record | times | {"ratio": times["seconds"] / first})

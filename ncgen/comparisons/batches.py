@@ -8,6 +8,7 @@ import numpy as np
 
 from ncgen.comparisons.rates import emitted_parts
 from ncgen.comparisons.rivals import KERNELS
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.batch import CompiledBatch, available
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.runtime import Outcome
@@ -16,8 +17,6 @@ from ncgen.report.methods import Tolerances
 from ncgen.report.repeat import Call, each, runner
 from ncgen.solver.engines.compiled import GROWTH, dynamics, is_emitted
 from ncgen.solver.motions.batch import BatchTrajectory, accelerations_batch, simulate_batch
-from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.positions.position import TOLERANCE
 from ncgen.solver.runs.run import simulation_of
 
@@ -46,7 +45,7 @@ def batch_records(kernels: CompiledKernels) -> Iterator[dict]:
     chosen: of the two ways of a batch of kernels, whether `kernels.batch` takes it
     """
     yield from _kernel_records(kernels)
-    if kernels.m and _runs_in_lanes(kernels):
+    if kernels.m and is_emitted(kernels, own_start(kernels)[1]):
         yield from _derivative_records(kernels)
         yield from _simulation_records(kernels)
 
@@ -80,11 +79,6 @@ def _kernel_records(kernels: CompiledKernels) -> Iterator[dict]:
             yield record | ({"chosen": record["tool"] == chosen} if record["tool"] in ways else {})
 
 
-def _runs_in_lanes(kernels: CompiledKernels) -> bool:
-    partitions = choose_partitions(kernels, assemble(kernels, kernels.q0), independent=kernels.model.chosen_independent)
-    return is_emitted(kernels, partitions)
-
-
 def _derivative_records(kernels: CompiledKernels) -> Iterator[dict]:
     """State derivatives at closed positions, where one Newton step is enough; the batch is the whole call from Python, in place."""
     q, parts, programs = emitted_parts(kernels)
@@ -104,8 +98,7 @@ def _derivative_records(kernels: CompiledKernels) -> Iterator[dict]:
 def _simulation_records(kernels: CompiledKernels) -> Iterator[dict]:
     """One at a time: the emitted run alone, without what `simulate` does before it; the batch is the whole call."""
     duration = float(simulation_of(kernels.model)["duration"])
-    q, p, grid = assemble(kernels, kernels.q0), kernels.p0, [0.0, duration]
-    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+    (q, partitions), p, grid = own_start(kernels), kernels.p0, [0.0, duration]
     zd0 = np.random.default_rng(0).uniform(-1, 1, (RUNS, len(partitions.velocity.independent)))
     single = dynamics(kernels, partitions, "emitted", q, p)
 
@@ -132,9 +125,7 @@ def _difference(ours: np.ndarray, own: np.ndarray) -> float:
 
 def _records(what: str, spent: Mapping[str, Spread], error: float | None, states: Mapping[str, int]) -> Iterator[dict]:
     """states: how many of them a measured call computes, where it is not one."""
-    times = {tool: {x: getattr(spread, x) / states.get(tool, 1) for x in ("median", "low", "high")} for tool, spread in spent.items()}
-    alone = times[ALONE_IN_C]["median"]
-    for tool, t in times.items():
-        compared = error if tool.startswith("batch") else None
-        record = {"case": "batch", "tool": tool, "what": what, "error": compared, "seconds": t["median"], "ratio": alone / t["median"]}
-        yield record | {"low": t["low"], "high": t["high"]}
+    times = {tool: spread.seconds(states.get(tool, 1)) for tool, spread in spent.items()}
+    for tool, own in times.items():
+        record = {"case": "batch", "tool": tool, "what": what, "error": error if tool.startswith("batch") else None}
+        yield record | own | {"ratio": times[ALONE_IN_C]["seconds"] / own["seconds"]}

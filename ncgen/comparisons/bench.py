@@ -88,8 +88,7 @@ def kernel_records(model: Model, rate: float) -> list[dict]:
 
 
 def _record(case: str, tool: str, error: float, spread: Spread, fastest: Spread) -> dict:
-    times = {"seconds": spread.median, "low": spread.low, "high": spread.high, "ratio": spread.median / fastest.median}
-    return {"case": case, "tool": tool, "error": error, **times}
+    return {"case": case, "tool": tool, "error": error, **spread.seconds(), "ratio": spread.median / fastest.median}
 
 
 # -- for people --------------------------------------------------------------------------------------------------------
@@ -175,13 +174,11 @@ def _operation_rows(records: list[dict]) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("", tools[0], *(title for tool in tools[1:] for title in (tool, "data", "ratio")))]
     for model in dict.fromkeys(r["model"] for r in records):
         mine = {r["tool"]: r for r in records if r["model"] == model}
-        cells = (_operation_cells(mine.get(tool)) for tool in tools[1:])
-        rows.append((model, f"{mine[tools[0]]['operations']:,}", *(cell for part in cells for cell in part)))
+        cells = [f"{mine[tools[0]]['operations']:,}"]
+        for r in map(mine.get, tools[1:]):
+            cells += [f"{r['operations']:,}", str(r["data"] or ""), f"{r['ratio']:.3f}"] if r else [""] * 3
+        rows.append((model, *cells))
     return rows
-
-
-def _operation_cells(record: dict | None) -> tuple[str, str, str]:
-    return (f"{record['operations']:,}", str(record["data"] or ""), f"{record['ratio']:.3f}") if record else ("", "", "")
 
 
 def generation_rows(records: list[dict]) -> list[tuple[str, ...]]:

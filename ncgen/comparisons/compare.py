@@ -73,22 +73,22 @@ class _Judge:
         self.scale = scale(kernels, kernel, inputs)
 
     def __call__(self, rival: Rival) -> tuple[float, float, float]:
-        """Relative error, largest and root mean square ulps."""
-        value = rival.values(self.kernel)
-        ulps = np.abs(value - self.reference) / self.scale / rival.epsilon
-        return relative_error(value, self.reference), float(np.max(ulps)), float(np.sqrt(np.mean(ulps**2)))
+        return _errors(rival, rival.values(self.kernel), self.reference, self.scale)
+
+
+def _errors(rival: Rival, value: np.ndarray, reference: np.ndarray, size: np.ndarray) -> tuple[float, float, float]:
+    """Relative error, largest and root mean square ulps."""
+    ulps = np.abs(value - reference) / size / rival.epsilon
+    return relative_error(value, reference), float(np.max(ulps)), float(np.sqrt(np.mean(ulps**2)))
 
 
 def _record(rival: Rival, kernel: str, spread: Spread, errors: Sequence[tuple[float, float, float]]) -> dict:
     error, largest, rms = (max(column) for column in zip(*errors, strict=True))
-    each = rival.calls
     return {
         "kernel": kernel,
         "tool": rival.name,
         "place": rival.place,
-        "seconds": spread.median / each,
-        "low": spread.low / each,
-        "high": spread.high / each,
+        **spread.seconds(rival.calls),
         "noisy": spread.high - spread.low > NOISY * spread.median,
         "error": error,
         "ulps_max": largest,
@@ -108,12 +108,7 @@ def _state_section(kernels: CompiledKernels) -> Iterator[tuple[str, list[dict]]]
     spent = measure({r.name: r.runs["state"] for r in found}, rounds=9)
     reference = state.exact()
     size = np.max(np.abs(reference), axis=1, keepdims=True) + np.finfo(float).tiny
-    records = []
-    for rival in found:
-        value = rival.values("state")
-        ulps = np.abs(value - reference) / size / rival.epsilon
-        errors = relative_error(value, reference), float(np.max(ulps)), float(np.sqrt(np.mean(ulps**2)))
-        records.append(_record(rival, "state", spent[rival.name], [errors]))
+    records = [_record(r, "state", spent[r.name], [_errors(r, r.values("state"), reference, size)]) for r in found]
     yield "state", sorted(records, key=lambda record: record["seconds"])
 
 

@@ -13,13 +13,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from ncgen.comparisons.rivals import handwritten, octave
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.report.methods import Tolerances
 from ncgen.solver.engines.compiled import is_emitted
 from ncgen.solver.motions.simulate import simulate
-from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.run import InitialArguments, simulation_of
 from ncgen.solver.trajectories.trajectory import Trajectory
 
@@ -59,8 +58,8 @@ def fall_records(kernels: Kernels) -> Iterator[dict]:
 
     error: largest difference (m, rad) of the end position; seconds: of the run; total: of the whole call of `simulate`
     """
-    duration = own_run(kernels)[0]
-    if not _runs_in_c(kernels) or (reference := end_state(kernels, duration)) is None:
+    duration = own_run(kernels)[0]  # what only Python simulates would take minutes
+    if not is_emitted(kernels, own_start(kernels)[1]) or (reference := end_state(kernels, duration)) is None:
         return
     for way in WAYS:
         for integrator, setting, options in _settings(duration):
@@ -73,12 +72,6 @@ def own_run(kernels: Kernels) -> tuple[float, dict[str, Any]]:
     """Duration (s) and beginning of the model's own simulation, as arguments of `simulate`."""
     options = simulation_of(kernels.model)
     return float(options["duration"]), {k: options[k] for k in InitialArguments.__annotations__ if k in options}
-
-
-def _runs_in_c(kernels: Kernels) -> bool:
-    """False for what only Python simulates: it would take minutes."""
-    partitions = choose_partitions(kernels, assemble(kernels, kernels.q0), independent=kernels.model.chosen_independent)
-    return is_emitted(kernels, partitions)
 
 
 def _settings(duration: float) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
@@ -177,23 +170,32 @@ def _rk4(derivative: Derivative, duration: float, y: np.ndarray) -> tuple[np.nda
     return y, 4 * STUDENT_STEPS
 
 
+def hand_written(kernels: Kernels) -> tuple[Derivative, np.ndarray, list[str]] | None:
+    """(derivative, y0, names of the positions in y) of the hand-written code."""
+    module = handwritten(kernels)
+    if module is None:
+        return None
+    guess = kernels.q0.copy()
+    y0 = np.concatenate([np.zeros(len(module.INDEPENDENT)), guess[module.INDEPENDENT]])
+    return lambda t, y: module.derivative(t, y, guess), y0, [kernels.coordinates[i] for i in module.INDEPENDENT]
+
+
 def _student(kernels: Kernels, duration: float, reference: Mapping[str, float]) -> Iterator[dict]:
     """The hand-written derivative with SciPy's RK45 and with Runge and Kutta's own steps, and the paper's own times."""
     module = handwritten(kernels)
-    if module is None:
-        return
     for tool, setting, integrate in (("SciPy RK45", "rtol 1e-06", _scipy), ("RK4", f"{STUDENT_STEPS} steps", _rk4)):
-        guess = kernels.q0.copy()
-        y0 = np.concatenate([np.zeros(len(module.INDEPENDENT)), guess[module.INDEPENDENT]])
+        if module is None or (written := hand_written(kernels)) is None:
+            return
+        derivative, y0, names = written
         start = time.perf_counter()
-        y, evaluations = integrate(lambda t, y, guess=guess: module.derivative(t, y, guess), duration, y0)
+        y, evaluations = integrate(derivative, duration, y0)
         seconds = time.perf_counter() - start
-        end = dict(zip((kernels.coordinates[i] for i in module.INDEPENDENT), y[len(module.INDEPENDENT) :], strict=True))
+        end = dict(zip(names, y[len(names) :], strict=True))
         error = float(max(abs(end[name] - value) for name, value in reference.items()))
         record = {"case": "simulation", "tool": f"hand-written NumPy, {tool}", "setting": setting, "error": error}
         yield record | {"seconds": seconds, "total": seconds, "evaluations": evaluations}
     yield from _octave(kernels, duration, reference)
-    for tool, seconds in ((name, hand) for name, (hand, _) in module.PAPER_TABLE_9.items()):
+    for tool, (seconds, _) in module.PAPER_TABLE_9.items():
         yield {"case": "simulation", "tool": f"the paper's Table 9, {tool}", "setting": "2007", "error": None, "seconds": seconds}
 
 

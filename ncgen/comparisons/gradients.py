@@ -63,9 +63,9 @@ def gradient_records(model: Model) -> Iterator[dict]:
     for name, spread in spent.items():
         compared = np.size(results[name]) == count and "forward" not in name
         error = float(np.max(np.abs(results[name] - exact)) / np.max(np.abs(exact))) if compared else None
-        low, median, high = (x / (TOGETHER if name == together else 1) for x in (spread.low, spread.median, spread.high))
-        times = {"seconds": median, "low": low, "high": high, "ratio": median / spent["the motion"].median}
-        yield {"case": "gradients", "tool": name, "error": error, **times}
+        times = spread.seconds(TOGETHER if name == together else 1)
+        ratio = times["seconds"] / spent["the motion"].median
+        yield {"case": "gradients", "tool": name, "error": error, **times, "ratio": ratio}
 
 
 class _Case:

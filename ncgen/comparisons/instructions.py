@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ncgen.comparisons.rivals.base import KERNELS, Inputs
+from ncgen.comparisons.rivals.base import KERNELS, Inputs, own_start
 from ncgen.comparisons.rivals.handwritten import source
 from ncgen.compiler import compile, generate
 from ncgen.emit.naming import identifier
@@ -24,8 +24,6 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
 from ncgen.program.assemble import EMISSIONS
 from ncgen.solver.engines.compiled import dynamics, is_emitted
-from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.partition import choose_partitions
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS, find_compiler
 
@@ -62,8 +60,7 @@ def instruction_records(model: Model) -> Iterator[dict]:
 
 def _derivative_records(kernels: CompiledKernels, count: _Counter) -> Iterator[dict]:
     """The two functions of the emitted state derivative, at a closed position."""
-    q = assemble(kernels, kernels.q0)
-    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+    q, partitions = own_start(kernels)
     if not kernels.m or not is_emitted(kernels, partitions):
         return
     written = dynamics(kernels, partitions, "emitted", q, kernels.p0).written

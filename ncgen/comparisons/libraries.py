@@ -49,9 +49,8 @@ def library_records(model: Model) -> Iterator[dict]:
         own = results["ncgen"]
         for tool, spread in spent.items():
             error = None if tool == "ncgen" else float(np.max(np.abs(results[tool] - own)) / np.max(np.abs(own)))
-            times = {"seconds": spread.median / MOTIONS, "low": spread.low / MOTIONS, "high": spread.high / MOTIONS}
             record = {"case": "libraries", "tool": f"{tool}, {title}", "error": error, "ratio": spread.median / spent["ncgen"].median}
-            yield record | times
+            yield record | spread.seconds(MOTIONS)
 
 
 class _Many:

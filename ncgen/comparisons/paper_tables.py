@@ -14,7 +14,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
-from ncgen.comparisons.falls import Derivative, end_state, own_run
+from ncgen.comparisons.falls import Derivative, end_state, hand_written, own_run
 from ncgen.comparisons.rivals.base import differentiable, handwritten
 from ncgen.comparisons.rivals.casadi_tangents import with_tangents
 from ncgen.comparisons.rivals.differences import Slope, central, complex_step, jacobian
@@ -53,7 +53,7 @@ def table_9(model: Model) -> Iterator[dict]:
     if end is None:
         return
     for integrator in EXPLICIT:
-        if (student := _student(kernels)) is not None:
+        if (student := hand_written(kernels)) is not None:
             yield _solved(integrator, "hand-written NumPy", *student, duration, end)
         for source, variant in _variants(model, kernels):
             yield _simulated(variant, integrator, source, duration, end, "python")
@@ -69,7 +69,7 @@ def table_10(model: Model) -> Iterator[dict]:
         return
     sources = {"generated C, numerical": None, "generated C, CasADi": with_tangents(kernels), "generated C, generated": kernels}
     for integrator in IMPLICIT:
-        if (student := _student(kernels)) is not None:
+        if (student := hand_written(kernels)) is not None:
             yield _solved(integrator, "hand-written NumPy, numerical", *student, duration, end)
         for source, tangents in sources.items():
             if tangents is None and "numerical" not in source:
@@ -90,7 +90,7 @@ def first_slopes(model: Model) -> Iterator[dict]:
         return
     run = _Partitioned(kernels, kernels)
     exact = run.jacobian(0.0, run.y0)
-    student = _student(kernels)
+    student = hand_written(kernels)
     derivatives = {"generated C": run.derivative} | ({"hand-written NumPy": student[0]} if student else {})
     for name, derivative in derivatives.items():
         for atol in (1e-6, 1e-8, 1e-10):
@@ -122,16 +122,6 @@ def _with_jacobian(kernels: Kernels, slope: Slope) -> Kernels:
     other.jacobian = lambda q, t=0.0, p=None: jacobian(slope, lambda x: kernels.phi(x, t, p), np.asarray(q))
     other.phi_q = lambda q, t=0.0, p=None: csr_array(other.jacobian(q, t, p))
     return other
-
-
-def _student(kernels: Kernels) -> tuple[Derivative, np.ndarray, list[str]] | None:
-    """(derivative, y0, names of the positions in y) of the hand-written code."""
-    module = handwritten(kernels)
-    if module is None:
-        return None
-    guess = kernels.q0.copy()
-    y0 = np.concatenate([np.zeros(len(module.INDEPENDENT)), guess[module.INDEPENDENT]])
-    return lambda t, y: module.derivative(t, y, guess), y0, [kernels.coordinates[i] for i in module.INDEPENDENT]
 
 
 class _Partitioned:

@@ -7,6 +7,7 @@ import numpy as np
 from ncgen.comparisons.positions import largest_errors
 from ncgen.comparisons.rivals import Inputs, exact, handwritten, relative_error
 from ncgen.comparisons.rivals.articulated import rival as articulated
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.method import Method
@@ -18,8 +19,7 @@ from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
 from ncgen.solver.engines.compiled import all_coordinates, is_emitted, is_written_out, split_of
 from ncgen.solver.engines.compiled import dynamics as dynamics_in_c
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
-from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.partition import Partitions, choose_partitions
+from ncgen.solver.positions.partition import Partitions
 
 REFINED = "accelerations, refined"
 COMBINATIONS: dict[str, tuple[tuple[str, ...], str | None]] = {
@@ -52,8 +52,7 @@ def derivative_records(kernels: CompiledKernels, rate: float) -> list[dict]:
     error: relative, of the independent accelerations against the reference in Python; worst: the largest of many positions
     against long double
     """
-    q = assemble(kernels, kernels.q0)
-    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+    q, partitions = own_start(kernels)
     if not is_emitted(kernels, partitions):
         return []
     zd = np.full(len(partitions.velocity.independent), SPEED)
@@ -100,8 +99,7 @@ def _stage(kernels: CompiledKernels) -> tuple[Call, int] | None:
 
 def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, Call], dict[str, Program]]:
     """A closed position, the functions phi, newton and acceleration as calls, and their programs."""
-    q = assemble(kernels, kernels.q0)
-    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+    q, partitions = own_start(kernels)
     emitted = dynamics_in_c(kernels, partitions, "emitted", q, kernels.p0)
     programs = {"phi": kernels.programs.programs["phi"]}
     programs |= {name: getattr(emitted.written.programs, name) for name in ("newton", "acceleration")}
@@ -145,6 +143,5 @@ def _student_error(kernels: Kernels, q: np.ndarray, zd: np.ndarray, expected: np
 
 
 def _record(name: str, spread: Spread, operations: int | None, rate: float, error: float | None, worst: float | None) -> dict:
-    record = {"case": "state derivative", "tool": name, "error": error, "worst": worst}
-    record |= {"seconds": spread.median, "low": spread.low, "high": spread.high}
+    record = {"case": "state derivative", "tool": name, "error": error, "worst": worst} | spread.seconds()
     return record if operations is None else record | {"operations": operations, "floor": operations / rate}

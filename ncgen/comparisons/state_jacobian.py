@@ -10,20 +10,17 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 import numpy as np
 
-from ncgen.comparisons.rivals.base import Rival
+from ncgen.comparisons.rivals.base import Rival, own_start
 from ncgen.comparisons.rivals.casadi_tangents import with_tangents
 from ncgen.comparisons.rivals.differences import central, forward, jacobian
-from ncgen.comparisons.rivals.exact import DIGITS, MPMATH
+from ncgen.comparisons.rivals.exact import DIGITS, exact_motion
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.program.ir.evaluate import evaluate
 from ncgen.report.clock import repeated
 from ncgen.solver.engines.compiled import dynamics as dynamics_in_c
 from ncgen.solver.engines.compiled import is_emitted
 from ncgen.solver.formalisms.coordinate_partitioning import Start, motion, motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import partitioned_jacobian
-from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.partition import choose_partitions
 
 if TYPE_CHECKING:
     from ncgen.program.motions.dynamics import DynamicsPrograms
@@ -37,8 +34,7 @@ class StateJacobian:
 
     def __init__(self, kernels: CompiledKernels) -> None:
         self.kernels = kernels
-        self.q = assemble(kernels, kernels.q0)
-        self.partitions = choose_partitions(kernels, self.q, independent=kernels.model.chosen_independent)
+        self.q, self.partitions = own_start(kernels)
         self.z = self.partitions.velocity.independent
         self.y = np.concatenate([np.full(len(self.z), SPEED), self.q[self.z]])
         self.start = Start(0.0, self.q, np.zeros(kernels.n), kernels.p0)
@@ -90,12 +86,7 @@ def _rates(programs: DynamicsPrograms, start: np.ndarray, p: np.ndarray, y: list
     """ẏ in the numbers of y, which are mpmath's, the position problem solved to their digits."""
     split, count = programs.split, len(y) // 2
     q = [mpmath.mpf(float(x)) for x in start]
-    given: dict[str, Any] = {"t": mpmath.mpf(0), "q": q, "p": [mpmath.mpf(float(x)) for x in p]}
     for place, value in zip(split.independent, y[count:], strict=True):
         q[place] = value
-    for _ in range(50):
-        found = evaluate(programs.newton, given, MPMATH, mpmath.mpf)
-        if max(map(abs, programs.close(q, found)), default=0) < mpmath.mpf(10) ** (5 - DIGITS):
-            break
-    found = evaluate(programs.acceleration, {**given, "zd": y[:count]}, MPMATH, mpmath.mpf)
+    found = exact_motion(programs, q, y[:count], p)
     return found[len(q) : len(q) + count] + [found[place] for place in split.independent]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 
@@ -46,12 +47,17 @@ class Stepping:
         return self.ffi.from_buffer(self.number.array, array)
 
 
+def _member(name: str) -> Any:
+    """A number of the moment that C works on."""
+    return property(lambda self: getattr(self._moment, name), lambda self, value: setattr(self._moment, name, value))
+
+
 class Moving:
     """Where a mechanism is, in memory that C works on.
 
     q, qd, qdd (n,): position, velocities and accelerations (m, rad, and per second); p (n_p,): parameters and inputs; all but qdd may be
         written to
-    t: s; work: J; evaluations: of the last call of `go_on`
+    t: s; work: J; next_step: s, what error control tries next, 0 where it has to find one; evaluations: of the last call of `go_on`
     """
 
     def __init__(self, stepping: Stepping) -> None:
@@ -62,30 +68,7 @@ class Moving:
         self._p, self._driven, self._statistics = stepping.pointer(self.p), stepping.driven, stepping.statistics
         self._go_on = self._library.ncgen_go_on
 
-    @property
-    def t(self) -> float:
-        return self._moment.t
-
-    @t.setter
-    def t(self, value: float) -> None:
-        self._moment.t = value
-
-    @property
-    def work(self) -> float:
-        return self._moment.work
-
-    @work.setter
-    def work(self, value: float) -> None:
-        self._moment.work = value
-
-    @property
-    def next_step(self) -> float:
-        """s; what error control tries next, 0 where it has to find one."""
-        return self._moment.h
-
-    @next_step.setter
-    def next_step(self, value: float) -> None:
-        self._moment.h = value
+    t, work, next_step = _member("t"), _member("work"), _member("h")
 
     @property
     def workspace(self) -> int:

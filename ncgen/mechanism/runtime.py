@@ -170,6 +170,13 @@ class Outcome:
         return self
 
 
+COUNTS = (
+    "steps", "rejected", "repeated", "evaluations", "newton_steps", "factorisations", "perturbed", "refinements", "jacobians", "fallbacks",
+    "stiff",
+)  # fmt: skip
+"""Members that are those of `ncgen_statistics`."""
+
+
 class Dynamics:
     """A state derivative with the runtime around it, in a number type of C."""
 
@@ -278,21 +285,11 @@ class Dynamics:
             status=STATUS[status],
             reached=float(s.t),
             last=(out_q[-1].astype(float), out_qd[-1].astype(float), out_work[-1].astype(float)),
-            steps=s.steps,
-            rejected=s.rejected,
-            repeated=s.repeated,
-            evaluations=s.evaluations,
-            newton_steps=s.newton_steps,
-            factorisations=s.factorisations,
-            perturbed=s.perturbed,
-            refinements=s.refinements,
             stopped=bool(s.stopped),
             largest_projection=float(s.largest_projection),
-            jacobians=s.jacobians,
-            fallbacks=s.fallbacks,
             tried=float(s.tried),
-            stiff=s.stiff,
             raised=listener.raised or (driver.raised if driver else None),
+            **{name: getattr(s, name) for name in COUNTS},
         )
 
     def jacobian(

@@ -15,7 +15,7 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.model.elements import AXES, Point, Spatial, Vector
 from ncgen.model.rigid import Frame
-from ncgen.model.values import Parameter, Value, as_sympy, evaluate, is_number, mentioned, vanishes
+from ncgen.model.values import Parameter, Value, as_sympy, evaluate, is_number, mentioned, symbol_of, vanishes
 
 if TYPE_CHECKING:
     import sympy
@@ -112,13 +112,11 @@ class Body:
         return JointLoad(*force), JointLoad(*moment)
 
     def _load(self, given: Spatial | str, mine: Sequence[Spatial], what: str) -> JointLoad:
-        import sympy
-
         found = next((e for e in mine if e is given or e.name == given), None)
         if found is None:
             known = ", ".join(e.name for e in mine)
             raise ModelError(f"body {self.name} has no {what} {shown(given)}; give one of its own: {known or 'it has none'}")
-        return JointLoad(*(sympy.Symbol(name, real=True) for name in load_names(self, found)))
+        return JointLoad(*map(symbol_of, load_names(self, found)))
 
     @property
     def basis(self) -> tuple[Spatial, ...]:

@@ -6,12 +6,12 @@ reversed vector, `r2.z` the sympy symbol of one component, `psi.rate` the symbol
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
-from ncgen.model.values import Expression, Scalar, Symbolic, Value, as_sympy, is_number, told, total
+from ncgen.model.values import Expression, Scalar, Symbolic, Value, as_sympy, is_number, symbol_of, told, total
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -27,8 +27,27 @@ Direction: TypeAlias = "Spatial | Combination"
 """In signatures: a vector, a segment such as `r4 - r2`, or a combination of them with numbers."""
 
 
+class Moved(Symbolic):
+    """A coordinate that is one number, by its name."""
+
+    @property
+    def rate(self) -> sympy.Symbol:
+        """The sympy symbol of the coordinate's velocity."""
+        return symbol_of(rate_name(self.name))
+
+    @property
+    def acceleration(self) -> sympy.Symbol:
+        """The sympy symbol of the coordinate's acceleration, for outputs."""
+        return symbol_of(rate_name(rate_name(self.name)))
+
+    @property
+    def driver(self) -> sympy.Symbol:
+        """The sympy symbol of what the driver of the coordinate does (N or N m, positive as the coordinate grows), for outputs."""
+        return symbol_of(driver_name(self.name))
+
+
 @dataclass(frozen=True)
-class Component(Symbolic):
+class Component(Moved):
     """One scalar coordinate: `r2.x`, or the angle `psi1`.
 
     `value` is what the user gave: a number, a parameter or an expression of parameters;
@@ -42,27 +61,6 @@ class Component(Symbolic):
 
     def __repr__(self) -> str:
         return f"coordinate {self.name}"
-
-    @property
-    def rate(self) -> sympy.Symbol:
-        """The sympy symbol of this coordinate's velocity."""
-        import sympy
-
-        return sympy.Symbol(rate_name(self.name), real=True)
-
-    @property
-    def acceleration(self) -> sympy.Symbol:
-        """The sympy symbol of this coordinate's acceleration, for outputs."""
-        import sympy
-
-        return sympy.Symbol(rate_name(rate_name(self.name)), real=True)
-
-    @property
-    def driver(self) -> sympy.Symbol:
-        """The sympy symbol of what the driver of this coordinate does (N or N m, positive as the coordinate grows), for outputs."""
-        import sympy
-
-        return sympy.Symbol(driver_name(self.name), real=True)
 
 
 def rate_name(coordinate: str) -> str:
@@ -80,6 +78,7 @@ def coordinate_of(name: str) -> str:
     return name[5:-1] if name.startswith("rate(") and name.endswith(")") else name
 
 
+@dataclass(frozen=True, eq=False)
 class Element:
     """What points, vectors and angles share: a name and one or three components.
 
@@ -89,9 +88,12 @@ class Element:
 
     name: str
     components: tuple[Component, ...]
-    word: str
-    quantity: str
-    unit: str
+    word: ClassVar[str]
+    quantity: ClassVar[str]
+    unit: ClassVar[str]
+
+    def __repr__(self) -> str:
+        return f"{self.word} {self.name}"
 
     @property
     def initial(self) -> np.ndarray:
@@ -146,28 +148,14 @@ class Spatial(Element):
     __rmul__ = __mul__
 
 
-@dataclass(frozen=True, eq=False)
 class Point(Spatial):
-    name: str
-    components: tuple[Component, ...]
-
     word, quantity, unit = "point", "position", "m"
 
-    def __repr__(self) -> str:
-        return f"point {self.name}"
 
-
-@dataclass(frozen=True, eq=False)
 class Vector(Spatial):
     """A unit vector."""
 
-    name: str
-    components: tuple[Component, ...]
-
     word, quantity, unit = "vector", "direction", "1"
-
-    def __repr__(self) -> str:
-        return f"vector {self.name}"
 
 
 class Constant(Vector):
@@ -181,54 +169,27 @@ class Constant(Vector):
         return cls(name, tuple(Component(f"{name}.{axis}", True, *pair) for axis, pair in zip(AXES, pairs, strict=True)))
 
 
-class Relative(Symbolic, Element):
+class Relative(Moved, Element):
     """A scalar coordinate between elements: it can be driven, loaded, and used in expressions by itself."""
 
     word = "relative angle or distance"
 
-    @property
-    def rate(self) -> sympy.Symbol:
-        """The sympy symbol of the coordinate's velocity."""
-        return self.components[0].rate
 
-    @property
-    def acceleration(self) -> sympy.Symbol:
-        """The sympy symbol of the coordinate's acceleration, for outputs."""
-        return self.components[0].acceleration
-
-    @property
-    def driver(self) -> sympy.Symbol:
-        """The sympy symbol of what the driver of the coordinate does (N or N m, positive as the coordinate grows), for outputs."""
-        return self.components[0].driver
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Angle(Relative):
     """A relative angle (rad): from `start` to `end`, counted positively about `axis`."""
 
-    name: str
-    components: tuple[Component, ...]
-    start: Combination = field(repr=False)
-    end: Combination = field(repr=False)
-    axis: Combination = field(repr=False)
+    start: Combination
+    end: Combination
+    axis: Combination
 
     word, quantity, unit = "angle", "angle", "rad"
 
-    def __repr__(self) -> str:
-        return f"angle {self.name}"
 
-
-@dataclass(frozen=True, eq=False)
 class Length(Relative):
     """A relative distance (m): between two points, or along an axis."""
 
-    name: str
-    components: tuple[Component, ...]
-
     word, quantity, unit = "length", "length", "m"
-
-    def __repr__(self) -> str:
-        return f"length {self.name}"
 
 
 @dataclass(frozen=True, eq=False)

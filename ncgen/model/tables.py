@@ -210,39 +210,11 @@ class _Tables:
     def angle(self, ipos: Value, start: Direction, end: Direction, axis: Direction, lengths: Sequence[Value] | None = None) -> None:
         self.model.angle(f"psi{_counted(ipos, 'angle', 'number of an angle'):g}", start, end, axis, lengths=lengths)
 
-    def segments_on_vector(
-        self,
-        where: str,
-        i: float,
-        j: float,
-        k: float,
-        l: float,
-        m: float,
-        _0: Value,
-        _1: Value,
-        _2: Value,
-        Lij: Value,
-        Lkl: Value,
-        ipos: float,
-    ) -> None:
-        self.angle(ipos, self.segment(i, j, where), self.segment(k, l, where), self.axis(m, where), (Lij, Lkl, 1.0))
+    def segments_on_vector(self, where: str, i: float, j: float, k: float, l: float, m: float, *rest: Value) -> None:
+        self.angle(rest[-1], self.segment(i, j, where), self.segment(k, l, where), self.axis(m, where), (*rest[-3:-1], 1.0))
 
-    def segments_on_segment(
-        self,
-        where: str,
-        i: float,
-        j: float,
-        k: float,
-        l: float,
-        m: float,
-        n: float,
-        _0: Value,
-        Lij: Value,
-        Lkl: Value,
-        Lmn: Value,
-        ipos: float,
-    ) -> None:
-        self.angle(ipos, self.segment(i, j, where), self.segment(k, l, where), self.segment(n, m, where), (Lij, Lkl, Lmn))
+    def segments_on_segment(self, where: str, i: float, j: float, k: float, l: float, m: float, n: float, *rest: Value) -> None:
+        self.angle(rest[-1], self.segment(i, j, where), self.segment(k, l, where), self.segment(n, m, where), rest[-4:-1])
 
     def vectors_on_vector(self, where: str, i: float, j: float, k: float, *rest: Value) -> None:
         self.angle(rest[-1], self.vector(i, where), self.vector(j, where), self.axis(k, where))

@@ -57,16 +57,21 @@ Scalar: TypeAlias = "float | sympy.Expr"
 T = TypeVar("T")
 
 
+def symbol_of(name: str) -> sympy.Symbol:
+    """The symbol of a real number; sympy is imported only then."""
+    import sympy
+
+    return sympy.Symbol(name, real=True)
+
+
 class Symbolic:
-    """Arithmetic on a named scalar gives a sympy expression; sympy is imported only then."""
+    """Arithmetic on a named scalar gives a sympy expression."""
 
     name: str
 
     @property
     def symbol(self) -> sympy.Symbol:
-        import sympy
-
-        return sympy.Symbol(self.name, real=True)
+        return symbol_of(self.name)
 
     def _sympy_(self) -> sympy.Symbol:
         """So that functions of sympy take it as it is: sympy.cos(parameter)."""

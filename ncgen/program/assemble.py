@@ -181,11 +181,12 @@ def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Term
     of_values = tuple(r for r in rows for _ in range(pattern.indptr[r], pattern.indptr[r + 1]))
     parts = [Part(programs[name], of_values if name == "phi_q" else tuple(rows)) for name in ALWAYS]
     program = fuse("constraints", VELOCITY, parts)
-    verify(program, _input_lengths(equations))
+    verify(program, input_lengths(equations))
     return program
 
 
-def _input_lengths(equations: Terms) -> dict[str, int]:
+def input_lengths(equations: Terms) -> dict[str, int]:
+    """How many numbers each array has that programs take."""
     n, m = len(equations.free), len(equations.model.rows)
     return {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": len(equations.parameters)}
 
@@ -212,7 +213,7 @@ def programs_of(kernels: Iterable[Kernel], equations: Terms, least: float) -> di
         program = None
         if size and (places or kernel.name in ALWAYS):
             program = _program(kernel, groups, index, size, equations, derived, least)
-            verify(program, _input_lengths(equations))
+            verify(program, input_lengths(equations))
         built[kernel.name] = Built(program, pattern)
     return built
 

@@ -132,11 +132,6 @@ class Recorded:
                 raise NcgenError(f"{self.path}: a trajectory of other {what} than those of {kernels.name}; give the model it was run with")
 
 
-def health_of_file(kernels: Kernels, path: Path) -> Health:
-    """The health of a trajectory written by `Trajectory.to_npz`. Raises NcgenError for a file of another kind or model."""
-    return Recorded.read(path).health(kernels)
-
-
 def _check_sizes(path: Path, found: dict[str, np.ndarray]) -> None:
     """Refuse arrays whose axes contradict each other, and numbers that are none."""
     sizes: dict[str, int] = {}

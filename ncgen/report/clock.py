@@ -30,6 +30,10 @@ class Spread:
     high: float
     least: float
 
+    def seconds(self, calls: int = 1) -> dict[str, float]:
+        """Of a record: median and quartiles of one of so many things that a call does."""
+        return {"seconds": self.median / calls, "low": self.low / calls, "high": self.high / calls}
+
 
 def measure(runs: Mapping[Name, Run], rounds: int = ROUNDS) -> dict[Name, Spread]:
     """{name: seconds per call} of functions run(times), one sample of each in every round."""

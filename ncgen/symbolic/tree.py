@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from heapq import heapify, heappop, heappush
 from itertools import accumulate, pairwise
 
@@ -76,7 +77,7 @@ class Tree:
         ends = list(accumulate((len(link.screws) for link in self.links), initial=0))
         return [range(first, last) for first, last in pairwise(ends)]
 
-    @property
+    @cached_property
     def paths(self) -> list[list[int]]:
         """For every link the numbers of all rates that move it."""
         found: list[list[int]] = []

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,17 +41,6 @@ class Arrow:
     point: int
     direction: np.ndarray
     name: str
-
-
-class _Shapes(TypedDict):
-    """The part of a scene that is shapes, by the names of its fields."""
-
-    surfaces: tuple[Surface, ...]
-    struts: tuple[Strut, ...]
-    carriers: tuple[Carrier, ...]
-    axes: np.ndarray
-    origins: np.ndarray
-    directions: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +165,8 @@ def scene_of(model_or_run: Model | Trajectory) -> Scene:
 
 def _shapes(
     model: Model, index: Mapping[Point, int], places: Mapping[Point, np.ndarray], history: Callable[[Vector], np.ndarray], count: int
-) -> _Shapes:
-    """The part of a scene that is shapes."""
+) -> dict[str, Any]:
+    """The part of a scene that is shapes, by the names of its fields."""
     found = carriers_of(model)
     needed = {vector: history(vector) for body, carrier in found for vector in vectors_of(carrier, body)}
     directions = {vector.name: values for vector, values in needed.items()}

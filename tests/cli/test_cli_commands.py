@@ -28,7 +28,7 @@ def sources(name):
 
 def as_user(*arguments, cwd, **environment):
     """The command line as a program of its own."""
-    command = [sys.executable, "-m", "ncgen.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "ncgen", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True, timeout=120)
 
 

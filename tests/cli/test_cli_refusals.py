@@ -168,7 +168,7 @@ def test_usage(ncgen_main, mine, written, arguments):
 
 def test_no_traceback_reaches_the_user(files, folder):
     """As a program of its own, with nothing around it that could catch a stray exception."""
-    command = [sys.executable, "-m", "ncgen.cli", "run", "syntax.py"]
+    command = [sys.executable, "-m", "ncgen", "run", "syntax.py"]
     done = subprocess.run(command, cwd=folder, env=dict(os.environ), capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (2, "", "ncgen: syntax.py, line 3: invalid syntax\n")
 
@@ -199,7 +199,7 @@ def test_a_file_that_fails_while_it_is_read(ncgen_main, folder, text):
 
 def test_nothing_is_left_beside_the_users_file(mine, folder):
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    command = [sys.executable, "-m", "ncgen.cli", "run", "mine.py", "--no-files", "--backend", "numpy", "--json"]
+    command = [sys.executable, "-m", "ncgen", "run", "mine.py", "--no-files", "--backend", "numpy", "--json"]
     subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=True, timeout=60)
     assert [path.name for path in folder.iterdir()] == ["mine.py"]
 

@@ -312,7 +312,7 @@ def test_refusals():
 
 
 def test_command_line(tmp_path):
-    command = [sys.executable, "-m", "ncgen.cli", "export", "pendulum", "--to", "c", "-o", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "ncgen", "export", "pendulum", "--to", "c", "-o", str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert all((tmp_path / line).is_file() for line in done.stdout.split())

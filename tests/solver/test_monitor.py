@@ -73,18 +73,18 @@ def test_a_healthy_motion(pendulum):
 
 
 def test_from_a_file(pendulum, tmp_path):
-    from ncgen.report.along import health_of_file, health_record
+    from ncgen.report.along import Recorded, health_record
 
     run = ncgen.simulate(pendulum, 0.1, points=5)
-    record = health_record(health_of_file(pendulum, run.to_npz(tmp_path / "run.npz")))
+    record = health_record(Recorded.read(run.to_npz(tmp_path / "run.npz")).health(pendulum))
     assert record["independent"] == ["B.y"]
     assert record["sigma"] == pytest.approx([1.0] * 5)
     other = ncgen.compile(ncgen.load("nfourbar"), backend="numpy")
     with pytest.raises(NcgenError, match="a trajectory of other coordinates than those of nfourbar"):
-        health_of_file(other, tmp_path / "run.npz")
+        Recorded.read(tmp_path / "run.npz").health(other)
     (tmp_path / "text.npz").write_text("no archive")
     with pytest.raises(NcgenError, match="text.npz: not a trajectory"):
-        health_of_file(pendulum, tmp_path / "text.npz")
+        Recorded.read(tmp_path / "text.npz").health(pendulum)
 
 
 def test_as_many_as_degrees_of_freedom(pendulum):

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from cffi import FFI
 
-from ncgen.toolchain.cache import compiled
+from ncgen.comparisons.rivals.pinocchio import compiled_cpp
 
-pinocchio = import_module("pinocchio")
+import_module("pinocchio")
 
 NAME = "Pinocchio C++, RK4, Baumgarte 20"
 FREQUENCY = 20.0
@@ -32,12 +32,9 @@ FLAGS = (
 
 @cache
 def _library() -> tuple[FFI, Any]:
-    prefix = next(p for p in Path(pinocchio.__file__ or "").parents if p.name == "cmeel.prefix")
     ffi = FFI()
     ffi.cdef("double four_bars(int, double, int, int, double, double *);")
-    flags = (*FLAGS, f"-I{prefix}/include", f"-I{prefix}/include/eigen3")
-    libraries = ("-x", "none", f"-L{prefix}/lib", f"-Wl,-rpath,{prefix}/lib", "-lpinocchio_default", "-lstdc++", "-lm")
-    return ffi, ffi.dlopen(str(compiled({"pinocchio.c": SOURCE.read_text(encoding="utf-8")}, flags, libraries).library))
+    return ffi, ffi.dlopen(str(compiled_cpp(SOURCE, FLAGS).library))
 
 
 def run(count: int, duration: float, intervals: int, steps: int) -> tuple[float, np.ndarray]:

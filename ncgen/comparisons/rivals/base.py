@@ -16,6 +16,8 @@ from ncgen.program.ir.graph import PIECES
 from ncgen.report.clock import Run, repeated
 from ncgen.report.repeat import Call
 from ncgen.resources import folder
+from ncgen.solver.positions.assembly import assemble
+from ncgen.solver.positions.partition import Partitions, partitions_for
 from ncgen.toolchain.abi import abi
 from ncgen.toolchain.cache import Built, compiled
 
@@ -105,6 +107,12 @@ def handwritten(kernels: Kernels) -> ModuleType | None:
     if kernels.name not in example_names() or not (folder("examples") / kernels.name / "handwritten.py").is_file():
         return None
     return example_module(kernels.name, "handwritten.py")
+
+
+def own_start(kernels: Kernels) -> tuple[np.ndarray, Partitions]:
+    """The closed position (n,) that a model begins at, and independent coordinates there: those that it names, or good ones."""
+    q = assemble(kernels, kernels.q0)
+    return q, partitions_for(kernels, q, 0.0, kernels.p0)
 
 
 def differentiable(kernels: Kernels) -> bool:

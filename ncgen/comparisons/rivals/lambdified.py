@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import sympy
@@ -31,17 +33,18 @@ def rivals(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival
     return [called("sympy.lambdify(cse=True)", calls, every=every, generation=seconds)]
 
 
-def symbolic(kernels: Kernels) -> tuple[dict[str, list[sympy.Expr]], tuple[Sequence[sympy.Symbol], Sequence[sympy.Symbol]]]:
-    """{kernel: [expression]} and the arguments (q, q̇), Φ_q in the kernels' pattern."""
-    q, qd = (sympy.symbols(f"{letter}:{kernels.n}") for letter in ("x", "v"))
-    functions = {name: getattr(sympy, f.sympy) for name, f in FUNCTIONS.items()}
-    given = {"t": sympy.Float(0), "q": q, "p": [sympy.Float(float(x)) for x in kernels.p0]}
-    phi = evaluate(kernels.programs.programs["phi"], given, functions, sympy.Float)
-    jacobian = {place: sympy.diff(phi[place[0]], q[place[1]]) for place in kernels.phi_q_pattern.positions()}
-    rate: list[sympy.Expr] = [sympy.Integer(0)] * kernels.m
+def symbolic(
+    kernels: Kernels, library: ModuleType = sympy, number: Callable[[float], Any] = sympy.Float
+) -> tuple[dict[str, list[Any]], tuple[list[Any], list[Any]]]:
+    """{kernel: [expression]} and the arguments (q, q̇), Φ_q in the kernels' pattern, by sympy or a library of the same words."""
+    q, qd = ([library.Symbol(f"{letter}{i}") for i in range(kernels.n)] for letter in ("x", "v"))
+    functions = {name: getattr(library, f.sympy) for name, f in FUNCTIONS.items()}
+    given = {"t": number(0.0), "q": q, "p": [number(float(x)) for x in kernels.p0]}
+    phi = evaluate(kernels.programs.programs["phi"], given, functions, number)
+    jacobian = {(row, column): phi[row].diff(q[column]) for row, column in kernels.phi_q_pattern.positions()}
+    rate, gamma = ([library.S(0)] * kernels.m for _ in range(2))
     for (row, column), entry in jacobian.items():
         rate[row] += entry * qd[column]
-    gamma: list[sympy.Expr] = [sympy.Integer(0)] * kernels.m
     for row, column in jacobian:
-        gamma[row] -= sympy.diff(rate[row], q[column]) * qd[column]
+        gamma[row] -= rate[row].diff(q[column]) * qd[column]
     return {"phi": phi, "phi_q": list(jacobian.values()), "gamma": gamma}, (q, qd)

@@ -17,7 +17,7 @@ from ncgen.comparisons.rivals.articulated import Joint
 from ncgen.errors import NcgenError
 from ncgen.report.repeat import Call
 from ncgen.toolchain.abi import abi
-from ncgen.toolchain.cache import compiled
+from ncgen.toolchain.cache import Built, compiled
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 
@@ -31,16 +31,21 @@ PATIENCE = 1800.0
 """Seconds that the compiler may take for its headers: two minutes where nothing else runs."""
 
 
+def compiled_cpp(source: Path, flags: tuple[str, ...]) -> Built:
+    """A source in C++ with Pinocchio's library. Raises ImportError or StopIteration where that, NcgenError where a compiler is missing."""
+    prefix = next(p for p in Path(import_module("pinocchio").__file__ or "").parents if p.name == "cmeel.prefix")
+    libraries = ("-x", "none", f"-L{prefix}/lib", f"-Wl,-rpath,{prefix}/lib", "-lpinocchio_default", "-lstdc++", "-lm")
+    included = (f"-I{prefix}/include", f"-I{prefix}/include/eigen3")
+    return compiled({"pinocchio.c": source.read_text(encoding="utf-8")}, (*flags, *included), libraries, PATIENCE)
+
+
 def in_cpp(joints: Sequence[Joint], places: Sequence[int], gravity: Sequence[float]) -> Call | None:
     """The accelerations of the angles as a function (t, q, rates, p); None where Pinocchio or its headers are not installed.
 
     places: of the angles in q. The library knows one mechanism at a time: what was made before is no longer to be called.
     """
     try:
-        prefix = next(p for p in Path(import_module("pinocchio").__file__ or "").parents if p.name == "cmeel.prefix")
-        flags = (*FLAGS, f"-I{prefix}/include", f"-I{prefix}/include/eigen3")
-        libraries = ("-x", "none", f"-L{prefix}/lib", f"-Wl,-rpath,{prefix}/lib", "-lpinocchio_default", "-lstdc++", "-lm")
-        built = compiled({"pinocchio.c": SOURCE.read_text(encoding="utf-8")}, flags, libraries, PATIENCE)
+        built = compiled_cpp(SOURCE, FLAGS)
     except (ImportError, NcgenError, StopIteration):
         return None
     ffi = FFI()

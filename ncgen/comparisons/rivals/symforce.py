@@ -1,7 +1,6 @@
 """SymForce: symbolic derivatives of Φ, its common subexpressions, its C++ expressions.
 
 They are compiled like the generated code and without the matrices of Eigen around them, so that both are timed alike.
-Any: an expression of SymForce.
 """
 
 from __future__ import annotations
@@ -11,14 +10,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from importlib import import_module
 from types import ModuleType
-from typing import Any
 
 from ncgen.comparisons.rivals.base import Inputs, Rival, foreign, translatable
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
+from ncgen.comparisons.rivals.lambdified import symbolic
 from ncgen.emit.runtime import runtime_files
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.ir.evaluate import evaluate
-from ncgen.program.ir.functions import FUNCTIONS
 
 LARGEST = 150
 """Rows up to which it is asked: its time grows with the square of the size, and worse."""
@@ -55,7 +52,7 @@ def _code(sf: ModuleType, kernels: Kernels, names: Sequence[str]) -> tuple[str, 
     print_code = import_module("symforce.codegen.codegen_util").print_code
     Values = import_module("symforce.values").Values
 
-    expressions, q, qd = _symbolic(sf, kernels)
+    expressions, (q, qd) = symbolic(kernels, sf, sf.S)
     text, operations = TEXT, {}
     for name in names:
         found = print_code(Values(q=q, qd=qd), Values(out=expressions[name]), {}, codegen.CppConfig())
@@ -66,17 +63,3 @@ def _code(sf: ModuleType, kernels: Kernels, names: Sequence[str]) -> tuple[str, 
         text += f"\nint symforce_{name}({arguments})\n{{\n    {body}\n}}\n".replace("std::", "")
         operations[name] = found.total_ops
     return text, operations
-
-
-def _symbolic(sf: ModuleType, kernels: Kernels) -> tuple[dict[str, list[Any]], list[Any], list[Any]]:
-    """{kernel: expressions}, Φ_q in the kernels' pattern, and the symbols q and q̇."""
-    q, qd = ([sf.Symbol(f"{letter}{i}") for i in range(kernels.n)] for letter in ("x", "v"))
-    functions = {name: getattr(sf, f.sympy) for name, f in FUNCTIONS.items()}
-    phi = evaluate(kernels.programs.programs["phi"], {"t": 0.0, "q": q, "p": kernels.p0.tolist()}, functions, sf.S)
-    jacobian = {(row, column): phi[row].diff(q[column]) for row, column in kernels.phi_q_pattern.positions()}
-    rate, gamma = ([sf.S(0)] * kernels.m for _ in range(2))
-    for (row, column), entry in jacobian.items():
-        rate[row] += entry * qd[column]
-    for row, column in jacobian:
-        gamma[row] -= rate[row].diff(q[column]) * qd[column]
-    return {"phi": phi, "phi_q": list(jacobian.values()), "gamma": gamma}, q, qd

@@ -9,11 +9,9 @@ import numpy as np
 
 from ncgen import __version__
 from ncgen.emit.c.files import program_records
-from ncgen.emit.environment import render
 from ncgen.emit.naming import Label, labels
-from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import ModelError
-from ncgen.exchange.export.package import Package, renamed
+from ncgen.exchange.export.package import Package, without_runtime
 from ncgen.model.elements import rate_name
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.dynamics import accelerations, cheapest
@@ -22,9 +20,6 @@ from ncgen.solver.engines.compiled import samples, split_of
 from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.trajectories.outputs import uses_loads
-
-NEEDED = ("ncgen.h", "ncgen_math.h")
-"""Headers that the sources include."""
 
 MOST = 60_000
 """Operations up to which derivatives are written out."""
@@ -95,12 +90,7 @@ def files(package: Package) -> dict[str, str]:
         **program_records([f.program for f in functions], prefix, "casadi"),
     }
 
-    def filled(template: str) -> str:
-        return renamed(render(f"package/casadi/{template}.jinja", **records), prefix)
-
-    headers = {renamed(name, prefix): renamed(text, prefix) for name, text in runtime_files(*HEADERS).items() if name in NEEDED}
-    own = {f"{prefix}_casadi.{end}": filled(f"functions.{end}") for end in "hc"}
-    return {**{name: filled(name) for name in ("README.md", "Makefile")}, **own, **headers}
+    return without_runtime("casadi", "functions", prefix, records, ("README.md", "Makefile"))
 
 
 def _names(package: Package, state: State, parameters: int) -> dict[str, list[Label]]:

@@ -84,8 +84,8 @@ class Group:
         return len(self.variables)
 
 
-def fmu(package: Package, version: int, platforms: Sequence[str] = ()) -> bytes:
-    """The unit as the bytes of its archive.
+def fmu_files(package: Package, platforms: Sequence[str] = (), *, version: int) -> dict[str, bytes]:
+    """{file name: the unit}.
 
     platforms: of `PLATFORMS`, beside the machine that this is
     Raises NcgenError for a platform that is not known or without fmpy, CompileError without a compiler.
@@ -113,13 +113,15 @@ def fmu(package: Package, version: int, platforms: Sequence[str] = ()) -> bytes:
         **headers,
     }
     files = {f"sources/{name}": text.encode() for name, text in sources.items()}
-    files[f"binaries/{_platform(version)}/{package.prefix}{_suffix()}"] = _binary(sources)
+    suffix = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+    files[f"binaries/{_platform(version)}/{package.prefix}{suffix}"] = compiled(sources, FLAGS).library.read_bytes()
     for other in others(platforms, version):
-        files[f"binaries/{other.folders[version]}/{package.prefix}{other.suffix}"] = _foreign_binary(sources, other)
+        built = build(sources, zig(), (*FLAGS, "-s", "-target", other.target), loads=False)
+        files[f"binaries/{other.folders[version]}/{package.prefix}{other.suffix}"] = built.library.read_bytes()
     files["modelDescription.xml"] = render(f"package/fmu/fmi{version}.xml.jinja", **records).encode()
     if version == 3:
         files["sources/buildDescription.xml"] = render("package/fmu/buildDescription.xml.jinja", **records).encode()
-    return _archive(files)
+    return {f"{package.prefix}.fmu": _archive(files)}
 
 
 def _groups(package: Package) -> list[Group]:
@@ -185,10 +187,6 @@ def _headers(version: int) -> dict[str, str]:
     return {f"fmi{version}{kind}.h": (folder / f"fmi{version}{kind}.h").read_text(encoding="utf-8") for kind in kinds}
 
 
-def _binary(sources: dict[str, str]) -> bytes:
-    return compiled(sources, FLAGS).library.read_bytes()
-
-
 def others(platforms: Sequence[str], version: int) -> list[Platform]:
     """The platforms by these names, but for this machine's own. Raises NcgenError for one that is not known, or without ziglang."""
     known = [name for name, platform in PLATFORMS.items() if version in platform.folders]
@@ -201,10 +199,6 @@ def others(platforms: Sequence[str], version: int) -> list[Platform]:
     return [platform for platform in found if platform.folders[version] != _platform(version)]
 
 
-def _foreign_binary(sources: dict[str, str], other: Platform) -> bytes:
-    return build(sources, zig(), (*FLAGS, "-s", "-target", other.target), loads=False).library.read_bytes()
-
-
 def _platform(version: int) -> str:
     system = {"win32": "win", "darwin": "darwin"}.get(sys.platform, "linux")
     machine = platform.machine().lower()
@@ -213,10 +207,6 @@ def _platform(version: int) -> str:
         return f"{system}{bits}"
     processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
     return f"{processor}-{ {'win': 'windows'}.get(system, system) }"
-
-
-def _suffix() -> str:
-    return {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
 def _archive(files: dict[str, bytes]) -> bytes:

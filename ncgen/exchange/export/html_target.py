@@ -9,18 +9,16 @@ from ncgen.emit.environment import render
 from ncgen.exchange.export.package import Package
 from ncgen.exchange.export.wasm_target import assembled
 from ncgen.model import Model
-from ncgen.model.elements import Combination, Component, Element, Point, Relative, Spatial, Vector
+from ncgen.model.elements import Combination, Component, Element, Point, Spatial, Vector
 from ncgen.model.rows import Row
 from ncgen.program.initial import assemble_described
-from ncgen.program.ir.blocks import Pattern, Program
+from ncgen.program.ir.blocks import Pattern
+from ncgen.view.chosen import MOST, telling
 from ncgen.view.page import drawing, rounded, script_json, script_text
 from ncgen.view.scene import Scene, scene_of
 
 USED = ("phi", "phi_q", "nu", "mass", "energy")
 """The kernels that the page calls, as far as the mechanism has them."""
-
-SHOWN = 6
-"""How many coordinates are plotted at first where there are no angles and lengths."""
 
 
 def files(package: Package) -> dict[str, str]:
@@ -28,7 +26,8 @@ def files(package: Package) -> dict[str, str]:
     model, scene = package.kernels.model, scene_of(package.kernels.model)
     drawn = _drawn(model, scene)
     fixed = [c for element in drawn for c in element.components if c.fixed]
-    kernels = [*_used(package), assemble_described(package.sources.programs.equations, [*package.sources.programs.equations.free, *fixed])]
+    equations, programs = package.sources.programs.equations, package.sources.programs.programs
+    kernels = [*(programs[name] for name in USED if name in programs), assemble_described(equations, [*equations.free, *fixed])]
     binary, records = assembled(package, kernels, "Mechanism")
     data = _scene(scene, drawn) | _mechanism(package) | {"places": _places(package, drawn, fixed), "kernels": [k.name for k in kernels]}
     page = render(
@@ -39,11 +38,6 @@ def files(package: Package) -> dict[str, str]:
         data=script_json(data),
     )
     return {f"{package.prefix}.html": page}
-
-
-def _used(package: Package) -> list[Program]:
-    programs = package.sources.programs.programs
-    return [programs[name] for name in USED if name in programs]
 
 
 def _drawn(model: Model, scene: Scene) -> list[Spatial]:
@@ -72,7 +66,7 @@ def _mechanism(package: Package) -> dict:
     return {
         "units": [package.unit(name) for name in kernels.coordinates],
         "independent": list(package.independent),
-        "shown": _shown(package),
+        "shown": telling(model, kernels.coordinates, package.independent)[:MOST],  # at first
         "duration": package.duration,
         "parameters": [{"unit": number.unit, "input": name in model.inputs} for name, number in model.numbers.items()],
         "outputs": [{"label": output.label, "unit": output.unit} for output in model.outputs.values()],
@@ -87,13 +81,6 @@ def _mechanism(package: Package) -> dict:
 
 def _pattern(pattern: Pattern) -> dict:
     return {"indptr": pattern.indptr, "indices": pattern.indices}
-
-
-def _shown(package: Package) -> list[str]:
-    """The coordinates that are plotted at first."""
-    kernels = package.kernels
-    relative = [name for name in kernels.coordinates if isinstance(kernels.model.elements.get(name), Relative)]
-    return (relative or list(package.independent) or list(kernels.coordinates))[:SHOWN]
 
 
 def _row(model: Model, row: Row) -> dict:

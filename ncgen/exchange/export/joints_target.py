@@ -6,10 +6,8 @@ from ncgen import __version__
 from ncgen.compiler import compile
 from ncgen.emit.c.files import program_records
 from ncgen.emit.c.spelling import number
-from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier, labels
-from ncgen.emit.runtime import HEADERS, runtime_files
-from ncgen.exchange.export.package import renamed
+from ncgen.exchange.export.package import without_runtime
 from ncgen.model import Model
 from ncgen.model.elements import Point
 from ncgen.program.tree.joint_space import Made
@@ -29,9 +27,6 @@ TOLD = {
 }
 
 PARTS: tuple[Made, ...] = ("basics", "slopes")
-
-NEEDED = ("ncgen.h", "ncgen_math.h")
-"""Headers that the sources include."""
 
 
 def files_of(model: Model) -> dict[str, str]:
@@ -53,24 +48,18 @@ def files_of(model: Model) -> dict[str, str]:
         "told": TOLD,
     }
 
-    def filled(template: str) -> str:
-        return renamed(render(f"package/joints/{template}.jinja", **records), prefix)
-
-    headers = {renamed(name, prefix): renamed(text, prefix) for name, text in runtime_files(*HEADERS).items() if name in NEEDED}
-    own = {f"{prefix}_joints.{end}": filled(f"joints.{end}") for end in "hc"}
-    return {**{name: filled(name) for name in ("README.md", "Makefile", "main.c")}, **own, **headers}
+    return without_runtime("joints", "joints", prefix, records, ("README.md", "Makefile", "main.c"))
 
 
 def _loops(space: JointSpace) -> dict[str, object]:
     """What closing needs to know; nothing of an open tree."""
     if not isinstance(space, JointsInLoops):
         return {"loops": False}
-    start = space.placed_start
     return {
         "loops": True,
         "free": space.free.tolist(),
         "sizes": [number(float(size)) for size in space.sizes],
-        "all_start": [number(float(x)) for x in start],
+        "all_start": [number(float(x)) for x in space.begin[0]],
     }
 
 

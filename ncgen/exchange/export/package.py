@@ -245,3 +245,17 @@ def renamed(text: str, prefix: str) -> str:
     """Names of C and of files that begin like ncgen's, with the model's name before them."""
     text = re.sub(r"\bncgen(?=_\w|\.[hc]\b)", f"{prefix}_ncgen", text)
     return re.sub(r"\bNCGEN_(?=\w)", f"{prefix.upper()}_NCGEN_", text)
+
+
+def without_runtime(target: str, own: str, prefix: str, records: dict, beside: tuple[str, ...]) -> dict[str, str]:
+    """{path in the folder: text} of functions in C that need two headers of ncgen's and nothing of its runtime.
+
+    own: the template of the functions, with its header; beside: templates of what else is in the folder
+    """
+
+    def filled(template: str) -> str:
+        return renamed(render(f"package/{target}/{template}.jinja", **records), prefix)
+
+    headers = {renamed(name, prefix): renamed(text, prefix) for name, text in runtime_files("ncgen.h", "ncgen_math.h").items()}
+    functions = {f"{prefix}_{target}.{end}": filled(f"{own}.{end}") for end in "hc"}
+    return {**{name: filled(name) for name in beside}, **functions, **headers}

@@ -24,12 +24,11 @@ def python_files(package: Package, compiled: bool) -> dict[str, str]:
     def filled(template: str) -> str:
         return render(f"package/python/{template}.jinja", **records)
 
-    own = ("compiled",) if compiled else ("pure",)
     files = {
         **{file: filled(file) for file in ("README.md", "pyproject.toml")},
         f"{name}/__init__.py": filled("init.py"),
         f"{name}/__main__.py": filled("main.py"),
-        **{f"{name}/{module}.py": filled(f"{module}.py") for module in ("common", *own)},
+        **{f"{name}/{module}.py": filled(f"{module}.py") for module in ("common", "compiled" if compiled else "pure")},
     }
     if not compiled:
         (kernels,) = package.sources.numpy.values()

@@ -7,7 +7,6 @@ so that it has an affine basis (García de Jalón & Bayo 1994, section 2.2).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -93,17 +92,12 @@ class Layout:
     frames: dict[str, Placement]
 
 
-def lay_out(robot: Robot, floating: bool) -> Layout:
-    """Places of a robot without fixed joints. floating: its root moves freely."""
-    return _Layer(robot, floating).layout()
+class Layer:
+    """Finds places of a robot without fixed joints. floating: its root moves freely."""
 
-
-class _Layer:
     def __init__(self, robot: Robot, floating: bool) -> None:
         self.robot, self.floating = robot, floating
-        self.frames = {robot.root: robot.base}
-        for joint in robot.joints:
-            self.frames[joint.child] = self.frames[joint.parent] @ joint.placement
+        self.frames = robot.frames(robot.base)
         origins = np.array([frame.position for frame in self.frames.values()])
         self.places = {joint: self.frames[joint.child] for joint in robot.joints} | {
             loop: robot.base @ loop.placement for loop in robot.loops
@@ -181,12 +175,10 @@ class _Layer:
                 return hold.child.take(hold.parent.take(point))
         if taken and np.linalg.norm(taken.value - origin) < self.near:
             return hold.child.take(hold.parent.take(self._point(hold, "r", origin + ASIDE * self.size * axis)))
-        meetings = (self._meeting(origin, axis, self._origin(j), self._axis(j)) for j in self._hinges_of(hold.child))
+        next_ones = (joint for joint in self.robot.joints if joint.parent == hold.child.name and joint.kind == "revolute")
+        meetings = (self._meeting(origin, axis, self._origin(joint), self._axis(joint)) for joint in next_ones)
         place = min((m for m in meetings if m is not None), key=lambda m: norm(m - origin), default=origin)
         return hold.child.take(hold.parent.take(self._point(hold, "r", place)))
-
-    def _hinges_of(self, solid: Solid) -> Iterable[Joint]:
-        return (joint for joint in self.robot.joints if joint.parent == solid.name and joint.kind == "revolute")
 
     def _meeting(self, a: np.ndarray, u: np.ndarray, b: np.ndarray, v: np.ndarray) -> np.ndarray | None:
         """Where two lines meet; None where they are parallel, or pass each other."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 import sympy
@@ -17,14 +17,14 @@ import sympy
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.looks import Shape, shapes_on
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, hung
+from ncgen.exchange.robots.robot import Joint, Link, Mimic, Robot, hung
+from ncgen.exchange.robots.told import Acting, acting, gravity_of, mass_of, origin_of
 from ncgen.model import Model
 from ncgen.model.arithmetic import unit
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, as_combination
-from ncgen.model.forces import TorsionSpring
 from ncgen.model.rows import Row
-from ncgen.model.values import Value, as_sympy, evaluate
+from ncgen.model.values import as_sympy, evaluate
 from ncgen.symbolic.tree import SLIDING, Screw, joint_between, sliding_of, spanning_tree
 
 WORLD = "world"
@@ -48,14 +48,6 @@ class _Part:
     elements: list[Spatial]
     body: Body | None = None
     position: np.ndarray = field(default_factory=lambda: np.zeros(3))
-
-
-class _Acting(TypedDict):
-    """What acts along a coordinate, by the names of `Joint`."""
-
-    stiffness: float
-    damping: float
-    rest: float
 
 
 class _Linkage:
@@ -92,9 +84,8 @@ class _Linkage:
         self._hold()
         floats = not any(WORLD in (joint.parent, joint.child) for joint in (*self.joints, *self.loops))
         parts = self.parts[1:] if floats else self.parts
-        links = {part.name: Link(part.name, self._mass(part), shapes=self._shapes(part)) for part in parts}
-        x, y, z = (self._number(g, "gravity") for g in self.model.gravity_field)
-        robot = Robot(self.model.name, links, tuple(self.joints), tuple(self.loops), gravity=(x, y, z), floats=floats)
+        links = {part.name: Link(part.name, mass_of(self.model, part.body, part.position), shapes=self._shapes(part)) for part in parts}
+        robot = Robot(self.model.name, links, tuple(self.joints), tuple(self.loops), gravity=gravity_of(self.model), floats=floats)
         return hung(robot, {part.name: Placement(position=part.position) for part in parts})
 
     # -- bodies --------------------------------------------------------------------------------
@@ -103,8 +94,7 @@ class _Linkage:
         """The joint of the tree that carries a body; none where it moves freely."""
         link, part = self.tree.links[number], self.parts[number + 1]
         parent = self.world if link.parent is None else self.parts[link.parent + 1]
-        turning = next((screw.point for screw in link.screws if screw.point), None)
-        part.position = (turning or link.body.points[0]).initial
+        part.position = origin_of(link)
         if len(link.screws) < 6:
             self._join(f"joint_{part.name}", parent, part, link.screws)
 
@@ -276,7 +266,9 @@ class _Linkage:
         if row.expression is None or row.level != "position" or row.owner.kind not in ("user", "joint"):
             return None
         expression: Any = as_sympy(row.expression)
-        expression = expression.xreplace({p.symbol: sympy.Float(self._number(p, row.label)) for p in self.model.parameters.values()})
+        expression = expression.xreplace(
+            {p.symbol: sympy.Float(evaluate(p, self.model.parameters, row.label)) for p in self.model.parameters.values()}
+        )
         own = [e for e in self.model.elements.values() if isinstance(e, Relative) and e.symbol in expression.free_symbols]
         if len(own) != 2 or len(expression.free_symbols) != 2:
             return None
@@ -310,30 +302,13 @@ class _Linkage:
 
     # -- numbers -------------------------------------------------------------------------------
 
-    def _acting(self, coordinate: Relative) -> _Acting:
-        """Springs and dampers at a coordinate that is 0 where the model begins."""
-        stiffness = damping = torque = 0.0
-        for spring in self.model.springs:
-            if isinstance(spring, TorsionSpring) and spring.coordinate.name == coordinate.name:
-                own = self._number(spring.stiffness, spring.label)
-                stiffness += own
-                damping += self._number(spring.damping, spring.label)
-                torque += own * (self._number(spring.free, spring.label) - float(coordinate.initial[0]))
-        return {"stiffness": stiffness, "damping": damping, "rest": torque / stiffness if stiffness else 0.0}
+    def _acting(self, coordinate: Relative) -> Acting:
+        """At a coordinate that is 0 where the model begins."""
+        return acting(self.model, coordinate.name, float(coordinate.initial[0]))
 
     def _shapes(self, part: _Part) -> tuple[Shape, ...]:
         body = self.model.ground if part is self.world else part.body
         return shapes_on(self.model, body, part.position) if body else ()
-
-    def _mass(self, part: _Part) -> Mass | None:
-        if part.body is None or part.body.inertia is None:
-            return None
-        inertia = part.body.inertia
-        numbers = [self._number(x, f"body {part.name}") for x in (inertia.mass, *inertia.com, *inertia.tensor.flat)]
-        return Mass(numbers[0], np.array(numbers[1:4]) - part.position, np.array(numbers[4:]).reshape(3, 3))
-
-    def _number(self, value: Value, what: str) -> float:
-        return evaluate(value, self.model.parameters, what)
 
     def _free(self, name: str) -> str:
         while name in self.names:

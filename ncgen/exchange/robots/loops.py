@@ -52,10 +52,7 @@ def closed(robot: Robot, path: Path) -> Robot:
         said = tomllib.loads(text_of(path))
     except tomllib.TOMLDecodeError as error:
         raise ModelError(placed(path.name, None, str(error))) from None
-    frames = {robot.root: Placement()}
-    for joint in robot.joints:
-        frames[joint.child] = frames[joint.parent] @ joint.placement
-    reader = _Reader(robot, frames, path)
+    reader = _Reader(robot, robot.frames(Placement()), path)
     loops = [
         reader.loop(kind, number, table) for kind, tables in said.items() for number, table in enumerate(reader.tables(kind, tables), 1)
     ]

@@ -243,12 +243,10 @@ WORDS = {"revolute": "hinge", "prismatic": "slide", "spherical": "ball"}
 def text_of(robot: Robot) -> str:
     """A robot as MJCF; loops are connections and welds. Raises ModelError naming a joint or a body that the format cannot say."""
     robot = robot.grounded()
+    frames = robot.frames(Placement())
     carried: dict[str, list[Joint]] = {name: [] for name in robot.links}
-    frames = {robot.root: Placement()}
     for joint in robot.joints:
         carried[joint.parent].append(joint)
-        frames[joint.child] = frames[joint.parent] @ joint.placement
-
     meshes = dict.fromkeys((shape.file, shape.sizes) for link in robot.links.values() for shape in _written(link))
     names = {mesh: f"mesh{number}" for number, mesh in enumerate((mesh for mesh in meshes if mesh[0]), 1)}
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.exchange.robots.layout import Hold, Layout, Place, Solid, lay_out
+from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
 from ncgen.exchange.robots.robot import Coupling, Mass, Robot, together
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
@@ -44,7 +44,7 @@ def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, f
 class _Builder:
     def __init__(self, robot: Robot, floating: bool) -> None:
         self.robot, self.floating = robot, floating
-        self.layout: Layout = lay_out(robot, floating)
+        self.layout: Layout = Layer(robot, floating).layout()
         self.model = Model(word(robot.name, "robot"))
         self.elements: dict[Place, Spatial] = {}
         self.bodies: dict[Solid, Body] = {self.layout.ground: self.model.ground}

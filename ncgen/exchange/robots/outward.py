@@ -7,8 +7,6 @@ they are. Joints have the names, signs and zeros of the model's coordinates; par
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import TypedDict
 
 import numpy as np
 
@@ -17,12 +15,11 @@ from ncgen.errors import ModelError
 from ncgen.exchange.robots.linkage import linkage_of
 from ncgen.exchange.robots.looks import shapes_on
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot
+from ncgen.exchange.robots.robot import Joint, Link, Robot
+from ncgen.exchange.robots.told import acting, gravity_of, mass_of, origin_of
 from ncgen.model import Model
 from ncgen.model.arithmetic import unit
-from ncgen.model.bodies import Body
 from ncgen.model.forces import TorsionSpring
-from ncgen.model.values import Value, evaluate
 from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
 from ncgen.symbolic.tree import Link as Carried
 from ncgen.symbolic.tree import Screw
@@ -53,50 +50,21 @@ def robot_of(model: Model, loops: bool = False) -> Robot:
     return found
 
 
-class _AtJoint(TypedDict):
-    """What acts at a joint, by the names of `Joint`."""
-
-    armature: float
-    damping: float
-    stiffness: float
-    rest: float
-
-
 class _Teller:
     def __init__(self, space: JointsOfTree) -> None:
         self.space, self.model = space, space.kernels.model
         self.names = [link.body.name for link in self.space.tree.links]
         self.root = next(name for name in (ROOT, f"{ROOT}_", f"{ROOT}__") if name not in self.names)
         self.coordinates = {k: (c, share) for c, (k, share) in self.space.followed.items()}
-        self.origins = [self._origin(link) for link in self.space.tree.links]
+        self.origins = [origin_of(link) for link in self.space.tree.links]
 
     def robot(self) -> Robot:
         tree = self.space.tree
         links = [Link(self.root, None, shapes=shapes_on(self.model, self.model.ground, np.zeros(3)))]
         for link, origin in zip(tree.links, self.origins, strict=True):
-            links.append(Link(link.body.name, self._mass(link.body, origin), shapes=shapes_on(self.model, link.body, origin)))
+            links.append(Link(link.body.name, mass_of(self.model, link.body, origin), shapes=shapes_on(self.model, link.body, origin)))
         joints = [self._joint(number) for number in range(len(tree.links))]
-        x, y, z = (self._number(g, "gravity") for g in self.model.gravity_field)
-        return Robot(self.model.name, {link.name: link for link in links}, tuple(joints), gravity=(x, y, z)).ordered()
-
-    # -- links ---------------------------------------------------------------------------------
-
-    def _mass(self, body: Body, origin: np.ndarray) -> Mass | None:
-        if body.inertia is None:
-            return None
-        numbers = [self._number(x, f"body {body.name}") for x in (body.inertia.mass, *body.inertia.com, *body.inertia.tensor.flat)]
-        return Mass(numbers[0], np.array(numbers[1:4]) - origin, np.array(numbers[4:]).reshape(3, 3))
-
-    @staticmethod
-    def _origin(link: Carried) -> np.ndarray:
-        """Where a link's frame stands in the world: where its joint is, else at the body's first point."""
-        turning = next((screw.point for screw in link.screws if screw.point), None)
-        return (turning or link.body.points[0]).initial
-
-    def _number(self, value: Value, what: str) -> float:
-        return evaluate(value, self.model.parameters, what)
-
-    # -- joints --------------------------------------------------------------------------------
+        return Robot(self.model.name, {link.name: link for link in links}, tuple(joints), gravity=gravity_of(self.model)).ordered()
 
     def _joint(self, number: int) -> Joint:
         link = self.space.tree.links[number]
@@ -113,7 +81,7 @@ class _Teller:
         name, start = self.space.kernels.coordinates[coordinate], float(self.space.kernels.q0[coordinate])
         start = 0.0 if abs(start) < ROUNDING else start
         placement = _turned(axis, -start, position) if kind == "revolute" else Placement(position=position - start * axis)
-        return Joint(name, kind, parent, link.body.name, placement, axis, **self._at(name))
+        return Joint(name, kind, parent, link.body.name, placement, axis, **acting(self.model, name))
 
     def _kind(self, link: Carried) -> tuple[str, np.ndarray]:
         """The joint that carries a link, by its freedoms, and its axis."""
@@ -130,26 +98,6 @@ class _Teller:
                 "say one freedom a joint, a ball, a plane or none: put a body without mass between"
             )
         return found, np.array([0.0, 0.0, 1.0])
-
-    def _at(self, coordinate: str) -> _AtJoint:
-        """Rotors, springs and dampers at a joint."""
-        found: _AtJoint = {"armature": 0.0, "damping": 0.0, "stiffness": 0.0, "rest": 0.0}
-        for rotor in self.model.rotors:
-            if rotor.coordinate.name == coordinate:
-                found["armature"] += self._number(rotor.inertia, f"rotor of {coordinate}")
-        torque = 0.0
-        for spring in self._springs(coordinate):
-            stiffness = self._number(spring.stiffness, spring.label)
-            found["stiffness"] += stiffness
-            found["damping"] += self._number(spring.damping, spring.label)
-            torque += stiffness * self._number(spring.free, spring.label)
-        found["rest"] = torque / found["stiffness"] if found["stiffness"] else 0.0
-        return found
-
-    def _springs(self, coordinate: str) -> Iterator[TorsionSpring]:
-        for spring in self.model.springs:
-            if isinstance(spring, TorsionSpring) and spring.coordinate.name == coordinate:
-                yield spring
 
 
 def refuse_loads(model: Model) -> None:

@@ -177,6 +177,13 @@ class Robot:
         carried = {joint.child for joint in self.joints}
         return next(name for name in self.links if name not in carried)
 
+    def frames(self, base: Placement) -> dict[str, Placement]:
+        """Those of all links where that of the root stands here and all coordinates are 0. Joints must be ordered."""
+        found = {self.root: base}
+        for joint in self.joints:
+            found[joint.child] = found[joint.parent] @ joint.placement
+        return found
+
     def _carried(self) -> dict[str, Joint]:
         """{link: the joint that carries it}, with all names looked up."""
         carried: dict[str, Joint] = {}

@@ -295,10 +295,9 @@ WORDS = {"spherical": "ball"}
 
 def text_of(robot: Robot) -> str:
     """A robot as SDF 1.7, loops among its joints. Raises ModelError naming a joint that the format cannot say."""
-    frames = {robot.root: robot.base}
+    frames = robot.frames(robot.base)
     joints = []
     for joint in robot.joints:
-        frames[joint.child] = frames[joint.parent] @ joint.placement
         if joint.kind != "floating":
             joints.append(_joint_text(joint, frames[joint.child]))
         elif joint.parent != robot.root or robot.links[robot.root].mass or sum(j.parent == robot.root for j in robot.joints) > 1:

@@ -49,7 +49,7 @@ READ = {
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file, from its root element. Raises ModelError with file and line."""
-    looks = {each.name(): _looks(each, root, path) for each in root.all("link")}
+    looks = {each.name(): [_look(visual, root, path) for visual in each.all("visual")] for each in root.all("link")}
     links = [_link(each, looks[each.name()]) for each in root.all("link")]
     joints = [_joint(each) for each in root.all("joint")]
     if not links:
@@ -84,11 +84,6 @@ def _pose(each: Markup) -> Placement:
 def _link(each: Markup, looks: Iterable[Shape | Unseen]) -> Link:
     inertial = each.first("inertial")
     return Link(each.name(), None if inertial is None else _mass(inertial), each.place, seen(looks))
-
-
-def _looks(link: Markup, root: Markup, path: Path) -> list[Shape | Unseen]:
-    """What is seen of a link."""
-    return [_look(visual, root, path) for visual in link.all("visual")]
 
 
 def _look(visual: Markup, root: Markup, path: Path) -> Shape | Unseen:

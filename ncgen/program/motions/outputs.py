@@ -21,7 +21,7 @@ from ncgen.model.expressions import symbols_in
 from ncgen.model.names import TIME
 from ncgen.model.outputs import Output
 from ncgen.model.values import as_sympy, is_number
-from ncgen.program.assemble import told_of
+from ncgen.program.assemble import input_lengths, told_of
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.lower import lower_value
@@ -44,7 +44,7 @@ def assemble_outputs(equations: Terms) -> tuple[Program, Program]:
     known = _known(lines)
     nodes = [_node(lines, output, known) for output in equations.model.outputs.values()]
     program = lines.program("outputs", INPUTS, nodes)
-    sizes = _sizes(equations)
+    sizes = input_lengths(equations)
     moved = [(array, k) for array in INPUTS[1:] for k in range(sizes[array])]
     along = {lines.graph.load(*leaf): lines.graph.load("seed", k) for k, leaf in enumerate(moved)}
     found = tangent(lines.graph, nodes, along)
@@ -65,17 +65,12 @@ def assemble_load_slopes(equations: Terms) -> Program:
     nodes = [_node(lines, output, known) for output in equations.model.outputs.values()]
     found = tangent(graph, nodes, {graph.load("felt", k): graph.load("seed", k) for k in range(len(names))})
     program = lines.program("load_slopes", LOAD_INPUTS, [found.get(node, graph.const(0.0)) for node in nodes])
-    verify(program, _sizes(equations) | {"felt": len(names), "seed": len(names)})
+    verify(program, input_lengths(equations) | {"felt": len(names), "seed": len(names)})
     return program
 
 
 def _load_words(equations: Terms) -> list[str]:
     return [name for pair in loaded_elements(equations) for name in load_names(*pair)]
-
-
-def _sizes(equations: Terms) -> dict[str, int]:
-    n, m = len(equations.free), len(equations.model.rows)
-    return {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": len(equations.parameters)}
 
 
 def _node(lines: Lines, output: Output, known: Known) -> int:

@@ -264,9 +264,9 @@ class Recursion:
     def ways(self) -> Iterator[tuple[str, list[int]]]:
         """z̈ by every recursion that applies, with its name."""
         if self.is_open:
-            yield "articulated", self._by_articulated()
+            yield "articulated", self._solve_articulated(self.loads.force)
         if not self.is_open or self.joints <= LONG:
-            yield "composite", self._by_composite()
+            yield "composite", self._solve_composite(self._left)  # (RᵀHR) z̈ = Rᵀ(f − H S …)
 
     def solve(self, right: Column) -> list[int]:
         """x of (RᵀHR) x = Rᵀ right over the free rates, by the recursion that suits the tree."""
@@ -304,10 +304,6 @@ class Recursion:
             left[k] = self.graph.sub(left.get(k, self.zero), node)
         return left
 
-    def _by_composite(self) -> list[int]:
-        """z̈ of (RᵀHR) z̈ = Rᵀ(f − H S …)."""
-        return self._solve_composite(self._left)
-
     def _solve_composite(self, right: Column) -> list[int]:
         solved = solve_symmetric(self.graph, self._reduced, {i: dot(self.graph, column, right) for i, column in enumerate(self.R)})
         return [solved.get(i, self.zero) for i in range(len(self.R))]
@@ -319,10 +315,6 @@ class Recursion:
         signs = all(self.graph.value(column[k]) in (1.0, -1.0) for column, ks in zip(self.R, joints, strict=True) for k in ks)
         each = sorted(k for ks in joints for k in ks) == list(range(self.joints)) and all(len(ks) == 1 for ks in joints)
         return signs and each and not self.loads.mass and not self.nu and not self.bias
-
-    def _by_articulated(self) -> list[int]:
-        """z̈ of an open tree."""
-        return self._solve_articulated(self.loads.force)
 
     def _solve_articulated(self, forces: Column) -> list[int]:
         joints = range(self.joints)

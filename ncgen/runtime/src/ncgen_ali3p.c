@@ -1,6 +1,7 @@
 /* ncgen_ali3p.c: index-3 augmented Lagrangian by the trapezoidal rule, with mass-orthogonal projections of velocities and
  * accelerations (Bayo and Ledesma 1996).
  */
+#include "ncgen_constrained.h"
 #include "ncgen_jacobian.h"
 #include "ncgen_lu.h"
 #include "ncgen_steppers.h"
@@ -55,14 +56,10 @@ static void project_mass_orthogonally(ncgen_run *r, ncgen_correction *c, ncgen_r
 {
     ncgen_real *gap = c->rest + r->n, last = R(1.0e30);
     for (int pass = 0; pass < PROJECTION_LIMIT; ++pass) {
-        ncgen_real largest = 0;
         ncgen_row_rates(r, c->left, x, gap);
-        for (int i = 0; i < r->m; ++i) {
+        for (int i = 0; i < r->m; ++i)
             gap[i] = right[i] - gap[i];
-            const ncgen_real size = NCGEN_ABS(gap[i]) / r->dynamics->row_sizes[i];
-            if (!(size <= largest))
-                largest = size;
-        }
+        const ncgen_real largest = ncgen_constrained_violation(r, gap);
         if (!(largest < last / 4))
             return;
         solve_penalty(r, c, NULL, 0, gap);
@@ -112,7 +109,7 @@ int ncgen_ali3p(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scal
         }
         for (int i = 0; i < n; ++i)
             r->q[i] += c->change[i];
-        const ncgen_real size = ncgen_correction_size(r, c->change);
+        const ncgen_real size = ncgen_constrained_size(r, c->change);
         done = ncgen_is_rounding(r, size, last);
         last = size;
     }

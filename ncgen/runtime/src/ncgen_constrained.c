@@ -14,11 +14,6 @@ int ncgen_constrained_is_dense(const ncgen_run *r)
     return r->options->formalism >= NCGEN_NULL_SPACE;
 }
 
-static int nonzeros(const ncgen_pattern *pattern)
-{
-    return pattern->indptr ? pattern->indptr[pattern->rows] : 0;
-}
-
 void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
 {
     const ncgen_dynamics *d = r->dynamics;
@@ -28,8 +23,8 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     r->ny = r->weighed = 2 * r->n + 1;
     r->q = ncgen_take(space, r->n);
     r->qd = ncgen_take(space, r->n);
-    w->n_mass = nonzeros(&r->model->mass_pattern);
-    w->n_phi_q = nonzeros(&r->model->phi_q_pattern);
+    w->n_mass = ncgen_nonzeros(&r->model->mass_pattern);
+    w->n_phi_q = ncgen_nonzeros(&r->model->phi_q_pattern);
     ncgen_kkt_layout(&w->kkt, d->elimination, w->n_mass + w->n_phi_q, space);
     w->right = ncgen_take(space, r->n + r->m);
     w->solution = ncgen_take(space, r->n + r->m);
@@ -200,30 +195,14 @@ static void find_residual(ncgen_run *r, ncgen_constrained *w, int with_corner)
     }
 }
 
-/* The largest |x| relative to the sizes; not a number if one of them is not. */
-static ncgen_real largest_of(int count, const ncgen_real *x, const ncgen_scalar *sizes)
-{
-    ncgen_real largest = 0;
-    for (int i = 0; i < count; ++i) {
-        if (NCGEN_ABS(x[i]) <= largest * sizes[i]) /* which most are, and no division tells it */
-            continue;
-        const ncgen_real size = NCGEN_ABS(x[i]) / sizes[i];
-        if (size != size)
-            return size;
-        if (size > largest)
-            largest = size;
-    }
-    return largest;
-}
-
 ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x)
 {
-    return largest_of(r->n, x, r->dynamics->column_sizes);
+    return ncgen_largest(r->n, x, r->dynamics->column_sizes);
 }
 
 ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *rows)
 {
-    return largest_of(r->m, rows, r->dynamics->row_sizes);
+    return ncgen_largest(r->m, rows, r->dynamics->row_sizes);
 }
 
 /* w->solution of the equations with the right side w->right; refined where the factors are not those of the equations. */

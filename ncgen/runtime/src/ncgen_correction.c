@@ -7,20 +7,6 @@
 #include "ncgen_jacobian.h"
 #include "ncgen_lu.h"
 
-/* The largest |x| in natural sizes; not a number if one of them is not. */
-ncgen_real ncgen_correction_size(const ncgen_run *r, const ncgen_real *x)
-{
-    ncgen_real largest = 0;
-    for (int i = 0; i < r->n; ++i) {
-        const ncgen_real size = NCGEN_ABS(x[i]) / r->dynamics->column_sizes[i];
-        if (size != size)
-            return size;
-        if (size > largest)
-            largest = size;
-    }
-    return largest;
-}
-
 /* Are changes of this size rounding, after those of size `last`? */
 int ncgen_is_rounding(const ncgen_run *r, ncgen_real size, ncgen_real last)
 {

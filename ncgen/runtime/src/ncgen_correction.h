@@ -21,7 +21,6 @@ typedef struct ncgen_correction {
     ncgen_real power;            /* at the end of the last step */
 } ncgen_correction;
 
-ncgen_real ncgen_correction_size(const ncgen_run *r, const ncgen_real *x);
 int ncgen_is_rounding(const ncgen_run *r, ncgen_real size, ncgen_real last);
 ncgen_real *ncgen_phi_q_values(const ncgen_run *r);
 void ncgen_subtract_multipliers(const ncgen_run *r, const ncgen_real *values, ncgen_real *forces);

@@ -13,8 +13,7 @@ enum { ITERATION_LIMIT = 30 };
 /* A step that moves less than this, in natural sizes, needs no correction: it would be rounding over rounding. */
 static const ncgen_scalar still = R(1.0e-10);
 
-/* The midpoint rule with Phi = 0 at the end: M (v1 - v0) / h = Q - Phi_q' lam in the middle, q1 - q0 = h (v0 + v1) / 2.
- * With a constant mass matrix, quadratic constraints and a linear potential it keeps the energy. */
+/* Where nothing is missing. */
 int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
 {
     const int n = r->n;
@@ -35,14 +34,14 @@ int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, 
         for (int i = 0; i < n; ++i)
             r->q[i] = position[i] + h * (velocity[i] + h / 2 * acceleration[i]);
         if (status == NCGEN_OK)
-            status = ncgen_project_position(r, t + h);
+            status = ncgen_project_position(r, t + h, 0);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < n; ++i) {
             change[i] = r->q[i] - end[i];
             end[i] = r->q[i];
         }
-        const ncgen_real size = ncgen_correction_size(r, change);
+        const ncgen_real size = ncgen_constrained_size(r, change);
         if (size <= 4 * r->rounding || (pass > 1 && size < R(1.0e4) * r->rounding && size > last / 4)) {
             for (int i = 0; i < n; ++i)
                 r->qd[i] = 2 * (end[i] - position[i]) / h - velocity[i];
@@ -180,7 +179,7 @@ int ncgen_energy_momentum_corrected(ncgen_run *r, ncgen_stepping *w, ncgen_corre
         }
         for (int i = 0; i < r->m; ++i)
             lam[i] += c->change[n + i] / h;
-        const ncgen_real size = ncgen_correction_size(r, c->change);
+        const ncgen_real size = ncgen_constrained_size(r, c->change);
         if (ncgen_is_rounding(r, size, last))
             return end_midpoint(r, w, c, t, h);
         last = size;

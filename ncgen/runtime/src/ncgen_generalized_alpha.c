@@ -1,4 +1,5 @@
 /* ncgen_generalized_alpha.c: the generalized-alpha method for constrained equations of index 3 (Arnold and Bruels 2007). */
+#include "ncgen_constrained.h"
 #include "ncgen_jacobian.h"
 #include "ncgen_steppers.h"
 
@@ -39,7 +40,7 @@ int ncgen_generalized_alpha(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c
         }
         for (int i = 0; i < r->m; ++i)
             lam[i] += c->change[n + i];
-        const ncgen_real size = ncgen_correction_size(r, c->change);
+        const ncgen_real size = ncgen_constrained_size(r, c->change);
         if (ncgen_is_rounding(r, size, last)) {
             for (int i = 0; i < n; ++i) {
                 r->q[i] = q0[i] + by_q * qdd[i];

@@ -9,34 +9,20 @@
 #include "ncgen_jacobian.h"
 #include "ncgen_partitioning.h"
 
-static int values_of(const ncgen_pattern *pattern)
-{
-    return pattern->indptr ? pattern->indptr[pattern->rows] : 0;
-}
-
 void ncgen_slopes_layout(ncgen_run *r, ncgen_slopes *w)
 {
     const ncgen_tangents *tangents = r->dynamics->tangents;
     r->slopes = w;
-    w->stiffness = ncgen_take(&r->space, values_of(&tangents->stiffness_pattern));
-    w->damping = ncgen_take(&r->space, values_of(&tangents->damping_pattern));
-    w->phidd_q = ncgen_take(&r->space, values_of(&tangents->phidd_q_pattern));
-    w->phidd_qd = ncgen_take(&r->space, values_of(&tangents->phidd_qd_pattern));
-    w->rolled = r->dynamics->rolling ? ncgen_take(&r->space, values_of(&tangents->phidd_q_pattern)) : NULL;
+    w->stiffness = ncgen_take(&r->space, ncgen_nonzeros(&tangents->stiffness_pattern));
+    w->damping = ncgen_take(&r->space, ncgen_nonzeros(&tangents->damping_pattern));
+    w->phidd_q = ncgen_take(&r->space, ncgen_nonzeros(&tangents->phidd_q_pattern));
+    w->phidd_qd = ncgen_take(&r->space, ncgen_nonzeros(&tangents->phidd_qd_pattern));
+    w->rolled = r->dynamics->rolling ? ncgen_take(&r->space, ncgen_nonzeros(&tangents->phidd_q_pattern)) : NULL;
     w->qdd = ncgen_take(&r->space, r->n);
     w->lam = ncgen_take(&r->space, r->m);
     w->dq = ncgen_take(&r->space, r->n);
     w->dqd = ncgen_take(&r->space, r->n);
     w->change = ncgen_take(&r->space, r->n + r->m);
-}
-
-/* Row i of A x. */
-static ncgen_real row_times(const ncgen_pattern *pattern, const ncgen_real *values, const ncgen_real *x, int i)
-{
-    ncgen_real sum = 0;
-    for (int k = pattern->indptr ? pattern->indptr[i] : 0; k < (pattern->indptr ? pattern->indptr[i + 1] : 0); ++k)
-        sum += values[k] * x[pattern->indices[k]];
-    return sum;
 }
 
 /* sum += factor A x. */
@@ -69,7 +55,7 @@ static int find_rolled(ncgen_run *r, ncgen_scalar t)
         w->dq[i] = 0;
     int status = tangents->phidd_q(t, r->q, r->qd, r->qd, r->p, w->rolled);
     status |= tangents->phidd_q(t, r->q, r->qd, w->dq, r->p, w->phidd_q);
-    for (int k = 0; k < values_of(&tangents->phidd_q_pattern); ++k)
+    for (int k = 0; k < ncgen_nonzeros(&tangents->phidd_q_pattern); ++k)
         w->rolled[k] -= w->phidd_q[k];
     return status;
 }
@@ -81,9 +67,9 @@ static void add_rate_slope(const ncgen_run *r, const ncgen_real *x, ncgen_real f
     const ncgen_slopes *w = r->slopes;
     for (int i = 0; i < r->m; ++i)
         if (r->dynamics->rolling && r->dynamics->rolling[i])
-            sum[i] += factor * row_times(&tangents->phidd_q_pattern, w->rolled, x, i);
+            sum[i] += factor * ncgen_row_times(&tangents->phidd_q_pattern, w->rolled, x, i);
         else
-            sum[i] += factor / 2 * row_times(&tangents->phidd_qd_pattern, w->phidd_qd, x, i);
+            sum[i] += factor / 2 * ncgen_row_times(&tangents->phidd_qd_pattern, w->phidd_qd, x, i);
 }
 
 /* The four matrices at r->q, r->qd and the accelerations and multipliers in w. */
@@ -217,9 +203,9 @@ static int full_change(ncgen_run *r, ncgen_real *column, int stride)
         const ncgen_real *values = all->kkt.values + all->n_mass;
         add_rate_slope(r, w->dq, -2 * damping, w->change + r->n);
         for (int i = 0; i < r->m; ++i) {
-            w->change[r->n + i] -= 2 * damping * row_times(phi_q, values, w->dqd, i);
+            w->change[r->n + i] -= 2 * damping * ncgen_row_times(phi_q, values, w->dqd, i);
             if (!(r->dynamics->rolling && r->dynamics->rolling[i]))
-                w->change[r->n + i] -= stiffness * row_times(phi_q, values, w->dq, i);
+                w->change[r->n + i] -= stiffness * ncgen_row_times(phi_q, values, w->dq, i);
         }
     }
     ncgen_copy(r->n + r->m, w->change, all->right);

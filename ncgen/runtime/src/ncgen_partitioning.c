@@ -16,23 +16,6 @@ enum { NEWTON_LIMIT = 40 };
 /* After a Newton step from a residual below this, the next one is at rounding: it need not be looked at. */
 static const ncgen_scalar nearly_converged = sizeof(ncgen_scalar) > 4 ? R(1.0e-7) : R(3.0e-4);
 
-/* The largest |phi| relative to the rows' sizes; not a number if one of them is not. */
-static ncgen_real residual(const ncgen_run *r)
-{
-    ncgen_real largest = 0;
-    for (int i = 0; i < r->model->n_rows; ++i) {
-        const ncgen_scalar natural = r->dynamics->row_sizes[i];
-        if (NCGEN_ABS(r->partitioning->phi[i]) <= largest * natural) /* which most are, and no division tells it */
-            continue;
-        const ncgen_real size = NCGEN_ABS(r->partitioning->phi[i]) / natural;
-        if (size != size)
-            return size;
-        if (size > largest)
-            largest = size;
-    }
-    return largest;
-}
-
 /* Phi_q at (t, q), and the factors of the dependent columns of a choice over its kept rows. */
 static int factor_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_choice *choice)
 {
@@ -278,7 +261,7 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
             return status;
         if (emitted && r->dynamics->closes)
             return take_places(r, dependent);
-        const ncgen_real size = residual(r);
+        const ncgen_real size = ncgen_largest(r->m, r->partitioning->phi, r->dynamics->row_sizes);
         if (!(size < R(1.0e30)))
             return ncgen_is_finite(1, &size) ? NCGEN_NOT_CONVERGED : NCGEN_DOMAIN;
         if (!emitted || (r->partitioning->lu && !ncgen_is_finite(d->n_dependent, r->partitioning->step)))
@@ -379,8 +362,8 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w)
     w->lu = NULL;
     if (dynamics->newton && !dynamics->rows)
         return;
-    w->jacobian = ncgen_take(space, r->model->phi_q_pattern.indptr ? r->model->phi_q_pattern.indptr[m] : 0);
-    w->mass = ncgen_take(space, r->model->mass_pattern.indptr ? r->model->mass_pattern.indptr[n] : 0);
+    w->jacobian = ncgen_take(space, ncgen_nonzeros(&r->model->phi_q_pattern));
+    w->mass = ncgen_take(space, ncgen_nonzeros(&r->model->mass_pattern));
     w->lu = ncgen_take(space, d * d);
     w->R = ncgen_take(space, n * r->nz);
     w->MR = ncgen_take(space, n * r->nz);

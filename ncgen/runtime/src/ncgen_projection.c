@@ -25,8 +25,9 @@ static void correct(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
 }
 
 /* Near singular positions the rest of a violation is multiplied by much, so it is brought down to rounding if it can be. */
-static int project_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, int fresh)
+int ncgen_project_position(ncgen_run *r, ncgen_scalar t, int fresh)
 {
+    ncgen_constrained *w = r->constrained;
     const ncgen_scalar wanted = 100 * r->rounding;
     ncgen_real before = 0;
     for (int k = 0; k < POSITION_LIMIT; ++k) {
@@ -52,8 +53,9 @@ static int project_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, 
     return NCGEN_NOT_CONVERGED;
 }
 
-static int project_velocity(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
+int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t)
 {
+    ncgen_constrained *w = r->constrained;
     int status = ncgen_constrained_phi_q(r, t);
     if (status == NCGEN_OK && r->model->nu)
         status = r->model->nu(t, r->q, r->p, w->nu);
@@ -69,16 +71,6 @@ static int project_velocity(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
         correct(r, w, r->qd);
     }
     return NCGEN_OK;
-}
-
-int ncgen_project_position(ncgen_run *r, ncgen_scalar t)
-{
-    return project_position(r, r->constrained, t, 0);
-}
-
-int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t)
-{
-    return project_velocity(r, r->constrained, t);
 }
 
 /* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; 0 where they do not close, or move the
@@ -153,9 +145,9 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
         ncgen_copy(r->n, y + r->n, r->q);
         status = factors_are_near ? NCGEN_OK : refresh(r, t);
         if (status == NCGEN_OK)
-            status = project_position(r, w, t, !factors_are_near);
+            status = ncgen_project_position(r, t, !factors_are_near);
         if (status == NCGEN_OK)
-            status = project_velocity(r, w, t);
+            status = ncgen_project_velocity(r, t);
     }
     ncgen_copy(r->n, r->qd, y);
     ncgen_copy(r->n, r->q, y + r->n);

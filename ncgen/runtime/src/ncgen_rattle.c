@@ -11,8 +11,7 @@
 
 enum { ITERATION_LIMIT = 30 };
 
-/* Half a kick, a drift onto the constraints, half a kick onto their velocities (Andersen 1983). Forces depend on position
- * only, so the acceleration and the factors at the end of a step are those at the start of the next. */
+/* Forces depend on position only, so the acceleration and the factors at the end of a step are those at the start of the next. */
 int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
 {
     const int n = r->n;
@@ -29,7 +28,7 @@ int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
     for (int i = 0; i < n; ++i)
         r->q[i] = position[i] + h * (velocity[i] + h / 2 * acceleration[i]);
     if (status == NCGEN_OK)
-        status = ncgen_project_position(r, t + h);
+        status = ncgen_project_position(r, t + h, 0);
     for (int i = 0; i < n; ++i)
         r->qd[i] = (r->q[i] - position[i]) / h;
     ncgen_constrained_rows(r);
@@ -79,7 +78,7 @@ static int drift(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar
         }
         for (int i = 0; i < r->m; ++i)
             r->slopes->lam[i] += 2 / h * c->change[n + i];
-        const ncgen_real size = ncgen_correction_size(r, c->change);
+        const ncgen_real size = ncgen_constrained_size(r, c->change);
         if (ncgen_is_rounding(r, size, last))
             return NCGEN_OK;
         last = size;

@@ -1,28 +1,22 @@
 /* ncgen_state.c: what every integrator does with a run. */
 #include "ncgen_state.h"
 
+int ncgen_nonzeros(const ncgen_pattern *pattern)
+{
+    return pattern->indptr ? pattern->indptr[pattern->rows] : 0;
+}
+
 void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product)
 {
-    const ncgen_pattern *pattern = &r->model->mass_pattern;
-    for (int i = 0; i < r->n; ++i) {
-        ncgen_real sum = 0;
-        if (pattern->indptr)
-            for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
-                sum += mass[k] * x[pattern->indices[k]];
-        product[i] = sum;
-    }
+    for (int i = 0; i < r->n; ++i)
+        product[i] = ncgen_row_times(&r->model->mass_pattern, mass, x, i);
 }
 
 /* Phi_q qd. */
 void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates)
 {
-    const ncgen_pattern *pattern = &r->model->phi_q_pattern;
-    for (int i = 0; i < r->m; ++i) {
-        ncgen_real sum = 0;
-        for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
-            sum += phi_q[k] * qd[pattern->indices[k]];
-        rates[i] = sum;
-    }
+    for (int i = 0; i < r->m; ++i)
+        rates[i] = ncgen_row_times(&r->model->phi_q_pattern, phi_q, qd, i);
 }
 
 int ncgen_phi(const ncgen_run *r, ncgen_real t, const ncgen_real *q, ncgen_real *phi)

@@ -78,7 +78,18 @@ int ncgen_phi(const ncgen_run *r, ncgen_real t, const ncgen_real *q, ncgen_real 
 int ncgen_phi_q(const ncgen_run *r, ncgen_real t, const ncgen_real *q, ncgen_real *values);
 int ncgen_gamma(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *gamma);
 
-/* Sparse products. */
+/* Sparse matrices, of which one without rows has no pattern. */
+int ncgen_nonzeros(const ncgen_pattern *pattern);
+
+/* Row i of A x. */
+static inline ncgen_real ncgen_row_times(const ncgen_pattern *pattern, const ncgen_real *values, const ncgen_real *x, int i)
+{
+    ncgen_real sum = 0;
+    for (int k = pattern->indptr ? pattern->indptr[i] : 0; k < (pattern->indptr ? pattern->indptr[i + 1] : 0); ++k)
+        sum += values[k] * x[pattern->indices[k]];
+    return sum;
+}
+
 void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product);
 void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates);
 

@@ -84,7 +84,7 @@ int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
         ncgen_copy(r->n, r->q, w->new_y + r->n);
         if (status == NCGEN_OK && !ncgen_is_finite(2 * r->n + 1, w->new_y))
             status = NCGEN_DOMAIN;
-        if (status == NCGEN_OK && !(ncgen_correction_size(r, r->q) < R(1.0e30) && ncgen_correction_size(r, r->qd) < R(1.0e30)))
+        if (status == NCGEN_OK && !(ncgen_constrained_size(r, r->q) < R(1.0e30) && ncgen_constrained_size(r, r->qd) < R(1.0e30)))
             status = NCGEN_NOT_CONVERGED;
         if (status == NCGEN_OK)
             status = ncgen_grid_step(r, w, start + i * h, i + 1 < count ? start + (i + 1) * h : end);

@@ -29,12 +29,11 @@ static const ncgen_real *of_parent(const ncgen_tree_work *w, const ncgen_real *a
 void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
 {
     const ncgen_tree *tree = r->dynamics->tree;
-    const ncgen_pattern *mass = &r->model->mass_pattern, *phi_q = &r->model->phi_q_pattern;
     ncgen_space *space = &r->space;
     w->tree = tree;
     w->mass_is_there = 0;
     w->values = ncgen_take(space, r->n + tree->n_fixed);
-    w->mass = ncgen_take(space, mass->indptr ? mass->indptr[mass->rows] : 0);
+    w->mass = ncgen_take(space, ncgen_nonzeros(&r->model->mass_pattern));
     w->lever = ncgen_take(space, 3 * tree->n_elements);
     w->axis = ncgen_take(space, 3 * tree->n_screws);
     w->twist = ncgen_take(space, 6 * tree->n_links);
@@ -50,7 +49,7 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->inertial = ncgen_take(space, r->n);
     w->square = ncgen_take(space, tree->most_rows * tree->most_rows);
     w->right = ncgen_take(space, 2 * tree->most_rows);
-    w->jacobian = ncgen_take(space, phi_q->indptr ? phi_q->indptr[phi_q->rows] : 0);
+    w->jacobian = ncgen_take(space, ncgen_nonzeros(&r->model->phi_q_pattern));
     w->dense = ncgen_take(space, tree->most_rows * tree->most_unknowns);
 }
 
@@ -128,6 +127,20 @@ static int find_rates(const ncgen_run *r, ncgen_tree_work *w, int link, const nc
     return status;
 }
 
+/* Velocities of the coordinates from the twists of the links; measured ones stay out. */
+static void spread_twists(const ncgen_run *r, const ncgen_tree_work *w, ncgen_real *velocities)
+{
+    const ncgen_tree *tree = w->tree;
+    for (int link = 0; link < tree->n_links; ++link)
+        for (int e = tree->element_start[link]; e < tree->element_start[link + 1]; ++e) {
+            ncgen_real velocity[3];
+            carried(w, e, w->twist + 6 * link, velocity);
+            for (int i = 0; i < 3; ++i)
+                if (tree->elements[3 * e + i] < r->n)
+                    velocities[tree->elements[3 * e + i]] = velocity[i];
+        }
+}
+
 /* Twists of all links from velocities of the coordinates; the velocities that the joints allow. */
 static int find_twists(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *qd, ncgen_real *allowed)
 {
@@ -146,14 +159,7 @@ static int find_twists(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real 
         for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k)
             add_screw(w, k, w->rate[k], twist);
     }
-    for (int link = 0; link < tree->n_links; ++link)
-        for (int e = tree->element_start[link]; e < tree->element_start[link + 1]; ++e) {
-            ncgen_real velocity[3];
-            carried(w, e, w->twist + 6 * link, velocity);
-            for (int i = 0; i < 3; ++i)
-                if (tree->elements[3 * e + i] < r->n)
-                    allowed[tree->elements[3 * e + i]] = velocity[i];
-        }
+    spread_twists(r, w, allowed);
     for (int i = 0; i < tree->n_measured; ++i)
         allowed[tree->measured[2 * i]] = tree->ratios[i] * w->rate[tree->measured[2 * i + 1]];
     return status;
@@ -420,14 +426,7 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     find_wrenches(r, w, w->force);
     is_regular &= factor(w);
     solve(w, w->twist);
-    for (int link = 0; link < tree->n_links; ++link)
-        for (int e = tree->element_start[link]; e < tree->element_start[link + 1]; ++e) {
-            ncgen_real velocity[3];
-            carried(w, e, w->twist + 6 * link, velocity);
-            for (int i = 0; i < 3; ++i)
-                if (tree->elements[3 * e + i] < n)
-                    out[tree->elements[3 * e + i]] = velocity[i];
-        }
+    spread_twists(r, w, out);
     for (int i = 0; i < tree->n_measured; ++i)
         out[tree->measured[2 * i]] += tree->ratios[i] * w->push[tree->measured[2 * i + 1]];
     out[n] = growth_of(is_regular && ncgen_is_finite(n, out));

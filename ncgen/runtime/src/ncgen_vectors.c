@@ -29,6 +29,21 @@ ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b)
     return sum;
 }
 
+ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *sizes)
+{
+    ncgen_real largest = 0;
+    for (int i = 0; i < count; ++i) {
+        if (NCGEN_ABS(x[i]) <= largest * sizes[i]) /* which most are, and no division tells it */
+            continue;
+        const ncgen_real size = NCGEN_ABS(x[i]) / sizes[i];
+        if (size != size)
+            return size;
+        if (size > largest)
+            largest = size;
+    }
+    return largest;
+}
+
 int ncgen_solve_positive(int size, ncgen_real *a, ncgen_real *right)
 {
     for (int k = 0; k < size; ++k) {

@@ -18,6 +18,7 @@ ncgen_real *ncgen_take(ncgen_space *space, int count);
 void ncgen_copy(int count, const ncgen_real *from, ncgen_real *to);
 ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b);
 int ncgen_is_finite(int count, const ncgen_real *x);  /* is no number infinite or none at all? */
+ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *sizes); /* |x| over its size; not a number if one is not */
 int ncgen_solve_positive(int size, ncgen_real *a, ncgen_real *right); /* a by rows, lower half; both are overwritten */
 void ncgen_solve_positive_again(int size, const ncgen_real *a, ncgen_real *right); /* with the factors that are left in a */
 

@@ -1,10 +1,24 @@
-"""Cubic interpolation within a step, for methods that have no interpolation of their own."""
+"""Interpolation within a step: cubic, for methods that have none of their own, or that of the library that took the step."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 import scipy.integrate
 from scipy.interpolate import CubicHermiteSpline
+
+
+class Asked(scipy.integrate.DenseOutput):
+    """What a library itself says of instants of its last step."""
+
+    def __init__(self, solver: scipy.integrate.OdeSolver, ask: Callable[[float], np.ndarray]) -> None:
+        super().__init__(cast(float, solver.t_old), solver.t)  # SciPy asks after a step only, when there is a time before it
+        self._ask = ask
+
+    def _call_impl(self, t: float) -> np.ndarray:
+        return self._ask(t).copy()
 
 
 class Hermite(scipy.integrate.DenseOutput):

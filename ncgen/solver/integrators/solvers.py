@@ -15,6 +15,7 @@ from ncgen.methods.table import Integrator
 from ncgen.methods.tableau import Tableau
 from ncgen.solver.integrators.caught import Caught
 from ncgen.solver.integrators.fixed_step import FixedStep
+from ncgen.solver.integrators.hermite import Asked
 from ncgen.solver.integrators.ode import Derivative
 from ncgen.solver.integrators.sundials import CvodeAdams, CvodeBdf
 from ncgen.solver.integrators.trapezoidal import Trapezoidal
@@ -69,19 +70,8 @@ class Adams(scipy.integrate.OdeSolver):
             self.t = self.t_bound
         return True, None
 
-    def _dense_output_impl(self) -> DenseOutput:  # SciPy asks after a step only, when there is a time before it
-        return _Nordsieck(cast(float, self.t_old), self.t, self._engine)
-
-
-class _Nordsieck(scipy.integrate.DenseOutput):
-    """VODE's own interpolation within its last step, of the order of the method."""
-
-    def __init__(self, t0: float, t1: float, engine: Any) -> None:
-        super().__init__(t0, t1)
-        self._engine = engine
-
-    def _call_impl(self, t: float) -> np.ndarray:
-        return self._engine.integrate(t).copy()
+    def _dense_output_impl(self) -> DenseOutput:
+        return Asked(self, self._engine.integrate)
 
 
 class FixedRungeKutta(FixedStep):

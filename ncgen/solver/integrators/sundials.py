@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import io
 from importlib import import_module
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import scipy.integrate
@@ -16,6 +16,7 @@ from scipy.integrate import DenseOutput
 
 from ncgen.errors import ModelError
 from ncgen.solver.integrators.caught import Caught
+from ncgen.solver.integrators.hermite import Asked
 from ncgen.solver.integrators.ode import Derivative, Slope
 
 
@@ -65,19 +66,8 @@ class Cvode(scipy.integrate.OdeSolver):
         self.t, self.y = float(np.ravel(found.t)[-1]), np.atleast_2d(found.y)[-1].copy()
         return True, None
 
-    def _dense_output_impl(self) -> DenseOutput:  # SciPy asks after a step only, when there is a time before it
-        return _Within(cast(float, self.t_old), self.t, self._engine)
-
-
-class _Within(scipy.integrate.DenseOutput):
-    """CVODE's own interpolation within its last step, of the order of the method."""
-
-    def __init__(self, t0: float, t1: float, engine: Any) -> None:
-        super().__init__(t0, t1)
-        self._engine = engine
-
-    def _call_impl(self, t: float) -> np.ndarray:
-        return np.atleast_2d(self._engine.step(t, method="normal").y)[-1].copy()
+    def _dense_output_impl(self) -> DenseOutput:
+        return Asked(self, lambda t: np.atleast_2d(self._engine.step(t, method="normal").y)[-1])
 
 
 class CvodeAdams(Cvode):

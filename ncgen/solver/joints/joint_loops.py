@@ -47,6 +47,7 @@ class JointsInLoops(JointSpace):
     """Joints that hold each other. why: that they are no open tree, for messages."""
 
     kind = "joint_loops"
+    inputs = INPUTS | {"joint_spread": ("t", "q", "p")}
 
     def __init__(self, kernels: Kernels, tree: Tree, why: ModelError) -> None:
         self.kernels, self.tree, self.why = kernels, tree, str(why)[:200]
@@ -64,13 +65,12 @@ class JointsInLoops(JointSpace):
 
     def placed(self, x: np.ndarray) -> np.ndarray:
         x = self._checked(x, self.n, "x", "rates")
-        places = [self._closed(one)[1] for one in x.reshape(-1, self.n)]
+        places = [self.closed(one)[1] for one in x.reshape(-1, self.n)]
         return np.array(places).reshape(*x.shape[:-1], self.kernels.n)
 
-    def _closed(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements, and the position, where the independent joints have these values, by way of positions between the initial one
-        and it."""
-        x, q = self._begin
+    def closed(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and position as of `begin`, but where the independent joints have these values: by way of positions between."""
+        x, q = self.begin
         start = x[self.free].copy()
         way = (wanted - start) / self.sizes[self.free]
         step = min(1.0, LONGEST / max(float(np.max(np.abs(way), initial=0.0)), 1e-300))
@@ -88,18 +88,9 @@ class JointsInLoops(JointSpace):
                 step /= 2
         return x, q
 
-    def displacements(self, wanted: np.ndarray) -> np.ndarray:
-        """Displacements of all joints, and coordinates of no body, where the independent joints have these values (n,)."""
-        return self._closed(wanted)[0]
-
-    @property
-    def placed_start(self) -> np.ndarray:
-        """All displacements of joints, and coordinates of no body, at the start, with loops closed."""
-        return self._begin[0]
-
     @cached_property
-    def _begin(self) -> tuple[np.ndarray, np.ndarray]:
-        """All displacements, and coordinates of no body, at the start."""
+    def begin(self) -> tuple[np.ndarray, np.ndarray]:
+        """All displacements of joints, and coordinates of no body, at the start with loops closed, and the position there."""
         x = np.zeros(len(self.sizes))
         for c, k in self._coordinates.items():
             x[k] = self.kernels.q0[c]
@@ -156,11 +147,6 @@ class JointsInLoops(JointSpace):
         wanted = [kernels.index[name] for name in kernels.model.chosen_independent]
         return JointLoops(kernels.programs.equations, samples(kernels, q, kernels.p0), kernels.column_sizes, wanted)
 
-    def _inputs(self) -> dict[str, tuple[str, ...]]:
-        return {**INPUTS, "joint_spread": ("t", "q", "p")}
-
     def _sizes(self) -> dict[str, int]:
-        n, rates, joints = self.n, len(self.sizes), self.tree.freedoms
-        found = {"inverse": n, "loads": n, "position": self.kernels.n + rates, "screws": 6 * joints, "mass": n * (n + 1) // 2}
-        found |= {"momenta": 4 + 6 * joints, "spread": rates * (n + 1)}
-        return {f"joint_{name}": size for name, size in found.items()}
+        rates = len(self.sizes)
+        return super()._sizes() | {"joint_position": self.kernels.n + rates, "joint_spread": rates * (self.n + 1)}

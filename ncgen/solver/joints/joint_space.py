@@ -97,6 +97,9 @@ class JointSpace(ABC):
     kind: str
     """A word for the functions that are made for it."""
 
+    inputs: Mapping[str, tuple[str, ...]] = INPUTS
+    """What these functions take, but slopes."""
+
     why: str = ""
     """Why it is no open tree, where it is none."""
 
@@ -206,7 +209,7 @@ class JointSpace(ABC):
         spread, drift = self._spread(q)
         rates = np.einsum("...kn,...n->...k", spread, v) + drift
         screws = self.screws(q)
-        twists = [np.einsum("...k,...ki->...i", rates[..., path], screws[..., path, :]) for path in self._paths]
+        twists = [np.einsum("...k,...ki->...i", rates[..., path], screws[..., path, :]) for path in self.tree.paths]
         found = np.empty(np.broadcast_shapes(q.shape[:-1], v.shape[:-1]) + q.shape[-1:])
         for c, (element, axis) in self._where.items():
             twist = twists[self.tree.home[element]]
@@ -227,7 +230,7 @@ class JointSpace(ABC):
         if frame not in FRAMES:
             raise ModelError(f"frame: {str(frame)[:40]!r} is none of {', '.join(FRAMES)}")
         q, element, link = self._array(q), self.point(point), self.link(point, body)
-        path = self._paths[link]
+        path = self.tree.paths[link]
         screws, spread = self.screws(q)[..., path, :], self._spread(q)[0][..., path, :]
         turning, along = screws[..., :3], screws[..., 3:]
         if frame != "spatial":
@@ -368,19 +371,18 @@ class JointSpace(ABC):
 
     @cached_property
     def _functions(self) -> Functions:
-        return functions(self.kernels, f"{self.kind}_basics", self._inputs(), self._sizes(), partial(self.made, "basics"))
+        return functions(self.kernels, f"{self.kind}_basics", self.inputs, self._sizes(), partial(self.made, "basics"))
 
     @cached_property
     def _slope_functions(self) -> Functions:
         """Made when they are first asked for: they are longer than all others together."""
         return functions(self.kernels, f"{self.kind}_slopes", SLOPES, dict.fromkeys(SLOPES, self.n), partial(self.made, "slopes"))
 
-    def _inputs(self) -> dict[str, tuple[str, ...]]:
-        return INPUTS
-
-    @abstractmethod
     def _sizes(self) -> dict[str, int]:
         """Of the outputs of all functions but slopes."""
+        n, joints = self.n, self.tree.freedoms
+        found = {"inverse": n, "loads": n, "position": self.kernels.n, "screws": 6 * joints, "mass": n * (n + 1) // 2}
+        return {f"joint_{name}": size for name, size in (found | {"momenta": 4 + 6 * joints}).items()}
 
     @abstractmethod
     def made(self, what: Made) -> dict[str, Program]:
@@ -406,10 +408,6 @@ class JointSpace(ABC):
     def _where(self) -> dict[int, tuple[Spatial, int]]:
         """{coordinate: (element, axis)} of what moves with a link."""
         return moving(self.kernels.programs.equations, self.tree)
-
-    @cached_property
-    def _paths(self) -> list[list[int]]:
-        return self.tree.paths
 
     def element(self, element: Spatial, q: np.ndarray) -> np.ndarray:
         index = self.kernels.index
@@ -455,8 +453,3 @@ class JointsOfTree(JointSpace):
 
     def made(self, what: Made) -> dict[str, Program]:
         return assemble_joint_space(self.kernels.programs.equations, self.followed, what)
-
-    def _sizes(self) -> dict[str, int]:
-        n = self.n
-        found = {"inverse": n, "loads": n, "position": self.kernels.n, "screws": 6 * n, "mass": n * (n + 1) // 2, "momenta": 4 + 6 * n}
-        return {f"joint_{name}": size for name, size in found.items()}
