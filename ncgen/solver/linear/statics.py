@@ -15,7 +15,12 @@ from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.position import solve_position
 from ncgen.solver.positions.rank import null_space, scaled_jacobian
 
-LIMIT = 200
+LIMIT, MORE = 200, 10
+"""Steps that are tried, and how many more for every degree of freedom: a long chain has far to fall."""
+
+SHORTER = 10
+"""How often a step is halved whose end cannot be brought back onto the constraints."""
+
 LONGEST_STEP = 0.2
 """Largest change of any coordinate in one step, relative to its natural size."""
 
@@ -65,20 +70,30 @@ def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Giv
     if len(kernels.holonomic) < kernels.m:
         raise ModelError(f"{kernels.name}: an equilibrium with rolling conditions is one of many; hold the position instead")
     q = assemble(kernels, q, t, p)
-    left = np.inf
-    for steps in range(LIMIT):
+    left, steps, limit = np.inf, 0, LIMIT
+    while steps < limit:
         basis, pull, stiffness, lam, left = _balance(kernels, q, t, p)
         values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
         step = _step(pull, stiffness, values, vectors, kind)
         if left <= ENOUGH or np.max(np.abs(basis @ step), initial=0.0) <= ENOUGH:
             return Equilibrium(q, lam, values, steps)
         step = basis @ step
-        step *= min(1.0, LONGEST_STEP / np.max(np.abs(step)))
-        q = solve_position(kernels, q + kernels.column_sizes * step, t, p).q
+        q = _moved(kernels, q, kernels.column_sizes * step * min(1.0, LONGEST_STEP / np.max(np.abs(step))), t, p)
+        steps, limit = steps + 1, LIMIT + MORE * len(values)
     raise ConvergenceError(
-        f"{kernels.name}: no equilibrium found in {LIMIT} steps, {left:.2g} of the forces is left over; start nearer to one, "
+        f"{kernels.name}: no equilibrium found in {steps} steps, {left:.2g} of the forces is left over; start nearer to one, "
         "or the forces have no balance"
     )
+
+
+def _moved(kernels: Kernels, q: np.ndarray, step: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
+    """The closed position a step (n,) away from q, or a part of it away. Raises ConvergenceError where even a small part does not close."""
+    for _ in range(SHORTER):
+        try:
+            return solve_position(kernels, q + step, t, p).q
+        except ConvergenceError:
+            step = step / 2
+    return solve_position(kernels, q + step, t, p).q
 
 
 def _balance(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
