@@ -22,7 +22,7 @@ from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.runs.run import InitialArguments, simulation_of
 from ncgen.solver.trajectories.trajectory import Trajectory
 
-TOLERANCES = (1e-5, 1e-6, 1e-8, 1e-10)
+TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-10)
 ABSOLUTE = 1e-2
 """Absolute tolerance as a share of the relative one."""
 
