@@ -121,7 +121,7 @@ class Others:
 @pytest.mark.parametrize("name", [name for name in example_names() if name not in SPECIAL])
 def test_every_datum_is_swept_without_compiling(name):
     """Lengths, directions, inertia, springs and gravity, each by a share of its own: accelerations at the closed start are those of a model
-    that was built with these numbers, to 1e-11 of the largest."""
+    that was built with these numbers, to 1e-12 of the largest."""
     model = ncgen.load(name)
     swept = ncgen.compile(with_data_as_parameters(model), backend="numpy")
     for share in (-0.01, 0.0, 0.01):
@@ -129,4 +129,4 @@ def test_every_datum_is_swept_without_compiling(name):
         built = ncgen.compile(with_data(model, others), backend="numpy")
         wanted, found = accelerations(built, None), accelerations(swept, others.p)
         assert swept.coordinates == built.coordinates
-        assert np.max(np.abs(found - wanted)) <= 1e-11 * max(1.0, np.max(np.abs(wanted))), share
+        assert np.max(np.abs(found - wanted)) <= 1e-12 * max(1.0, np.max(np.abs(wanted))), share
