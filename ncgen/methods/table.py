@@ -1,7 +1,8 @@
 """Every formalism and integrator: one entry each.
 
 The numbers in C, what goes with what, refusals, help texts and tables of the documentation come from here. What an entry computes
-stands elsewhere, under its name: explicit methods in `ncgen.methods.explicit`, the others in `ncgen.solver` and in the C runtime.
+stands elsewhere, under its name: explicit methods, entry and all, in `ncgen.methods.explicit`, the others in `ncgen.solver` and in the C
+runtime.
 """
 
 from __future__ import annotations
@@ -10,11 +11,11 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from importlib import import_module
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from ncgen.errors import ModelError
+from ncgen.methods.explicit import EXPLICIT, Published
 
 if TYPE_CHECKING:
     from ncgen.methods.tableau import Tableau
@@ -40,7 +41,7 @@ class Integrator:
     steps: formalisms whose constrained equations it discretises itself; is_ordinary: it also takes a state derivative
     keeps_history: its state cannot be corrected between steps, so it goes with coordinate partitioning alone
     in_c, in_lanes: it runs in the C runtime; also for many states at a time
-    tableau: of `ncgen.methods.explicit`, for explicit Runge-Kutta methods of the runtime
+    tableau: as it was published, for explicit Runge-Kutta methods of the runtime
     options: what may be set where it steps the constraints, with defaults
     """
 
@@ -56,13 +57,17 @@ class Integrator:
     keeps_history: bool = False
     in_c: bool = False
     in_lanes: bool = False
-    tableau: str = ""
+    tableau: Published | None = None
     options: dict[str, Any] = field(default_factory=dict, hash=False)
 
     @cached_property
     def coefficients(self) -> Tableau:
         """The Tableau of an explicit Runge-Kutta method; reading it checks it."""
-        return getattr(import_module("ncgen.methods.explicit"), self.tableau)
+        from ncgen.methods.tableau import Tableau
+
+        if self.tableau is None:
+            raise AttributeError(f"{self.name} is no explicit Runge-Kutta method")
+        return Tableau.of(self.tableau)
 
     @property
     def constant(self) -> str:
@@ -101,8 +106,9 @@ def _constant(name: str) -> str:
     return f"NCGEN_{name.upper().replace('-', '_')}"
 
 
-def _explicit(name: str, help: str, tableau: str, also: tuple[str, ...] = (), has_fixed_step: bool = False) -> Integrator:
-    return Integrator(name, help, also, has_fixed_step=has_fixed_step, in_c=True, in_lanes=True, tableau=tableau)
+def _explicit(name: str, tableau: Published) -> Integrator:
+    is_fixed = not tableau.errors and not tableau.ends
+    return Integrator(name, tableau.help, tableau.also, has_fixed_step=is_fixed, in_c=True, in_lanes=True, tableau=tableau)
 
 
 def _stepper(name: str, help: str, tangents: str, options: dict[str, Any] | None = None) -> Integrator:
@@ -114,9 +120,7 @@ def _stepper(name: str, help: str, tangents: str, options: dict[str, Any] | None
 INTEGRATORS = {
     entry.name: entry
     for entry in (
-        _explicit("dopri5", "Dormand-Prince 5(4), explicit, with error control", "DOPRI5", also=("rk45", "ode45")),
-        _explicit("rk4", "the classical Runge-Kutta method, fixed step", "RK4", has_fixed_step=True),
-        _explicit("dop853", "Dormand-Prince 8(5,3), explicit, with error control", "DOP853"),
+        *(_explicit(name, tableau) for name, tableau in EXPLICIT.items()),
         _stepper("rattle", "RATTLE, symplectic, order 2", tangents="sometimes"),
         _stepper("energy-momentum", "exact energy, order 2", tangents="sometimes", options={"project_velocities": False}),
         Integrator("radau", "Radau IIA of order 5, implicit, for stiff mechanisms", takes_jacobian=True, tangents="always", in_c=True),
@@ -125,7 +129,6 @@ INTEGRATORS = {
             tangents="always", in_c=True, steps=("ali3p",), options={"alpha": 1e7},
         ),
         _stepper("generalized-alpha", "generalised α, numerical damping, order 2", tangents="always", options={"rho": 0.8, "hht": None}),
-        _explicit("rk23", "Bogacki-Shampine 3(2), explicit, with error control", "RK23", also=("ode23",)),
         Integrator("adams", "Adams methods of variable order (VODE)", also=("ode113",)),
         Integrator("bdf", "backward differentiation of variable order, implicit (SciPy)", also=("ode15s",), takes_jacobian=True),
         Integrator("lsoda", "Adams or BDF as stiffness demands (SciPy)", takes_jacobian=True),

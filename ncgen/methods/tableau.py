@@ -17,6 +17,8 @@ from math import prod
 
 import numpy as np
 
+from ncgen.methods.explicit import Published
+
 Row = tuple[Fraction, ...]
 
 ROUNDING = 1e-11
@@ -52,6 +54,16 @@ class Tableau:
 
     def __post_init__(self) -> None:
         self._check()
+
+    @classmethod
+    def of(cls, published: Published) -> Tableau:
+        """What was published, read. Raises WrongTableau as above."""
+        a = rows(published.a)
+        errors = [(order, row(error)) for order, error in published.errors]
+        for order, end in published.ends:
+            errors.append((order, tuple(b - other for b, other in zip(a[published.stages - 1], row(end), strict=True))))
+        c, higher = row(published.c), rows(published.higher)
+        return cls(published.stages, published.order, c, a, tuple(errors), higher, published.dense_order)
 
     @property
     def width(self) -> int:

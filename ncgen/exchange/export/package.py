@@ -24,7 +24,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.written import motion_source
-from ncgen.methods.explicit import RK4
+from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
 from ncgen.program.algebra.quasidefinite import Elimination, plan
 from ncgen.program.ir.blocks import Program
@@ -148,7 +148,7 @@ class Package:
             "operations": operations,
             **self._costs(operations),
             "newton_steps": NEWTON_STEPS,
-            "stages": [(str(node), str(weight)) for node, weight in RK4.successive],
+            "stages": [(str(node), str(weight)) for node, weight in INTEGRATORS["rk4"].coefficients.successive],
             "numbers": 4 + 3 * self.kernels.n,
             "inputs": self.kernels.inputs,
             "outputs": list(self.kernels.model.outputs.values()),

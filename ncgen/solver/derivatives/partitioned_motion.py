@@ -18,7 +18,7 @@ from scipy.linalg import cho_factor, cho_solve
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.taped import Driven
-from ncgen.methods.explicit import RK4
+from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.formalisms.coordinate_partitioning import Start, dependent_position, motion_at
 from ncgen.solver.positions.partition import Kinematics, determined, kinematics, quality
 from ncgen.solver.runs.run import Initial
@@ -26,7 +26,7 @@ from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.start import begin
 from ncgen.solver.trajectories.trajectory import Trajectory
 
-NODES, WEIGHTS = (tuple(map(float, numbers)) for numbers in zip(*RK4.successive))
+NODES, WEIGHTS = (tuple(map(float, numbers)) for numbers in zip(*INTEGRATORS["rk4"].coefficients.successive))
 """The classical Runge-Kutta method: k_i = f(t + c_i h, y + c_i h k_{i−1}), y + h Σ w_i k_i."""
 
 TANGENTS = ("stiffness", "damping", "phidd_q", "phidd_qd", "phi_p", "phid_p", "phidd_p", "balance_p")
