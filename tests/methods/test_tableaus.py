@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import scipy.integrate
 
 from ncgen.emit.runtime import runtime_text
 from ncgen.errors import ModelError
+from ncgen.methods.explicit import Published
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, find_integrator, in_c, number_in_c, other_names, partners
 from ncgen.methods.tableau import Tableau, WrongTableau, trees
@@ -129,3 +132,14 @@ def test_what_scipy_takes_of_a_tableau_is_what_it_has(name, theirs):
         ours = getattr(made, member)[..., : wanted.shape[-1]]  # a last column of zeros may be missing
         np.testing.assert_allclose(ours, wanted, rtol=0, atol=1e-14, err_msg=member)
     np.testing.assert_allclose(made.E * np.sign(made.E[0] / theirs.E[0]), theirs.E, rtol=0, atol=1e-15)  # of which the size counts
+
+
+def test_the_method_that_the_page_adds():
+    """An entry as docs/contributing.md writes it: a step h of y' = -y ends at 1 - h + h²/2."""
+    page = (Path(__file__).parents[2] / "docs" / "contributing.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```python\n(    \"heun\": Published\(.*?)```", page, re.DOTALL)
+    (heun,) = map(Tableau.of, eval("{" + text + "}", {"Published": Published}).values())
+    slopes, h = [], Fraction(1, 8)
+    for row in ((), *heun.a):
+        slopes.append(-(1 + h * sum(weight * slope for weight, slope in zip(row, slopes, strict=True))))
+    assert -slopes[-1] == 1 - h + h**2 / 2
