@@ -173,8 +173,11 @@ def _rk4(derivative: Derivative, duration: float, y: np.ndarray) -> tuple[np.nda
 def hand_written(kernels: Kernels) -> tuple[Derivative, np.ndarray, list[str]] | None:
     """(derivative, y0, names of the positions in y) of the hand-written code."""
     module = handwritten(kernels)
-    if module is None:
-        return None
+    return None if module is None else _from_rest(module, kernels)
+
+
+def _from_rest(module: Any, kernels: Kernels) -> tuple[Derivative, np.ndarray, list[str]]:
+    """As `hand_written`; each begins with a guess of its own, which its derivative improves."""
     guess = kernels.q0.copy()
     y0 = np.concatenate([np.zeros(len(module.INDEPENDENT)), guess[module.INDEPENDENT]])
     return lambda t, y: module.derivative(t, y, guess), y0, [kernels.coordinates[i] for i in module.INDEPENDENT]
@@ -183,10 +186,10 @@ def hand_written(kernels: Kernels) -> tuple[Derivative, np.ndarray, list[str]] |
 def _student(kernels: Kernels, duration: float, reference: Mapping[str, float]) -> Iterator[dict]:
     """The hand-written derivative with SciPy's RK45 and with Runge and Kutta's own steps, and the paper's own times."""
     module = handwritten(kernels)
+    if module is None:
+        return
     for tool, setting, integrate in (("SciPy RK45", "rtol 1e-06", _scipy), ("RK4", f"{STUDENT_STEPS} steps", _rk4)):
-        if module is None or (written := hand_written(kernels)) is None:
-            return
-        derivative, y0, names = written
+        derivative, y0, names = _from_rest(module, kernels)
         start = time.perf_counter()
         y, evaluations = integrate(derivative, duration, y0)
         seconds = time.perf_counter() - start

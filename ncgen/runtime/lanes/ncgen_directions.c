@@ -182,17 +182,25 @@ static void turn_to(sweep *s, int n_parameters, long first, const double *seeds)
         s->brief[s->n + i] = s->seed[size + i];
 }
 
-void ncgen_starts_along(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int method, const double *p,
-                        int of_velocities, double t, const double *state, long count, const double *seeds, double *changes,
-                        double *workspace)
+/* A sweep over `count` directions of a motion with parameters p, in memory of ncgen_directions_workspace. */
+static sweep begun(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int method, const double *p, long count,
+                   double *workspace)
 {
-    const int size = 2 * n_coordinates;
-    sweep s;
+    sweep s = {0};
     ncgen_space space = {(ncgen_real *)workspace, 0};
     lay_out(&s, n_coordinates, n_parameters + n_prepared, method, &space);
     s.motion = motion;
     s.count = count;
     spread(s.n_p, p, s.p);
+    return s;
+}
+
+void ncgen_starts_along(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int method, const double *p,
+                        int of_velocities, double t, const double *state, long count, const double *seeds, double *changes,
+                        double *workspace)
+{
+    const int size = 2 * n_coordinates;
+    sweep s = begun(motion, n_coordinates, n_parameters, n_prepared, method, p, count, workspace);
     spread(size, state, s.at);
     for (long first = 0; first < count; first += NCGEN_LANES) {
         turn_to(&s, n_parameters, first, seeds);
@@ -211,16 +219,10 @@ void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, i
                       double *changes, double *taped, double *workspace)
 {
     const int size = 2 * n_coordinates;
-    sweep s;
-    ncgen_space space = {(ncgen_real *)workspace, 0};
-    lay_out(&s, n_coordinates, n_parameters + n_prepared, method, &space);
-    s.motion = motion;
+    sweep s = begun(motion, n_coordinates, n_parameters, n_prepared, method, p, count, workspace);
     s.is_driven = is_driven;
-    s.count = count;
-    s.taped = NULL;
     s.n_w = n_inputs;
     s.w = s.p + n_parameters - n_inputs;
-    spread(s.n_p, p, s.p);
     for (long first = 0; first < count; first += NCGEN_LANES) {
         turn_to(&s, n_parameters, first, seeds);
         write_rows(size, count, first, s.state, changes);

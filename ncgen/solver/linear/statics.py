@@ -70,20 +70,21 @@ def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Giv
     if len(kernels.holonomic) < kernels.m:
         raise ModelError(f"{kernels.name}: an equilibrium with rolling conditions is one of many; hold the position instead")
     q = assemble(kernels, q, t, p)
-    left, steps, limit = np.inf, 0, LIMIT
-    while steps < limit:
+    steps = 0
+    while True:
         basis, pull, stiffness, lam, left = _balance(kernels, q, t, p)
         values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
         step = _step(pull, stiffness, values, vectors, kind)
         if left <= ENOUGH or np.max(np.abs(basis @ step), initial=0.0) <= ENOUGH:
             return Equilibrium(q, lam, values, steps)
+        if steps == LIMIT + MORE * len(values):
+            raise ConvergenceError(
+                f"{kernels.name}: no equilibrium found in {steps} steps, {left:.2g} of the forces is left over; start nearer to one, "
+                "or the forces have no balance"
+            )
         step = basis @ step
         q = _moved(kernels, q, kernels.column_sizes * step * min(1.0, LONGEST_STEP / np.max(np.abs(step))), t, p)
-        steps, limit = steps + 1, LIMIT + MORE * len(values)
-    raise ConvergenceError(
-        f"{kernels.name}: no equilibrium found in {steps} steps, {left:.2g} of the forces is left over; start nearer to one, "
-        "or the forces have no balance"
-    )
+        steps += 1
 
 
 def _moved(kernels: Kernels, q: np.ndarray, step: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
