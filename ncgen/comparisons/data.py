@@ -79,15 +79,18 @@ def with_data_as_parameters(model: Model, size_alone: bool = False) -> Model:
     Raises ModelError where they cannot be parameters.
     """
     copy = _copied(model)
-    put = _Sized(copy).put if size_alone else _Equal(copy).put
-    return _told(copy, [_with_data(copy, fact, put, directions=not size_alone) for fact in copy.facts])
+    return _with_each(copy, _Equal(copy).put, size_alone)
 
 
-def with_data(model: Model, put: Put) -> Model:
+def with_data(model: Model, put: Put, size_alone: bool = False) -> Model:
     """A copy with other numbers for the same data, which are asked for in the order of the parameters. Raises ModelError where there is no
     such mechanism."""
-    copy = _copied(model)
-    return _told(copy, [_with_data(copy, fact, put, directions=True) for fact in copy.facts])
+    return _with_each(_copied(model), put, size_alone)
+
+
+def _with_each(copy: Model, put: Put, size_alone: bool) -> Model:
+    chosen = partial(_sized, put) if size_alone else put
+    return _told(copy, [_with_data(copy, fact, chosen, directions=not size_alone) for fact in copy.facts])
 
 
 def with_other_numbers(model: Model, inertia_alone: bool = False) -> Model:
@@ -125,11 +128,9 @@ class _Equal:
         return self.known[kind, size] if number > 0 else -self.known[kind, size]
 
 
-class _Sized(_Equal):
+def _sized(put: Put, kind: str, number: float) -> Value:
     """The same, but for lengths, which are all as large as the size says."""
-
-    def put(self, kind: str, number: float) -> Value:
-        return number * super().put(kind, 1.0) if kind == "length" else super().put(kind, number)
+    return number * put(kind, 1.0) if kind == "length" else put(kind, number)
 
 
 def _aside(kind: str, number: float) -> float:

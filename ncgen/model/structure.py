@@ -203,7 +203,8 @@ class Structure(Coordinates):
     def directions_across(self, body: Body, axis: Combination) -> tuple[Combination, Combination]:
         """Two directions of a body that are perpendicular to an axis and to each other in the initial position.
 
-        Written as combinations of the body's base where it has three directions, otherwise as new vectors.
+        Written as combinations of the body's base where it has three directions that are numbers, otherwise as vectors of the body: those
+        that it has, or new ones.
         """
         e = arithmetic.unit(axis.initial)
         helper = np.eye(3)[np.argmin(np.abs(e))]
@@ -224,7 +225,8 @@ class Structure(Coordinates):
         if body.frame.planar and abs(numbers[2]) < 1e-12:
             return as_combination(self.attach_vector_in_plane(body, direction, wish))
         if len(body.frame.directions) < 3 or body.frame.is_parametric or not all(map(is_number, direction)):
-            return as_combination(self.attach_vector(body, self.free_name(f"{body.name}.{wish}"), direction))
+            same = next((v for v in body.vectors if v.given == tuple(direction)), None)
+            return as_combination(same or self.attach_vector(body, self.free_name(f"{body.name}.{wish}"), direction))
         weights = arithmetic.weights(body.frame.matrix().T, numbers)
         parts = [other * weight for weight, other in zip(weights, body.frame.directions, strict=True) if abs(weight) > 1e-14]
         return sum(parts[1:], parts[0])

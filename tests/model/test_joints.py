@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy
 
 import ncgen
 
@@ -99,6 +100,18 @@ def test_rigid_joint_welds():
     second = m.body("second", [C, D], [m.vector("v2", frame[1]), m.vector("w2", frame[2])])
     m.rigid(first, second)
     assert ncgen.freedom(ncgen.compile(m, backend="numpy")).dof == 6
+
+
+def test_directions_across_an_axis_of_parameters_exist_once():
+    """A screw needs two directions of its body across the axis for the line that it slides on, and takes one of these for its angle."""
+    m = ncgen.Model("screw")
+    a = m.parameter("a", 0.3).symbol
+    along = (sympy.cos(a), sympy.sin(a), 0)
+    u, A, B, C = m.vector("u", along), m.point("A", (0, 0, 0)), m.point("B", (0.1, 0.2, 1)), m.point("C", along)
+    nut = m.body("nut", [A, B], [u], mass=1.0, inertia=(0.1, 0.1, 0.1))
+    bolt = m.body("bolt", [C, m.point("D", (0.5, 1, 0.4))], [u], mass=1.0, inertia=(0.1, 0.1, 0.1))
+    m.screw(nut, bolt, A, C, u, 0.02, "screw")
+    assert [v.name for v in nut.vectors] == ["u", "nut.across1", "nut.across2"]
 
 
 def test_screw_advances_by_its_pitch():
