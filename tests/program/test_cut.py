@@ -41,5 +41,23 @@ def test_same_numbers_in_short_blocks(monkeypatch, longest, seed):
     assert {store.index for block in parts.blocks for store in block.stores if store.array == KEPT} == set(range(parts.temporaries[KEPT]))
 
 
+def test_what_lies_in_the_output_is_kept_nowhere_else(monkeypatch):
+    """A chain whose every link is an output: later blocks read where the last one was written."""
+    monkeypatch.setattr(cutting, "LONGEST", 10)
+    graph = Graph()
+    nodes = [graph.load("q", 0)]
+    for k in range(40):
+        nodes.append((graph.mul if k % 2 else graph.add)(nodes[-1], graph.load("q", 1 + k % 3)))
+    stores = tuple(Store("out", k, node) for k, node in enumerate(nodes[1:]))
+    parts = cut(Program("out", ("q",), "out", 40, (finish(Straight(tuple(graph.ops), stores)),)))
+    verify(parts, {"q": 4})
+    assert len(parts.blocks) > 1
+    assert not any(store.array == KEPT for block in parts.blocks for store in block.stores)
+    q, links = [0.5, 0.25, 1.5, -2.0], [0.5]
+    for k in range(40):
+        links.append(links[-1] * q[1 + k % 3] if k % 2 else links[-1] + q[1 + k % 3])
+    assert evaluate(parts, {"q": q}) == links[1:]
+
+
 def test_what_is_short_stays_whole():
     assert cut(program(0)).blocks == program(0).blocks

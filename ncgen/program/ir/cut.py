@@ -1,7 +1,8 @@
 """Long straight lines cut into blocks of bounded size, which languages may print as functions of their own.
 
 Compilers take more than twice as long for a function of twice the length: they look for registers for all values at once. What one
-block computes and a later one reads goes through the array `kept`, whose places are used again when nobody reads them any more.
+block computes and a later one reads is read from the output where it is written there, and goes through the array `kept` otherwise,
+whose places are used again when nobody reads them any more.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ def cut(program: Program) -> Program:
     if not isinstance(block, Straight) or len(block.ops) <= LONGEST:
         return program
     part = _parts(block)
-    places, size = _places(block, part)
+    written = {store.node: Input(store.array, store.index) for store in block.stores if not store.accumulate}
+    places, size = _places(block, part, written)
     blocks = tuple(_block(block, part, places, number) for number in range(part[-1] + 1))
-    return replace(program, blocks=blocks, temporaries={**program.temporaries, KEPT: size})
+    return replace(program, blocks=blocks, temporaries={**program.temporaries, KEPT: max(size, 1)})  # C has no empty arrays
 
 
 def _parts(block: Straight) -> list[int]:
@@ -34,30 +36,30 @@ def _parts(block: Straight) -> list[int]:
     return [k * count // len(block.ops) for k in range(len(block.ops))]
 
 
-def _places(block: Straight, part: list[int]) -> tuple[dict[int, int], int]:
-    """{operation: its place in `kept`} of what later blocks read, and how many places there are."""
+def _places(block: Straight, part: list[int], written: dict[int, Input]) -> tuple[dict[int, Input], int]:
+    """{operation: where it lies} of what later blocks read, and how many places `kept` has; written: what lies in the output."""
     last: dict[int, int] = {}
     for node, op in enumerate(block.ops):
         for a in op.args:
             if block.ops[a].args and part[a] < part[node]:
                 last[a] = max(last.get(a, 0), part[node])
-    places: dict[int, int] = {}
+    places = {node: written[node] for node in last if node in written}
     free: list[int] = []
     ending: list[list[int]] = [[] for _ in range(part[-1] + 1)]
     size = begun = 0
-    for node in sorted(last):
+    for node in sorted(last.keys() - places.keys()):
         for ended in range(begun, part[node]):  # their places may be written from the next block on
             free += ending[ended]
         begun = max(begun, part[node])
         if not free:
             free.append(size)
             size += 1
-        places[node] = free.pop()
-        ending[last[node]].append(places[node])
+        places[node] = Input(KEPT, free[-1])
+        ending[last[node]].append(free.pop())
     return places, size
 
 
-def _block(block: Straight, part: list[int], places: dict[int, int], number: int) -> Straight:
+def _block(block: Straight, part: list[int], places: dict[int, Input], number: int) -> Straight:
     """One of the blocks: its own operations, with loads of what they read from others; leaves are read anew in every block."""
     ops: list[Op] = []
     new: dict[int, int] = {}
@@ -68,7 +70,7 @@ def _block(block: Straight, part: list[int], places: dict[int, int], number: int
         if node not in new:
             op = block.ops[node]
             is_read = bool(op.args) and part[node] < number
-            op = Op("load", (), Input(KEPT, places[node])) if is_read else op.renumbered(new)
+            op = Op("load", (), places[node]) if is_read else op.renumbered(new)
             new[node] = len(ops)
             if node in block.names:
                 names[len(ops)] = block.names[node]
@@ -83,6 +85,6 @@ def _block(block: Straight, part: list[int], places: dict[int, int], number: int
         for a in block.ops[node].args:
             take(a)
         take(node)
-        written += [Store(KEPT, places[node], new[node])] if node in places else []
+        written += [Store(KEPT, places[node].position, new[node])] if node in places and places[node].array == KEPT else []
         written += [replace(store, node=new[node]) for store in wanted.get(node, ())]
     return replace(block, ops=tuple(ops), stores=tuple(written), names=names)
