@@ -122,6 +122,7 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
     {
         ncgen_block r = {.model = model, .dynamics = dynamics, .options = options};
         ncgen_block_lay_out(&r, own_workspace(model, dynamics, workspace));
+        r.wanted = out_qd ? 0 : r.n;
         const int in_place = out_q == q && r.together >= 0, changed = in_place ? r.together : 0;
         const int changed_end = in_place ? changed + dynamics->n_dependent : r.n;
 #ifdef _OPENMP

@@ -40,6 +40,7 @@ void ncgen_block_lay_out(ncgen_block *r, ncgen_real *workspace)
     r->together = r->dynamics->closes && r->dynamics->n_dependent ? r->dynamics->dependent[0] : -1;
     for (int i = 0; i < r->dynamics->n_dependent && r->together >= 0; ++i)
         r->together = r->dynamics->dependent[i] == r->dynamics->dependent[0] + i ? r->together : -1;
+    r->wanted = 0;
     r->p = take(&workspace, r->model->n_parameters);
     r->q = take(&workspace, r->n);
     r->out = take(&workspace, r->n + r->nz + 2);
@@ -184,7 +185,7 @@ ncgen_mask ncgen_block_accelerate(ncgen_block *r, ncgen_real t, const ncgen_real
     if (!ncgen_any(closed) || r->dynamics->acceleration(t, r->q, zd, r->p, r->out) != NCGEN_OK)
         return closed & 0;
     const ncgen_mask regular = closed & (r->out[r->n + r->nz + 1] < broken_down);
-    const ncgen_mask finite = sensible(r->n + r->nz + 1, r->out);
+    const ncgen_mask finite = sensible(r->n + r->nz + 1 - r->wanted, r->out + r->wanted);
     r->singular |= closed & ~regular;
     r->senseless |= regular & ~finite;
     return regular & finite;

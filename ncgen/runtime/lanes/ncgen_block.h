@@ -52,6 +52,7 @@ typedef struct ncgen_block {
     int given, given_end;    /* the coordinates from which positions are closed: the independent ones and those between, or all */
     int together;            /* the first of the dependent coordinates if they follow one another and are found in closed form, else -1 */
     ncgen_common *shared;
+    int wanted;              /* where the numbers of `out` begin that somebody reads: at the velocities, or after them */
     int listens;             /* 1: in the thread that asks the watch */
     ncgen_mask running;
     ncgen_mask senseless;    /* lanes in which the last evaluation met what is not a number */
