@@ -1,7 +1,8 @@
 """Common factors of sums, taken out: a x + a z becomes a (x + z), which is a multiplication less.
 
-What is computed for others as well stays: factors are looked for in products that only their sum reads, and the sum keeps the order of its
-terms. The factor of most terms goes first, then those of what is left inside and outside.
+A factor goes where it saves one: among its products at least one is read by this sum alone. Products that several sums read come
+along where they do so in all of them. The factor of most terms goes first, then those of what is left inside and outside. What is added
+keeps its order.
 
 Rounding: the products of a sum are wrong by roundings of their own size already, so it does not matter which of them are added first. Those
 with a power of two are not; that is taken out of a whole sum alone, which has the same bits then. Differences of anything but products stay
@@ -12,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias, TypeVar
 
@@ -25,24 +26,23 @@ B = TypeVar("B", bound=Block)
 LARGEST = 100
 """Terms of a sum, or factors of a product, that are looked at together: longer ones are taken in parts."""
 
-SUMS = ("add", "sub", "neg")
-
 Product: TypeAlias = "int | tuple[Product, Product]"
 """A node, or the product of two."""
 
 
 class Term(NamedTuple):
-    """A product with a sign, not written yet."""
+    """A product with a sign, not written yet; shared: the operation that it is, if several sums read it."""
 
     is_negative: bool
     product: Product
+    shared: int | None = None
 
     @property
     def size(self) -> int:
         return 1
 
     def negated(self) -> Term:
-        return Term(not self.is_negative, self.product)
+        return self._replace(is_negative=not self.is_negative)
 
 
 class Sum(NamedTuple):
@@ -61,7 +61,7 @@ Form: TypeAlias = Term | Sum
 
 def factored(block: B) -> B:
     """The block with common factors taken out of its sums, as long as that leaves fewer operations."""
-    while _operations(made := dead_code(_Factoring(block).made())) < _operations(block):
+    while _operations(made := _once(block)) < _operations(block):
         block = made
     return block
 
@@ -70,20 +70,42 @@ def _operations(block: Block) -> int:
     return sum(bool(op.args) for op in block.ops)
 
 
-class _Factoring:
-    """A graph that grows by a block's operations; sums and products that one of them alone reads are held until it is written."""
+def _once(block: B) -> B:
+    """Every sum looked at once, without the shared products that would stay."""
+    shared = _shared(block)
+    while True:
+        work = _Factoring(block, shared)
+        made = work.made()
+        if not work.stayed:
+            return dead_code(made)
+        shared -= work.stayed
 
-    def __init__(self, block: B) -> None:
+
+def _shared(block: Block) -> set[int]:
+    """Products that are read by several, all of which are sums."""
+    others = {s.node for s in block.stores} | {a for op in block.ops if op.code not in ("add", "sub") for a in op.args}
+    return {k for k, n in uses(block).items() if n > 1 and block.ops[k].code == "mul" and k not in others}
+
+
+class _Factoring:
+    """A graph that grows by a block's operations; sums and products that are read by one of them are held until it is written.
+
+    stayed: shared products that had to be written
+    """
+
+    def __init__(self, block: Block, shared: Collection[int]) -> None:
         self.block, self.graph = block, Graph()
-        self._count = uses(block)
+        self.stayed: set[int] = set()
+        self._shared, self._count = shared, uses(block)
         self._reader = {a: op.code for op in block.ops for a in op.args}
 
-    def made(self) -> B:
+    def made(self) -> Block:
+        """The block on the grown graph."""
         forms: list[Form] = []
         for number, op in enumerate(self.block.ops):
             forms.append(self._held(number, self._form(op, [forms[a] for a in op.args])))
         stores = tuple([replace(s, node=self._written(forms[s.node])) for s in self.block.stores])
-        names = {product: self.block.names[k] for k, (_, product, *_) in enumerate(forms) if k in self.block.names and isinstance(product, int)}
+        names = {self._node(forms[k].product): name for k, name in self.block.names.items() if not self.block.ops[k].args}
         return replace(self.block, ops=tuple(self.graph.ops), stores=stores, names=names)
 
     def _form(self, op: Op, arguments: list[Form]) -> Form:
@@ -94,9 +116,9 @@ class _Factoring:
         if op.code == "neg":
             return arguments[0].negated()
         if op.code == "mul":
-            (minus, a), (also, b) = map(self._term, arguments)
+            (minus, a, _), (also, b, _) = map(self._term, arguments)
             return Term(minus != also, (a, b))
-        return Term(False, self._leaf(op) if not op.args else self.graph.apply(op, tuple(map(self._written, arguments))))
+        return Term(False, self.graph.apply(op, tuple(map(self._written, arguments))) if op.args else self._leaf(op))
 
     def _leaf(self, op: Op) -> int:
         if op.code == "const":
@@ -106,11 +128,14 @@ class _Factoring:
     def _held(self, number: int, form: Form) -> Form:
         """What stays unwritten of it: all in a sum, its factors in a product, nothing where several or others read it."""
         reader = self._reader.get(number) if self._count[number] == 1 else None
-        if reader in SUMS and form.size <= LARGEST:
+        if reader in ("add", "sub", "neg") and form.size <= LARGEST:
             return form
         term = self._term(form)
-        if reader in (*SUMS, "mul") and len(list(_factors(term.product))) <= LARGEST:
-            return term
+        if len(list(_factors(term.product))) <= LARGEST:
+            if reader in ("add", "sub", "neg", "mul"):
+                return term
+            if number in self._shared:
+                return term._replace(shared=number)
         return Term(term.is_negative, self._node(term.product))
 
     # -- sums ----------------------------------------------------------------------------------
@@ -123,9 +148,14 @@ class _Factoring:
         return self._added(form) if isinstance(form, Sum) else form
 
     def _common(self, form: Sum) -> int | None:
-        """The factor of most products in a sum, the first of them; None if all have different ones."""
-        count = Counter(factor for term in _terms(form) for factor in dict.fromkeys(_factors(term.product)) if _has(term, factor))
-        found = {factor: n for factor, n in count.items() if n > 1 and (n == form.size or not self._is_exact(factor))}
+        """The factor of most products in a sum, the first of them; None where none saves anything."""
+        count, own = Counter[int](), set[int]()
+        for term in _terms(form):
+            if not isinstance(term.product, int):
+                factors = dict.fromkeys(_factors(term.product))
+                count.update(list(factors))
+                own.update(factors if term.shared is None else ())
+        found = {f: n for f, n in count.items() if n > 1 and f in own and (n == form.size or not self._is_exact(f))}
         return max(found, key=found.__getitem__, default=None)
 
     def _is_exact(self, node: int) -> bool:
@@ -136,13 +166,18 @@ class _Factoring:
     def _added(self, form: Form) -> Term:
         """A sum, written: the first sign of several is that of the term."""
         if isinstance(form, Term):
-            return Term(form.is_negative, self._node(form.product))
-        (minus, a), (also, b) = self._added(form.left), self._added(form.right)
+            return Term(form.is_negative, self._whole(form))
+        (minus, a, _), (also, b, _) = self._added(form.left), self._added(form.right)
         if minus == also:
             return Term(minus, self.graph.add(a, b))
         return Term(False, self.graph.sub(b, a) if minus else self.graph.sub(a, b))
 
     # -- writing -------------------------------------------------------------------------------
+
+    def _whole(self, term: Term) -> int:
+        if term.shared is not None:
+            self.stayed.add(term.shared)
+        return self._node(term.product)
 
     def _node(self, product: Product) -> int:
         return product if isinstance(product, int) else self.graph.mul(*map(self._node, product))
@@ -189,18 +224,9 @@ def _over(product: Product, factor: int) -> Product | None:
 def _inside(form: Form, factor: int) -> Form | None:
     """What of a sum is multiplied by the factor, in the same order."""
     if isinstance(form, Term):
-        if not _has(form, factor):
-            return None
-        rest = _over(form.product, factor)
-        assert rest is not None
-        return Term(form.is_negative, rest)
+        rest = _over(form.product, factor) if _has(form, factor) else None
+        return None if rest is None else Term(form.is_negative, rest)
     return _joined(_inside(form.left, factor), _inside(form.right, factor))
-
-
-def _joined(left: Form | None, right: Form | None) -> Form | None:
-    if left is None or right is None:
-        return right if left is None else left
-    return Sum(left, right, left.size + right.size)
 
 
 def _outside(form: Form, factor: int, waiting: list[Term]) -> Form | None:
@@ -209,3 +235,10 @@ def _outside(form: Form, factor: int, waiting: list[Term]) -> Form | None:
         return form if not _has(form, factor) else waiting.pop() if waiting else None
     right = _outside(form.right, factor, waiting)
     return _joined(_outside(form.left, factor, waiting), right)
+
+
+def _joined(left: Form | None, right: Form | None) -> Form | None:
+    """What is left of a sum whose sides may have gone."""
+    if left is None or right is None:
+        return right if left is None else left
+    return Sum(left, right, left.size + right.size)

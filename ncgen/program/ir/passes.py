@@ -85,7 +85,9 @@ def dead_code(block: B) -> B:
 
 def finish(block: B) -> B:
     """The block as it is emitted: without what no store needs, in the order in which the stores need the rest."""
-    return schedule(_plain_differences(dead_code(block)))
+    from ncgen.program.ir.factoring import factored
+
+    return schedule(_plain_differences(factored(dead_code(block))))
 
 
 def _plain_differences(block: B) -> B:
