@@ -12,10 +12,10 @@ from ncgen.model.values import Value, as_sympy, is_number
 from ncgen.program.algebra.elimination import Matrix
 from ncgen.program.assemble import Kernel, load_name, parts_of, place_of, told_of
 from ncgen.program.binding import Bound, Derived, Reference, bind
-from ncgen.program.ir import passes
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Program, Store, Straight
 from ncgen.program.ir.cut import cut
+from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lower_value
 from ncgen.symbolic.inertia import Exact
@@ -89,5 +89,5 @@ def line(graph: Graph, name: str, inputs: tuple[str, ...], outputs: Sequence[int
     """A program in one straight line that writes nodes of a graph one after the other."""
     names = {k: load_name(*op.input, equations) for k, op in enumerate(graph.ops) if op.code == "load"}
     stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
-    block = passes.finish(Straight(tuple(graph.ops), stores, names))
+    block = finish(Straight(tuple(graph.ops), stores, names))
     return cut(share_angles(Program(name, inputs, name, len(outputs), (block,))))

@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ncgen.program.differentiation.differentiated import reads, written_out
-from ncgen.program.differentiation.identities import is_known, simplified
+from ncgen.program.differentiation.identities import simplified
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.graph import Graph
+from ncgen.program.ir.multiples import is_known, spread
 from ncgen.program.lines import line
 from ncgen.symbolic.numbering import Terms
 
@@ -26,7 +27,8 @@ def take_out(programs: Sequence[Program], equations: Terms) -> tuple[Program | N
     defaults = [p.default for p in equations.parameters if p.name not in inputs]  # inputs are the last numbers of p
     if not _frontier(graph, len(defaults), outputs):
         return None, list(programs)
-    graph, outputs = simplified(graph, outputs, defaults)
+    graph, new = spread(graph.ops, [node for nodes in outputs for node in nodes], len(defaults))
+    graph, outputs = simplified(graph, [[new[node] for node in nodes] for nodes in outputs], defaults)
     frontier = _frontier(graph, len(defaults), outputs)
     made = []
     place = {node: len(equations.parameters) + k for k, node in enumerate(frontier)}
