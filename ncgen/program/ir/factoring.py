@@ -101,14 +101,19 @@ class _Factoring:
     # -- sums ----------------------------------------------------------------------------------
 
     def _term(self, form: Form) -> Term:
-        """A sum as one term, its common factors outside: what they multiply is added last, since it is needed last."""
+        """A sum as one term, its common factors outside."""
         while isinstance(form, Sum) and (factor := self._common(form)) is not None:
-            within, rest = inside(form, factor), outside(form, factor)
-            assert within is not None
-            inner = self._term(within)
-            taken = Term(inner.is_negative, (factor, inner.product))
-            form = taken if rest is None else added(rest, taken)
+            form = self._without(form, factor)
         return form if isinstance(form, Term) else Term(*self._added(form))
+
+    def _without(self, form: Sum, factor: int) -> Form:
+        """A sum whose terms with a factor are one, the factor times what was inside."""
+        within = inside(form, factor)
+        assert within is not None, "a common factor has something inside"
+        inner = self._term(within)
+        changed = outside(form, factor, [Term(inner.is_negative, (factor, inner.product))])
+        assert changed is not None, "that is one of its terms"
+        return changed
 
     def _common(self, form: Sum) -> int | None:
         """The factor of most products in a sum, the first of them; None where none saves anything."""

@@ -75,11 +75,12 @@ def inside(form: Form, factor: int) -> Form | None:
     return _joined(inside(form.left, factor), inside(form.right, factor))
 
 
-def outside(form: Form, factor: int) -> Form | None:
-    """What of a sum is not; None if all is."""
+def outside(form: Form, factor: int, waiting: list[Term]) -> Form | None:
+    """A sum with the waiting term for those that have the factor, in the place of the last of them: nothing is added later than it was."""
     if isinstance(form, Term):
-        return None if form.has(factor) else form
-    return _joined(outside(form.left, factor), outside(form.right, factor))
+        return form if not form.has(factor) else waiting.pop() if waiting else None
+    right = outside(form.right, factor, waiting)
+    return _joined(outside(form.left, factor, waiting), right)
 
 
 def _over(product: Product, factor: int) -> Product | None:
