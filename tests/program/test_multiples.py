@@ -39,9 +39,10 @@ CASES = {
         ],
         "5 mul 2 sub",
     ),
-    "3 (5 a - 7 b), of which 5 a is stored, and 3 (5 x - 7 z)": (
+    "3 (5 a - 7 b), of which 5 a and 7 b are stored, and 3 (5 x - 7 z)": (
         lambda g, a, b, x, z: [
             times(g, 5.0, a),
+            times(g, 7.0, b),
             times(g, 3.0, g.sub(times(g, 5.0, a), times(g, 7.0, b))),
             times(g, 3.0, g.sub(times(g, 5.0, x), times(g, 7.0, z))),
         ],
