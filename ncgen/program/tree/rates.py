@@ -33,7 +33,7 @@ FAR = 16 * np.finfo(float).eps
 """The same for every mechanism's length between it and the origin: so badly do its positions close there."""
 
 SAME = 1e-10
-"""Entries of a row whose ratio differs from 1 or −1 by less than this in every sample have that ratio always."""
+"""A ratio of entries that differs by less than this, over its size, from what it is to be in every sample is that always."""
 
 WELL = 1e-9
 """The least singular value of the rows of the rates, over the largest."""
