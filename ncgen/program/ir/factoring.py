@@ -11,7 +11,6 @@ as they are.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TypeVar
@@ -91,7 +90,7 @@ class _Factoring:
         if reader in ("add", "sub", "neg") and form.size <= LARGEST:
             return form
         term = self._term(form)
-        if len(list(factors(term.product))) <= LARGEST:
+        if len(factors(term.product)) <= LARGEST:
             if reader in ("add", "sub", "neg", "mul"):
                 return term
             if number in self._shared:
@@ -117,12 +116,15 @@ class _Factoring:
 
     def _common(self, form: Sum) -> int | None:
         """The factor of most products in a sum, the first of them; None where none saves anything."""
-        count, own = Counter[int](), set[int]()
-        for term in terms(form):
-            if not isinstance(term.product, int):
-                found = dict.fromkeys(factors(term.product))
-                count.update(list(found))
-                own.update(found if term.shared is None else ())
+        products = [term for term in terms(form) if not isinstance(term.product, int)]
+        if len(products) < 2:
+            return None
+        count, own = dict[int, int](), set[int]()
+        for term in products:
+            for factor in dict.fromkeys(factors(term.product)):
+                count[factor] = count.get(factor, 0) + 1
+                if term.shared is None:
+                    own.add(factor)
         common = {f: n for f, n in count.items() if n > 1 and f in own and (n == form.size or not is_exact(self.graph.ops[f]))}
         return max(common, key=common.__getitem__, default=None)
 

@@ -5,7 +5,6 @@ Products are binary, as they were written, and so are sums: what is taken out le
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple, TypeAlias
 
 Product: TypeAlias = "int | tuple[Product, Product]"
@@ -49,22 +48,30 @@ def added(left: Form, right: Form) -> Sum:
     return Sum(left, right, left.size + right.size)
 
 
-def terms(form: Form) -> Iterator[Term]:
+def terms(form: Form) -> list[Term]:
     """From left to right."""
-    if isinstance(form, Term):
-        yield form
-    else:
-        yield from terms(form.left)
-        yield from terms(form.right)
+    found: list[Term] = []
+    waiting = [form]
+    while waiting:
+        form = waiting.pop()
+        if isinstance(form, Term):
+            found.append(form)
+        else:
+            waiting += (form.right, form.left)
+    return found
 
 
-def factors(product: Product) -> Iterator[int]:
+def factors(product: Product) -> list[int]:
     """From left to right; a square has one twice."""
-    if isinstance(product, int):
-        yield product
-    else:
-        yield from factors(product[0])
-        yield from factors(product[1])
+    found: list[int] = []
+    waiting = [product]
+    while waiting:
+        product = waiting.pop()
+        if isinstance(product, int):
+            found.append(product)
+        else:
+            waiting += product[::-1]
+    return found
 
 
 def inside(form: Form, factor: int) -> Form | None:
