@@ -17,7 +17,7 @@ from typing import TypeVar
 
 from ncgen.program.ir.blocks import Block
 from ncgen.program.ir.graph import Graph, Op
-from ncgen.program.ir.multiples import is_exact
+from ncgen.program.ir.multiples import is_exact, is_known
 from ncgen.program.ir.passes import dead_code, operations, uses
 from ncgen.program.ir.sums import Form, Product, Sum, Term, added, factors, inside, outside, terms
 
@@ -27,18 +27,21 @@ LARGEST = 100
 """Terms of a sum, or factors of a product, that are looked at together: longer ones are taken in parts."""
 
 
-def factored(block: B) -> B:
-    """The block with common factors taken out of its sums, as long as that leaves fewer operations."""
-    while operations(made := _once(block)) < operations(block):
+def factored(block: B, parameters: int = 0) -> B:
+    """The block with common factors taken out of its sums, as long as that leaves fewer operations.
+
+    parameters: how many numbers of p are known; what depends on them alone is computed before, and stays together
+    """
+    while operations(made := _once(block, parameters)) < operations(block):
         block = made
     return block
 
 
-def _once(block: B) -> B:
+def _once(block: B, parameters: int) -> B:
     """Every sum looked at once; shared products that would stay are left where they are."""
     shared = _shared(block)
     while True:
-        work = _Factoring(block, shared)
+        work = _Factoring(block, shared, parameters)
         stores = tuple([replace(s, node=work.node(s.node)) for s in block.stores])
         if not work.stayed:
             names = {work.node(k): name for k, name in block.names.items() if not block.ops[k].args}
@@ -58,13 +61,15 @@ class _Factoring:
     stayed: shared products that had to be written
     """
 
-    def __init__(self, block: Block, shared: Collection[int]) -> None:
+    def __init__(self, block: Block, shared: Collection[int], parameters: int) -> None:
         self.graph = Graph()
         self.stayed: set[int] = set()
         self._shared, self._count = shared, uses(block)
         self._reader = {a: op.code for op in block.ops for a in op.args}
         self._forms: list[Form] = []
+        self._known: list[bool] = []
         for number, op in enumerate(block.ops):
+            self._known.append(is_known(op, [self._known[a] for a in op.args], parameters))
             self._forms.append(self._held(number, self._form(op, [self._forms[a] for a in op.args])))
 
     def node(self, number: int) -> int:
@@ -86,7 +91,7 @@ class _Factoring:
 
     def _held(self, number: int, form: Form) -> Form:
         """What stays unwritten of it: all in a sum, its factors in a product, nothing where others or several read it."""
-        reader = self._reader.get(number) if self._count[number] == 1 else None
+        reader = self._reader.get(number) if self._count[number] == 1 and not self._known[number] else None
         if reader in ("add", "sub", "neg") and form.size <= LARGEST:
             return form
         term = self._term(form)
