@@ -27,13 +27,19 @@ LARGEST = 100
 """Terms of a sum, or factors of a product, that are looked at together: longer ones are taken in parts."""
 
 
+WORTHWHILE = 0.02
+"""The share of operations that a round has to save for another one: in long programs it would find next to nothing."""
+
+
 def factored(block: B, parameters: int = 0) -> B:
     """The block with common factors taken out of its sums, as long as that leaves fewer operations.
 
     parameters: how many numbers of p are known; what depends on them alone is computed before, and stays together
     """
-    while operations(made := _once(block, parameters)) < operations(block):
+    while (count := operations(made := _once(block, parameters))) < (before := operations(block)):
         block = made
+        if before - count < WORTHWHILE * before:
+            break
     return block
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -175,8 +176,11 @@ class Rates:
 
     def described(self, node: int) -> int:
         """A node in the position that is described: of parameters alone."""
-        start = {Input("q", c): self.place.lines.value(component.value) for c, component in enumerate(self.equations.free)}
-        return self.graph.replaced(node, start)
+        return self.graph.replaced(node, self._start)
+
+    @cached_property
+    def _start(self) -> dict[Input, int]:
+        return {Input("q", c): self.place.lines.value(component.value) for c, component in enumerate(self.equations.free)}
 
     def nonzero_column(self, column: dict[int, int]) -> dict[int, int]:
         """{rate: node} without what is rounding in every sample."""
