@@ -151,7 +151,7 @@ int andrews_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-/* gamma: 57 operations, 2 of them elementary functions */
+/* gamma: 55 operations, 2 of them elementary functions */
 int andrews_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[1], cosine[1];
@@ -195,12 +195,12 @@ int andrews_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dbeta = qd[10];
         const ncgen_real x7 = dbeta * dbeta;
         const ncgen_real F_x = q[0];
-        const ncgen_real sin_beta = sine[0];
         const ncgen_real x8 = R(2.0) * dbeta;
-        const ncgen_real cos_beta = cosine[0];
-        const ncgen_real x9 = sin_beta * (F_x * x7) - cos_beta * (dF_x * x8) - sin_beta * (dF_y * x8);
+        const ncgen_real sin_beta = sine[0];
         const ncgen_real F_y = q[1];
-        gamma[9] = R(142.85714285714286) * (x9 - cos_beta * (F_y * x7));
+        const ncgen_real cos_beta = cosine[0];
+        const ncgen_real x9 = sin_beta * (F_x * x7 - dF_y * x8) - cos_beta * (dF_x * x8 + F_y * x7);
+        gamma[9] = R(142.85714285714286) * x9;
     }
 
     return NCGEN_OK;
@@ -250,7 +250,7 @@ int andrews_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-/* energy: 105 operations, 1 of them elementary functions */
+/* energy: 64 operations, 1 of them elementary functions */
 int andrews_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -258,51 +258,36 @@ int andrews_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     {
         /* F.x; F.y; E.x; E.y; G.x; G.y; H.x; H.y; F.x E.x; F.y E.y; E.x G.x; E.y G.y; E.x H.x; E.y H.y; K1; K2; K4; K6; K3; K5; K7 */
-        const ncgen_real dF_x = qd[0];
-        const ncgen_real x1 = dF_x * dF_x;
-        const ncgen_real dF_y = qd[1];
-        const ncgen_real x2 = dF_y * dF_y;
-        const ncgen_real x3 = R(0.012341786543367346) * x1 + R(0.012341786543367346) * x2;
         const ncgen_real dE_x = qd[2];
-        const ncgen_real x4 = dE_x * dE_x;
         const ncgen_real dE_y = qd[3];
-        const ncgen_real x5 = dE_y * dE_y;
-        const ncgen_real x6 = R(0.0062225044585714285) * x5 + (R(0.0062225044585714285) * x4 + x3);
+        const ncgen_real dF_x = qd[0];
+        const ncgen_real dF_y = qd[1];
+        const ncgen_real x1 = R(0.008348612898163264) * (dE_x * dE_x + dE_y * dE_y) + R(0.023535664094387752) * (dF_x * dF_x + dF_y * dF_y);
         const ncgen_real dG_x = qd[4];
-        const ncgen_real x7 = dG_x * dG_x;
         const ncgen_real dG_y = qd[5];
-        const ncgen_real x8 = dG_y * dG_y;
+        const ncgen_real x2 = R(0.019373585182500003) * (dG_x * dG_x + dG_y * dG_y) + x1;
         const ncgen_real dH_x = qd[6];
-        const ncgen_real x9 = dH_x * dH_x;
-        const ncgen_real x10 = R(0.007714572692499999) * x9 + (R(0.0156984774325) * x8 + (R(0.0156984774325) * x7 + x6));
         const ncgen_real dH_y = qd[7];
-        const ncgen_real x11 = dH_y * dH_y;
-        const ncgen_real x12 = dE_x * (R(0.0006021524234693878) * dF_x) + (R(0.007714572692499999) * x11 + x10);
-        const ncgen_real x13 = dG_x * (R(0.0007437946350000019) * dE_x) + (dE_y * (R(0.0006021524234693878) * dF_y) + x12);
-        const ncgen_real x14 = dH_x * (R(0.000743794635) * dE_x) + (dG_y * (R(0.0007437946350000019) * dE_y) + x13);
-        const ncgen_real x15 = R(0.011193877551020408) * (x1 + x2) + (dH_y * (R(0.000743794635) * dE_y) + x14);
-        const ncgen_real x16 = dE_x - dF_x;
-        const ncgen_real x17 = dE_y - dF_y;
-        const ncgen_real x18 = R(0.00014062499999999996) * (x16 * x16 + x17 * x17) + x15;
-        const ncgen_real x19 = dG_x - dE_x;
-        const ncgen_real x20 = dG_y - dE_y;
-        const ncgen_real x21 = R(0.00035418749999999963) * (x19 * x19 + x20 * x20) + x18;
-        const ncgen_real x22 = dH_x - dE_x;
-        const ncgen_real x23 = dH_y - dE_y;
-        const ncgen_real x24 = R(0.00035418750000000006) * (x22 * x22 + x23 * x23) + x21;
-        const ncgen_real x25 = R(0.004252216879183673) * (x4 + x5) - dE_y * (R(0.007572609120000001) * dE_x);
-        const ncgen_real x26 = R(0.5) * (x25 + dE_x * (R(0.007572609120000001) * dE_y)) + x24;
-        const ncgen_real x27 = R(0.007350215500000004) * (x7 + x8) - dG_y * (R(0.018630753000000007) * dG_x);
-        const ncgen_real x28 = R(0.5) * (x27 + dG_x * (R(0.018630753000000007) * dG_y)) + x26;
-        const ncgen_real x29 = R(0.006667751436249999) * (x9 + x11) + dH_y * (R(0.00378930407) * dH_x);
-        energy[0] = R(0.5) * (x29 - dH_x * (R(0.00378930407) * dH_y)) + x28;
+        const ncgen_real x3 = R(0.011048448410624998) * (dH_x * dH_x + dH_y * dH_y) + x2;
+        const ncgen_real x4 = R(0.0007437946350000019) * dG_x + R(0.0006021524234693878) * dF_x;
+        const ncgen_real x5 = R(0.0007437946350000019) * dG_y + R(0.0006021524234693878) * dF_y;
+        const ncgen_real x6 = dE_y * (R(0.000743794635) * dH_y + x5) + (dE_x * (R(0.000743794635) * dH_x + x4) + x3);
+        const ncgen_real x7 = dE_x - dF_x;
+        const ncgen_real x8 = dE_y - dF_y;
+        const ncgen_real x9 = dG_x - dE_x;
+        const ncgen_real x10 = dG_y - dE_y;
+        const ncgen_real x11 = R(0.00035418749999999963) * (x9 * x9 + x10 * x10) + (R(0.00014062499999999996) * (x7 * x7 + x8 * x8) + x6);
+        const ncgen_real x12 = dH_x - dE_x;
+        const ncgen_real x13 = dH_y - dE_y;
+        const ncgen_real x14 = R(0.00035418750000000006) * (x12 * x12 + x13 * x13) + x11;
+        energy[0] = x14;
         /* spring C-D */
         const ncgen_real D_x = q[8];
-        const ncgen_real x30 = D_x - R(0.014);
+        const ncgen_real x15 = D_x - R(0.014);
         const ncgen_real D_y = q[9];
-        const ncgen_real x31 = D_y - R(0.072);
-        const ncgen_real x32 = NCGEN_SQRT(x30 * x30 + x31 * x31) - R(0.07785);
-        energy[1] = R(2265.0) * (x32 * x32);
+        const ncgen_real x16 = D_y - R(0.072);
+        const ncgen_real x17 = NCGEN_SQRT(x15 * x15 + x16 * x16) - R(0.07785);
+        energy[1] = R(2265.0) * (x17 * x17);
         /* torque on beta */
         const ncgen_real dbeta = qd[10];
         energy[2] = R(0.033) * dbeta;
@@ -310,7 +295,7 @@ int andrews_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-/* constraints: 152 operations, 2 of them elementary functions */
+/* constraints: 150 operations, 2 of them elementary functions */
 int andrews_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[1], cosine[1];
@@ -434,8 +419,8 @@ int andrews_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real dbeta = qd[10];
         const ncgen_real x34 = dbeta * dbeta;
         const ncgen_real x35 = R(2.0) * dbeta;
-        const ncgen_real x36 = sin_beta * (F_x * x34) - cos_beta * (dF_x * x35) - sin_beta * (dF_y * x35);
-        constraints[48] = R(142.85714285714286) * (x36 - cos_beta * (F_y * x34));
+        const ncgen_real x36 = sin_beta * (F_x * x34 - dF_y * x35) - cos_beta * (dF_x * x35 + F_y * x34);
+        constraints[48] = R(142.85714285714286) * x36;
     }
 
     return NCGEN_OK;
@@ -498,7 +483,7 @@ const ncgen_model *andrews_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "andrews",
-        .fingerprint = "0840e7eaf2244811",
+        .fingerprint = "ef30be948d1eae20",
         .n_coordinates = 11,
         .n_rows = 10,
         .n_parameters = 0,

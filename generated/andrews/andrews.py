@@ -197,7 +197,7 @@ def phi_q(t, q, p):
 
 
 def gamma(t, q, qd, p):
-    """10 numbers, 57 operations."""
+    """10 numbers, 55 operations."""
     t = np.asarray(t)
     gamma = _output(10, t, q, qd, p)
     sine = np.sin(q[..., 10, None])
@@ -236,12 +236,12 @@ def gamma(t, q, qd, p):
     dbeta = qd[..., 10]
     x7 = dbeta * dbeta
     F_x = q[..., 0]
-    sin_beta = sine[..., 0]
     x8 = 2.0 * dbeta
-    cos_beta = cosine[..., 0]
-    x9 = sin_beta * (F_x * x7) - cos_beta * (dF_x * x8) - sin_beta * (dF_y * x8)
+    sin_beta = sine[..., 0]
     F_y = q[..., 1]
-    gamma[..., 9] = 142.85714285714286 * (x9 - cos_beta * (F_y * x7))
+    cos_beta = cosine[..., 0]
+    x9 = sin_beta * (F_x * x7 - dF_y * x8) - cos_beta * (dF_x * x8 + F_y * x7)
+    gamma[..., 9] = 142.85714285714286 * x9
     return gamma
 
 
@@ -281,52 +281,38 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 105 operations."""
+    """3 numbers, 64 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # F.x; F.y; E.x; E.y; G.x; G.y; H.x; H.y; F.x E.x; F.y E.y; E.x G.x; E.y G.y; E.x H.x; E.y H.y; K1; K2; K4; K6; K3; K5; K7
-    dF_x = qd[..., 0]
-    x1 = dF_x * dF_x
-    dF_y = qd[..., 1]
-    x2 = dF_y * dF_y
     dE_x = qd[..., 2]
-    x3 = dE_x * dE_x
-    x4 = 0.0062225044585714285 * x3 + (0.012341786543367346 * x1 + 0.012341786543367346 * x2)
     dE_y = qd[..., 3]
-    x5 = dE_y * dE_y
+    dF_x = qd[..., 0]
+    dF_y = qd[..., 1]
+    x1 = 0.008348612898163264 * (dE_x * dE_x + dE_y * dE_y) + 0.023535664094387752 * (dF_x * dF_x + dF_y * dF_y)
     dG_x = qd[..., 4]
-    x6 = dG_x * dG_x
     dG_y = qd[..., 5]
-    x7 = dG_y * dG_y
-    x8 = 0.0156984774325 * x7 + (0.0156984774325 * x6 + (0.0062225044585714285 * x5 + x4))
     dH_x = qd[..., 6]
-    x9 = dH_x * dH_x
     dH_y = qd[..., 7]
-    x10 = dH_y * dH_y
-    x11 = 0.007714572692499999 * x10 + (0.007714572692499999 * x9 + x8)
-    x12 = dE_y * (0.0006021524234693878 * dF_y) + (dE_x * (0.0006021524234693878 * dF_x) + x11)
-    x13 = dG_y * (0.0007437946350000019 * dE_y) + (dG_x * (0.0007437946350000019 * dE_x) + x12)
-    x14 = dH_y * (0.000743794635 * dE_y) + (dH_x * (0.000743794635 * dE_x) + x13)
-    x15 = dE_x - dF_x
-    x16 = dE_y - dF_y
-    x17 = 0.00014062499999999996 * (x15 * x15 + x16 * x16) + (0.011193877551020408 * (x1 + x2) + x14)
-    x18 = dG_x - dE_x
-    x19 = dG_y - dE_y
-    x20 = dH_x - dE_x
-    x21 = dH_y - dE_y
-    x22 = 0.00035418750000000006 * (x20 * x20 + x21 * x21) + (0.00035418749999999963 * (x18 * x18 + x19 * x19) + x17)
-    x23 = 0.004252216879183673 * (x3 + x5) - dE_y * (0.007572609120000001 * dE_x)
-    x24 = 0.007350215500000004 * (x6 + x7) - dG_y * (0.018630753000000007 * dG_x)
-    x25 = 0.5 * (x24 + dG_x * (0.018630753000000007 * dG_y)) + (0.5 * (x23 + dE_x * (0.007572609120000001 * dE_y)) + x22)
-    x26 = 0.006667751436249999 * (x9 + x10) + dH_y * (0.00378930407 * dH_x)
-    energy[..., 0] = 0.5 * (x26 - dH_x * (0.00378930407 * dH_y)) + x25
+    x2 = 0.011048448410624998 * (dH_x * dH_x + dH_y * dH_y) + (0.019373585182500003 * (dG_x * dG_x + dG_y * dG_y) + x1)
+    x3 = 0.0007437946350000019 * dG_x + 0.0006021524234693878 * dF_x
+    x4 = 0.0007437946350000019 * dG_y + 0.0006021524234693878 * dF_y
+    x5 = dE_y * (0.000743794635 * dH_y + x4) + (dE_x * (0.000743794635 * dH_x + x3) + x2)
+    x6 = dE_x - dF_x
+    x7 = dE_y - dF_y
+    x8 = dG_x - dE_x
+    x9 = dG_y - dE_y
+    x10 = 0.00035418749999999963 * (x8 * x8 + x9 * x9) + (0.00014062499999999996 * (x6 * x6 + x7 * x7) + x5)
+    x11 = dH_x - dE_x
+    x12 = dH_y - dE_y
+    energy[..., 0] = 0.00035418750000000006 * (x11 * x11 + x12 * x12) + x10
     # spring C-D
     D_x = q[..., 8]
-    x27 = D_x - 0.014
+    x13 = D_x - 0.014
     D_y = q[..., 9]
-    x28 = D_y - 0.072
-    x29 = np.sqrt(x27 * x27 + x28 * x28) - 0.07785
-    energy[..., 1] = 2265.0 * (x29 * x29)
+    x14 = D_y - 0.072
+    x15 = np.sqrt(x13 * x13 + x14 * x14) - 0.07785
+    energy[..., 1] = 2265.0 * (x15 * x15)
     # torque on beta
     dbeta = qd[..., 10]
     energy[..., 2] = 0.033 * dbeta
@@ -334,7 +320,7 @@ def energy(t, q, qd, p):
 
 
 def constraints(t, q, qd, p):
-    """49 numbers, 152 operations."""
+    """49 numbers, 150 operations."""
     t = np.asarray(t)
     constraints = _output(49, t, q, qd, p)
     sine = np.sin(q[..., 10, None])
@@ -451,6 +437,6 @@ def constraints(t, q, qd, p):
     dbeta = qd[..., 10]
     x32 = dbeta * dbeta
     x33 = 2.0 * dbeta
-    x34 = sin_beta * (F_x * x32) - cos_beta * (dF_x * x33) - sin_beta * (dF_y * x33)
-    constraints[..., 48] = 142.85714285714286 * (x34 - cos_beta * (F_y * x32))
+    x34 = sin_beta * (F_x * x32 - dF_y * x33) - cos_beta * (dF_x * x33 + F_y * x32)
+    constraints[..., 48] = 142.85714285714286 * x34
     return constraints

@@ -80,11 +80,11 @@ const ncgen_model *arm_model(void);
 
 int arm_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 42 numbers, 381 operations */
 int arm_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 271 numbers, 433 operations */
-int arm_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 42 numbers, 816 operations */
+int arm_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 42 numbers, 791 operations */
 int arm_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 228 numbers, 0 operations */
 int arm_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 49 numbers, 0 operations */
 int arm_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 431 operations */
-int arm_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 355 numbers, 1398 operations */
+int arm_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 355 numbers, 1373 operations */
 
 #ifdef __cplusplus
 }

@@ -17,7 +17,7 @@ static const ncgen_scalar bennett_number_2[14] = {
 };
 
 
-/* phi: 135 operations, 4 of them elementary functions */
+/* phi: 126 operations, 4 of them elementary functions */
 int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     ncgen_real sine[2], cosine[2];
@@ -37,8 +37,8 @@ int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x4 = R(1.0910894511799618) * (x1 * x1 + x2 * x2 + x3 * x3 - R(0.21000000000000005));
         phi[0] = x4;
         /* row 2: 1002 angle uB, C-B (body BC): u.a - L c = 0 with u = uB, a = C-B, L = 0.458258, c = 0 */
-        const ncgen_real x5 = R(0.26726124191242434) * x1 + R(0.5345224838248487) * x2 - R(0.8017837257372731) * x3;
-        phi[1] = R(2.1821789023599236) * x5;
+        const ncgen_real x5 = R(0.5832118435198042) * x1 + R(1.1664236870396083) * x2 - R(1.7496355305594127) * x3;
+        phi[1] = x5;
         /* row 3: 1001 unit uC (body BC): |u|^2 - 1 = 0 with u = uC */
         const ncgen_real uC_x = q[6];
         const ncgen_real uC_y = q[7];
@@ -74,7 +74,7 @@ int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x16 = R(2.7735009811261455) * (uD_x * x10 + uD_y * x11 + uD_z * x12);
         phi[8] = -x16;
         /* row 10: 1003 angle uD, uC (body CD): u.v - c = 0 with u = uD, v = uC, c = -0.713024 */
-        const ncgen_real x17 = uC_x * uD_x + uC_y * uD_y + uC_z * uD_z + R(0.7130240959073809);
+        const ncgen_real x17 = R(0.7130240959073809) + (uC_x * uD_x + uC_y * uD_y + uC_z * uD_z);
         phi[9] = x17;
         /* row 11: 1000 distance D-A (body DA): |a|^2 - L^2 = 0 with a = D-A, L = 0.458258 */
         const ncgen_real x18 = D_x - R(0.2);
@@ -86,31 +86,29 @@ int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x22 = R(2.1821789023599236) * (uD_y * x21 - uD_x * x18 - uD_z * D_z);
         phi[11] = x22;
         /* row 13: 1002 angle uA, A-D (body DA): u.a - L c = 0 with u = uA, a = A-D, L = 0.458258, c = 0 */
-        const ncgen_real x23 = R(0.485071250072666) * x18 + R(0.485071250072666) * x21 + R(0.727606875108999) * D_z;
-        phi[12] = R(2.1821789023599236) * x23;
+        const ncgen_real x23 = R(1.0585122480499263) * (x18 + x21) + R(1.5877683720748894) * D_z;
+        phi[12] = x23;
         /* row 14: 1003 angle uA, uD (body DA): u.v - c = 0 with u = uA, v = uD, c = 0.453743 */
-        const ncgen_real x24 = R(0.485071250072666) * uD_y - R(0.485071250072666) * uD_x;
-        const ncgen_real x25 = x24 - R(0.727606875108999) * uD_z - R(0.45374260648651515);
-        phi[13] = x25;
+        const ncgen_real x24 = R(0.485071250072666) * (uD_y - uD_x) - R(0.727606875108999) * uD_z;
+        phi[13] = x24 - R(0.45374260648651515);
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
-        const ncgen_real x26 = R(0.485071250072666) * (R(0.2) * x21 + R(0.30000000000000004) * D_z);
-        const ncgen_real x27 = x26 - R(0.0970142500145332) * x18 - R(0.21828206253269974) * x18;
+        const ncgen_real x25 = R(0.14552137502179982) * D_z + R(0.0970142500145332) * (x21 - x18);
         const ncgen_real cos_theta1 = cosine[0];
         const ncgen_real sin_theta1 = sine[0];
-        const ncgen_real x28 = (R(0.30000000000000004) * x21 - R(0.2) * D_z) * sin_theta1;
-        phi[14] = R(6.052275326688023) * (x28 + x27 * cos_theta1);
+        const ncgen_real x26 = (R(0.30000000000000004) * x21 - R(0.2) * D_z) * sin_theta1;
+        const ncgen_real x27 = R(6.052275326688023) * (x26 + (x25 - R(0.21828206253269974) * x18) * cos_theta1);
+        phi[14] = x27;
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
-        const ncgen_real x29 = R(0.26726124191242434) * (R(0.2) * x2 - R(0.30000000000000004) * x3);
-        const ncgen_real x30 = x29 - R(0.10690449676496974) * x1 - R(0.24053511772118197) * x1;
+        const ncgen_real x28 = R(0.05345224838248487) * x2 - R(0.08017837257372731) * x3;
         const ncgen_real cos_theta2 = cosine[1];
         const ncgen_real sin_theta2 = sine[1];
-        const ncgen_real x31 = x30 * cos_theta2 - (R(0.30000000000000004) * x2 + R(0.2) * x3) * sin_theta2;
-        phi[15] = R(6.052275326688023) * x31;
+        const ncgen_real x29 = (x28 - R(0.3474396144861517) * x1) * cos_theta2 - (R(0.30000000000000004) * x2 + R(0.2) * x3) * sin_theta2;
+        phi[15] = R(6.052275326688023) * x29;
     }
 
     return NCGEN_OK;
 }
-/* phi_q: 104 operations, 4 of them elementary functions */
+/* phi_q: 94 operations, 4 of them elementary functions */
 int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     ncgen_real sine[2], cosine[2];
@@ -234,31 +232,30 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real cos_theta1 = cosine[0];
         phi_q[66] = -(R(1.9082600930253333) * cos_theta1);
         const ncgen_real sin_theta1 = sine[0];
-        const ncgen_real x23 = R(0.30000000000000004) * sin_theta1 + R(0.0970142500145332) * cos_theta1;
-        phi_q[67] = -(R(6.052275326688023) * x23);
-        const ncgen_real x24 = R(0.2) * sin_theta1 - R(0.14552137502179982) * cos_theta1;
-        phi_q[68] = -(R(6.052275326688023) * x24);
-        const ncgen_real x25 = R(0.485071250072666) * (R(0.2) * x22 + R(0.30000000000000004) * D_z);
-        const ncgen_real x26 = x25 - R(0.0970142500145332) * x19 - R(0.21828206253269974) * x19;
-        const ncgen_real x27 = cos_theta1 * (R(0.30000000000000004) * x22 - R(0.2) * D_z);
-        phi_q[69] = R(6.052275326688023) * (x27 - sin_theta1 * x26);
+        const ncgen_real x23 = R(1.8156825980064073) * sin_theta1 + R(0.5871569517001025) * cos_theta1;
+        phi_q[67] = -x23;
+        const ncgen_real x24 = R(0.8807354275501539) * cos_theta1 - R(1.2104550653376047) * sin_theta1;
+        phi_q[68] = x24;
+        const ncgen_real x25 = R(0.14552137502179982) * D_z + R(0.0970142500145332) * (x22 - x19);
+        const ncgen_real x26 = cos_theta1 * (R(0.30000000000000004) * x22 - R(0.2) * D_z);
+        const ncgen_real x27 = R(6.052275326688023) * (x26 - sin_theta1 * (x25 - R(0.21828206253269974) * x19));
+        phi_q[69] = x27;
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
         const ncgen_real cos_theta2 = cosine[1];
         phi_q[70] = R(2.1028002062685345) * cos_theta2;
         const ncgen_real sin_theta2 = sine[1];
-        const ncgen_real x28 = R(0.30000000000000004) * sin_theta2 - R(0.05345224838248487) * cos_theta2;
-        phi_q[71] = R(6.052275326688023) * x28;
-        const ncgen_real x29 = R(0.2) * sin_theta2 + R(0.08017837257372731) * cos_theta2;
-        phi_q[72] = R(6.052275326688023) * x29;
-        const ncgen_real x30 = R(0.26726124191242434) * (R(0.2) * x3 - R(0.30000000000000004) * x5);
-        const ncgen_real x31 = x30 - R(0.10690449676496974) * x1 - R(0.24053511772118197) * x1;
-        const ncgen_real x32 = cos_theta2 * (R(0.30000000000000004) * x3 + R(0.2) * x5) + sin_theta2 * x31;
-        phi_q[73] = -(R(6.052275326688023) * x32);
+        const ncgen_real x28 = R(1.8156825980064073) * sin_theta2 - R(0.323507724041313) * cos_theta2;
+        phi_q[71] = x28;
+        const ncgen_real x29 = R(1.2104550653376047) * sin_theta2 + R(0.4852615860619695) * cos_theta2;
+        phi_q[72] = x29;
+        const ncgen_real x30 = R(0.05345224838248487) * x3 - R(0.08017837257372731) * x5;
+        const ncgen_real x31 = cos_theta2 * (R(0.30000000000000004) * x3 + R(0.2) * x5) + sin_theta2 * (x30 - R(0.3474396144861517) * x1);
+        phi_q[73] = -(R(6.052275326688023) * x31);
     }
 
     return NCGEN_OK;
 }
-/* gamma: 149 operations, 4 of them elementary functions */
+/* gamma: 134 operations, 4 of them elementary functions */
 int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[2], cosine[2];
@@ -315,44 +312,39 @@ int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         gamma[12] = NCGEN_SPLAT(R(0.0));
         gamma[13] = NCGEN_SPLAT(R(0.0));
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
-        const ncgen_real x11 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
-        const ncgen_real x12 = R(0.21828206253269974) * dD_x - x11 + R(0.0970142500145332) * dD_x;
-        const ncgen_real dtheta1 = qd[12];
-        const ncgen_real x13 = R(2.0) * dtheta1;
-        const ncgen_real sin_theta1 = sine[0];
-        const ncgen_real D_y = q[4];
-        const ncgen_real x14 = -R(0.1) - D_y;
-        const ncgen_real D_z = q[5];
-        const ncgen_real x15 = dtheta1 * dtheta1;
-        const ncgen_real x16 = sin_theta1 * ((R(0.30000000000000004) * x14 - R(0.2) * D_z) * x15);
-        const ncgen_real cos_theta1 = cosine[0];
-        const ncgen_real x17 = cos_theta1 * (x13 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
-        const ncgen_real x18 = R(0.485071250072666) * (R(0.2) * x14 + R(0.30000000000000004) * D_z);
         const ncgen_real D_x = q[3];
-        const ncgen_real x19 = R(0.2) - D_x;
-        const ncgen_real x20 = R(0.0970142500145332) * x19 + (x18 + R(0.21828206253269974) * x19);
-        const ncgen_real x21 = x16 + x17 - sin_theta1 * (x13 * x12) + cos_theta1 * (x15 * x20);
-        gamma[14] = R(6.052275326688023) * x21;
+        const ncgen_real x11 = R(0.2) - D_x;
+        const ncgen_real D_y = q[4];
+        const ncgen_real x12 = -R(0.1) - D_y;
+        const ncgen_real D_z = q[5];
+        const ncgen_real x13 = R(0.0970142500145332) * (x11 + x12) + R(0.14552137502179982) * D_z;
+        const ncgen_real dtheta1 = qd[12];
+        const ncgen_real x14 = dtheta1 * dtheta1;
+        const ncgen_real x15 = R(2.0) * dtheta1;
+        const ncgen_real x16 = x15 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z) + x14 * (x13 + R(0.21828206253269974) * x11);
+        const ncgen_real cos_theta1 = cosine[0];
+        const ncgen_real x17 = R(0.0970142500145332) * dD_y - R(0.14552137502179982) * dD_z;
+        const ncgen_real x18 = (R(0.30000000000000004) * x12 - R(0.2) * D_z) * x14 - x15 * (x17 + R(0.31529631254723295) * dD_x);
+        const ncgen_real sin_theta1 = sine[0];
+        const ncgen_real x19 = R(6.052275326688023) * (sin_theta1 * x18 + cos_theta1 * x16);
+        gamma[14] = x19;
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
-        const ncgen_real x22 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
-        const ncgen_real x23 = x22 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
-        const ncgen_real dtheta2 = qd[13];
-        const ncgen_real x24 = R(2.0) * dtheta2;
-        const ncgen_real sin_theta2 = sine[1];
-        const ncgen_real C_y = q[1];
-        const ncgen_real x25 = C_y - R(0.2);
         const ncgen_real C_z = q[2];
-        const ncgen_real x26 = C_z - R(0.2);
-        const ncgen_real x27 = dtheta2 * dtheta2;
-        const ncgen_real x28 = sin_theta2 * ((R(0.30000000000000004) * x25 + R(0.2) * x26) * x27);
-        const ncgen_real cos_theta2 = cosine[1];
-        const ncgen_real x29 = cos_theta2 * (x24 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
-        const ncgen_real x30 = R(0.26726124191242434) * (R(0.30000000000000004) * x26 - R(0.2) * x25);
+        const ncgen_real x20 = C_z - R(0.2);
+        const ncgen_real C_y = q[1];
+        const ncgen_real x21 = C_y - R(0.2);
+        const ncgen_real x22 = R(0.08017837257372731) * x20 - R(0.05345224838248487) * x21;
         const ncgen_real C_x = q[0];
-        const ncgen_real x31 = C_x - R(0.2);
-        const ncgen_real x32 = R(0.10690449676496974) * x31 + (x30 + R(0.24053511772118197) * x31);
-        const ncgen_real x33 = x28 - x29 + sin_theta2 * (x24 * x23) + cos_theta2 * (x27 * x32);
-        gamma[15] = R(6.052275326688023) * x33;
+        const ncgen_real dtheta2 = qd[13];
+        const ncgen_real x23 = dtheta2 * dtheta2;
+        const ncgen_real x24 = R(2.0) * dtheta2;
+        const ncgen_real x25 = x23 * (x22 + R(0.3474396144861517) * (C_x - R(0.2))) - x24 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z);
+        const ncgen_real cos_theta2 = cosine[1];
+        const ncgen_real x26 = R(0.08017837257372731) * dC_z - R(0.05345224838248487) * dC_y;
+        const ncgen_real x27 = (R(0.30000000000000004) * x21 + R(0.2) * x20) * x23 + x24 * (x26 + R(0.3474396144861517) * dC_x);
+        const ncgen_real sin_theta2 = sine[1];
+        const ncgen_real x28 = R(6.052275326688023) * (sin_theta2 * x27 + cos_theta2 * x25);
+        gamma[15] = x28;
     }
 
     return NCGEN_OK;
@@ -388,7 +380,7 @@ int bennett_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-/* energy: 30 operations */
+/* energy: 23 operations */
 int bennett_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -396,27 +388,26 @@ int bennett_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     {
         /* C.x; C.y; C.z; D.x; D.y; D.z; C.x D.x; C.y D.y; C.z D.z */
+        const ncgen_real dD_y = qd[4];
+        const ncgen_real dD_x = qd[3];
+        const ncgen_real dD_z = qd[5];
+        const ncgen_real x1 = R(0.33333333333333337) * (dD_z * dD_z + (dD_y * dD_y + dD_x * dD_x));
         const ncgen_real dC_x = qd[0];
         const ncgen_real dC_y = qd[1];
-        const ncgen_real x1 = R(0.3333333333333333) * (dC_x * dC_x) + R(0.3333333333333333) * (dC_y * dC_y);
         const ncgen_real dC_z = qd[2];
-        const ncgen_real dD_x = qd[3];
-        const ncgen_real x2 = R(0.33333333333333337) * (dD_x * dD_x) + (R(0.3333333333333333) * (dC_z * dC_z) + x1);
-        const ncgen_real dD_y = qd[4];
-        const ncgen_real dD_z = qd[5];
-        const ncgen_real x3 = R(0.33333333333333337) * (dD_z * dD_z) + (R(0.33333333333333337) * (dD_y * dD_y) + x2);
-        const ncgen_real x4 = dD_y * (R(0.16666666666666666) * dC_y) + (dD_x * (R(0.16666666666666666) * dC_x) + x3);
-        energy[0] = dD_z * (R(0.16666666666666666) * dC_z) + x4;
+        const ncgen_real x2 = R(0.3333333333333333) * (dC_z * dC_z + (dC_x * dC_x + dC_y * dC_y));
+        const ncgen_real x3 = R(0.16666666666666666) * (dC_z * dD_z + (dC_y * dD_y + dC_x * dD_x));
+        energy[0] = x3 + (x1 + x2);
         /* C.z; D.z */
         const ncgen_real C_z = q[2];
         const ncgen_real D_z = q[5];
-        energy[1] = R(9.81) * D_z + (R(9.81) * C_z + R(0.9810000000000001));
+        energy[1] = R(0.9810000000000001) + R(9.81) * (C_z + D_z);
         energy[2] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
 }
-/* constraints: 326 operations, 4 of them elementary functions */
+/* constraints: 298 operations, 4 of them elementary functions */
 int bennett_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[2], cosine[2];
@@ -447,8 +438,8 @@ int bennett_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x8 = R(2.1821789023599236) * (dC_x * dC_x + dC_y * dC_y + dC_z * dC_z);
         constraints[90] = -x8;
         /* row 2: 1002 angle uB, C-B (body BC): u.a - L c = 0 with u = uB, a = C-B, L = 0.458258, c = 0 */
-        const ncgen_real x9 = R(0.26726124191242434) * x1 + R(0.5345224838248487) * x2 - R(0.8017837257372731) * x3;
-        constraints[1] = R(2.1821789023599236) * x9;
+        const ncgen_real x9 = R(0.5832118435198042) * x1 + R(1.1664236870396083) * x2 - R(1.7496355305594127) * x3;
+        constraints[1] = x9;
         constraints[19] = NCGEN_SPLAT(-R(0.5832118435198042));
         constraints[20] = NCGEN_SPLAT(-R(1.1664236870396083));
         constraints[21] = NCGEN_SPLAT(R(1.7496355305594127));
@@ -597,72 +588,63 @@ int bennett_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x50 = R(4.364357804719847) * (dD_x * duD_x + dD_y * duD_y + dD_z * duD_z);
         constraints[101] = x50;
         /* row 13: 1002 angle uA, A-D (body DA): u.a - L c = 0 with u = uA, a = A-D, L = 0.458258, c = 0 */
-        const ncgen_real x51 = R(0.485071250072666) * x42 + R(0.485071250072666) * x48 + R(0.727606875108999) * D_z;
-        constraints[12] = R(2.1821789023599236) * x51;
+        const ncgen_real x51 = R(1.0585122480499263) * (x42 + x48) + R(1.5877683720748894) * D_z;
+        constraints[12] = x51;
         constraints[76] = NCGEN_SPLAT(R(1.0585122480499263));
         constraints[77] = NCGEN_SPLAT(-R(1.0585122480499263));
         constraints[78] = NCGEN_SPLAT(R(1.5877683720748894));
         constraints[102] = NCGEN_SPLAT(R(0.0));
         /* row 14: 1003 angle uA, uD (body DA): u.v - c = 0 with u = uA, v = uD, c = 0.453743 */
-        const ncgen_real x52 = R(0.485071250072666) * uD_y - R(0.485071250072666) * uD_x;
-        const ncgen_real x53 = x52 - R(0.727606875108999) * uD_z - R(0.45374260648651515);
-        constraints[13] = x53;
+        const ncgen_real x52 = R(0.485071250072666) * (uD_y - uD_x) - R(0.727606875108999) * uD_z;
+        constraints[13] = x52 - R(0.45374260648651515);
         constraints[79] = NCGEN_SPLAT(-R(0.485071250072666));
         constraints[80] = NCGEN_SPLAT(R(0.485071250072666));
         constraints[81] = NCGEN_SPLAT(-R(0.727606875108999));
         constraints[103] = NCGEN_SPLAT(R(0.0));
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
-        const ncgen_real x54 = R(0.485071250072666) * (R(0.2) * x48 + R(0.30000000000000004) * D_z);
-        const ncgen_real x55 = R(0.0970142500145332) * x42;
-        const ncgen_real x56 = R(0.21828206253269974) * x42;
-        const ncgen_real x57 = x54 - x55 - x56;
+        const ncgen_real x53 = R(0.0970142500145332) * (x48 - x42) + R(0.14552137502179982) * D_z;
+        const ncgen_real x54 = x53 - R(0.21828206253269974) * x42;
         const ncgen_real cos_theta1 = cosine[0];
-        const ncgen_real x58 = R(0.30000000000000004) * x48 - R(0.2) * D_z;
+        const ncgen_real x55 = R(0.30000000000000004) * x48 - R(0.2) * D_z;
         const ncgen_real sin_theta1 = sine[0];
-        const ncgen_real x59 = R(6.052275326688023) * (x57 * cos_theta1 + x58 * sin_theta1);
-        constraints[14] = x59;
+        const ncgen_real x56 = R(6.052275326688023) * (x54 * cos_theta1 + x55 * sin_theta1);
+        constraints[14] = x56;
         constraints[82] = -(R(1.9082600930253333) * cos_theta1);
-        const ncgen_real x60 = R(0.30000000000000004) * sin_theta1 + R(0.0970142500145332) * cos_theta1;
-        constraints[83] = -(R(6.052275326688023) * x60);
-        const ncgen_real x61 = R(0.2) * sin_theta1 - R(0.14552137502179982) * cos_theta1;
-        constraints[84] = -(R(6.052275326688023) * x61);
-        const ncgen_real x62 = R(6.052275326688023) * (cos_theta1 * x58 - x57 * sin_theta1);
-        constraints[85] = x62;
-        const ncgen_real x63 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
-        const ncgen_real x64 = R(0.21828206253269974) * dD_x - x63 + R(0.0970142500145332) * dD_x;
+        const ncgen_real x57 = R(1.8156825980064073) * sin_theta1 + R(0.5871569517001025) * cos_theta1;
+        constraints[83] = -x57;
+        const ncgen_real x58 = R(0.8807354275501539) * cos_theta1 - R(1.2104550653376047) * sin_theta1;
+        constraints[84] = x58;
+        const ncgen_real x59 = R(6.052275326688023) * (cos_theta1 * x55 - x54 * sin_theta1);
+        constraints[85] = x59;
         const ncgen_real dtheta1 = qd[12];
-        const ncgen_real x65 = R(2.0) * dtheta1;
-        const ncgen_real x66 = dtheta1 * dtheta1;
-        const ncgen_real x67 = cos_theta1 * (x65 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
-        const ncgen_real x68 = sin_theta1 * (x58 * x66) + x67 - sin_theta1 * (x64 * x65);
-        const ncgen_real x69 = R(6.052275326688023) * (x68 + cos_theta1 * (x66 * (x54 - x56 - x55)));
-        constraints[104] = x69;
+        const ncgen_real x60 = dtheta1 * dtheta1;
+        const ncgen_real x61 = R(2.0) * dtheta1;
+        const ncgen_real x62 = x54 * x60 + (R(0.30000000000000004) * dD_y + R(0.2) * dD_z) * x61;
+        const ncgen_real x63 = R(0.0970142500145332) * dD_y - R(0.14552137502179982) * dD_z;
+        const ncgen_real x64 = sin_theta1 * (x55 * x60 - x61 * (x63 + R(0.31529631254723295) * dD_x));
+        constraints[104] = R(6.052275326688023) * (cos_theta1 * x62 + x64);
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
-        const ncgen_real x70 = R(0.26726124191242434) * (R(0.2) * x2 - R(0.30000000000000004) * x3);
-        const ncgen_real x71 = R(0.10690449676496974) * x1;
-        const ncgen_real x72 = R(0.24053511772118197) * x1;
-        const ncgen_real x73 = x70 - x71 - x72;
+        const ncgen_real x65 = R(0.05345224838248487) * x2 - R(0.08017837257372731) * x3;
+        const ncgen_real x66 = x65 - R(0.3474396144861517) * x1;
         const ncgen_real cos_theta2 = cosine[1];
-        const ncgen_real x74 = R(0.30000000000000004) * x2 + R(0.2) * x3;
+        const ncgen_real x67 = R(0.30000000000000004) * x2 + R(0.2) * x3;
         const ncgen_real sin_theta2 = sine[1];
-        const ncgen_real x75 = R(6.052275326688023) * (x73 * cos_theta2 - x74 * sin_theta2);
-        constraints[15] = x75;
+        const ncgen_real x68 = R(6.052275326688023) * (x66 * cos_theta2 - x67 * sin_theta2);
+        constraints[15] = x68;
         constraints[86] = R(2.1028002062685345) * cos_theta2;
-        const ncgen_real x76 = R(0.30000000000000004) * sin_theta2 - R(0.05345224838248487) * cos_theta2;
-        constraints[87] = R(6.052275326688023) * x76;
-        const ncgen_real x77 = R(0.2) * sin_theta2 + R(0.08017837257372731) * cos_theta2;
-        constraints[88] = R(6.052275326688023) * x77;
-        const ncgen_real x78 = R(6.052275326688023) * (x73 * sin_theta2 + cos_theta2 * x74);
-        constraints[89] = -x78;
-        const ncgen_real x79 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
-        const ncgen_real x80 = x79 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
+        const ncgen_real x69 = R(1.8156825980064073) * sin_theta2 - R(0.323507724041313) * cos_theta2;
+        constraints[87] = x69;
+        const ncgen_real x70 = R(1.2104550653376047) * sin_theta2 + R(0.4852615860619695) * cos_theta2;
+        constraints[88] = x70;
+        const ncgen_real x71 = R(6.052275326688023) * (x66 * sin_theta2 + cos_theta2 * x67);
+        constraints[89] = -x71;
         const ncgen_real dtheta2 = qd[13];
-        const ncgen_real x81 = R(2.0) * dtheta2;
-        const ncgen_real x82 = dtheta2 * dtheta2;
-        const ncgen_real x83 = cos_theta2 * (x81 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
-        const ncgen_real x84 = sin_theta2 * (x80 * x81) - (sin_theta2 * (x74 * x82) + x83);
-        const ncgen_real x85 = R(6.052275326688023) * (x84 + cos_theta2 * (x82 * (x70 - x72 - x71)));
-        constraints[105] = x85;
+        const ncgen_real x72 = dtheta2 * dtheta2;
+        const ncgen_real x73 = R(2.0) * dtheta2;
+        const ncgen_real x74 = x66 * x72 - (R(0.30000000000000004) * dC_y + R(0.2) * dC_z) * x73;
+        const ncgen_real x75 = R(0.08017837257372731) * dC_z - R(0.05345224838248487) * dC_y;
+        const ncgen_real x76 = sin_theta2 * (x73 * (x75 + R(0.3474396144861517) * dC_x) - x67 * x72);
+        constraints[105] = R(6.052275326688023) * (cos_theta2 * x74 + x76);
     }
 
     return NCGEN_OK;
@@ -735,7 +717,7 @@ const ncgen_model *bennett_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bennett",
-        .fingerprint = "09b78f456378a6bf",
+        .fingerprint = "fa2a5f3dc527c78b",
         .n_coordinates = 14,
         .n_rows = 16,
         .n_parameters = 0,

@@ -40,13 +40,13 @@ extern "C" {
 /* The model: sizes, names, patterns and kernels (see ncgen.h). */
 const ncgen_model *bennett_model(void);
 
-int bennett_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 16 numbers, 135 operations */
-int bennett_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 74 numbers, 104 operations */
-int bennett_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 16 numbers, 149 operations */
+int bennett_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 16 numbers, 126 operations */
+int bennett_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 74 numbers, 94 operations */
+int bennett_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 16 numbers, 134 operations */
 int bennett_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 12 numbers, 0 operations */
 int bennett_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 14 numbers, 0 operations */
-int bennett_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 30 operations */
-int bennett_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 106 numbers, 326 operations */
+int bennett_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 23 operations */
+int bennett_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 106 numbers, 298 operations */
 
 #ifdef __cplusplus
 }

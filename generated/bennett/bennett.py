@@ -86,7 +86,7 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """16 numbers, 135 operations."""
+    """16 numbers, 126 operations."""
     t = np.asarray(t)
     phi = _output(16, t, q, p)
     sine = np.sin(q[..., 12:14])
@@ -101,8 +101,8 @@ def phi(t, q, p):
     x4 = 1.0910894511799618 * (x1 * x1 + x2 * x2 + x3 * x3 - 0.21000000000000005)
     phi[..., 0] = x4
     # row 2: 1002 angle uB, C-B (body BC): u.a - L c = 0 with u = uB, a = C-B, L = 0.458258, c = 0
-    x5 = 0.26726124191242434 * x1 + 0.5345224838248487 * x2 - 0.8017837257372731 * x3
-    phi[..., 1] = 2.1821789023599236 * x5
+    x5 = 0.5832118435198042 * x1 + 1.1664236870396083 * x2 - 1.7496355305594127 * x3
+    phi[..., 1] = x5
     # row 3: 1001 unit uC (body BC): |u|^2 - 1 = 0 with u = uC
     uC_x = q[..., 6]
     uC_y = q[..., 7]
@@ -135,7 +135,7 @@ def phi(t, q, p):
     x13 = 2.7735009811261455 * (uD_x * x8 + uD_y * x9 + uD_z * x10)
     phi[..., 8] = -x13
     # row 10: 1003 angle uD, uC (body CD): u.v - c = 0 with u = uD, v = uC, c = -0.713024
-    x14 = uC_x * uD_x + uC_y * uD_y + uC_z * uD_z + 0.7130240959073809
+    x14 = 0.7130240959073809 + (uC_x * uD_x + uC_y * uD_y + uC_z * uD_z)
     phi[..., 9] = x14
     # row 11: 1000 distance D-A (body DA): |a|^2 - L^2 = 0 with a = D-A, L = 0.458258
     x15 = D_x - 0.2
@@ -147,30 +147,28 @@ def phi(t, q, p):
     x19 = 2.1821789023599236 * (uD_y * x18 - uD_x * x15 - uD_z * D_z)
     phi[..., 11] = x19
     # row 13: 1002 angle uA, A-D (body DA): u.a - L c = 0 with u = uA, a = A-D, L = 0.458258, c = 0
-    x20 = 0.485071250072666 * x15 + 0.485071250072666 * x18 + 0.727606875108999 * D_z
-    phi[..., 12] = 2.1821789023599236 * x20
+    x20 = 1.0585122480499263 * (x15 + x18) + 1.5877683720748894 * D_z
+    phi[..., 12] = x20
     # row 14: 1003 angle uA, uD (body DA): u.v - c = 0 with u = uA, v = uD, c = 0.453743
-    x21 = 0.485071250072666 * uD_y - 0.485071250072666 * uD_x - 0.727606875108999 * uD_z
+    x21 = 0.485071250072666 * (uD_y - uD_x) - 0.727606875108999 * uD_z
     phi[..., 13] = x21 - 0.45374260648651515
     # row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
-    x22 = 0.485071250072666 * (0.2 * x18 + 0.30000000000000004 * D_z)
-    x23 = x22 - 0.0970142500145332 * x15 - 0.21828206253269974 * x15
+    x22 = 0.14552137502179982 * D_z + 0.0970142500145332 * (x18 - x15)
     cos_theta1 = cosine[..., 0]
     sin_theta1 = sine[..., 0]
-    x24 = (0.30000000000000004 * x18 - 0.2 * D_z) * sin_theta1 + x23 * cos_theta1
-    phi[..., 14] = 6.052275326688023 * x24
+    x23 = (0.30000000000000004 * x18 - 0.2 * D_z) * sin_theta1 + (x22 - 0.21828206253269974 * x15) * cos_theta1
+    phi[..., 14] = 6.052275326688023 * x23
     # row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
-    x25 = 0.26726124191242434 * (0.2 * x2 - 0.30000000000000004 * x3)
-    x26 = x25 - 0.10690449676496974 * x1 - 0.24053511772118197 * x1
+    x24 = 0.05345224838248487 * x2 - 0.08017837257372731 * x3 - 0.3474396144861517 * x1
     cos_theta2 = cosine[..., 1]
     sin_theta2 = sine[..., 1]
-    x27 = x26 * cos_theta2 - (0.30000000000000004 * x2 + 0.2 * x3) * sin_theta2
-    phi[..., 15] = 6.052275326688023 * x27
+    x25 = x24 * cos_theta2 - (0.30000000000000004 * x2 + 0.2 * x3) * sin_theta2
+    phi[..., 15] = 6.052275326688023 * x25
     return phi
 
 
 def phi_q(t, q, p):
-    """74 numbers, 104 operations."""
+    """74 numbers, 94 operations."""
     t = np.asarray(t)
     phi_q = _output(74, t, q, p)
     sine = np.sin(q[..., 12:14])
@@ -289,31 +287,29 @@ def phi_q(t, q, p):
     cos_theta1 = cosine[..., 0]
     phi_q[..., 66] = -(1.9082600930253333 * cos_theta1)
     sin_theta1 = sine[..., 0]
-    x23 = 0.30000000000000004 * sin_theta1 + 0.0970142500145332 * cos_theta1
-    phi_q[..., 67] = -(6.052275326688023 * x23)
-    x24 = 6.052275326688023 * (0.2 * sin_theta1 - 0.14552137502179982 * cos_theta1)
-    phi_q[..., 68] = -x24
-    x25 = 0.485071250072666 * (0.2 * x22 + 0.30000000000000004 * D_z)
-    x26 = x25 - 0.0970142500145332 * x19 - 0.21828206253269974 * x19
-    x27 = cos_theta1 * (0.30000000000000004 * x22 - 0.2 * D_z) - sin_theta1 * x26
-    phi_q[..., 69] = 6.052275326688023 * x27
+    x23 = 1.8156825980064073 * sin_theta1 + 0.5871569517001025 * cos_theta1
+    phi_q[..., 67] = -x23
+    x24 = 0.8807354275501539 * cos_theta1 - 1.2104550653376047 * sin_theta1
+    phi_q[..., 68] = x24
+    x25 = 0.14552137502179982 * D_z + 0.0970142500145332 * (x22 - x19)
+    x26 = cos_theta1 * (0.30000000000000004 * x22 - 0.2 * D_z) - sin_theta1 * (x25 - 0.21828206253269974 * x19)
+    phi_q[..., 69] = 6.052275326688023 * x26
     # row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
     cos_theta2 = cosine[..., 1]
     phi_q[..., 70] = 2.1028002062685345 * cos_theta2
     sin_theta2 = sine[..., 1]
-    x28 = 0.30000000000000004 * sin_theta2 - 0.05345224838248487 * cos_theta2
-    phi_q[..., 71] = 6.052275326688023 * x28
-    x29 = 6.052275326688023 * (0.2 * sin_theta2 + 0.08017837257372731 * cos_theta2)
-    phi_q[..., 72] = x29
-    x30 = 0.26726124191242434 * (0.2 * x3 - 0.30000000000000004 * x5)
-    x31 = x30 - 0.10690449676496974 * x1 - 0.24053511772118197 * x1
-    x32 = cos_theta2 * (0.30000000000000004 * x3 + 0.2 * x5) + sin_theta2 * x31
-    phi_q[..., 73] = -(6.052275326688023 * x32)
+    x27 = 1.8156825980064073 * sin_theta2 - 0.323507724041313 * cos_theta2
+    phi_q[..., 71] = x27
+    x28 = 1.2104550653376047 * sin_theta2 + 0.4852615860619695 * cos_theta2
+    phi_q[..., 72] = x28
+    x29 = 0.05345224838248487 * x3 - 0.08017837257372731 * x5 - 0.3474396144861517 * x1
+    x30 = cos_theta2 * (0.30000000000000004 * x3 + 0.2 * x5) + sin_theta2 * x29
+    phi_q[..., 73] = -(6.052275326688023 * x30)
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """16 numbers, 149 operations."""
+    """16 numbers, 134 operations."""
     t = np.asarray(t)
     gamma = _output(16, t, q, qd, p)
     sine = np.sin(q[..., 12:14])
@@ -364,44 +360,39 @@ def gamma(t, q, qd, p):
     gamma[..., 12] = 0.0
     gamma[..., 13] = 0.0
     # row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
-    x10 = 0.485071250072666 * (0.30000000000000004 * dD_z - 0.2 * dD_y)
-    x11 = 0.21828206253269974 * dD_x - x10 + 0.0970142500145332 * dD_x
-    dtheta1 = qd[..., 12]
-    x12 = 2.0 * dtheta1
-    sin_theta1 = sine[..., 0]
-    D_y = q[..., 4]
-    x13 = -0.1 - D_y
-    D_z = q[..., 5]
-    x14 = dtheta1 * dtheta1
-    x15 = sin_theta1 * ((0.30000000000000004 * x13 - 0.2 * D_z) * x14)
-    cos_theta1 = cosine[..., 0]
-    x16 = cos_theta1 * (x12 * (0.30000000000000004 * dD_y + 0.2 * dD_z))
-    x17 = 0.485071250072666 * (0.2 * x13 + 0.30000000000000004 * D_z)
     D_x = q[..., 3]
-    x18 = 0.2 - D_x
-    x19 = 0.0970142500145332 * x18 + (x17 + 0.21828206253269974 * x18)
-    x20 = x15 + x16 - sin_theta1 * (x12 * x11) + cos_theta1 * (x14 * x19)
-    gamma[..., 14] = 6.052275326688023 * x20
+    x10 = 0.2 - D_x
+    D_y = q[..., 4]
+    x11 = -0.1 - D_y
+    D_z = q[..., 5]
+    x12 = 0.0970142500145332 * (x10 + x11) + 0.14552137502179982 * D_z
+    dtheta1 = qd[..., 12]
+    x13 = dtheta1 * dtheta1
+    x14 = 2.0 * dtheta1
+    x15 = x14 * (0.30000000000000004 * dD_y + 0.2 * dD_z) + x13 * (x12 + 0.21828206253269974 * x10)
+    cos_theta1 = cosine[..., 0]
+    x16 = 0.0970142500145332 * dD_y - 0.14552137502179982 * dD_z + 0.31529631254723295 * dD_x
+    x17 = (0.30000000000000004 * x11 - 0.2 * D_z) * x13 - x14 * x16
+    sin_theta1 = sine[..., 0]
+    x18 = 6.052275326688023 * (sin_theta1 * x17 + cos_theta1 * x15)
+    gamma[..., 14] = x18
     # row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
-    x21 = 0.26726124191242434 * (0.30000000000000004 * dC_z - 0.2 * dC_y)
-    x22 = x21 + 0.24053511772118197 * dC_x + 0.10690449676496974 * dC_x
-    dtheta2 = qd[..., 13]
-    x23 = 2.0 * dtheta2
-    sin_theta2 = sine[..., 1]
-    C_y = q[..., 1]
-    x24 = C_y - 0.2
     C_z = q[..., 2]
-    x25 = C_z - 0.2
-    x26 = dtheta2 * dtheta2
-    x27 = sin_theta2 * ((0.30000000000000004 * x24 + 0.2 * x25) * x26)
-    cos_theta2 = cosine[..., 1]
-    x28 = cos_theta2 * (x23 * (0.30000000000000004 * dC_y + 0.2 * dC_z))
-    x29 = 0.26726124191242434 * (0.30000000000000004 * x25 - 0.2 * x24)
+    x19 = C_z - 0.2
+    C_y = q[..., 1]
+    x20 = C_y - 0.2
     C_x = q[..., 0]
-    x30 = C_x - 0.2
-    x31 = 0.10690449676496974 * x30 + (x29 + 0.24053511772118197 * x30)
-    x32 = x27 - x28 + sin_theta2 * (x23 * x22) + cos_theta2 * (x26 * x31)
-    gamma[..., 15] = 6.052275326688023 * x32
+    x21 = 0.08017837257372731 * x19 - 0.05345224838248487 * x20 + 0.3474396144861517 * (C_x - 0.2)
+    dtheta2 = qd[..., 13]
+    x22 = dtheta2 * dtheta2
+    x23 = 2.0 * dtheta2
+    x24 = x22 * x21 - x23 * (0.30000000000000004 * dC_y + 0.2 * dC_z)
+    cos_theta2 = cosine[..., 1]
+    x25 = 0.08017837257372731 * dC_z - 0.05345224838248487 * dC_y + 0.3474396144861517 * dC_x
+    x26 = (0.30000000000000004 * x20 + 0.2 * x19) * x22 + x23 * x25
+    sin_theta2 = sine[..., 1]
+    x27 = 6.052275326688023 * (sin_theta2 * x26 + cos_theta2 * x24)
+    gamma[..., 15] = x27
     return gamma
 
 
@@ -426,31 +417,30 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 30 operations."""
+    """3 numbers, 23 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # C.x; C.y; C.z; D.x; D.y; D.z; C.x D.x; C.y D.y; C.z D.z
+    dD_y = qd[..., 4]
+    dD_x = qd[..., 3]
+    dD_z = qd[..., 5]
+    x1 = 0.33333333333333337 * (dD_z * dD_z + (dD_y * dD_y + dD_x * dD_x))
     dC_x = qd[..., 0]
     dC_y = qd[..., 1]
-    x1 = 0.3333333333333333 * (dC_x * dC_x) + 0.3333333333333333 * (dC_y * dC_y)
     dC_z = qd[..., 2]
-    dD_x = qd[..., 3]
-    x2 = 0.33333333333333337 * (dD_x * dD_x) + (0.3333333333333333 * (dC_z * dC_z) + x1)
-    dD_y = qd[..., 4]
-    dD_z = qd[..., 5]
-    x3 = 0.33333333333333337 * (dD_z * dD_z) + (0.33333333333333337 * (dD_y * dD_y) + x2)
-    x4 = dD_y * (0.16666666666666666 * dC_y) + (dD_x * (0.16666666666666666 * dC_x) + x3)
-    energy[..., 0] = dD_z * (0.16666666666666666 * dC_z) + x4
+    x2 = 0.3333333333333333 * (dC_z * dC_z + (dC_x * dC_x + dC_y * dC_y))
+    x3 = 0.16666666666666666 * (dC_z * dD_z + (dC_y * dD_y + dC_x * dD_x))
+    energy[..., 0] = x3 + (x1 + x2)
     # C.z; D.z
     C_z = q[..., 2]
     D_z = q[..., 5]
-    energy[..., 1] = 9.81 * D_z + (9.81 * C_z + 0.9810000000000001)
+    energy[..., 1] = 0.9810000000000001 + 9.81 * (C_z + D_z)
     energy[..., 2] = 0.0
     return energy
 
 
 def constraints(t, q, qd, p):
-    """106 numbers, 326 operations."""
+    """106 numbers, 298 operations."""
     t = np.asarray(t)
     constraints = _output(106, t, q, qd, p)
     sine = np.sin(q[..., 12:14])
@@ -476,8 +466,8 @@ def constraints(t, q, qd, p):
     x8 = 2.1821789023599236 * (dC_x * dC_x + dC_y * dC_y + dC_z * dC_z)
     constraints[..., 90] = -x8
     # row 2: 1002 angle uB, C-B (body BC): u.a - L c = 0 with u = uB, a = C-B, L = 0.458258, c = 0
-    x9 = 0.26726124191242434 * x1 + 0.5345224838248487 * x2 - 0.8017837257372731 * x3
-    constraints[..., 1] = 2.1821789023599236 * x9
+    x9 = 0.5832118435198042 * x1 + 1.1664236870396083 * x2 - 1.7496355305594127 * x3
+    constraints[..., 1] = x9
     constraints[..., 19] = -0.5832118435198042
     constraints[..., 20] = -1.1664236870396083
     constraints[..., 21] = 1.7496355305594127
@@ -622,69 +612,60 @@ def constraints(t, q, qd, p):
     x46 = 4.364357804719847 * (dD_x * duD_x + dD_y * duD_y + dD_z * duD_z)
     constraints[..., 101] = x46
     # row 13: 1002 angle uA, A-D (body DA): u.a - L c = 0 with u = uA, a = A-D, L = 0.458258, c = 0
-    x47 = 0.485071250072666 * x38 + 0.485071250072666 * x44 + 0.727606875108999 * D_z
-    constraints[..., 12] = 2.1821789023599236 * x47
+    x47 = 1.0585122480499263 * (x38 + x44) + 1.5877683720748894 * D_z
+    constraints[..., 12] = x47
     constraints[..., 76] = 1.0585122480499263
     constraints[..., 77] = -1.0585122480499263
     constraints[..., 78] = 1.5877683720748894
     constraints[..., 102] = 0.0
     # row 14: 1003 angle uA, uD (body DA): u.v - c = 0 with u = uA, v = uD, c = 0.453743
-    x48 = 0.485071250072666 * uD_y - 0.485071250072666 * uD_x - 0.727606875108999 * uD_z
+    x48 = 0.485071250072666 * (uD_y - uD_x) - 0.727606875108999 * uD_z
     constraints[..., 13] = x48 - 0.45374260648651515
     constraints[..., 79] = -0.485071250072666
     constraints[..., 80] = 0.485071250072666
     constraints[..., 81] = -0.727606875108999
     constraints[..., 103] = 0.0
     # row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
-    x49 = 0.485071250072666 * (0.2 * x44 + 0.30000000000000004 * D_z)
-    x50 = 0.0970142500145332 * x38
-    x51 = 0.21828206253269974 * x38
-    x52 = x49 - x50 - x51
+    x49 = 0.0970142500145332 * (x44 - x38) + 0.14552137502179982 * D_z
+    x50 = x49 - 0.21828206253269974 * x38
     cos_theta1 = cosine[..., 0]
-    x53 = 0.30000000000000004 * x44 - 0.2 * D_z
+    x51 = 0.30000000000000004 * x44 - 0.2 * D_z
     sin_theta1 = sine[..., 0]
-    x54 = 6.052275326688023 * (x52 * cos_theta1 + x53 * sin_theta1)
-    constraints[..., 14] = x54
+    x52 = 6.052275326688023 * (x50 * cos_theta1 + x51 * sin_theta1)
+    constraints[..., 14] = x52
     constraints[..., 82] = -(1.9082600930253333 * cos_theta1)
-    x55 = 0.30000000000000004 * sin_theta1 + 0.0970142500145332 * cos_theta1
-    constraints[..., 83] = -(6.052275326688023 * x55)
-    x56 = 6.052275326688023 * (0.2 * sin_theta1 - 0.14552137502179982 * cos_theta1)
-    constraints[..., 84] = -x56
-    x57 = 6.052275326688023 * (cos_theta1 * x53 - x52 * sin_theta1)
-    constraints[..., 85] = x57
-    x58 = 0.485071250072666 * (0.30000000000000004 * dD_z - 0.2 * dD_y)
-    x59 = 0.21828206253269974 * dD_x - x58 + 0.0970142500145332 * dD_x
+    x53 = 1.8156825980064073 * sin_theta1 + 0.5871569517001025 * cos_theta1
+    constraints[..., 83] = -x53
+    x54 = 0.8807354275501539 * cos_theta1 - 1.2104550653376047 * sin_theta1
+    constraints[..., 84] = x54
+    x55 = 6.052275326688023 * (cos_theta1 * x51 - x50 * sin_theta1)
+    constraints[..., 85] = x55
     dtheta1 = qd[..., 12]
-    x60 = 2.0 * dtheta1
-    x61 = dtheta1 * dtheta1
-    x62 = cos_theta1 * (x60 * (0.30000000000000004 * dD_y + 0.2 * dD_z))
-    x63 = sin_theta1 * (x53 * x61) + x62 - sin_theta1 * (x59 * x60)
-    x64 = 6.052275326688023 * (x63 + cos_theta1 * (x61 * (x49 - x51 - x50)))
-    constraints[..., 104] = x64
+    x56 = dtheta1 * dtheta1
+    x57 = 2.0 * dtheta1
+    x58 = x50 * x56 + (0.30000000000000004 * dD_y + 0.2 * dD_z) * x57
+    x59 = 0.0970142500145332 * dD_y - 0.14552137502179982 * dD_z + 0.31529631254723295 * dD_x
+    x60 = 6.052275326688023 * (cos_theta1 * x58 + sin_theta1 * (x51 * x56 - x57 * x59))
+    constraints[..., 104] = x60
     # row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
-    x65 = 0.26726124191242434 * (0.2 * x2 - 0.30000000000000004 * x3)
-    x66 = 0.10690449676496974 * x1
-    x67 = 0.24053511772118197 * x1
-    x68 = x65 - x66 - x67
+    x61 = 0.05345224838248487 * x2 - 0.08017837257372731 * x3 - 0.3474396144861517 * x1
     cos_theta2 = cosine[..., 1]
-    x69 = 0.30000000000000004 * x2 + 0.2 * x3
+    x62 = 0.30000000000000004 * x2 + 0.2 * x3
     sin_theta2 = sine[..., 1]
-    x70 = 6.052275326688023 * (x68 * cos_theta2 - x69 * sin_theta2)
-    constraints[..., 15] = x70
+    x63 = 6.052275326688023 * (x61 * cos_theta2 - x62 * sin_theta2)
+    constraints[..., 15] = x63
     constraints[..., 86] = 2.1028002062685345 * cos_theta2
-    x71 = 0.30000000000000004 * sin_theta2 - 0.05345224838248487 * cos_theta2
-    constraints[..., 87] = 6.052275326688023 * x71
-    x72 = 6.052275326688023 * (0.2 * sin_theta2 + 0.08017837257372731 * cos_theta2)
-    constraints[..., 88] = x72
-    x73 = 6.052275326688023 * (x68 * sin_theta2 + cos_theta2 * x69)
-    constraints[..., 89] = -x73
-    x74 = 0.26726124191242434 * (0.30000000000000004 * dC_z - 0.2 * dC_y)
-    x75 = x74 + 0.24053511772118197 * dC_x + 0.10690449676496974 * dC_x
+    x64 = 1.8156825980064073 * sin_theta2 - 0.323507724041313 * cos_theta2
+    constraints[..., 87] = x64
+    x65 = 1.2104550653376047 * sin_theta2 + 0.4852615860619695 * cos_theta2
+    constraints[..., 88] = x65
+    x66 = 6.052275326688023 * (x61 * sin_theta2 + cos_theta2 * x62)
+    constraints[..., 89] = -x66
     dtheta2 = qd[..., 13]
-    x76 = 2.0 * dtheta2
-    x77 = dtheta2 * dtheta2
-    x78 = cos_theta2 * (x76 * (0.30000000000000004 * dC_y + 0.2 * dC_z))
-    x79 = sin_theta2 * (x75 * x76) - (sin_theta2 * (x69 * x77) + x78)
-    x80 = 6.052275326688023 * (x79 + cos_theta2 * (x77 * (x65 - x67 - x66)))
-    constraints[..., 105] = x80
+    x67 = dtheta2 * dtheta2
+    x68 = 2.0 * dtheta2
+    x69 = x61 * x67 - (0.30000000000000004 * dC_y + 0.2 * dC_z) * x68
+    x70 = 0.08017837257372731 * dC_z - 0.05345224838248487 * dC_y + 0.3474396144861517 * dC_x
+    x71 = 6.052275326688023 * (cos_theta2 * x69 + sin_theta2 * (x68 * x70 - x62 * x67))
+    constraints[..., 105] = x71
     return constraints

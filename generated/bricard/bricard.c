@@ -453,7 +453,7 @@ int bricard_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-/* energy: 69 operations */
+/* energy: 44 operations */
 int bricard_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -463,34 +463,28 @@ int bricard_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         /* P2.x; P2.y; P2.z; P3.x; P3.y; P3.z; P4.x; P4.y; P4.z; P5.x; P5.y; P5.z; P2.x P3.x; P2.y P3.y; P2.z P3.z; P3.x P4.x; P3.y P4.y; P3.z P4.z; P4.x P5.x; P4.y P5.y; P4.z P5.z */
         const ncgen_real dP2_x = qd[0];
         const ncgen_real dP2_y = qd[1];
-        const ncgen_real x1 = R(0.3333333333333333) * (dP2_x * dP2_x) + R(0.3333333333333333) * (dP2_y * dP2_y);
         const ncgen_real dP2_z = qd[2];
         const ncgen_real dP3_x = qd[3];
-        const ncgen_real x2 = R(0.3333333333333333) * (dP3_x * dP3_x) + (R(0.3333333333333333) * (dP2_z * dP2_z) + x1);
+        const ncgen_real x1 = dP3_x * dP3_x + (dP2_z * dP2_z + (dP2_x * dP2_x + dP2_y * dP2_y));
         const ncgen_real dP3_y = qd[4];
         const ncgen_real dP3_z = qd[5];
-        const ncgen_real x3 = R(0.3333333333333333) * (dP3_z * dP3_z) + (R(0.3333333333333333) * (dP3_y * dP3_y) + x2);
         const ncgen_real dP4_x = qd[6];
         const ncgen_real dP4_y = qd[7];
-        const ncgen_real x4 = R(0.3333333333333333) * (dP4_y * dP4_y) + (R(0.3333333333333333) * (dP4_x * dP4_x) + x3);
+        const ncgen_real x2 = dP4_y * dP4_y + (dP4_x * dP4_x + (dP3_z * dP3_z + (dP3_y * dP3_y + x1)));
         const ncgen_real dP4_z = qd[8];
         const ncgen_real dP5_x = qd[9];
-        const ncgen_real x5 = R(0.3333333333333333) * (dP5_x * dP5_x) + (R(0.3333333333333333) * (dP4_z * dP4_z) + x4);
         const ncgen_real dP5_y = qd[10];
         const ncgen_real dP5_z = qd[11];
-        const ncgen_real x6 = R(0.3333333333333333) * (dP5_z * dP5_z) + (R(0.3333333333333333) * (dP5_y * dP5_y) + x5);
-        const ncgen_real x7 = dP3_y * (R(0.16666666666666669) * dP2_y) + (dP3_x * (R(0.16666666666666669) * dP2_x) + x6);
-        const ncgen_real x8 = dP4_x * (R(0.16666666666666669) * dP3_x) + (dP3_z * (R(0.16666666666666669) * dP2_z) + x7);
-        const ncgen_real x9 = dP4_z * (R(0.16666666666666669) * dP3_z) + (dP4_y * (R(0.16666666666666669) * dP3_y) + x8);
-        const ncgen_real x10 = dP5_y * (R(0.16666666666666669) * dP4_y) + (dP5_x * (R(0.16666666666666669) * dP4_x) + x9);
-        energy[0] = dP5_z * (R(0.16666666666666669) * dP4_z) + x10;
+        const ncgen_real x3 = dP5_z * dP5_z + (dP5_y * dP5_y + (dP5_x * dP5_x + (dP4_z * dP4_z + x2)));
+        const ncgen_real x4 = dP4_x * (dP3_x + dP5_x) + (dP2_z * dP3_z + (dP2_y * dP3_y + dP2_x * dP3_x));
+        const ncgen_real x5 = R(0.16666666666666669) * (dP4_z * (dP3_z + dP5_z) + (dP4_y * (dP3_y + dP5_y) + x4));
+        energy[0] = x5 + R(0.3333333333333333) * x3;
         /* P2.y; P3.y; P4.y; P5.y */
         const ncgen_real P2_y = q[1];
         const ncgen_real P3_y = q[4];
         const ncgen_real P4_y = q[7];
         const ncgen_real P5_y = q[10];
-        const ncgen_real x11 = R(9.81) * P5_y + (R(9.81) * P4_y + (R(9.81) * P2_y + R(9.81) * P3_y));
-        energy[1] = x11;
+        energy[1] = R(9.81) * (P5_y + (P4_y + (P2_y + P3_y)));
         energy[2] = NCGEN_SPLAT(R(0.0));
     }
 
@@ -888,7 +882,7 @@ const ncgen_model *bricard_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bricard",
-        .fingerprint = "cbdb114a69853ca7",
+        .fingerprint = "637d8689fa909d1e",
         .n_coordinates = 24,
         .n_rows = 24,
         .n_parameters = 0,

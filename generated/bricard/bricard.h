@@ -51,7 +51,7 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_
 int bricard_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 24 numbers, 133 operations */
 int bricard_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 30 numbers, 0 operations */
 int bricard_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 24 numbers, 0 operations */
-int bricard_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 69 operations */
+int bricard_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 44 operations */
 int bricard_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 172 numbers, 292 operations */
 
 #ifdef __cplusplus

@@ -506,40 +506,34 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 69 operations."""
+    """3 numbers, 44 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # P2.x; P2.y; P2.z; P3.x; P3.y; P3.z; P4.x; P4.y; P4.z; P5.x; P5.y; P5.z; P2.x P3.x; P2.y P3.y; P2.z P3.z; P3.x P4.x; P3.y P4.y; P3.z P4.z; P4.x P5.x; P4.y P5.y; P4.z P5.z
     dP2_x = qd[..., 0]
     dP2_y = qd[..., 1]
-    x1 = 0.3333333333333333 * (dP2_x * dP2_x) + 0.3333333333333333 * (dP2_y * dP2_y)
     dP2_z = qd[..., 2]
     dP3_x = qd[..., 3]
-    x2 = 0.3333333333333333 * (dP3_x * dP3_x) + (0.3333333333333333 * (dP2_z * dP2_z) + x1)
+    x1 = dP3_x * dP3_x + (dP2_z * dP2_z + (dP2_x * dP2_x + dP2_y * dP2_y))
     dP3_y = qd[..., 4]
     dP3_z = qd[..., 5]
-    x3 = 0.3333333333333333 * (dP3_z * dP3_z) + (0.3333333333333333 * (dP3_y * dP3_y) + x2)
     dP4_x = qd[..., 6]
     dP4_y = qd[..., 7]
-    x4 = 0.3333333333333333 * (dP4_y * dP4_y) + (0.3333333333333333 * (dP4_x * dP4_x) + x3)
+    x2 = dP4_y * dP4_y + (dP4_x * dP4_x + (dP3_z * dP3_z + (dP3_y * dP3_y + x1)))
     dP4_z = qd[..., 8]
     dP5_x = qd[..., 9]
-    x5 = 0.3333333333333333 * (dP5_x * dP5_x) + (0.3333333333333333 * (dP4_z * dP4_z) + x4)
     dP5_y = qd[..., 10]
     dP5_z = qd[..., 11]
-    x6 = 0.3333333333333333 * (dP5_z * dP5_z) + (0.3333333333333333 * (dP5_y * dP5_y) + x5)
-    x7 = dP3_y * (0.16666666666666669 * dP2_y) + (dP3_x * (0.16666666666666669 * dP2_x) + x6)
-    x8 = dP4_x * (0.16666666666666669 * dP3_x) + (dP3_z * (0.16666666666666669 * dP2_z) + x7)
-    x9 = dP4_z * (0.16666666666666669 * dP3_z) + (dP4_y * (0.16666666666666669 * dP3_y) + x8)
-    x10 = dP5_y * (0.16666666666666669 * dP4_y) + (dP5_x * (0.16666666666666669 * dP4_x) + x9)
-    energy[..., 0] = dP5_z * (0.16666666666666669 * dP4_z) + x10
+    x3 = dP5_z * dP5_z + (dP5_y * dP5_y + (dP5_x * dP5_x + (dP4_z * dP4_z + x2)))
+    x4 = dP4_x * (dP3_x + dP5_x) + (dP2_z * dP3_z + (dP2_y * dP3_y + dP2_x * dP3_x))
+    x5 = 0.16666666666666669 * (dP4_z * (dP3_z + dP5_z) + (dP4_y * (dP3_y + dP5_y) + x4))
+    energy[..., 0] = x5 + 0.3333333333333333 * x3
     # P2.y; P3.y; P4.y; P5.y
     P2_y = q[..., 1]
     P3_y = q[..., 4]
     P4_y = q[..., 7]
     P5_y = q[..., 10]
-    x11 = 9.81 * P5_y + (9.81 * P4_y + (9.81 * P2_y + 9.81 * P3_y))
-    energy[..., 1] = x11
+    energy[..., 1] = 9.81 * (P5_y + (P4_y + (P2_y + P3_y)))
     energy[..., 2] = 0.0
     return energy
 

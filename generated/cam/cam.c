@@ -182,7 +182,7 @@ int cam_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     return NCGEN_OK;
 }
-/* gamma: 23 operations, 3 of them elementary functions */
+/* gamma: 21 operations, 3 of them elementary functions */
 int cam_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[1], cosine[1];
@@ -199,14 +199,14 @@ int cam_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         /* row 2: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = down, b = N-O, n = z, psi = psi, ln = 1 */
         const ncgen_real dpsi = qd[3];
         const ncgen_real x1 = R(2.0) * dpsi;
+        const ncgen_real x2 = dpsi * dpsi;
+        const ncgen_real N_x = q[0];
         const ncgen_real psi = q[3];
         const ncgen_real cos_psi = cosine[0];
-        const ncgen_real x2 = dpsi * dpsi;
         const ncgen_real N_y = q[1];
         const ncgen_real sin_psi = sine[0];
-        const ncgen_real x3 = cos_psi * (dN_y * x1) - sin_psi * (N_y * x2) - sin_psi * (dN_x * x1);
-        const ncgen_real N_x = q[0];
-        gamma[1] = R(50.0) * (x3 - cos_psi * (N_x * x2));
+        const ncgen_real x3 = cos_psi * (dN_y * x1 - N_x * x2) - sin_psi * (N_y * x2 + dN_x * x1);
+        gamma[1] = R(50.0) * x3;
         /* row 3: the follower on the cam (user model): F.y - lift(psi) - 0.02 = 0 */
         const ncgen_real x4 = NCGEN_PIECES(psi, cam_number_1, cam_number_4, 25, 1, R(6.283185307179586));
         gamma[2] = x2 * x4;
@@ -229,7 +229,7 @@ int cam_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
 
     return NCGEN_OK;
 }
-/* force: 18 operations, 2 of them elementary functions */
+/* force: 17 operations, 2 of them elementary functions */
 int cam_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
     (void)p;
@@ -248,7 +248,7 @@ int cam_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real dpsi = qd[3];
         const ncgen_real t_ = t;
         const ncgen_real x4 = NCGEN_PIECES(R(10.0) * t_, cam_number_6, cam_number_7, 2, 5, R(0.0));
-        force[3] = R(0.3) * (R(1.0) - R(0.015915494309189534) * dpsi) * x4;
+        force[3] = (R(0.3) - R(0.00477464829275686) * dpsi) * x4;
     }
 
     return NCGEN_OK;
@@ -284,7 +284,7 @@ int cam_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-/* constraints: 48 operations, 5 of them elementary functions */
+/* constraints: 46 operations, 5 of them elementary functions */
 int cam_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[1], cosine[1];
@@ -314,8 +314,8 @@ int cam_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         const ncgen_real dpsi = qd[3];
         const ncgen_real x1 = R(2.0) * dpsi;
         const ncgen_real x2 = dpsi * dpsi;
-        const ncgen_real x3 = cos_psi * (dN_y * x1) - sin_psi * (N_y * x2) - sin_psi * (dN_x * x1);
-        constraints[11] = R(50.0) * (x3 - cos_psi * (N_x * x2));
+        const ncgen_real x3 = cos_psi * (dN_y * x1 - N_x * x2) - sin_psi * (N_y * x2 + dN_x * x1);
+        constraints[11] = R(50.0) * x3;
         /* row 3: the follower on the cam (user model): F.y - lift(psi) - 0.02 = 0 */
         const ncgen_real F_y = q[2];
         const ncgen_real x4 = NCGEN_PIECES(psi, cam_number_1, cam_number_2, 25, 3, R(6.283185307179586));
@@ -370,7 +370,7 @@ const ncgen_model *cam_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "cam",
-        .fingerprint = "1dc780411028d898",
+        .fingerprint = "968b26f17f100943",
         .n_coordinates = 4,
         .n_rows = 3,
         .n_parameters = 0,

@@ -27,11 +27,11 @@ const ncgen_model *cam_model(void);
 
 int cam_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 3 numbers, 15 operations */
 int cam_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 7 numbers, 14 operations */
-int cam_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 3 numbers, 23 operations */
+int cam_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 3 numbers, 21 operations */
 int cam_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 3 numbers, 0 operations */
-int cam_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 4 numbers, 18 operations */
+int cam_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 4 numbers, 17 operations */
 int cam_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 31 operations */
-int cam_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 13 numbers, 48 operations */
+int cam_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 13 numbers, 46 operations */
 
 #ifdef __cplusplus
 }

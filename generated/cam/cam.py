@@ -202,7 +202,7 @@ def phi_q(t, q, p):
 
 
 def gamma(t, q, qd, p):
-    """3 numbers, 23 operations."""
+    """3 numbers, 21 operations."""
     t = np.asarray(t)
     gamma = _output(3, t, q, qd, p)
     sine = np.sin(q[..., 3, None])
@@ -214,14 +214,14 @@ def gamma(t, q, qd, p):
     # row 2: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = down, b = N-O, n = z, psi = psi, ln = 1
     dpsi = qd[..., 3]
     x1 = 2.0 * dpsi
+    x2 = dpsi * dpsi
+    N_x = q[..., 0]
     psi = q[..., 3]
     cos_psi = cosine[..., 0]
-    x2 = dpsi * dpsi
     N_y = q[..., 1]
     sin_psi = sine[..., 0]
-    x3 = cos_psi * (dN_y * x1) - sin_psi * (N_y * x2) - sin_psi * (dN_x * x1)
-    N_x = q[..., 0]
-    gamma[..., 1] = 50.0 * (x3 - cos_psi * (N_x * x2))
+    x3 = cos_psi * (dN_y * x1 - N_x * x2) - sin_psi * (N_y * x2 + dN_x * x1)
+    gamma[..., 1] = 50.0 * x3
     # row 3: the follower on the cam (user model): F.y - lift(psi) - 0.02 = 0
     x4 = _pieces(psi, _number_1, _number_4, 25, 1, 6.283185307179586)
     gamma[..., 2] = x2 * x4
@@ -239,7 +239,7 @@ def mass(t, q, p):
 
 
 def force(t, q, qd, p):
-    """4 numbers, 18 operations."""
+    """4 numbers, 17 operations."""
     t = np.asarray(t)
     force = _output(4, t, q, qd, p)
     force[..., 0] = 0.0
@@ -254,7 +254,7 @@ def force(t, q, qd, p):
     # motor
     dpsi = qd[..., 3]
     t_ = t
-    x4 = 0.3 * (1.0 - 0.015915494309189534 * dpsi) * _pieces(10.0 * t_, _number_6, _number_7, 2, 5, 0.0)
+    x4 = (0.3 - 0.00477464829275686 * dpsi) * _pieces(10.0 * t_, _number_6, _number_7, 2, 5, 0.0)
     force[..., 3] = x4
     return force
 
@@ -287,7 +287,7 @@ def energy(t, q, qd, p):
 
 
 def constraints(t, q, qd, p):
-    """13 numbers, 48 operations."""
+    """13 numbers, 46 operations."""
     t = np.asarray(t)
     constraints = _output(13, t, q, qd, p)
     sine = np.sin(q[..., 3, None])
@@ -312,8 +312,8 @@ def constraints(t, q, qd, p):
     dpsi = qd[..., 3]
     x1 = 2.0 * dpsi
     x2 = dpsi * dpsi
-    x3 = cos_psi * (dN_y * x1) - sin_psi * (N_y * x2) - sin_psi * (dN_x * x1)
-    constraints[..., 11] = 50.0 * (x3 - cos_psi * (N_x * x2))
+    x3 = cos_psi * (dN_y * x1 - N_x * x2) - sin_psi * (N_y * x2 + dN_x * x1)
+    constraints[..., 11] = 50.0 * x3
     # row 3: the follower on the cam (user model): F.y - lift(psi) - 0.02 = 0
     F_y = q[..., 2]
     x4 = _pieces(psi, _number_1, _number_2, 25, 3, 6.283185307179586)

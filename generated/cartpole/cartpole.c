@@ -81,7 +81,7 @@ int cartpole_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-/* gamma: 27 operations, 2 of them elementary functions */
+/* gamma: 25 operations, 2 of them elementary functions */
 int cartpole_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[1], cosine[1];
@@ -96,23 +96,23 @@ int cartpole_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real dphi = qd[5];
         const ncgen_real x1 = dphi * dphi;
         const ncgen_real B_y = q[3];
-        const ncgen_real sin_phi = sine[0];
-        const ncgen_real x2 = R(2.0) * dphi;
-        const ncgen_real dB_y = qd[3];
-        const ncgen_real cos_phi = cosine[0];
         const ncgen_real dB_x = qd[2];
         const ncgen_real dC_x = qd[0];
-        const ncgen_real x3 = dB_x - dC_x;
-        const ncgen_real x4 = sin_phi * (B_y * x1) - cos_phi * (dB_y * x2) + sin_phi * (x3 * x2);
+        const ncgen_real x2 = dB_x - dC_x;
+        const ncgen_real x3 = R(2.0) * dphi;
+        const ncgen_real sin_phi = sine[0];
         const ncgen_real B_x = q[2];
         const ncgen_real C_x = q[0];
-        gamma[1] = R(1.25) * (x4 + cos_phi * ((B_x - C_x) * x1));
+        const ncgen_real dB_y = qd[3];
+        const ncgen_real cos_phi = cosine[0];
+        const ncgen_real x4 = sin_phi * (B_y * x1 + x2 * x3) + cos_phi * ((B_x - C_x) * x1 - dB_y * x3);
+        gamma[1] = R(1.25) * x4;
         /* row 3: 1000 distance C-D (body cart): |a|^2 - L^2 = 0 with a = C-D, L = 0.2 */
         const ncgen_real dD_x = qd[1];
         const ncgen_real x5 = dC_x - dD_x;
         gamma[2] = -(R(5.0) * (x5 * x5));
         /* row 4: 1000 distance C-B (body pole): |a|^2 - L^2 = 0 with a = C-B, L = 0.8 */
-        gamma[3] = -(R(1.25) * (x3 * x3 + dB_y * dB_y));
+        gamma[3] = -(R(1.25) * (x2 * x2 + dB_y * dB_y));
     }
 
     return NCGEN_OK;
@@ -152,23 +152,22 @@ int cartpole_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-/* energy: 24 operations */
+/* energy: 21 operations */
 int cartpole_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
 
     {
         /* C.x; D.x; B.x; B.y; C.x D.x; C.x B.x; pole */
-        const ncgen_real dC_x = qd[0];
         const ncgen_real dD_x = qd[1];
-        const ncgen_real x1 = R(0.15416666666666667) * (dC_x * dC_x) + R(0.125) * (dD_x * dD_x);
+        const ncgen_real dC_x = qd[0];
         const ncgen_real dB_x = qd[2];
+        const ncgen_real x1 = R(0.04166666666666667) * dB_x + (R(0.25) * dD_x + R(0.15416666666666667) * dC_x);
         const ncgen_real dB_y = qd[3];
         const ncgen_real x2 = dB_y * dB_y;
-        const ncgen_real x3 = R(0.029166666666666667) * x2 + (R(0.029166666666666667) * (dB_x * dB_x) + x1);
-        const ncgen_real x4 = dB_x * (R(0.04166666666666667) * dC_x) + (dD_x * (R(0.25) * dC_x) + x3);
-        const ncgen_real x5 = dB_x - dC_x;
-        energy[0] = R(0.0041666666666666675) * (x2 + x5 * x5) + x4;
+        const ncgen_real x3 = R(0.029166666666666667) * (x2 + dB_x * dB_x) + (dC_x * x1 + R(0.125) * (dD_x * dD_x));
+        const ncgen_real x4 = dB_x - dC_x;
+        energy[0] = R(0.0041666666666666675) * (x2 + x4 * x4) + x3;
         /* B.y */
         const ncgen_real B_y = q[3];
         energy[1] = R(0.9810000000000001) * B_y;
@@ -180,7 +179,7 @@ int cartpole_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-/* constraints: 54 operations, 2 of them elementary functions */
+/* constraints: 52 operations, 2 of them elementary functions */
 int cartpole_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[1], cosine[1];
@@ -211,13 +210,13 @@ int cartpole_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
         constraints[9] = -(R(1.25) * (sin_phi * x1 - B_y * cos_phi));
         const ncgen_real dphi = qd[5];
         const ncgen_real x3 = dphi * dphi;
-        const ncgen_real x4 = R(2.0) * dphi;
-        const ncgen_real dB_y = qd[3];
         const ncgen_real dB_x = qd[2];
         const ncgen_real dC_x = qd[0];
-        const ncgen_real x5 = dB_x - dC_x;
-        const ncgen_real x6 = sin_phi * (B_y * x3) - cos_phi * (x4 * dB_y) + sin_phi * (x4 * x5);
-        constraints[16] = R(1.25) * (x6 + cos_phi * (x1 * x3));
+        const ncgen_real x4 = dB_x - dC_x;
+        const ncgen_real x5 = R(2.0) * dphi;
+        const ncgen_real dB_y = qd[3];
+        const ncgen_real x6 = sin_phi * (B_y * x3 + x4 * x5) + cos_phi * (x1 * x3 - x5 * dB_y);
+        constraints[16] = R(1.25) * x6;
         /* row 3: 1000 distance C-D (body cart): |a|^2 - L^2 = 0 with a = C-D, L = 0.2 */
         const ncgen_real D_x = q[1];
         const ncgen_real x7 = C_x - D_x;
@@ -234,7 +233,7 @@ int cartpole_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
         constraints[12] = -x10;
         constraints[13] = x10;
         constraints[14] = R(1.25) * B_y;
-        constraints[18] = -(R(1.25) * (x5 * x5 + dB_y * dB_y));
+        constraints[18] = -(R(1.25) * (x4 * x4 + dB_y * dB_y));
     }
 
     return NCGEN_OK;
@@ -291,7 +290,7 @@ const ncgen_model *cartpole_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "cartpole",
-        .fingerprint = "534cd4e567988728",
+        .fingerprint = "a3fb2d7d0ff211d9",
         .n_coordinates = 6,
         .n_rows = 4,
         .n_parameters = 1,

@@ -118,7 +118,7 @@ def phi_q(t, q, p):
 
 
 def gamma(t, q, qd, p):
-    """4 numbers, 27 operations."""
+    """4 numbers, 25 operations."""
     t = np.asarray(t)
     gamma = _output(4, t, q, qd, p)
     sine = np.sin(q[..., 5, None])
@@ -128,23 +128,23 @@ def gamma(t, q, qd, p):
     dphi = qd[..., 5]
     x1 = dphi * dphi
     B_y = q[..., 3]
-    sin_phi = sine[..., 0]
-    x2 = 2.0 * dphi
-    dB_y = qd[..., 3]
-    cos_phi = cosine[..., 0]
     dB_x = qd[..., 2]
     dC_x = qd[..., 0]
-    x3 = dB_x - dC_x
-    x4 = sin_phi * (B_y * x1) - cos_phi * (dB_y * x2) + sin_phi * (x3 * x2)
+    x2 = dB_x - dC_x
+    x3 = 2.0 * dphi
+    sin_phi = sine[..., 0]
     B_x = q[..., 2]
     C_x = q[..., 0]
-    gamma[..., 1] = 1.25 * (x4 + cos_phi * ((B_x - C_x) * x1))
+    dB_y = qd[..., 3]
+    cos_phi = cosine[..., 0]
+    x4 = sin_phi * (B_y * x1 + x2 * x3) + cos_phi * ((B_x - C_x) * x1 - dB_y * x3)
+    gamma[..., 1] = 1.25 * x4
     # row 3: 1000 distance C-D (body cart): |a|^2 - L^2 = 0 with a = C-D, L = 0.2
     dD_x = qd[..., 1]
     x5 = dC_x - dD_x
     gamma[..., 2] = -(5.0 * (x5 * x5))
     # row 4: 1000 distance C-B (body pole): |a|^2 - L^2 = 0 with a = C-B, L = 0.8
-    gamma[..., 3] = -(1.25 * (x3 * x3 + dB_y * dB_y))
+    gamma[..., 3] = -(1.25 * (x2 * x2 + dB_y * dB_y))
     return gamma
 
 
@@ -174,20 +174,19 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 24 operations."""
+    """3 numbers, 21 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # C.x; D.x; B.x; B.y; C.x D.x; C.x B.x; pole
-    dC_x = qd[..., 0]
     dD_x = qd[..., 1]
-    x1 = 0.15416666666666667 * (dC_x * dC_x) + 0.125 * (dD_x * dD_x)
+    dC_x = qd[..., 0]
     dB_x = qd[..., 2]
+    x1 = 0.04166666666666667 * dB_x + (0.25 * dD_x + 0.15416666666666667 * dC_x)
     dB_y = qd[..., 3]
     x2 = dB_y * dB_y
-    x3 = 0.029166666666666667 * x2 + (0.029166666666666667 * (dB_x * dB_x) + x1)
-    x4 = dB_x * (0.04166666666666667 * dC_x) + (dD_x * (0.25 * dC_x) + x3)
-    x5 = dB_x - dC_x
-    energy[..., 0] = 0.0041666666666666675 * (x2 + x5 * x5) + x4
+    x3 = 0.029166666666666667 * (x2 + dB_x * dB_x) + (dC_x * x1 + 0.125 * (dD_x * dD_x))
+    x4 = dB_x - dC_x
+    energy[..., 0] = 0.0041666666666666675 * (x2 + x4 * x4) + x3
     # B.y
     B_y = q[..., 3]
     energy[..., 1] = 0.9810000000000001 * B_y
@@ -199,7 +198,7 @@ def energy(t, q, qd, p):
 
 
 def constraints(t, q, qd, p):
-    """19 numbers, 54 operations."""
+    """19 numbers, 52 operations."""
     t = np.asarray(t)
     constraints = _output(19, t, q, qd, p)
     sine = np.sin(q[..., 5, None])
@@ -225,13 +224,13 @@ def constraints(t, q, qd, p):
     constraints[..., 9] = -(1.25 * (sin_phi * x1 - B_y * cos_phi))
     dphi = qd[..., 5]
     x3 = dphi * dphi
-    x4 = 2.0 * dphi
-    dB_y = qd[..., 3]
     dB_x = qd[..., 2]
     dC_x = qd[..., 0]
-    x5 = dB_x - dC_x
-    x6 = sin_phi * (B_y * x3) - cos_phi * (x4 * dB_y) + sin_phi * (x4 * x5)
-    constraints[..., 16] = 1.25 * (x6 + cos_phi * (x1 * x3))
+    x4 = dB_x - dC_x
+    x5 = 2.0 * dphi
+    dB_y = qd[..., 3]
+    x6 = sin_phi * (B_y * x3 + x4 * x5) + cos_phi * (x1 * x3 - x5 * dB_y)
+    constraints[..., 16] = 1.25 * x6
     # row 3: 1000 distance C-D (body cart): |a|^2 - L^2 = 0 with a = C-D, L = 0.2
     D_x = q[..., 1]
     x7 = C_x - D_x
@@ -248,5 +247,5 @@ def constraints(t, q, qd, p):
     constraints[..., 12] = -x10
     constraints[..., 13] = x10
     constraints[..., 14] = 1.25 * B_y
-    constraints[..., 18] = -(1.25 * (x5 * x5 + dB_y * dB_y))
+    constraints[..., 18] = -(1.25 * (x4 * x4 + dB_y * dB_y))
     return constraints

@@ -416,7 +416,7 @@ int chain_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-/* energy: 190 operations */
+/* energy: 187 operations */
 int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -430,20 +430,19 @@ int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     {
         /* P1.z; P2.z; P3.z; P4.z; P5.z; P6.z; P7.z; P8.z; P9.z; P10.z */
         const ncgen_real P1_z = q[2];
-        const ncgen_real P2_z = q[5];
-        const ncgen_real x1 = R(0.9810000000000001) * P1_z + R(0.9810000000000002) * P2_z;
         const ncgen_real P3_z = q[8];
+        const ncgen_real P2_z = q[5];
         const ncgen_real P4_z = q[11];
-        const ncgen_real x2 = R(0.9810000000000002) * P4_z + (R(0.9810000000000001) * P3_z + x1);
+        const ncgen_real x1 = R(0.9810000000000001) * (P1_z + P3_z) + R(0.9810000000000002) * (P2_z + P4_z);
         const ncgen_real P5_z = q[14];
         const ncgen_real P6_z = q[17];
-        const ncgen_real x3 = R(0.9810000000000004) * P6_z + (R(0.9809999999999999) * P5_z + x2);
-        const ncgen_real P7_z = q[20];
         const ncgen_real P8_z = q[23];
-        const ncgen_real x4 = R(0.9810000000000004) * P8_z + (R(0.9809999999999997) * P7_z + x3);
+        const ncgen_real x2 = R(0.9810000000000004) * (P6_z + P8_z) + (R(0.9809999999999999) * P5_z + x1);
+        const ncgen_real P7_z = q[20];
         const ncgen_real P9_z = q[26];
         const ncgen_real P10_z = q[29];
-        energy[1] = R(0.49050000000000005) * P10_z + (R(0.981) * P9_z + x4);
+        const ncgen_real x3 = R(0.49050000000000005) * P10_z + (R(0.981) * P9_z + (R(0.9809999999999997) * P7_z + x2));
+        energy[1] = x3;
     }
 
     /* mass-diagonal: m v^2 / 2 */
@@ -810,7 +809,7 @@ const ncgen_model *chain_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "chain",
-        .fingerprint = "be8762b89b1ab8e0",
+        .fingerprint = "c873aa2eb8ca4cc1",
         .n_coordinates = 30,
         .n_rows = 10,
         .n_parameters = 0,

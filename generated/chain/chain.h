@@ -37,7 +37,7 @@ int chain_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_re
 int chain_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 10 numbers, 97 operations */
 int chain_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 84 numbers, 0 operations */
 int chain_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 30 numbers, 0 operations */
-int chain_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 190 operations */
+int chain_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 187 operations */
 int chain_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 77 numbers, 251 operations */
 
 #ifdef __cplusplus

@@ -88,13 +88,13 @@ extern "C" {
 /* The model: sizes, names, patterns and kernels (see ncgen.h). */
 const ncgen_model *delta_model(void);
 
-int delta_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 63 numbers, 399 operations */
-int delta_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 288 numbers, 247 operations */
-int delta_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 63 numbers, 337 operations */
+int delta_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 63 numbers, 391 operations */
+int delta_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 288 numbers, 241 operations */
+int delta_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 63 numbers, 319 operations */
 int delta_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 99 numbers, 0 operations */
 int delta_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 60 numbers, 19 operations */
-int delta_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 269 operations */
-int delta_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 414 numbers, 873 operations */
+int delta_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 260 operations */
+int delta_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 414 numbers, 853 operations */
 
 #ifdef __cplusplus
 }

@@ -415,7 +415,7 @@ int disc_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-/* energy: 51 operations */
+/* energy: 37 operations */
 int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -423,26 +423,21 @@ int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     {
         /* C.x; C.y; C.z; P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; C.x P1.x; C.y P1.y; C.z P1.z; C.x P2.x; C.y P2.y; C.z P2.z; P1.x P2.x; P1.y P2.y; P1.z P2.z */
+        const ncgen_real dP1_y = qd[13];
+        const ncgen_real dP1_x = qd[12];
+        const ncgen_real dP1_z = qd[14];
+        const ncgen_real dP2_x = qd[15];
+        const ncgen_real x1 = dP2_x * dP2_x + (dP1_z * dP1_z + (dP1_y * dP1_y + dP1_x * dP1_x));
+        const ncgen_real dP2_y = qd[16];
+        const ncgen_real dP2_z = qd[17];
+        const ncgen_real x2 = R(0.33333333333333337) * (dP2_z * dP2_z + (dP2_y * dP2_y + x1));
         const ncgen_real dC_x = qd[0];
         const ncgen_real dC_y = qd[1];
-        const ncgen_real x1 = R(1.3333333333333333) * (dC_x * dC_x) + R(1.3333333333333333) * (dC_y * dC_y);
         const ncgen_real dC_z = qd[2];
-        const ncgen_real dP1_x = qd[12];
-        const ncgen_real x2 = R(0.33333333333333337) * (dP1_x * dP1_x) + (R(1.3333333333333333) * (dC_z * dC_z) + x1);
-        const ncgen_real dP1_y = qd[13];
-        const ncgen_real dP1_z = qd[14];
-        const ncgen_real x3 = R(0.33333333333333337) * (dP1_z * dP1_z) + (R(0.33333333333333337) * (dP1_y * dP1_y) + x2);
-        const ncgen_real dP2_x = qd[15];
-        const ncgen_real dP2_y = qd[16];
-        const ncgen_real x4 = R(0.33333333333333337) * (dP2_y * dP2_y) + (R(0.33333333333333337) * (dP2_x * dP2_x) + x3);
-        const ncgen_real dP2_z = qd[17];
-        const ncgen_real x5 = R(0.3333333333333333) * dC_x;
-        const ncgen_real x6 = R(0.33333333333333337) * (dP2_z * dP2_z) + x4 - dP1_x * x5;
-        const ncgen_real x7 = R(0.3333333333333333) * dC_y;
-        const ncgen_real x8 = R(0.3333333333333333) * dC_z;
-        const ncgen_real x9 = x6 - dP1_y * x7 - dP1_z * x8 - dP2_x * x5 - dP2_y * x7 - dP2_z * x8;
-        const ncgen_real x10 = x9 - dP2_x * (R(0.3333333333333334) * dP1_x) - dP2_y * (R(0.3333333333333334) * dP1_y);
-        energy[0] = x10 - dP2_z * (R(0.3333333333333334) * dP1_z);
+        const ncgen_real x3 = R(1.3333333333333333) * (dC_z * dC_z + (dC_x * dC_x + dC_y * dC_y));
+        const ncgen_real x4 = dC_x * (dP1_x + dP2_x) + dC_y * (dP1_y + dP2_y) + dC_z * (dP1_z + dP2_z);
+        const ncgen_real x5 = R(0.3333333333333334) * (dP1_x * dP2_x + dP1_y * dP2_y + dP1_z * dP2_z);
+        energy[0] = x2 + x3 - R(0.3333333333333333) * x4 - x5;
         /* C.z */
         const ncgen_real C_z = q[2];
         energy[1] = R(19.62) * C_z;
@@ -856,7 +851,7 @@ const ncgen_model *disc_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "disc",
-        .fingerprint = "8ad71077acd7b689",
+        .fingerprint = "bf6ee3ef0b02be87",
         .n_coordinates = 30,
         .n_rows = 27,
         .n_parameters = 0,

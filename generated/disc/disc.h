@@ -53,7 +53,7 @@ int disc_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_rea
 int disc_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 27 numbers, 243 operations */
 int disc_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 27 numbers, 0 operations */
 int disc_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 30 numbers, 0 operations */
-int disc_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 51 operations */
+int disc_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 37 operations */
 int disc_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 161 numbers, 372 operations */
 
 #ifdef __cplusplus

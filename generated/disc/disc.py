@@ -492,30 +492,25 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 51 operations."""
+    """3 numbers, 37 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # C.x; C.y; C.z; P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; C.x P1.x; C.y P1.y; C.z P1.z; C.x P2.x; C.y P2.y; C.z P2.z; P1.x P2.x; P1.y P2.y; P1.z P2.z
+    dP1_y = qd[..., 13]
+    dP1_x = qd[..., 12]
+    dP1_z = qd[..., 14]
+    dP2_x = qd[..., 15]
+    x1 = dP2_x * dP2_x + (dP1_z * dP1_z + (dP1_y * dP1_y + dP1_x * dP1_x))
+    dP2_y = qd[..., 16]
+    dP2_z = qd[..., 17]
+    x2 = 0.33333333333333337 * (dP2_z * dP2_z + (dP2_y * dP2_y + x1))
     dC_x = qd[..., 0]
     dC_y = qd[..., 1]
-    x1 = 1.3333333333333333 * (dC_x * dC_x) + 1.3333333333333333 * (dC_y * dC_y)
     dC_z = qd[..., 2]
-    dP1_x = qd[..., 12]
-    x2 = 0.33333333333333337 * (dP1_x * dP1_x) + (1.3333333333333333 * (dC_z * dC_z) + x1)
-    dP1_y = qd[..., 13]
-    dP1_z = qd[..., 14]
-    x3 = 0.33333333333333337 * (dP1_z * dP1_z) + (0.33333333333333337 * (dP1_y * dP1_y) + x2)
-    dP2_x = qd[..., 15]
-    dP2_y = qd[..., 16]
-    x4 = 0.33333333333333337 * (dP2_y * dP2_y) + (0.33333333333333337 * (dP2_x * dP2_x) + x3)
-    dP2_z = qd[..., 17]
-    x5 = 0.3333333333333333 * dC_x
-    x6 = 0.3333333333333333 * dC_y
-    x7 = 0.33333333333333337 * (dP2_z * dP2_z) + x4 - dP1_x * x5 - dP1_y * x6
-    x8 = 0.3333333333333333 * dC_z
-    x9 = x7 - dP1_z * x8 - dP2_x * x5 - dP2_y * x6 - dP2_z * x8 - dP2_x * (0.3333333333333334 * dP1_x)
-    x10 = x9 - dP2_y * (0.3333333333333334 * dP1_y) - dP2_z * (0.3333333333333334 * dP1_z)
-    energy[..., 0] = x10
+    x3 = 1.3333333333333333 * (dC_z * dC_z + (dC_x * dC_x + dC_y * dC_y))
+    x4 = dC_x * (dP1_x + dP2_x) + dC_y * (dP1_y + dP2_y) + dC_z * (dP1_z + dP2_z)
+    x5 = 0.3333333333333334 * (dP1_x * dP2_x + dP1_y * dP2_y + dP1_z * dP2_z)
+    energy[..., 0] = x2 + x3 - 0.3333333333333333 * x4 - x5
     # C.z
     C_z = q[..., 2]
     energy[..., 1] = 19.62 * C_z

@@ -114,7 +114,7 @@ int doublependulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     return NCGEN_OK;
 }
-/* energy: 30 operations */
+/* energy: 24 operations */
 int doublependulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -123,17 +123,16 @@ int doublependulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
     {
         /* B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; upper; lower */
         const ncgen_real dB_x = qd[0];
-        const ncgen_real x1 = dB_x * dB_x;
-        const ncgen_real dB_y = qd[1];
-        const ncgen_real x2 = dB_y * dB_y;
         const ncgen_real dC_x = qd[2];
-        const ncgen_real x3 = R(0.07291666666666667) * (dC_x * dC_x) + (R(0.21875) * x1 + R(0.21875) * x2);
+        const ncgen_real x1 = R(0.10416666666666667) * dB_x + R(0.07291666666666667) * dC_x;
+        const ncgen_real dB_y = qd[1];
+        const ncgen_real x2 = dC_x * x1 + R(0.23958333333333334) * (dB_x * dB_x + dB_y * dB_y);
         const ncgen_real dC_y = qd[3];
-        const ncgen_real x4 = dC_x * (R(0.10416666666666667) * dB_x) + (R(0.07291666666666667) * (dC_y * dC_y) + x3);
-        const ncgen_real x5 = R(0.020833333333333332) * (x1 + x2) + (dC_y * (R(0.10416666666666667) * dB_y) + x4);
-        const ncgen_real x6 = dC_x - dB_x;
-        const ncgen_real x7 = dC_y - dB_y;
-        energy[0] = R(0.010416666666666668) * (x6 * x6 + x7 * x7) + x5;
+        const ncgen_real x3 = R(0.10416666666666667) * dB_y + R(0.07291666666666667) * dC_y;
+        const ncgen_real x4 = dC_x - dB_x;
+        const ncgen_real x5 = dC_y - dB_y;
+        const ncgen_real x6 = R(0.010416666666666668) * (x4 * x4 + x5 * x5) + (dC_y * x3 + x2);
+        energy[0] = x6;
         /* B.y; C.y */
         const ncgen_real B_y = q[1];
         const ncgen_real C_y = q[3];
@@ -220,7 +219,7 @@ const ncgen_model *doublependulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "doublependulum",
-        .fingerprint = "413a5030a56ca82e",
+        .fingerprint = "cf50df433d948030",
         .n_coordinates = 4,
         .n_rows = 2,
         .n_parameters = 0,

@@ -29,7 +29,7 @@ int doublependulum_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p,
 int doublependulum_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 2 numbers, 11 operations */
 int doublependulum_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 8 numbers, 0 operations */
 int doublependulum_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 4 numbers, 0 operations */
-int doublependulum_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 30 operations */
+int doublependulum_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 24 operations */
 int doublependulum_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 10 numbers, 27 operations */
 
 #ifdef __cplusplus

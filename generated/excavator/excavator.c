@@ -401,63 +401,59 @@ int excavator_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-/* energy: 117 operations, 1 of them elementary functions */
+/* energy: 97 operations, 1 of them elementary functions */
 int excavator_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)p;
 
     {
         /* B.x; B.y; C.x; C.y; T.x; T.y; B.x C.x; B.y C.y; C.x T.x; C.y T.y; boom; stick; bucket */
-        const ncgen_real dB_x = qd[0];
-        const ncgen_real x1 = dB_x * dB_x;
-        const ncgen_real dB_y = qd[1];
-        const ncgen_real x2 = dB_y * dB_y;
         const ncgen_real dC_x = qd[6];
-        const ncgen_real x3 = R(24.519153096927667) * (dC_x * dC_x) + (R(57.00520580734095) * x1 + R(57.00520580734095) * x2);
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real x1 = dC_x - dB_x;
         const ncgen_real dC_y = qd[7];
+        const ncgen_real dB_y = qd[1];
+        const ncgen_real x2 = dC_y - dB_y;
+        const ncgen_real x3 = x2 * (R(4.106187755898378) * x1 + R(11.09890231856064) * dB_x);
+        const ncgen_real x4 = x1 * (R(4.106187755898378) * x2 + R(11.09890231856064) * dB_y);
+        const ncgen_real x5 = R(0.5) * (R(6.455309387794916) * (x1 * x1 + x2 * x2) - x3 + x4);
+        const ncgen_real x6 = R(28.713572813311476) * dB_x + R(24.519153096927667) * dC_x;
         const ncgen_real dT_x = qd[14];
-        const ncgen_real x4 = R(9.333995879469809) * (dT_x * dT_x) + (R(24.519153096927667) * (dC_y * dC_y) + x3);
+        const ncgen_real x7 = dC_x * (R(14.537320413348516) * dT_x + x6) + R(61.240877945785236) * (dB_x * dB_x + dB_y * dB_y);
+        const ncgen_real x8 = R(28.713572813311476) * dB_y + R(24.519153096927667) * dC_y;
         const ncgen_real dT_y = qd[15];
-        const ncgen_real x5 = dC_x * (R(28.713572813311476) * dB_x) + (R(9.333995879469809) * (dT_y * dT_y) + x4);
-        const ncgen_real x6 = dT_x * (R(14.537320413348516) * dC_x) + (dC_y * (R(28.713572813311476) * dB_y) + x5);
-        const ncgen_real x7 = R(8.471344276888573) * (x1 + x2) - dB_y * (R(4.692372080878064) * dB_x);
-        const ncgen_real x8 = R(0.5) * (x7 + dB_x * (R(4.692372080878064) * dB_y)) + (dT_y * (R(14.537320413348516) * dC_y) + x6);
-        const ncgen_real x9 = dC_x - dB_x;
-        const ncgen_real x10 = R(2.0) * (R(2.053093877949189) * x9 + R(5.54945115928032) * dB_x);
-        const ncgen_real x11 = dC_y - dB_y;
-        const ncgen_real x12 = R(2.0) * (R(2.053093877949189) * x11 + R(5.54945115928032) * dB_y);
-        const ncgen_real x13 = R(6.455309387794916) * (x9 * x9 + x11 * x11) - x11 * x10 + x9 * x12;
-        const ncgen_real x14 = dT_x - dC_x;
-        const ncgen_real x15 = R(2.0) * (R(4.500378597792253) * x14 + R(9.487232049225142) * dC_x);
-        const ncgen_real x16 = dT_y - dC_y;
-        const ncgen_real x17 = R(4.202489123178735) * (x14 * x14 + x16 * x16) - x16 * x15;
-        const ncgen_real x18 = R(2.0) * (R(4.500378597792253) * x16 + R(9.487232049225142) * dC_y);
-        energy[0] = R(0.5) * (x17 + x14 * x18) + (R(0.5) * x13 + x8);
+        const ncgen_real x9 = R(9.333995879469809) * (dT_y * dT_y + dT_x * dT_x) + (dC_y * (R(14.537320413348516) * dT_y + x8) + x7);
+        const ncgen_real x10 = dT_x - dC_x;
+        const ncgen_real x11 = dT_y - dC_y;
+        const ncgen_real x12 = R(9.000757195584505) * x10 + R(18.974464098450284) * dC_x;
+        const ncgen_real x13 = R(4.202489123178735) * (x10 * x10 + x11 * x11) - x11 * x12;
+        const ncgen_real x14 = R(9.000757195584505) * x11 + R(18.974464098450284) * dC_y;
+        energy[0] = R(0.5) * (x13 + x10 * x14) + (x5 + x9);
         /* boom; stick; bucket; B.y; C.y; T.y */
         const ncgen_real C_x = q[6];
         const ncgen_real B_x = q[0];
-        const ncgen_real x19 = R(51.53956725677114) * B_x + R(54.44011587253994) * (C_x - B_x);
+        const ncgen_real x15 = R(51.53956725677114) * B_x + R(54.44011587253994) * (C_x - B_x);
         const ncgen_real T_x = q[14];
         const ncgen_real B_y = q[1];
-        const ncgen_real x20 = R(1803.2714846397064) * B_y + (R(93.06974640289864) * (T_x - C_x) + x19);
+        const ncgen_real x16 = R(1803.2714846397064) * B_y + (R(93.06974640289864) * (T_x - C_x) + x15);
         const ncgen_real C_y = q[7];
         const ncgen_real T_y = q[15];
-        const ncgen_real x21 = R(325.7441124101466) * T_y + (R(905.3570463152554) * C_y + x20);
-        energy[1] = x21;
+        const ncgen_real x17 = R(325.7441124101466) * T_y + (R(905.3570463152554) * C_y + x16);
+        energy[1] = x17;
         /* cylinder lift; cylinder crowd; cylinder curl */
         const ncgen_real t_ = t;
-        const ncgen_real x22 = NCGEN_COS(R(1.5707963267948966) * t_);
+        const ncgen_real x18 = NCGEN_COS(R(1.5707963267948966) * t_);
         const ncgen_real lift = q[20];
-        const ncgen_real x23 = R(799220.9900950028) + R(50000.0) * x22 - R(1000000.0) * lift;
+        const ncgen_real x19 = R(799220.9900950028) + R(50000.0) * x18 - R(1000000.0) * lift;
         const ncgen_real dlift = qd[20];
         const ncgen_real crowd = q[21];
         const ncgen_real dcrowd = qd[21];
-        const ncgen_real x24 = R(1226498.6587791233) - R(1000000.0) * crowd - R(30000.0) * dcrowd;
-        const ncgen_real x25 = dlift * (x23 - R(80000.0) * dlift) + dcrowd * (x24 - R(60000.0) * x22);
+        const ncgen_real x20 = R(1226498.6587791233) - R(1000000.0) * crowd - R(30000.0) * dcrowd;
+        const ncgen_real x21 = dlift * (x19 - R(80000.0) * dlift) + dcrowd * (x20 - R(60000.0) * x18);
         const ncgen_real curl = q[22];
         const ncgen_real dcurl = qd[22];
-        const ncgen_real x26 = R(1164987.8211535597) - R(1000000.0) * curl - R(6000.0) * dcurl;
-        energy[2] = dcurl * (x26 - R(40000.0) * x22) + x25;
+        const ncgen_real x22 = R(1164987.8211535597) - R(1000000.0) * curl - R(6000.0) * dcurl;
+        energy[2] = dcurl * (x22 - R(40000.0) * x18) + x21;
     }
 
     return NCGEN_OK;
@@ -807,7 +803,7 @@ const ncgen_model *excavator_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "excavator",
-        .fingerprint = "5a3330d790b65848",
+        .fingerprint = "d916d3a894b814e9",
         .n_coordinates = 23,
         .n_rows = 20,
         .n_parameters = 0,

@@ -20,7 +20,7 @@ static const ncgen_scalar flyball_number_2[17] = {
 };
 
 
-/* phi: 111 operations, 6 of them elementary functions */
+/* phi: 106 operations, 6 of them elementary functions */
 int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     ncgen_real sine[3], cosine[3];
@@ -88,10 +88,11 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real M1_z = q[17];
         phi[14] = M1_z - R(0.5) * H1_z - R(0.5) * B1_z;
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
-        const ncgen_real cos_alpha1 = cosine[1];
         const ncgen_real sin_alpha1 = sine[1];
-        const ncgen_real x6 = (e_x * x3 + e_y * x4) * sin_alpha1 + (f_y * (e_x * x5) - f_x * (e_y * x5)) * cos_alpha1;
-        phi[15] = -x6;
+        const ncgen_real x6 = e_x * f_y - e_y * f_x;
+        const ncgen_real cos_alpha1 = cosine[1];
+        const ncgen_real x7 = (e_x * x3 + e_y * x4) * sin_alpha1 + cos_alpha1 * (x5 * x6);
+        phi[15] = -x7;
         /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_x = q[19];
         phi[16] = x1 + H2_x;
@@ -112,14 +113,14 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi[21] = K2_z - S_z;
         /* row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1 */
         const ncgen_real B2_x = q[25];
-        const ncgen_real x7 = H2_x - B2_x;
+        const ncgen_real x8 = H2_x - B2_x;
         const ncgen_real B2_y = q[26];
-        const ncgen_real x8 = H2_y - B2_y;
+        const ncgen_real x9 = H2_y - B2_y;
         const ncgen_real B2_z = q[27];
-        const ncgen_real x9 = H2_z - B2_z;
-        phi[22] = R(0.5) * (x7 * x7 + x8 * x8 + x9 * x9 - R(1.0));
+        const ncgen_real x10 = H2_z - B2_z;
+        phi[22] = R(0.5) * (x8 * x8 + x9 * x9 + x10 * x10 - R(1.0));
         /* row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0 */
-        phi[23] = -(f_x * x7 + f_y * x8);
+        phi[23] = -(f_x * x8 + f_y * x9);
         /* row 25: combination M2.x (body rod2): (e - c a x b).x = 0 with e = M2-0.5*H2-0.5*B2, a = M2-0.5*H2-0.5*B2, b = M2-0.5*H2-0.5*B2, c = 0 */
         const ncgen_real M2_x = q[28];
         phi[24] = M2_x - R(0.5) * H2_x - R(0.5) * B2_x;
@@ -130,10 +131,10 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real M2_z = q[30];
         phi[26] = M2_z - R(0.5) * H2_z - R(0.5) * B2_z;
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
-        const ncgen_real cos_alpha2 = cosine[2];
         const ncgen_real sin_alpha2 = sine[2];
-        const ncgen_real x10 = (e_x * x7 + e_y * x8) * sin_alpha2 - (f_y * (e_x * x9) - f_x * (e_y * x9)) * cos_alpha2;
-        phi[27] = x10;
+        const ncgen_real cos_alpha2 = cosine[2];
+        const ncgen_real x11 = (e_x * x8 + e_y * x9) * sin_alpha2 - cos_alpha2 * (x10 * x6);
+        phi[27] = x11;
     }
 
     return NCGEN_OK;
@@ -309,7 +310,7 @@ int flyball_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-/* gamma: 182 operations, 6 of them elementary functions */
+/* gamma: 167 operations, 6 of them elementary functions */
 int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[3], cosine[3];
@@ -336,12 +337,12 @@ int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dturn = qd[5];
         const ncgen_real x1 = dturn * dturn;
         const ncgen_real e_x = q[1];
-        const ncgen_real sin_turn = sine[0];
         const ncgen_real x2 = R(2.0) * dturn;
-        const ncgen_real cos_turn = cosine[0];
-        const ncgen_real x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2);
+        const ncgen_real sin_turn = sine[0];
         const ncgen_real e_y = q[2];
-        gamma[3] = x3 - cos_turn * (e_y * x1);
+        const ncgen_real cos_turn = cosine[0];
+        const ncgen_real x3 = sin_turn * (e_x * x1 - de_y * x2) - cos_turn * (de_x * x2 + e_y * x1);
+        gamma[3] = x3;
         gamma[4] = NCGEN_SPLAT(R(0.0));
         gamma[5] = NCGEN_SPLAT(R(0.0));
         gamma[6] = NCGEN_SPLAT(R(0.0));
@@ -370,27 +371,27 @@ int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x7 = B1_z - H1_z;
         const ncgen_real x8 = de_y * x7 - e_y * x6;
         const ncgen_real f_x = q[3];
+        const ncgen_real x9 = e_y * x7;
+        const ncgen_real x10 = de_x * x7 - e_x * x6;
         const ncgen_real f_y = q[4];
-        const ncgen_real x9 = de_x * x7 - e_x * x6;
-        const ncgen_real x10 = df_x * x8 - f_x * (de_y * x6) + f_y * (de_x * x6) - df_y * x9;
-        const ncgen_real cos_alpha1 = cosine[1];
+        const ncgen_real x11 = e_x * x7;
+        const ncgen_real dalpha1 = qd[18];
+        const ncgen_real x12 = R(2.0) * dalpha1;
         const ncgen_real B1_x = q[12];
         const ncgen_real H1_x = q[6];
-        const ncgen_real x11 = B1_x - H1_x;
+        const ncgen_real x13 = B1_x - H1_x;
         const ncgen_real B1_y = q[13];
         const ncgen_real H1_y = q[7];
-        const ncgen_real x12 = B1_y - H1_y;
-        const ncgen_real dalpha1 = qd[18];
-        const ncgen_real x13 = dalpha1 * dalpha1;
+        const ncgen_real x14 = B1_y - H1_y;
+        const ncgen_real x15 = dalpha1 * dalpha1;
+        const ncgen_real x16 = (e_x * x13 + e_y * x14) * x15 + R(2.0) * (de_x * x4 + de_y * x5);
+        const ncgen_real x17 = x16 - x12 * (f_x * x8 + df_x * x9 - f_y * x10 - df_y * x11);
         const ncgen_real sin_alpha1 = sine[1];
-        const ncgen_real x14 = cos_alpha1 * (R(2.0) * x10) + sin_alpha1 * ((e_x * x11 + e_y * x12) * x13);
-        const ncgen_real x15 = R(2.0) * dalpha1;
-        const ncgen_real x16 = cos_alpha1 * (x15 * (de_x * x11 - (e_x * x4 + e_y * x5) + de_y * x12));
-        const ncgen_real x17 = x14 + sin_alpha1 * (R(2.0) * (de_x * x4 + de_y * x5)) - x16;
-        const ncgen_real x18 = e_y * x7;
-        const ncgen_real x19 = e_x * x7;
-        const ncgen_real x20 = sin_alpha1 * (x15 * (f_x * x8 + df_x * x18 - f_y * x9 - df_y * x19));
-        gamma[15] = x17 - x20 - cos_alpha1 * (x13 * (f_x * x18 - f_y * x19));
+        const ncgen_real x18 = de_x * f_y - de_y * f_x;
+        const ncgen_real x19 = R(2.0) * (df_x * x8 + x6 * x18 - df_y * x10) - x12 * (de_x * x13 - (e_x * x4 + e_y * x5) + de_y * x14);
+        const ncgen_real cos_alpha1 = cosine[1];
+        const ncgen_real x20 = sin_alpha1 * x17 + cos_alpha1 * (x19 - x15 * (f_x * x9 - f_y * x11));
+        gamma[15] = x20;
         gamma[16] = NCGEN_SPLAT(R(0.0));
         gamma[17] = NCGEN_SPLAT(R(0.0));
         gamma[18] = NCGEN_SPLAT(R(0.0));
@@ -419,30 +420,29 @@ int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x24 = B2_z - H2_z;
         const ncgen_real x25 = de_y * x24 - e_y * x23;
         const ncgen_real x26 = de_x * x24 - e_x * x23;
-        const ncgen_real x27 = df_x * x25 - f_x * (de_y * x23) + f_y * (de_x * x23) - df_y * x26;
-        const ncgen_real cos_alpha2 = cosine[2];
         const ncgen_real B2_x = q[25];
         const ncgen_real H2_x = q[19];
-        const ncgen_real x28 = B2_x - H2_x;
+        const ncgen_real x27 = B2_x - H2_x;
         const ncgen_real B2_y = q[26];
         const ncgen_real H2_y = q[20];
-        const ncgen_real x29 = B2_y - H2_y;
+        const ncgen_real x28 = B2_y - H2_y;
         const ncgen_real dalpha2 = qd[31];
-        const ncgen_real x30 = dalpha2 * dalpha2;
+        const ncgen_real x29 = R(2.0) * dalpha2;
+        const ncgen_real x30 = x29 * (de_x * x27 - (e_x * x21 + e_y * x22) + de_y * x28);
+        const ncgen_real x31 = e_y * x24;
+        const ncgen_real x32 = e_x * x24;
+        const ncgen_real x33 = dalpha2 * dalpha2;
+        const ncgen_real x34 = R(2.0) * (df_x * x25 + x23 * x18 - df_y * x26) + x30 - x33 * (f_x * x31 - f_y * x32);
+        const ncgen_real cos_alpha2 = cosine[2];
+        const ncgen_real x35 = (e_x * x27 + e_y * x28) * x33 + R(2.0) * (de_x * x21 + de_y * x22);
+        const ncgen_real x36 = x35 + x29 * (f_x * x25 + df_x * x31 - f_y * x26 - df_y * x32);
         const ncgen_real sin_alpha2 = sine[2];
-        const ncgen_real x31 = cos_alpha2 * (R(2.0) * x27) - sin_alpha2 * ((e_x * x28 + e_y * x29) * x30);
-        const ncgen_real x32 = R(2.0) * dalpha2;
-        const ncgen_real x33 = x32 * (de_x * x28 - (e_x * x21 + e_y * x22) + de_y * x29);
-        const ncgen_real x34 = x31 - sin_alpha2 * (R(2.0) * (de_x * x21 + de_y * x22)) + cos_alpha2 * x33;
-        const ncgen_real x35 = e_y * x24;
-        const ncgen_real x36 = e_x * x24;
-        const ncgen_real x37 = sin_alpha2 * (x32 * (f_x * x25 + df_x * x35 - f_y * x26 - df_y * x36));
-        gamma[27] = x34 - x37 - cos_alpha2 * (x30 * (f_x * x35 - f_y * x36));
+        gamma[27] = cos_alpha2 * x34 - sin_alpha2 * x36;
     }
 
     return NCGEN_OK;
 }
-/* mass: 80 operations */
+/* mass: 78 operations */
 int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
     (void)t;
@@ -454,22 +454,22 @@ int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         mass[2] = NCGEN_SPLAT(R(2.4999999999997245e-06));
         mass[3] = NCGEN_SPLAT(R(2.4999999999997245e-06));
         /* rod1; rod2 */
-        const ncgen_real B1_y = q[13];
-        const ncgen_real H1_y = q[7];
-        const ncgen_real x1 = B1_y - H1_y;
         const ncgen_real B1_z = q[14];
         const ncgen_real H1_z = q[8];
-        const ncgen_real x2 = B1_z - H1_z;
-        const ncgen_real x3 = x2 * x2;
-        const ncgen_real x4 = R(2.499999999998497e-06) * (x1 * x1 + x3) + R(0.0025074999999999976);
-        const ncgen_real B2_y = q[26];
-        const ncgen_real H2_y = q[20];
-        const ncgen_real x5 = B2_y - H2_y;
+        const ncgen_real x1 = B1_z - H1_z;
+        const ncgen_real x2 = x1 * x1;
+        const ncgen_real B1_y = q[13];
+        const ncgen_real H1_y = q[7];
+        const ncgen_real x3 = B1_y - H1_y;
         const ncgen_real B2_z = q[27];
         const ncgen_real H2_z = q[21];
-        const ncgen_real x6 = B2_z - H2_z;
-        const ncgen_real x7 = x6 * x6;
-        mass[4] = R(2.499999999998497e-06) * (x5 * x5 + x7) + x4;
+        const ncgen_real x4 = B2_z - H2_z;
+        const ncgen_real x5 = x4 * x4;
+        const ncgen_real B2_y = q[26];
+        const ncgen_real H2_y = q[20];
+        const ncgen_real x6 = B2_y - H2_y;
+        const ncgen_real x7 = R(2.499999999998497e-06) * (x2 + x3 * x3 + (x5 + x6 * x6));
+        mass[4] = R(0.0025074999999999976) + x7;
         const ncgen_real B1_x = q[12];
         const ncgen_real H1_x = q[6];
         const ncgen_real x8 = B1_x - H1_x;
@@ -478,17 +478,17 @@ int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real H2_x = q[19];
         const ncgen_real x10 = B2_x - H2_x;
         const ncgen_real x11 = R(2.499999999998497e-06) * x10;
-        const ncgen_real x12 = -(x1 * x9 + x5 * x11);
+        const ncgen_real x12 = -(x3 * x9 + x6 * x11);
         mass[5] = x12;
         /* rod1 */
         const ncgen_real f_y = q[4];
-        const ncgen_real x13 = R(2.499999999998497e-06) * (f_y * x1);
+        const ncgen_real x13 = R(2.499999999998497e-06) * (f_y * x3);
         mass[6] = x13;
         const ncgen_real f_x = q[3];
-        const ncgen_real x14 = f_x * (R(2.499999999998497e-06) * x1);
+        const ncgen_real x14 = f_x * (R(2.499999999998497e-06) * x3);
         const ncgen_real x15 = -x14;
         mass[7] = x15;
-        const ncgen_real x16 = R(2.499999999998497e-06) * x2;
+        const ncgen_real x16 = R(2.499999999998497e-06) * x1;
         const ncgen_real x17 = f_x * x16;
         const ncgen_real x18 = -x17;
         mass[8] = x18;
@@ -497,12 +497,12 @@ int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         mass[10] = x14;
         mass[11] = x17;
         /* rod2 */
-        const ncgen_real x20 = R(2.499999999998497e-06) * (f_y * x5);
+        const ncgen_real x20 = R(2.499999999998497e-06) * (f_y * x6);
         mass[12] = x20;
-        const ncgen_real x21 = f_x * (R(2.499999999998497e-06) * x5);
+        const ncgen_real x21 = f_x * (R(2.499999999998497e-06) * x6);
         const ncgen_real x22 = -x21;
         mass[13] = x22;
-        const ncgen_real x23 = R(2.499999999998497e-06) * x6;
+        const ncgen_real x23 = R(2.499999999998497e-06) * x4;
         const ncgen_real x24 = f_x * x23;
         const ncgen_real x25 = -x24;
         mass[14] = x25;
@@ -512,8 +512,8 @@ int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         mass[17] = x24;
         /* rod1; rod2 */
         mass[18] = x12;
-        const ncgen_real x27 = R(2.499999999998497e-06) * (x3 + x8 * x8) + R(0.0025074999999999976);
-        mass[19] = R(2.499999999998497e-06) * (x7 + x10 * x10) + x27;
+        const ncgen_real x27 = R(2.499999999998497e-06) * (x2 + x8 * x8 + (x5 + x10 * x10));
+        mass[19] = R(0.0025074999999999976) + x27;
         /* rod1 */
         const ncgen_real x28 = f_y * x9;
         const ncgen_real x29 = -x28;
@@ -770,7 +770,7 @@ int flyball_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-/* energy: 192 operations, 2 of them elementary functions */
+/* energy: 182 operations, 2 of them elementary functions */
 int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -784,98 +784,95 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     {
         /* S.z K1.z; K1.x; K1.y; K1.z; H1.x B1.x; H1.y B1.y; H1.z B1.z; H2.x B2.x; H2.y B2.y; H2.z B2.z; rod1; rod2 */
-        const ncgen_real dK1_x = qd[9];
-        const ncgen_real dS_z = qd[0];
-        const ncgen_real dK1_z = qd[11];
-        const ncgen_real dK1_y = qd[10];
-        const ncgen_real x1 = R(0.5) * (dK1_y * dK1_y) + (R(0.5) * (dK1_x * dK1_x) - dS_z * dK1_z);
-        const ncgen_real dH1_x = qd[6];
-        const ncgen_real dB1_x = qd[12];
-        const ncgen_real x2 = dB1_x * (R(0.05) * dH1_x) + (R(0.5) * (dK1_z * dK1_z) + x1);
-        const ncgen_real dH1_y = qd[7];
-        const ncgen_real dB1_y = qd[13];
-        const ncgen_real dH1_z = qd[8];
-        const ncgen_real dB1_z = qd[14];
-        const ncgen_real x3 = dB1_z * (R(0.05) * dH1_z) + (dB1_y * (R(0.05) * dH1_y) + x2);
-        const ncgen_real dH2_x = qd[19];
-        const ncgen_real dB2_x = qd[25];
-        const ncgen_real dH2_y = qd[20];
-        const ncgen_real dB2_y = qd[26];
-        const ncgen_real x4 = dB2_y * (R(0.05) * dH2_y) + (dB2_x * (R(0.05) * dH2_x) + x3);
-        const ncgen_real dH2_z = qd[21];
-        const ncgen_real dB2_z = qd[27];
         const ncgen_real B1_x = q[12];
         const ncgen_real H1_x = q[6];
         const ncgen_real df_y = qd[4];
+        const ncgen_real dB1_x = qd[12];
+        const ncgen_real dH1_x = qd[6];
         const ncgen_real f_y = q[4];
         const ncgen_real B1_y = q[13];
         const ncgen_real H1_y = q[7];
         const ncgen_real df_x = qd[3];
-        const ncgen_real x5 = (B1_x - H1_x) * df_y + f_y * (dB1_x - dH1_x) - (B1_y - H1_y) * df_x;
+        const ncgen_real x1 = (B1_x - H1_x) * df_y + f_y * (dB1_x - dH1_x) - (B1_y - H1_y) * df_x;
+        const ncgen_real dB1_y = qd[13];
+        const ncgen_real dH1_y = qd[7];
         const ncgen_real f_x = q[3];
-        const ncgen_real x6 = x5 - f_x * (dB1_y - dH1_y);
+        const ncgen_real x2 = x1 - f_x * (dB1_y - dH1_y);
         const ncgen_real B1_z = q[14];
         const ncgen_real H1_z = q[8];
-        const ncgen_real x7 = B1_z - H1_z;
-        const ncgen_real x8 = dB1_z - dH1_z;
-        const ncgen_real x9 = x7 * df_x + f_x * x8;
-        const ncgen_real x10 = x7 * df_y + f_y * x8;
-        const ncgen_real x11 = R(1.2499999999992486e-06) * (x6 * x6 + x9 * x9 + x10 * x10);
+        const ncgen_real x3 = B1_z - H1_z;
+        const ncgen_real dB1_z = qd[14];
+        const ncgen_real dH1_z = qd[8];
+        const ncgen_real x4 = dB1_z - dH1_z;
+        const ncgen_real x5 = x3 * df_x + f_x * x4;
+        const ncgen_real x6 = x3 * df_y + f_y * x4;
         const ncgen_real B2_x = q[25];
         const ncgen_real H2_x = q[19];
+        const ncgen_real dB2_x = qd[25];
+        const ncgen_real dH2_x = qd[19];
         const ncgen_real B2_y = q[26];
         const ncgen_real H2_y = q[20];
-        const ncgen_real x12 = df_y * (B2_x - H2_x) + f_y * (dB2_x - dH2_x) - df_x * (B2_y - H2_y);
-        const ncgen_real x13 = x12 - f_x * (dB2_y - dH2_y);
+        const ncgen_real x7 = df_y * (B2_x - H2_x) + f_y * (dB2_x - dH2_x) - df_x * (B2_y - H2_y);
+        const ncgen_real dB2_y = qd[26];
+        const ncgen_real dH2_y = qd[20];
+        const ncgen_real x8 = x7 - f_x * (dB2_y - dH2_y);
         const ncgen_real B2_z = q[27];
         const ncgen_real H2_z = q[21];
-        const ncgen_real x14 = B2_z - H2_z;
-        const ncgen_real x15 = dB2_z - dH2_z;
-        const ncgen_real x16 = df_x * x14 + f_x * x15;
-        const ncgen_real x17 = df_y * x14 + f_y * x15;
-        const ncgen_real x18 = R(1.2499999999992486e-06) * (x13 * x13 + x16 * x16 + x17 * x17);
-        energy[0] += x18 + (x11 + (dB2_z * (R(0.05) * dH2_z) + x4));
+        const ncgen_real x9 = B2_z - H2_z;
+        const ncgen_real dB2_z = qd[27];
+        const ncgen_real dH2_z = qd[21];
+        const ncgen_real x10 = dB2_z - dH2_z;
+        const ncgen_real x11 = df_x * x9 + f_x * x10;
+        const ncgen_real x12 = df_y * x9 + f_y * x10;
+        const ncgen_real x13 = x2 * x2 + x5 * x5 + x6 * x6 + (x8 * x8 + x11 * x11 + x12 * x12);
+        const ncgen_real x14 = dH2_x * dB2_x + (dH1_z * dB1_z + (dH1_y * dB1_y + dH1_x * dB1_x));
+        const ncgen_real dK1_z = qd[11];
+        const ncgen_real dS_z = qd[0];
+        const ncgen_real dK1_x = qd[9];
+        const ncgen_real x15 = R(0.5) * (dK1_x * dK1_x) + dK1_z * (R(0.5) * dK1_z - dS_z);
+        const ncgen_real dK1_y = qd[10];
+        const ncgen_real x16 = R(0.05) * (dH2_z * dB2_z + (dH2_y * dB2_y + x14)) + (R(0.5) * (dK1_y * dK1_y) + x15);
+        energy[0] += R(1.2499999999992486e-06) * x13 + x16;
         /* S.z; H1.z; B1.z; H2.z; B2.z; spring K1-M1; spring K2-M2 */
-        const ncgen_real M1_x = q[15];
-        const ncgen_real K1_x = q[9];
-        const ncgen_real x19 = M1_x - K1_x;
-        const ncgen_real M1_y = q[16];
-        const ncgen_real K1_y = q[10];
-        const ncgen_real x20 = M1_y - K1_y;
-        const ncgen_real M1_z = q[17];
-        const ncgen_real K1_z = q[11];
-        const ncgen_real x21 = M1_z - K1_z;
-        const ncgen_real x22 = x19 * x19 + x20 * x20 + x21 * x21;
-        const ncgen_real x23 = NCGEN_SQRT(x22) - R(0.5);
-        const ncgen_real S_z = q[0];
-        const ncgen_real x24 = R(50.5215) * B1_z + (R(1.4715) * H1_z + (R(29.43) * S_z + R(1.4715)));
-        const ncgen_real x25 = R(400000.0) * (x23 * x23) + (R(50.5215) * B2_z + (R(1.4715) * H2_z + x24));
         const ncgen_real M2_x = q[28];
         const ncgen_real K2_x = q[22];
-        const ncgen_real x26 = M2_x - K2_x;
+        const ncgen_real x17 = M2_x - K2_x;
         const ncgen_real M2_y = q[29];
         const ncgen_real K2_y = q[23];
-        const ncgen_real x27 = M2_y - K2_y;
+        const ncgen_real x18 = M2_y - K2_y;
         const ncgen_real M2_z = q[30];
         const ncgen_real K2_z = q[24];
-        const ncgen_real x28 = M2_z - K2_z;
-        const ncgen_real x29 = x26 * x26 + x27 * x27 + x28 * x28;
-        const ncgen_real x30 = NCGEN_SQRT(x29) - R(0.5);
-        energy[1] = R(400000.0) * (x30 * x30) + x25;
+        const ncgen_real x19 = M2_z - K2_z;
+        const ncgen_real x20 = x17 * x17 + x18 * x18 + x19 * x19;
+        const ncgen_real x21 = NCGEN_SQRT(x20) - R(0.5);
+        const ncgen_real M1_x = q[15];
+        const ncgen_real K1_x = q[9];
+        const ncgen_real x22 = M1_x - K1_x;
+        const ncgen_real M1_y = q[16];
+        const ncgen_real K1_y = q[10];
+        const ncgen_real x23 = M1_y - K1_y;
+        const ncgen_real M1_z = q[17];
+        const ncgen_real K1_z = q[11];
+        const ncgen_real x24 = M1_z - K1_z;
+        const ncgen_real x25 = x22 * x22 + x23 * x23 + x24 * x24;
+        const ncgen_real x26 = NCGEN_SQRT(x25) - R(0.5);
+        const ncgen_real S_z = q[0];
+        const ncgen_real x27 = R(50.5215) * (B1_z + B2_z) + (R(1.4715) * (H1_z + H2_z) + (R(1.4715) + R(29.43) * S_z));
+        energy[1] = R(400000.0) * (x21 * x21 + x26 * x26) + x27;
         /* spring K1-M1; spring K2-M2 */
         const ncgen_real dM1_x = qd[15];
         const ncgen_real dM1_y = qd[16];
         const ncgen_real dM1_z = qd[17];
-        const ncgen_real x31 = x19 * (dM1_x - dK1_x) + x20 * (dM1_y - dK1_y) + x21 * (dM1_z - dK1_z);
+        const ncgen_real x28 = x22 * (dM1_x - dK1_x) + x23 * (dM1_y - dK1_y) + x24 * (dM1_z - dK1_z);
         const ncgen_real dM2_x = qd[28];
         const ncgen_real dK2_x = qd[22];
         const ncgen_real dM2_y = qd[29];
         const ncgen_real dK2_y = qd[23];
         const ncgen_real dM2_z = qd[30];
         const ncgen_real dK2_z = qd[24];
-        const ncgen_real x32 = x26 * (dM2_x - dK2_x) + x27 * (dM2_y - dK2_y) + x28 * (dM2_z - dK2_z);
-        const ncgen_real x33 = R(40000.0) * (x31 * x31) / x22 + R(40000.0) * (x32 * x32) / x29;
-        energy[2] = -x33;
+        const ncgen_real x29 = x17 * (dM2_x - dK2_x) + x18 * (dM2_y - dK2_y) + x19 * (dM2_z - dK2_z);
+        const ncgen_real x30 = R(40000.0) * (x28 * x28) / x25 + R(40000.0) * (x29 * x29) / x20;
+        energy[2] = -x30;
     }
 
     /* mass-diagonal: m v^2 / 2 */
@@ -889,7 +886,7 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-/* constraints: 321 operations, 6 of them elementary functions */
+/* constraints: 308 operations, 6 of them elementary functions */
 int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[3], cosine[3];
@@ -937,8 +934,8 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real dturn = qd[5];
         const ncgen_real x1 = dturn * dturn;
         const ncgen_real x2 = R(2.0) * dturn;
-        const ncgen_real x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2);
-        constraints[128] = x3 - cos_turn * (e_y * x1);
+        const ncgen_real x3 = sin_turn * (e_x * x1 - de_y * x2) - cos_turn * (de_x * x2 + e_y * x1);
+        constraints[128] = x3;
         /* row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
         const ncgen_real x4 = R(0.05) * e_x;
         const ncgen_real H1_x = q[6];
@@ -1036,38 +1033,38 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[70] = NCGEN_SPLAT(R(1.0));
         constraints[139] = NCGEN_SPLAT(R(0.0));
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
-        const ncgen_real x16 = e_x * x8;
-        const ncgen_real x17 = e_y * x8;
-        const ncgen_real x18 = f_y * x16 - f_x * x17;
-        const ncgen_real cos_alpha1 = cosine[1];
-        const ncgen_real x19 = e_x * x6 + e_y * x7;
+        const ncgen_real x16 = e_x * x6 + e_y * x7;
         const ncgen_real sin_alpha1 = sine[1];
-        constraints[15] = -(x18 * cos_alpha1 + x19 * sin_alpha1);
+        const ncgen_real x17 = e_x * f_y - e_y * f_x;
+        const ncgen_real cos_alpha1 = cosine[1];
+        constraints[15] = -(x16 * sin_alpha1 + x8 * x17 * cos_alpha1);
         constraints[71] = -(cos_alpha1 * (f_y * x8) + x6 * sin_alpha1);
         constraints[72] = cos_alpha1 * (f_x * x8) - x7 * sin_alpha1;
-        constraints[73] = x17 * cos_alpha1;
-        constraints[74] = -(x16 * cos_alpha1);
+        const ncgen_real x18 = e_y * x8;
+        constraints[73] = cos_alpha1 * x18;
+        const ncgen_real x19 = e_x * x8;
+        constraints[74] = -(cos_alpha1 * x19);
         const ncgen_real x20 = e_x * sin_alpha1;
         constraints[75] = -x20;
         const ncgen_real x21 = e_y * sin_alpha1;
         constraints[76] = -x21;
-        const ncgen_real x22 = e_y * f_x - e_x * f_y;
-        const ncgen_real x23 = cos_alpha1 * x22;
-        constraints[77] = x23;
+        const ncgen_real x22 = x17 * cos_alpha1;
+        constraints[77] = -x22;
         constraints[78] = x20;
         constraints[79] = x21;
-        constraints[80] = -x23;
-        constraints[81] = x18 * sin_alpha1 - cos_alpha1 * x19;
+        constraints[80] = x22;
+        const ncgen_real x23 = f_y * x19 - f_x * x18;
+        constraints[81] = sin_alpha1 * x23 - x16 * cos_alpha1;
         const ncgen_real x24 = x8 * de_y + e_y * x13;
         const ncgen_real x25 = x8 * de_x + e_x * x13;
-        const ncgen_real x26 = f_y * (de_x * x13) - (df_x * x24 + f_x * (de_y * x13)) + df_y * x25;
         const ncgen_real dalpha1 = qd[18];
-        const ncgen_real x27 = dalpha1 * dalpha1;
-        const ncgen_real x28 = cos_alpha1 * (R(2.0) * x26) - sin_alpha1 * (x19 * x27) + sin_alpha1 * (R(2.0) * (de_x * x11 + de_y * x12));
-        const ncgen_real x29 = R(2.0) * dalpha1;
-        const ncgen_real x30 = cos_alpha1 * ((e_x * x11 + e_y * x12 + x6 * de_x + x7 * de_y) * x29);
-        const ncgen_real x31 = x29 * (f_y * x25 - (f_x * x24 + x17 * df_x) + x16 * df_y);
-        constraints[140] = x28 + x30 - sin_alpha1 * x31 - cos_alpha1 * (x18 * x27);
+        const ncgen_real x26 = R(2.0) * dalpha1;
+        const ncgen_real x27 = (f_y * x25 - (f_x * x24 + x18 * df_x) + x19 * df_y) * x26;
+        const ncgen_real x28 = dalpha1 * dalpha1;
+        const ncgen_real x29 = sin_alpha1 * (R(2.0) * (de_x * x11 + de_y * x12) - x16 * x28 - x27);
+        const ncgen_real x30 = f_y * de_x - f_x * de_y;
+        const ncgen_real x31 = R(2.0) * (x13 * x30 - df_x * x24 + df_y * x25) + x26 * (e_x * x11 + e_y * x12 + x6 * de_x + x7 * de_y);
+        constraints[140] = x29 + cos_alpha1 * (x31 - x23 * x28);
         /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_x = q[19];
         constraints[16] = x4 + H2_x;
@@ -1160,37 +1157,36 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[113] = NCGEN_SPLAT(R(1.0));
         constraints[151] = NCGEN_SPLAT(R(0.0));
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
-        const ncgen_real x40 = e_x * x34;
-        const ncgen_real x41 = e_y * x34;
-        const ncgen_real x42 = f_y * x40 - f_x * x41;
-        const ncgen_real cos_alpha2 = cosine[2];
-        const ncgen_real x43 = e_x * x32 + e_y * x33;
+        const ncgen_real x40 = e_x * x32 + e_y * x33;
         const ncgen_real sin_alpha2 = sine[2];
-        constraints[27] = x43 * sin_alpha2 - x42 * cos_alpha2;
+        const ncgen_real cos_alpha2 = cosine[2];
+        constraints[27] = x40 * sin_alpha2 - x17 * x34 * cos_alpha2;
         constraints[114] = x32 * sin_alpha2 - cos_alpha2 * (f_y * x34);
         constraints[115] = cos_alpha2 * (f_x * x34) + x33 * sin_alpha2;
-        constraints[116] = x41 * cos_alpha2;
-        constraints[117] = -(x40 * cos_alpha2);
-        const ncgen_real x44 = e_x * sin_alpha2;
-        constraints[118] = x44;
-        const ncgen_real x45 = e_y * sin_alpha2;
-        constraints[119] = x45;
-        const ncgen_real x46 = cos_alpha2 * x22;
-        constraints[120] = x46;
-        constraints[121] = -x44;
-        constraints[122] = -x45;
-        constraints[123] = -x46;
-        constraints[124] = x42 * sin_alpha2 + cos_alpha2 * x43;
+        const ncgen_real x41 = e_y * x34;
+        constraints[116] = cos_alpha2 * x41;
+        const ncgen_real x42 = e_x * x34;
+        constraints[117] = -(cos_alpha2 * x42);
+        const ncgen_real x43 = e_x * sin_alpha2;
+        constraints[118] = x43;
+        const ncgen_real x44 = e_y * sin_alpha2;
+        constraints[119] = x44;
+        const ncgen_real x45 = x17 * cos_alpha2;
+        constraints[120] = -x45;
+        constraints[121] = -x43;
+        constraints[122] = -x44;
+        constraints[123] = x45;
+        const ncgen_real x46 = f_y * x42 - f_x * x41;
+        constraints[124] = sin_alpha2 * x46 + x40 * cos_alpha2;
         const ncgen_real x47 = x34 * de_y + e_y * x39;
         const ncgen_real x48 = x34 * de_x + e_x * x39;
-        const ncgen_real x49 = f_y * (de_x * x39) - (df_x * x47 + f_x * (de_y * x39)) + df_y * x48;
         const ncgen_real dalpha2 = qd[31];
-        const ncgen_real x50 = dalpha2 * dalpha2;
-        const ncgen_real x51 = cos_alpha2 * (R(2.0) * x49) + sin_alpha2 * (x43 * x50) - sin_alpha2 * (R(2.0) * (de_x * x37 + de_y * x38));
-        const ncgen_real x52 = R(2.0) * dalpha2;
-        const ncgen_real x53 = cos_alpha2 * ((e_x * x37 + e_y * x38 + x32 * de_x + x33 * de_y) * x52);
-        const ncgen_real x54 = x52 * (f_y * x48 - (f_x * x47 + x41 * df_x) + x40 * df_y);
-        constraints[152] = x51 - x53 - sin_alpha2 * x54 - cos_alpha2 * (x42 * x50);
+        const ncgen_real x49 = R(2.0) * dalpha2;
+        const ncgen_real x50 = R(2.0) * (x30 * x39 - df_x * x47 + df_y * x48) - (e_x * x37 + e_y * x38 + x32 * de_x + x33 * de_y) * x49;
+        const ncgen_real x51 = dalpha2 * dalpha2;
+        const ncgen_real x52 = x49 * (f_y * x48 - (f_x * x47 + x41 * df_x) + x42 * df_y);
+        const ncgen_real x53 = sin_alpha2 * (x52 + (R(2.0) * (de_x * x37 + de_y * x38) - x40 * x51));
+        constraints[152] = cos_alpha2 * (x50 - x46 * x51) - x53;
     }
 
     return NCGEN_OK;
@@ -1301,7 +1297,7 @@ const ncgen_model *flyball_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "flyball",
-        .fingerprint = "1f4c271fb413b295",
+        .fingerprint = "d63e66c89741d251",
         .n_coordinates = 32,
         .n_rows = 28,
         .n_parameters = 0,

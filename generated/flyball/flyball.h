@@ -52,13 +52,13 @@ extern "C" {
 /* The model: sizes, names, patterns and kernels (see ncgen.h). */
 const ncgen_model *flyball_model(void);
 
-int flyball_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 28 numbers, 111 operations */
+int flyball_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 28 numbers, 106 operations */
 int flyball_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 97 numbers, 84 operations */
-int flyball_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 28 numbers, 182 operations */
-int flyball_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 100 numbers, 80 operations */
+int flyball_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 28 numbers, 167 operations */
+int flyball_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 100 numbers, 78 operations */
 int flyball_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 32 numbers, 123 operations */
-int flyball_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 192 operations */
-int flyball_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 153 numbers, 321 operations */
+int flyball_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 182 operations */
+int flyball_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 153 numbers, 308 operations */
 
 #ifdef __cplusplus
 }

@@ -126,7 +126,7 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """28 numbers, 111 operations."""
+    """28 numbers, 106 operations."""
     t = np.asarray(t)
     phi = _output(28, t, q, p)
     sine = np.sin(q[..., 5:44:13])
@@ -186,10 +186,11 @@ def phi(t, q, p):
     M1_z = q[..., 17]
     phi[..., 14] = M1_z - 0.5 * H1_z - 0.5 * B1_z
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
-    cos_alpha1 = cosine[..., 1]
     sin_alpha1 = sine[..., 1]
-    x6 = (e_x * x3 + e_y * x4) * sin_alpha1 + (f_y * (e_x * x5) - f_x * (e_y * x5)) * cos_alpha1
-    phi[..., 15] = -x6
+    x6 = e_x * f_y - e_y * f_x
+    cos_alpha1 = cosine[..., 1]
+    x7 = (e_x * x3 + e_y * x4) * sin_alpha1 + cos_alpha1 * (x5 * x6)
+    phi[..., 15] = -x7
     # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_x = q[..., 19]
     phi[..., 16] = x1 + H2_x
@@ -210,14 +211,14 @@ def phi(t, q, p):
     phi[..., 21] = K2_z - S_z
     # row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1
     B2_x = q[..., 25]
-    x7 = H2_x - B2_x
+    x8 = H2_x - B2_x
     B2_y = q[..., 26]
-    x8 = H2_y - B2_y
+    x9 = H2_y - B2_y
     B2_z = q[..., 27]
-    x9 = H2_z - B2_z
-    phi[..., 22] = 0.5 * (x7 * x7 + x8 * x8 + x9 * x9 - 1.0)
+    x10 = H2_z - B2_z
+    phi[..., 22] = 0.5 * (x8 * x8 + x9 * x9 + x10 * x10 - 1.0)
     # row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0
-    phi[..., 23] = -(f_x * x7 + f_y * x8)
+    phi[..., 23] = -(f_x * x8 + f_y * x9)
     # row 25: combination M2.x (body rod2): (e - c a x b).x = 0 with e = M2-0.5*H2-0.5*B2, a = M2-0.5*H2-0.5*B2, b = M2-0.5*H2-0.5*B2, c = 0
     M2_x = q[..., 28]
     phi[..., 24] = M2_x - 0.5 * H2_x - 0.5 * B2_x
@@ -228,10 +229,10 @@ def phi(t, q, p):
     M2_z = q[..., 30]
     phi[..., 26] = M2_z - 0.5 * H2_z - 0.5 * B2_z
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    cos_alpha2 = cosine[..., 2]
     sin_alpha2 = sine[..., 2]
-    x10 = (e_x * x7 + e_y * x8) * sin_alpha2 - (f_y * (e_x * x9) - f_x * (e_y * x9)) * cos_alpha2
-    phi[..., 27] = x10
+    cos_alpha2 = cosine[..., 2]
+    x11 = (e_x * x8 + e_y * x9) * sin_alpha2 - cos_alpha2 * (x10 * x6)
+    phi[..., 27] = x11
     return phi
 
 
@@ -399,7 +400,7 @@ def phi_q(t, q, p):
 
 
 def gamma(t, q, qd, p):
-    """28 numbers, 182 operations."""
+    """28 numbers, 167 operations."""
     t = np.asarray(t)
     gamma = _output(28, t, q, qd, p)
     sine = np.sin(q[..., 5:44:13])
@@ -418,12 +419,12 @@ def gamma(t, q, qd, p):
     dturn = qd[..., 5]
     x1 = dturn * dturn
     e_x = q[..., 1]
-    sin_turn = sine[..., 0]
     x2 = 2.0 * dturn
-    cos_turn = cosine[..., 0]
-    x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2)
+    sin_turn = sine[..., 0]
     e_y = q[..., 2]
-    gamma[..., 3] = x3 - cos_turn * (e_y * x1)
+    cos_turn = cosine[..., 0]
+    x3 = sin_turn * (e_x * x1 - de_y * x2) - cos_turn * (de_x * x2 + e_y * x1)
+    gamma[..., 3] = x3
     gamma[..., 4] = 0.0
     gamma[..., 5] = 0.0
     gamma[..., 6] = 0.0
@@ -452,27 +453,27 @@ def gamma(t, q, qd, p):
     x7 = B1_z - H1_z
     x8 = de_y * x7 - e_y * x6
     f_x = q[..., 3]
+    x9 = e_y * x7
+    x10 = de_x * x7 - e_x * x6
     f_y = q[..., 4]
-    x9 = de_x * x7 - e_x * x6
-    x10 = df_x * x8 - f_x * (de_y * x6) + f_y * (de_x * x6) - df_y * x9
-    cos_alpha1 = cosine[..., 1]
+    x11 = e_x * x7
+    dalpha1 = qd[..., 18]
+    x12 = 2.0 * dalpha1
     B1_x = q[..., 12]
     H1_x = q[..., 6]
-    x11 = B1_x - H1_x
+    x13 = B1_x - H1_x
     B1_y = q[..., 13]
     H1_y = q[..., 7]
-    x12 = B1_y - H1_y
-    dalpha1 = qd[..., 18]
-    x13 = dalpha1 * dalpha1
+    x14 = B1_y - H1_y
+    x15 = dalpha1 * dalpha1
+    x16 = (e_x * x13 + e_y * x14) * x15 + 2.0 * (de_x * x4 + de_y * x5)
+    x17 = x16 - x12 * (f_x * x8 + df_x * x9 - f_y * x10 - df_y * x11)
     sin_alpha1 = sine[..., 1]
-    x14 = cos_alpha1 * (2.0 * x10) + sin_alpha1 * ((e_x * x11 + e_y * x12) * x13)
-    x15 = 2.0 * dalpha1
-    x16 = cos_alpha1 * (x15 * (de_x * x11 - (e_x * x4 + e_y * x5) + de_y * x12))
-    x17 = e_y * x7
-    x18 = e_x * x7
-    x19 = sin_alpha1 * (x15 * (f_x * x8 + df_x * x17 - f_y * x9 - df_y * x18))
-    x20 = x14 + sin_alpha1 * (2.0 * (de_x * x4 + de_y * x5)) - x16 - x19
-    gamma[..., 15] = x20 - cos_alpha1 * (x13 * (f_x * x17 - f_y * x18))
+    x18 = de_x * f_y - de_y * f_x
+    x19 = 2.0 * (df_x * x8 + x6 * x18 - df_y * x10) - x12 * (de_x * x13 - (e_x * x4 + e_y * x5) + de_y * x14)
+    cos_alpha1 = cosine[..., 1]
+    x20 = sin_alpha1 * x17 + cos_alpha1 * (x19 - x15 * (f_x * x9 - f_y * x11))
+    gamma[..., 15] = x20
     gamma[..., 16] = 0.0
     gamma[..., 17] = 0.0
     gamma[..., 18] = 0.0
@@ -501,30 +502,29 @@ def gamma(t, q, qd, p):
     x24 = B2_z - H2_z
     x25 = de_y * x24 - e_y * x23
     x26 = de_x * x24 - e_x * x23
-    x27 = df_x * x25 - f_x * (de_y * x23) + f_y * (de_x * x23) - df_y * x26
-    cos_alpha2 = cosine[..., 2]
     B2_x = q[..., 25]
     H2_x = q[..., 19]
-    x28 = B2_x - H2_x
+    x27 = B2_x - H2_x
     B2_y = q[..., 26]
     H2_y = q[..., 20]
-    x29 = B2_y - H2_y
+    x28 = B2_y - H2_y
     dalpha2 = qd[..., 31]
-    x30 = dalpha2 * dalpha2
+    x29 = 2.0 * dalpha2
+    x30 = x29 * (de_x * x27 - (e_x * x21 + e_y * x22) + de_y * x28)
+    x31 = e_y * x24
+    x32 = e_x * x24
+    x33 = dalpha2 * dalpha2
+    x34 = 2.0 * (df_x * x25 + x23 * x18 - df_y * x26) + x30 - x33 * (f_x * x31 - f_y * x32)
+    cos_alpha2 = cosine[..., 2]
+    x35 = (e_x * x27 + e_y * x28) * x33 + 2.0 * (de_x * x21 + de_y * x22)
+    x36 = x35 + x29 * (f_x * x25 + df_x * x31 - f_y * x26 - df_y * x32)
     sin_alpha2 = sine[..., 2]
-    x31 = cos_alpha2 * (2.0 * x27) - sin_alpha2 * ((e_x * x28 + e_y * x29) * x30)
-    x32 = 2.0 * dalpha2
-    x33 = x32 * (de_x * x28 - (e_x * x21 + e_y * x22) + de_y * x29)
-    x34 = x31 - sin_alpha2 * (2.0 * (de_x * x21 + de_y * x22)) + cos_alpha2 * x33
-    x35 = e_y * x24
-    x36 = e_x * x24
-    x37 = sin_alpha2 * (x32 * (f_x * x25 + df_x * x35 - f_y * x26 - df_y * x36))
-    gamma[..., 27] = x34 - x37 - cos_alpha2 * (x30 * (f_x * x35 - f_y * x36))
+    gamma[..., 27] = cos_alpha2 * x34 - sin_alpha2 * x36
     return gamma
 
 
 def mass(t, q, p):
-    """100 numbers, 80 operations."""
+    """100 numbers, 78 operations."""
     t = np.asarray(t)
     mass = _output(100, t, q, p)
     mass[..., 0] = 4.0
@@ -532,22 +532,22 @@ def mass(t, q, p):
     mass[..., 2] = 2.4999999999997245e-06
     mass[..., 3] = 2.4999999999997245e-06
     # rod1; rod2
-    B1_y = q[..., 13]
-    H1_y = q[..., 7]
-    x1 = B1_y - H1_y
     B1_z = q[..., 14]
     H1_z = q[..., 8]
-    x2 = B1_z - H1_z
-    x3 = x2 * x2
-    x4 = 2.499999999998497e-06 * (x1 * x1 + x3) + 0.0025074999999999976
-    B2_y = q[..., 26]
-    H2_y = q[..., 20]
-    x5 = B2_y - H2_y
+    x1 = B1_z - H1_z
+    x2 = x1 * x1
+    B1_y = q[..., 13]
+    H1_y = q[..., 7]
+    x3 = B1_y - H1_y
     B2_z = q[..., 27]
     H2_z = q[..., 21]
-    x6 = B2_z - H2_z
-    x7 = x6 * x6
-    mass[..., 4] = 2.499999999998497e-06 * (x5 * x5 + x7) + x4
+    x4 = B2_z - H2_z
+    x5 = x4 * x4
+    B2_y = q[..., 26]
+    H2_y = q[..., 20]
+    x6 = B2_y - H2_y
+    x7 = 0.0025074999999999976 + 2.499999999998497e-06 * (x2 + x3 * x3 + (x5 + x6 * x6))
+    mass[..., 4] = x7
     B1_x = q[..., 12]
     H1_x = q[..., 6]
     x8 = B1_x - H1_x
@@ -556,17 +556,17 @@ def mass(t, q, p):
     H2_x = q[..., 19]
     x10 = B2_x - H2_x
     x11 = 2.499999999998497e-06 * x10
-    x12 = -(x1 * x9 + x5 * x11)
+    x12 = -(x3 * x9 + x6 * x11)
     mass[..., 5] = x12
     # rod1
     f_y = q[..., 4]
-    x13 = 2.499999999998497e-06 * (f_y * x1)
+    x13 = 2.499999999998497e-06 * (f_y * x3)
     mass[..., 6] = x13
     f_x = q[..., 3]
-    x14 = f_x * (2.499999999998497e-06 * x1)
+    x14 = f_x * (2.499999999998497e-06 * x3)
     x15 = -x14
     mass[..., 7] = x15
-    x16 = 2.499999999998497e-06 * x2
+    x16 = 2.499999999998497e-06 * x1
     x17 = f_x * x16
     x18 = -x17
     mass[..., 8] = x18
@@ -575,12 +575,12 @@ def mass(t, q, p):
     mass[..., 10] = x14
     mass[..., 11] = x17
     # rod2
-    x20 = 2.499999999998497e-06 * (f_y * x5)
+    x20 = 2.499999999998497e-06 * (f_y * x6)
     mass[..., 12] = x20
-    x21 = f_x * (2.499999999998497e-06 * x5)
+    x21 = f_x * (2.499999999998497e-06 * x6)
     x22 = -x21
     mass[..., 13] = x22
-    x23 = 2.499999999998497e-06 * x6
+    x23 = 2.499999999998497e-06 * x4
     x24 = f_x * x23
     x25 = -x24
     mass[..., 14] = x25
@@ -590,8 +590,8 @@ def mass(t, q, p):
     mass[..., 17] = x24
     # rod1; rod2
     mass[..., 18] = x12
-    x27 = 2.499999999998497e-06 * (x3 + x8 * x8) + 0.0025074999999999976
-    mass[..., 19] = 2.499999999998497e-06 * (x7 + x10 * x10) + x27
+    x27 = 2.499999999998497e-06 * (x2 + x8 * x8 + (x5 + x10 * x10))
+    mass[..., 19] = 0.0025074999999999976 + x27
     # rod1
     x28 = f_y * x9
     x29 = -x28
@@ -844,104 +844,102 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 192 operations."""
+    """3 numbers, 182 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # constant part
     x1 = _number_1
     energy[..., 0:3] = x1
     # S.z K1.z; K1.x; K1.y; K1.z; H1.x B1.x; H1.y B1.y; H1.z B1.z; H2.x B2.x; H2.y B2.y; H2.z B2.z; rod1; rod2
-    dK1_x = qd[..., 9]
-    dS_z = qd[..., 0]
-    dK1_z = qd[..., 11]
-    dK1_y = qd[..., 10]
-    x1 = 0.5 * (dK1_y * dK1_y) + (0.5 * (dK1_x * dK1_x) - dS_z * dK1_z)
-    dH1_x = qd[..., 6]
-    dB1_x = qd[..., 12]
-    dH1_y = qd[..., 7]
-    dB1_y = qd[..., 13]
-    x2 = dB1_y * (0.05 * dH1_y) + (dB1_x * (0.05 * dH1_x) + (0.5 * (dK1_z * dK1_z) + x1))
-    dH1_z = qd[..., 8]
-    dB1_z = qd[..., 14]
-    dH2_x = qd[..., 19]
-    dB2_x = qd[..., 25]
-    dH2_y = qd[..., 20]
-    dB2_y = qd[..., 26]
-    x3 = dB2_y * (0.05 * dH2_y) + (dB2_x * (0.05 * dH2_x) + (dB1_z * (0.05 * dH1_z) + x2))
-    dH2_z = qd[..., 21]
-    dB2_z = qd[..., 27]
     B1_x = q[..., 12]
     H1_x = q[..., 6]
     df_y = qd[..., 4]
+    dB1_x = qd[..., 12]
+    dH1_x = qd[..., 6]
     f_y = q[..., 4]
     B1_y = q[..., 13]
     H1_y = q[..., 7]
     df_x = qd[..., 3]
-    x4 = (B1_x - H1_x) * df_y + f_y * (dB1_x - dH1_x) - (B1_y - H1_y) * df_x
+    x1 = (B1_x - H1_x) * df_y + f_y * (dB1_x - dH1_x) - (B1_y - H1_y) * df_x
+    dB1_y = qd[..., 13]
+    dH1_y = qd[..., 7]
     f_x = q[..., 3]
-    x5 = x4 - f_x * (dB1_y - dH1_y)
+    x2 = x1 - f_x * (dB1_y - dH1_y)
     B1_z = q[..., 14]
     H1_z = q[..., 8]
-    x6 = B1_z - H1_z
-    x7 = dB1_z - dH1_z
-    x8 = x6 * df_x + f_x * x7
-    x9 = x6 * df_y + f_y * x7
-    x10 = 1.2499999999992486e-06 * (x5 * x5 + x8 * x8 + x9 * x9) + (dB2_z * (0.05 * dH2_z) + x3)
+    x3 = B1_z - H1_z
+    dB1_z = qd[..., 14]
+    dH1_z = qd[..., 8]
+    x4 = dB1_z - dH1_z
+    x5 = x3 * df_x + f_x * x4
+    x6 = x3 * df_y + f_y * x4
     B2_x = q[..., 25]
     H2_x = q[..., 19]
+    dB2_x = qd[..., 25]
+    dH2_x = qd[..., 19]
     B2_y = q[..., 26]
     H2_y = q[..., 20]
-    x11 = df_y * (B2_x - H2_x) + f_y * (dB2_x - dH2_x) - df_x * (B2_y - H2_y)
-    x12 = x11 - f_x * (dB2_y - dH2_y)
+    x7 = df_y * (B2_x - H2_x) + f_y * (dB2_x - dH2_x) - df_x * (B2_y - H2_y)
+    dB2_y = qd[..., 26]
+    dH2_y = qd[..., 20]
+    x8 = x7 - f_x * (dB2_y - dH2_y)
     B2_z = q[..., 27]
     H2_z = q[..., 21]
-    x13 = B2_z - H2_z
-    x14 = dB2_z - dH2_z
-    x15 = df_x * x13 + f_x * x14
-    x16 = df_y * x13 + f_y * x14
-    x17 = 1.2499999999992486e-06 * (x12 * x12 + x15 * x15 + x16 * x16)
-    energy[..., 0] += x17 + x10
+    x9 = B2_z - H2_z
+    dB2_z = qd[..., 27]
+    dH2_z = qd[..., 21]
+    x10 = dB2_z - dH2_z
+    x11 = df_x * x9 + f_x * x10
+    x12 = df_y * x9 + f_y * x10
+    x13 = x2 * x2 + x5 * x5 + x6 * x6 + (x8 * x8 + x11 * x11 + x12 * x12)
+    x14 = dH2_x * dB2_x + (dH1_z * dB1_z + (dH1_y * dB1_y + dH1_x * dB1_x))
+    dK1_z = qd[..., 11]
+    dS_z = qd[..., 0]
+    dK1_x = qd[..., 9]
+    dK1_y = qd[..., 10]
+    x15 = 0.5 * (dK1_y * dK1_y) + (0.5 * (dK1_x * dK1_x) + dK1_z * (0.5 * dK1_z - dS_z))
+    x16 = 1.2499999999992486e-06 * x13 + (0.05 * (dH2_z * dB2_z + (dH2_y * dB2_y + x14)) + x15)
+    energy[..., 0] += x16
     # S.z; H1.z; B1.z; H2.z; B2.z; spring K1-M1; spring K2-M2
-    M1_x = q[..., 15]
-    K1_x = q[..., 9]
-    x18 = M1_x - K1_x
-    M1_y = q[..., 16]
-    K1_y = q[..., 10]
-    x19 = M1_y - K1_y
-    M1_z = q[..., 17]
-    K1_z = q[..., 11]
-    x20 = M1_z - K1_z
-    x21 = x18 * x18 + x19 * x19 + x20 * x20
-    x22 = np.sqrt(x21) - 0.5
-    S_z = q[..., 0]
-    x23 = 50.5215 * B1_z + (1.4715 * H1_z + (29.43 * S_z + 1.4715))
-    x24 = 400000.0 * (x22 * x22) + (50.5215 * B2_z + (1.4715 * H2_z + x23))
     M2_x = q[..., 28]
     K2_x = q[..., 22]
-    x25 = M2_x - K2_x
+    x17 = M2_x - K2_x
     M2_y = q[..., 29]
     K2_y = q[..., 23]
-    x26 = M2_y - K2_y
+    x18 = M2_y - K2_y
     M2_z = q[..., 30]
     K2_z = q[..., 24]
-    x27 = M2_z - K2_z
-    x28 = x25 * x25 + x26 * x26 + x27 * x27
-    x29 = np.sqrt(x28) - 0.5
-    energy[..., 1] = 400000.0 * (x29 * x29) + x24
+    x19 = M2_z - K2_z
+    x20 = x17 * x17 + x18 * x18 + x19 * x19
+    x21 = np.sqrt(x20) - 0.5
+    M1_x = q[..., 15]
+    K1_x = q[..., 9]
+    x22 = M1_x - K1_x
+    M1_y = q[..., 16]
+    K1_y = q[..., 10]
+    x23 = M1_y - K1_y
+    M1_z = q[..., 17]
+    K1_z = q[..., 11]
+    x24 = M1_z - K1_z
+    x25 = x22 * x22 + x23 * x23 + x24 * x24
+    x26 = np.sqrt(x25) - 0.5
+    S_z = q[..., 0]
+    x27 = 50.5215 * (B1_z + B2_z) + (1.4715 * (H1_z + H2_z) + (1.4715 + 29.43 * S_z))
+    energy[..., 1] = 400000.0 * (x21 * x21 + x26 * x26) + x27
     # spring K1-M1; spring K2-M2
     dM1_x = qd[..., 15]
     dM1_y = qd[..., 16]
     dM1_z = qd[..., 17]
-    x30 = x18 * (dM1_x - dK1_x) + x19 * (dM1_y - dK1_y) + x20 * (dM1_z - dK1_z)
+    x28 = x22 * (dM1_x - dK1_x) + x23 * (dM1_y - dK1_y) + x24 * (dM1_z - dK1_z)
     dM2_x = qd[..., 28]
     dK2_x = qd[..., 22]
     dM2_y = qd[..., 29]
     dK2_y = qd[..., 23]
     dM2_z = qd[..., 30]
     dK2_z = qd[..., 24]
-    x31 = x25 * (dM2_x - dK2_x) + x26 * (dM2_y - dK2_y) + x27 * (dM2_z - dK2_z)
-    x32 = 40000.0 * (x30 * x30) / x21 + 40000.0 * (x31 * x31) / x28
-    energy[..., 2] = -x32
+    x29 = x17 * (dM2_x - dK2_x) + x18 * (dM2_y - dK2_y) + x19 * (dM2_z - dK2_z)
+    x30 = 40000.0 * (x28 * x28) / x25 + 40000.0 * (x29 * x29) / x20
+    energy[..., 2] = -x30
     # mass-diagonal: m v^2 / 2
     #   e.x, e.y, f.x, f.y, S.z, H1.x, H1.y, H1.z, B1.x, B1.y, B1.z, H2.x, H2.y, H2.z, B2.x,
     #   B2.y, B2.z
@@ -952,7 +950,7 @@ def energy(t, q, qd, p):
 
 
 def constraints(t, q, qd, p):
-    """153 numbers, 321 operations."""
+    """153 numbers, 308 operations."""
     t = np.asarray(t)
     constraints = _output(153, t, q, qd, p)
     sine = np.sin(q[..., 5:44:13])
@@ -992,8 +990,8 @@ def constraints(t, q, qd, p):
     dturn = qd[..., 5]
     x1 = dturn * dturn
     x2 = 2.0 * dturn
-    x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2)
-    constraints[..., 128] = x3 - cos_turn * (e_y * x1)
+    x3 = sin_turn * (e_x * x1 - de_y * x2) - cos_turn * (de_x * x2 + e_y * x1)
+    constraints[..., 128] = x3
     # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
     x4 = 0.05 * e_x
     H1_x = q[..., 6]
@@ -1091,38 +1089,38 @@ def constraints(t, q, qd, p):
     constraints[..., 70] = 1.0
     constraints[..., 139] = 0.0
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
-    x16 = e_x * x8
-    x17 = e_y * x8
-    x18 = f_y * x16 - f_x * x17
-    cos_alpha1 = cosine[..., 1]
-    x19 = e_x * x6 + e_y * x7
+    x16 = e_x * x6 + e_y * x7
     sin_alpha1 = sine[..., 1]
-    constraints[..., 15] = -(x18 * cos_alpha1 + x19 * sin_alpha1)
+    x17 = e_x * f_y - e_y * f_x
+    cos_alpha1 = cosine[..., 1]
+    constraints[..., 15] = -(x16 * sin_alpha1 + x8 * x17 * cos_alpha1)
     constraints[..., 71] = -(cos_alpha1 * (f_y * x8) + x6 * sin_alpha1)
     constraints[..., 72] = cos_alpha1 * (f_x * x8) - x7 * sin_alpha1
-    constraints[..., 73] = x17 * cos_alpha1
-    constraints[..., 74] = -(x16 * cos_alpha1)
+    x18 = e_y * x8
+    constraints[..., 73] = cos_alpha1 * x18
+    x19 = e_x * x8
+    constraints[..., 74] = -(cos_alpha1 * x19)
     x20 = e_x * sin_alpha1
     constraints[..., 75] = -x20
     x21 = e_y * sin_alpha1
     constraints[..., 76] = -x21
-    x22 = e_y * f_x - e_x * f_y
-    x23 = cos_alpha1 * x22
-    constraints[..., 77] = x23
+    x22 = x17 * cos_alpha1
+    constraints[..., 77] = -x22
     constraints[..., 78] = x20
     constraints[..., 79] = x21
-    constraints[..., 80] = -x23
-    constraints[..., 81] = x18 * sin_alpha1 - cos_alpha1 * x19
+    constraints[..., 80] = x22
+    x23 = f_y * x19 - f_x * x18
+    constraints[..., 81] = sin_alpha1 * x23 - x16 * cos_alpha1
     x24 = x8 * de_y + e_y * x13
     x25 = x8 * de_x + e_x * x13
-    x26 = f_y * (de_x * x13) - (df_x * x24 + f_x * (de_y * x13)) + df_y * x25
     dalpha1 = qd[..., 18]
-    x27 = dalpha1 * dalpha1
-    x28 = cos_alpha1 * (2.0 * x26) - sin_alpha1 * (x19 * x27) + sin_alpha1 * (2.0 * (de_x * x11 + de_y * x12))
-    x29 = 2.0 * dalpha1
-    x30 = cos_alpha1 * ((e_x * x11 + e_y * x12 + x6 * de_x + x7 * de_y) * x29)
-    x31 = x29 * (f_y * x25 - (f_x * x24 + x17 * df_x) + x16 * df_y)
-    constraints[..., 140] = x28 + x30 - sin_alpha1 * x31 - cos_alpha1 * (x18 * x27)
+    x26 = 2.0 * dalpha1
+    x27 = (f_y * x25 - (f_x * x24 + x18 * df_x) + x19 * df_y) * x26
+    x28 = dalpha1 * dalpha1
+    x29 = sin_alpha1 * (2.0 * (de_x * x11 + de_y * x12) - x16 * x28 - x27)
+    x30 = f_y * de_x - f_x * de_y
+    x31 = 2.0 * (x13 * x30 - df_x * x24 + df_y * x25) + x26 * (e_x * x11 + e_y * x12 + x6 * de_x + x7 * de_y)
+    constraints[..., 140] = x29 + cos_alpha1 * (x31 - x23 * x28)
     # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_x = q[..., 19]
     constraints[..., 16] = x4 + H2_x
@@ -1215,35 +1213,34 @@ def constraints(t, q, qd, p):
     constraints[..., 113] = 1.0
     constraints[..., 151] = 0.0
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    x40 = e_x * x34
-    x41 = e_y * x34
-    x42 = f_y * x40 - f_x * x41
-    cos_alpha2 = cosine[..., 2]
-    x43 = e_x * x32 + e_y * x33
+    x40 = e_x * x32 + e_y * x33
     sin_alpha2 = sine[..., 2]
-    constraints[..., 27] = x43 * sin_alpha2 - x42 * cos_alpha2
+    cos_alpha2 = cosine[..., 2]
+    constraints[..., 27] = x40 * sin_alpha2 - x17 * x34 * cos_alpha2
     constraints[..., 114] = x32 * sin_alpha2 - cos_alpha2 * (f_y * x34)
     constraints[..., 115] = cos_alpha2 * (f_x * x34) + x33 * sin_alpha2
-    constraints[..., 116] = x41 * cos_alpha2
-    constraints[..., 117] = -(x40 * cos_alpha2)
-    x44 = e_x * sin_alpha2
-    constraints[..., 118] = x44
-    x45 = e_y * sin_alpha2
-    constraints[..., 119] = x45
-    x46 = cos_alpha2 * x22
-    constraints[..., 120] = x46
-    constraints[..., 121] = -x44
-    constraints[..., 122] = -x45
-    constraints[..., 123] = -x46
-    constraints[..., 124] = x42 * sin_alpha2 + cos_alpha2 * x43
+    x41 = e_y * x34
+    constraints[..., 116] = cos_alpha2 * x41
+    x42 = e_x * x34
+    constraints[..., 117] = -(cos_alpha2 * x42)
+    x43 = e_x * sin_alpha2
+    constraints[..., 118] = x43
+    x44 = e_y * sin_alpha2
+    constraints[..., 119] = x44
+    x45 = x17 * cos_alpha2
+    constraints[..., 120] = -x45
+    constraints[..., 121] = -x43
+    constraints[..., 122] = -x44
+    constraints[..., 123] = x45
+    x46 = f_y * x42 - f_x * x41
+    constraints[..., 124] = sin_alpha2 * x46 + x40 * cos_alpha2
     x47 = x34 * de_y + e_y * x39
     x48 = x34 * de_x + e_x * x39
-    x49 = f_y * (de_x * x39) - (df_x * x47 + f_x * (de_y * x39)) + df_y * x48
     dalpha2 = qd[..., 31]
-    x50 = dalpha2 * dalpha2
-    x51 = cos_alpha2 * (2.0 * x49) + sin_alpha2 * (x43 * x50) - sin_alpha2 * (2.0 * (de_x * x37 + de_y * x38))
-    x52 = 2.0 * dalpha2
-    x53 = cos_alpha2 * ((e_x * x37 + e_y * x38 + x32 * de_x + x33 * de_y) * x52)
-    x54 = x52 * (f_y * x48 - (f_x * x47 + x41 * df_x) + x40 * df_y)
-    constraints[..., 152] = x51 - x53 - sin_alpha2 * x54 - cos_alpha2 * (x42 * x50)
+    x49 = 2.0 * dalpha2
+    x50 = 2.0 * (x30 * x39 - df_x * x47 + df_y * x48) - (e_x * x37 + e_y * x38 + x32 * de_x + x33 * de_y) * x49
+    x51 = dalpha2 * dalpha2
+    x52 = x49 * (f_y * x48 - (f_x * x47 + x41 * df_x) + x42 * df_y)
+    x53 = sin_alpha2 * (x52 + (2.0 * (de_x * x37 + de_y * x38) - x40 * x51))
+    constraints[..., 152] = cos_alpha2 * (x50 - x46 * x51) - x53
     return constraints

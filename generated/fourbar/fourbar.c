@@ -86,7 +86,7 @@ int fourbar_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-/* gamma: 33 operations, 2 of them elementary functions */
+/* gamma: 31 operations, 2 of them elementary functions */
 int fourbar_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[1], cosine[1];
@@ -112,12 +112,12 @@ int fourbar_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dpsi = qd[4];
         const ncgen_real x3 = dpsi * dpsi;
         const ncgen_real B_x = q[0];
-        const ncgen_real sin_psi = sine[0];
         const ncgen_real x4 = R(2.0) * dpsi;
-        const ncgen_real cos_psi = cosine[0];
-        const ncgen_real x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4);
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real B_y = q[1];
-        gamma[3] = R(10.0) * (x5 - cos_psi * (B_y * x3));
+        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real x5 = sin_psi * (B_x * x3 - dB_y * x4) - cos_psi * (dB_x * x4 + B_y * x3);
+        gamma[3] = R(10.0) * x5;
     }
 
     return NCGEN_OK;
@@ -153,7 +153,7 @@ int fourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-/* energy: 33 operations */
+/* energy: 24 operations */
 int fourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -161,21 +161,15 @@ int fourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     {
         /* B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; coupler; rocker */
-        const ncgen_real dB_x = qd[0];
-        const ncgen_real x1 = dB_x * dB_x;
-        const ncgen_real dB_y = qd[1];
-        const ncgen_real x2 = dB_y * dB_y;
-        const ncgen_real x3 = R(0.14583333333333334) * x1 + R(0.14583333333333334) * x2;
         const ncgen_real dC_x = qd[2];
-        const ncgen_real x4 = dC_x * dC_x;
         const ncgen_real dC_y = qd[3];
-        const ncgen_real x5 = dC_y * dC_y;
-        const ncgen_real x6 = R(0.20416666666666666) * x5 + (R(0.20416666666666666) * x4 + x3);
-        const ncgen_real x7 = dC_y * (R(0.16666666666666669) * dB_y) + (dC_x * (R(0.16666666666666669) * dB_x) + x6);
-        const ncgen_real x8 = dC_x - dB_x;
-        const ncgen_real x9 = dC_y - dB_y;
-        const ncgen_real x10 = R(0.016666666666666663) * (x8 * x8 + x9 * x9) + (R(0.0041666666666666675) * (x1 + x2) + x7);
-        energy[0] = R(0.012499999999999997) * (x4 + x5) + x10;
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real dB_y = qd[1];
+        const ncgen_real x1 = R(0.21666666666666667) * (dC_x * dC_x + dC_y * dC_y) + R(0.15000000000000002) * (dB_x * dB_x + dB_y * dB_y);
+        const ncgen_real x2 = R(0.16666666666666669) * (dB_y * dC_y + dB_x * dC_x) + x1;
+        const ncgen_real x3 = dC_x - dB_x;
+        const ncgen_real x4 = dC_y - dB_y;
+        energy[0] = R(0.016666666666666663) * (x3 * x3 + x4 * x4) + x2;
         /* B.y; C.y */
         const ncgen_real B_y = q[1];
         const ncgen_real C_y = q[3];
@@ -185,7 +179,7 @@ int fourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-/* constraints: 70 operations, 2 of them elementary functions */
+/* constraints: 68 operations, 2 of them elementary functions */
 int fourbar_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[1], cosine[1];
@@ -240,8 +234,8 @@ int fourbar_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real dpsi = qd[4];
         const ncgen_real x11 = dpsi * dpsi;
         const ncgen_real x12 = R(2.0) * dpsi;
-        const ncgen_real x13 = sin_psi * (B_x * x11) - cos_psi * (dB_x * x12) - sin_psi * (dB_y * x12);
-        constraints[18] = R(10.0) * (x13 - cos_psi * (B_y * x11));
+        const ncgen_real x13 = sin_psi * (B_x * x11 - dB_y * x12) - cos_psi * (dB_x * x12 + B_y * x11);
+        constraints[18] = R(10.0) * x13;
     }
 
     return NCGEN_OK;
@@ -289,7 +283,7 @@ const ncgen_model *fourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "fourbar",
-        .fingerprint = "61df4bb2ba378a62",
+        .fingerprint = "d301d83c468c1a26",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,

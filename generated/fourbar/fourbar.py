@@ -121,7 +121,7 @@ def phi_q(t, q, p):
 
 
 def gamma(t, q, qd, p):
-    """4 numbers, 33 operations."""
+    """4 numbers, 31 operations."""
     t = np.asarray(t)
     gamma = _output(4, t, q, qd, p)
     sine = np.sin(q[..., 4, None])
@@ -142,12 +142,12 @@ def gamma(t, q, qd, p):
     dpsi = qd[..., 4]
     x3 = dpsi * dpsi
     B_x = q[..., 0]
-    sin_psi = sine[..., 0]
     x4 = 2.0 * dpsi
-    cos_psi = cosine[..., 0]
-    x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4)
+    sin_psi = sine[..., 0]
     B_y = q[..., 1]
-    gamma[..., 3] = 10.0 * (x5 - cos_psi * (B_y * x3))
+    cos_psi = cosine[..., 0]
+    x5 = sin_psi * (B_x * x3 - dB_y * x4) - cos_psi * (dB_x * x4 + B_y * x3)
+    gamma[..., 3] = 10.0 * x5
     return gamma
 
 
@@ -172,25 +172,19 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 33 operations."""
+    """3 numbers, 24 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; coupler; rocker
-    dB_x = qd[..., 0]
-    x1 = dB_x * dB_x
-    dB_y = qd[..., 1]
-    x2 = dB_y * dB_y
     dC_x = qd[..., 2]
-    x3 = dC_x * dC_x
-    x4 = 0.20416666666666666 * x3 + (0.14583333333333334 * x1 + 0.14583333333333334 * x2)
     dC_y = qd[..., 3]
-    x5 = dC_y * dC_y
-    x6 = dC_x * (0.16666666666666669 * dB_x) + (0.20416666666666666 * x5 + x4)
-    x7 = 0.0041666666666666675 * (x1 + x2) + (dC_y * (0.16666666666666669 * dB_y) + x6)
-    x8 = dC_x - dB_x
-    x9 = dC_y - dB_y
-    x10 = 0.012499999999999997 * (x3 + x5) + (0.016666666666666663 * (x8 * x8 + x9 * x9) + x7)
-    energy[..., 0] = x10
+    dB_x = qd[..., 0]
+    dB_y = qd[..., 1]
+    x1 = 0.21666666666666667 * (dC_x * dC_x + dC_y * dC_y) + 0.15000000000000002 * (dB_x * dB_x + dB_y * dB_y)
+    x2 = dC_x - dB_x
+    x3 = dC_y - dB_y
+    x4 = 0.016666666666666663 * (x2 * x2 + x3 * x3) + (0.16666666666666669 * (dB_y * dC_y + dB_x * dC_x) + x1)
+    energy[..., 0] = x4
     # B.y; C.y
     B_y = q[..., 1]
     C_y = q[..., 3]
@@ -200,7 +194,7 @@ def energy(t, q, qd, p):
 
 
 def constraints(t, q, qd, p):
-    """19 numbers, 70 operations."""
+    """19 numbers, 68 operations."""
     t = np.asarray(t)
     constraints = _output(19, t, q, qd, p)
     sine = np.sin(q[..., 4, None])
@@ -249,6 +243,6 @@ def constraints(t, q, qd, p):
     dpsi = qd[..., 4]
     x10 = dpsi * dpsi
     x11 = 2.0 * dpsi
-    x12 = sin_psi * (B_x * x10) - cos_psi * (dB_x * x11) - sin_psi * (dB_y * x11)
-    constraints[..., 18] = 10.0 * (x12 - cos_psi * (B_y * x10))
+    x12 = sin_psi * (B_x * x10 - dB_y * x11) - cos_psi * (dB_x * x11 + B_y * x10)
+    constraints[..., 18] = 10.0 * x12
     return constraints

@@ -207,7 +207,7 @@ int heavytop_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-/* energy: 58 operations */
+/* energy: 45 operations */
 int heavytop_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -215,31 +215,28 @@ int heavytop_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     {
         /* P.x; P.y; P.z; Q.x; Q.y; Q.z; R.x; R.y; R.z; P.x Q.x; P.y Q.y; P.z Q.z; P.x R.x; P.y R.y; P.z R.z; Q.x R.x; Q.y R.y; Q.z R.z */
+        const ncgen_real dQ_y = qd[4];
+        const ncgen_real dQ_x = qd[3];
+        const ncgen_real dQ_z = qd[5];
+        const ncgen_real dR_x = qd[6];
+        const ncgen_real x1 = dR_x * dR_x + (dQ_z * dQ_z + (dQ_y * dQ_y + dQ_x * dQ_x));
+        const ncgen_real dR_y = qd[7];
+        const ncgen_real dR_z = qd[8];
+        const ncgen_real x2 = R(1.6666666666666665) * (dR_z * dR_z + (dR_y * dR_y + x1));
         const ncgen_real dP_x = qd[0];
         const ncgen_real dP_y = qd[1];
-        const ncgen_real x1 = R(1.666666666666667) * (dP_x * dP_x) + R(1.666666666666667) * (dP_y * dP_y);
         const ncgen_real dP_z = qd[2];
-        const ncgen_real dQ_x = qd[3];
-        const ncgen_real x2 = R(1.6666666666666665) * (dQ_x * dQ_x) + (R(1.666666666666667) * (dP_z * dP_z) + x1);
-        const ncgen_real dQ_y = qd[4];
-        const ncgen_real dQ_z = qd[5];
-        const ncgen_real x3 = R(1.6666666666666665) * (dQ_z * dQ_z) + (R(1.6666666666666665) * (dQ_y * dQ_y) + x2);
-        const ncgen_real dR_x = qd[6];
-        const ncgen_real dR_y = qd[7];
-        const ncgen_real x4 = R(1.6666666666666665) * (dR_y * dR_y) + (R(1.6666666666666665) * (dR_x * dR_x) + x3);
-        const ncgen_real dR_z = qd[8];
-        const ncgen_real x5 = dQ_x * (R(0.8333333333333337) * dP_x) + (R(1.6666666666666665) * (dR_z * dR_z) + x4);
-        const ncgen_real x6 = dQ_z * (R(0.8333333333333337) * dP_z) + (dQ_y * (R(0.8333333333333337) * dP_y) + x5);
-        const ncgen_real x7 = dR_y * (R(0.8333333333333343) * dP_y) + (dR_x * (R(0.8333333333333343) * dP_x) + x6);
-        const ncgen_real x8 = dR_x * (R(0.8333333333333321) * dQ_x) + (dR_z * (R(0.8333333333333343) * dP_z) + x7);
-        const ncgen_real x9 = dR_z * (R(0.8333333333333321) * dQ_z) + (dR_y * (R(0.8333333333333321) * dQ_y) + x8);
-        energy[0] = x9;
+        const ncgen_real x3 = R(1.666666666666667) * (dP_z * dP_z + (dP_x * dP_x + dP_y * dP_y));
+        const ncgen_real x4 = R(0.8333333333333337) * (dP_z * dQ_z + (dP_y * dQ_y + dP_x * dQ_x));
+        const ncgen_real x5 = R(0.8333333333333343) * (dP_z * dR_z + (dP_y * dR_y + dP_x * dR_x));
+        const ncgen_real x6 = R(0.8333333333333321) * (dQ_z * dR_z + (dQ_y * dR_y + dQ_x * dR_x));
+        energy[0] = x6 + (x5 + (x4 + (x2 + x3)));
         /* P.z; Q.z; R.z */
         const ncgen_real P_z = q[2];
         const ncgen_real Q_z = q[5];
         const ncgen_real R_z = q[8];
-        const ncgen_real x10 = R(49.05) * R_z + (R(49.05000000000002) * P_z + R(49.04999999999999) * Q_z);
-        energy[1] = x10;
+        const ncgen_real x7 = R(49.05) * R_z + (R(49.05000000000002) * P_z + R(49.04999999999999) * Q_z);
+        energy[1] = x7;
         energy[2] = NCGEN_SPLAT(R(0.0));
     }
 
@@ -408,7 +405,7 @@ const ncgen_model *heavytop_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "heavytop",
-        .fingerprint = "76d5e757fd94b9e6",
+        .fingerprint = "821bebf4d140e05e",
         .n_coordinates = 9,
         .n_rows = 6,
         .n_parameters = 0,

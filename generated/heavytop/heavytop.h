@@ -33,7 +33,7 @@ int heavytop_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen
 int heavytop_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 6 numbers, 51 operations */
 int heavytop_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 27 numbers, 0 operations */
 int heavytop_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 9 numbers, 0 operations */
-int heavytop_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 58 operations */
+int heavytop_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 45 operations */
 int heavytop_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 39 numbers, 129 operations */
 
 #ifdef __cplusplus

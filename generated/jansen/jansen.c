@@ -223,7 +223,7 @@ int jansen_nu(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     return NCGEN_OK;
 }
-/* gamma: 85 operations, 2 of them elementary functions */
+/* gamma: 83 operations, 2 of them elementary functions */
 int jansen_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[1], cosine[1];
@@ -285,12 +285,12 @@ int jansen_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real dpsi = qd[12];
         const ncgen_real x15 = dpsi * dpsi;
         const ncgen_real M_x = q[0];
-        const ncgen_real sin_psi = sine[0];
         const ncgen_real x16 = R(2.0) * dpsi;
-        const ncgen_real cos_psi = cosine[0];
-        const ncgen_real x17 = sin_psi * (M_x * x15) - cos_psi * (dM_x * x16) - sin_psi * (dM_y * x16);
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real M_y = q[1];
-        gamma[11] = R(6.666666666666667) * (x17 - cos_psi * (M_y * x15));
+        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real x17 = sin_psi * (M_x * x15 - dM_y * x16) - cos_psi * (dM_x * x16 + M_y * x15);
+        gamma[11] = R(6.666666666666667) * x17;
         gamma[12] = NCGEN_SPLAT(R(0.0));
     }
 
@@ -327,7 +327,7 @@ int jansen_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-/* energy: 150 operations */
+/* energy: 123 operations */
 int jansen_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -335,74 +335,64 @@ int jansen_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     {
         /* M.x; M.y; U.x; U.y; W.x; W.y; L.x; L.y; K.x; K.y; T.x; T.y; M.x U.x; M.y U.y; U.x W.x; U.y W.y; M.x L.x; M.y L.y; W.x K.x; W.y K.y; L.x K.x; L.y K.y; K.x T.x; K.y T.y; L.x T.x; L.y T.y; m; j; e; k; f; g; h; i; b; d; c */
-        const ncgen_real dM_x = qd[0];
-        const ncgen_real x1 = dM_x * dM_x;
-        const ncgen_real dM_y = qd[1];
-        const ncgen_real x2 = dM_y * dM_y;
         const ncgen_real dU_x = qd[2];
-        const ncgen_real x3 = dU_x * dU_x;
-        const ncgen_real x4 = R(0.10740625) * x3 + (R(0.09253125) * x1 + R(0.09253125) * x2);
         const ncgen_real dU_y = qd[3];
-        const ncgen_real x5 = dU_y * dU_y;
+        const ncgen_real dM_x = qd[0];
+        const ncgen_real dM_y = qd[1];
+        const ncgen_real x1 = R(0.11172916666666666) * (dU_x * dU_x + dU_y * dU_y) + R(0.09409374999999999) * (dM_x * dM_x + dM_y * dM_y);
         const ncgen_real dW_x = qd[4];
-        const ncgen_real x6 = dW_x * dW_x;
         const ncgen_real dW_y = qd[5];
-        const ncgen_real x7 = dW_y * dW_y;
-        const ncgen_real x8 = R(0.09865625) * x7 + (R(0.09865625) * x6 + (R(0.10740625) * x5 + x4));
+        const ncgen_real x2 = R(0.10283333333333333) * (dW_x * dW_x + dW_y * dW_y) + x1;
         const ncgen_real dL_x = qd[6];
-        const ncgen_real x9 = dL_x * dL_x;
         const ncgen_real dL_y = qd[7];
-        const ncgen_real x10 = dL_y * dL_y;
         const ncgen_real dK_x = qd[8];
-        const ncgen_real x11 = R(0.10339583333333333) * (dK_x * dK_x) + (R(0.13628125) * x10 + (R(0.13628125) * x9 + x8));
-        const ncgen_real dK_y = qd[9];
+        const ncgen_real x3 = R(0.041041666666666664) * dW_x + R(0.10339583333333333) * dK_x;
         const ncgen_real dT_x = qd[10];
-        const ncgen_real x12 = R(0.08363541666666668) * (dT_x * dT_x) + (R(0.10339583333333333) * (dK_y * dK_y) + x11);
+        const ncgen_real x4 = R(0.0684375) * dT_x + (R(0.038229166666666675) * dL_x + x3);
+        const ncgen_real x5 = dK_x * x4 + (R(0.140375) * (dL_x * dL_x + dL_y * dL_y) + x2);
+        const ncgen_real dK_y = qd[9];
+        const ncgen_real x6 = R(0.041041666666666664) * dW_y + R(0.10339583333333333) * dK_y;
         const ncgen_real dT_y = qd[11];
-        const ncgen_real x13 = dU_x * (R(0.05208333333333333) * dM_x) + (R(0.08363541666666668) * (dT_y * dT_y) + x12);
-        const ncgen_real x14 = dW_x * (R(0.05812499999999999) * dU_x) + (dU_y * (R(0.05208333333333333) * dM_y) + x13);
-        const ncgen_real x15 = dL_x * (R(0.06447916666666667) * dM_x) + (dW_y * (R(0.05812499999999999) * dU_y) + x14);
-        const ncgen_real x16 = dK_x * (R(0.041041666666666664) * dW_x) + (dL_y * (R(0.06447916666666667) * dM_y) + x15);
-        const ncgen_real x17 = dK_x * (R(0.038229166666666675) * dL_x) + (dK_y * (R(0.041041666666666664) * dW_y) + x16);
-        const ncgen_real x18 = dT_x * (R(0.0684375) * dK_x) + (dK_y * (R(0.038229166666666675) * dL_y) + x17);
-        const ncgen_real x19 = dT_x * (R(0.051041666666666666) * dL_x) + (dT_y * (R(0.0684375) * dK_y) + x18);
-        const ncgen_real x20 = R(0.0015625) * (x1 + x2) + (dT_y * (R(0.051041666666666666) * dL_y) + x19);
-        const ncgen_real x21 = dU_x - dM_x;
-        const ncgen_real x22 = dU_y - dM_y;
-        const ncgen_real x23 = dW_x - dU_x;
-        const ncgen_real x24 = dW_y - dU_y;
-        const ncgen_real x25 = R(0.005812500000000001) * (x23 * x23 + x24 * x24) + (R(0.005208333333333335) * (x21 * x21 + x22 * x22) + x20);
-        const ncgen_real x26 = dL_x - dM_x;
-        const ncgen_real x27 = dL_y - dM_y;
-        const ncgen_real x28 = dK_x - dW_x;
-        const ncgen_real x29 = dK_y - dW_y;
-        const ncgen_real x30 = R(0.0041041666666666666) * (x28 * x28 + x29 * x29) + (R(0.006447916666666666) * (x26 * x26 + x27 * x27) + x25);
-        const ncgen_real x31 = dK_x - dL_x;
-        const ncgen_real x32 = dK_y - dL_y;
-        const ncgen_real x33 = dT_x - dK_x;
-        const ncgen_real x34 = dT_y - dK_y;
-        const ncgen_real x35 = R(0.00684375) * (x33 * x33 + x34 * x34) + (R(0.0038229166666666663) * (x31 * x31 + x32 * x32) + x30);
-        const ncgen_real x36 = dT_x - dL_x;
-        const ncgen_real x37 = dT_y - dL_y;
-        const ncgen_real x38 = R(0.004322916666666667) * (x3 + x5) + (R(0.0051041666666666674) * (x36 * x36 + x37 * x37) + x35);
-        const ncgen_real x39 = R(0.00409375) * (x9 + x10) + (R(0.004177083333333335) * (x6 + x7) + x38);
-        energy[0] = x39;
+        const ncgen_real x7 = R(0.0684375) * dT_y + (R(0.038229166666666675) * dL_y + x6);
+        const ncgen_real x8 = R(0.051041666666666666) * dL_x + R(0.08363541666666668) * dT_x;
+        const ncgen_real x9 = R(0.051041666666666666) * dL_y + R(0.08363541666666668) * dT_y;
+        const ncgen_real x10 = R(0.05208333333333333) * (dM_y * dU_y + dM_x * dU_x) + (dT_y * x9 + (dT_x * x8 + (dK_y * x7 + x5)));
+        const ncgen_real x11 = R(0.05812499999999999) * (dU_y * dW_y + dU_x * dW_x) + x10;
+        const ncgen_real x12 = R(0.06447916666666667) * (dM_y * dL_y + dM_x * dL_x) + x11;
+        const ncgen_real x13 = dU_x - dM_x;
+        const ncgen_real x14 = dU_y - dM_y;
+        const ncgen_real x15 = dW_x - dU_x;
+        const ncgen_real x16 = dW_y - dU_y;
+        const ncgen_real x17 = R(0.005812500000000001) * (x15 * x15 + x16 * x16) + (R(0.005208333333333335) * (x13 * x13 + x14 * x14) + x12);
+        const ncgen_real x18 = dL_x - dM_x;
+        const ncgen_real x19 = dL_y - dM_y;
+        const ncgen_real x20 = dK_x - dW_x;
+        const ncgen_real x21 = dK_y - dW_y;
+        const ncgen_real x22 = R(0.0041041666666666666) * (x20 * x20 + x21 * x21) + (R(0.006447916666666666) * (x18 * x18 + x19 * x19) + x17);
+        const ncgen_real x23 = dK_x - dL_x;
+        const ncgen_real x24 = dK_y - dL_y;
+        const ncgen_real x25 = dT_x - dK_x;
+        const ncgen_real x26 = dT_y - dK_y;
+        const ncgen_real x27 = R(0.00684375) * (x25 * x25 + x26 * x26) + (R(0.0038229166666666663) * (x23 * x23 + x24 * x24) + x22);
+        const ncgen_real x28 = dT_x - dL_x;
+        const ncgen_real x29 = dT_y - dL_y;
+        energy[0] = R(0.0051041666666666674) * (x28 * x28 + x29 * x29) + x27;
         /* M.y; U.y; W.y; L.y; K.y; T.y */
         const ncgen_real M_y = q[1];
         const ncgen_real U_y = q[3];
-        const ncgen_real x40 = R(3.6125325) * U_y + (R(3.1122225) * M_y - R(0.231275655));
+        const ncgen_real x30 = R(3.6125325) * U_y + (R(3.1122225) * M_y - R(0.231275655));
         const ncgen_real W_y = q[5];
         const ncgen_real L_y = q[7];
         const ncgen_real K_y = q[9];
-        const ncgen_real x41 = R(3.4776450000000003) * K_y + (R(4.5837225) * L_y + (R(3.3182325) * W_y + x40));
+        const ncgen_real x31 = R(3.4776450000000003) * K_y + (R(4.5837225) * L_y + (R(3.3182325) * W_y + x30));
         const ncgen_real T_y = q[11];
-        energy[1] = R(2.8130175000000004) * T_y + x41;
+        energy[1] = R(2.8130175000000004) * T_y + x31;
         energy[2] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
 }
-/* constraints: 215 operations, 2 of them elementary functions */
+/* constraints: 213 operations, 2 of them elementary functions */
 int jansen_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[1], cosine[1];
@@ -574,8 +564,8 @@ int jansen_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         const ncgen_real dpsi = qd[12];
         const ncgen_real x60 = dpsi * dpsi;
         const ncgen_real x61 = R(2.0) * dpsi;
-        const ncgen_real x62 = sin_psi * (M_x * x60) - cos_psi * (dM_x * x61) - sin_psi * (dM_y * x61);
-        constraints[64] = R(6.666666666666667) * (x62 - cos_psi * (M_y * x60));
+        const ncgen_real x62 = sin_psi * (M_x * x60 - dM_y * x61) - cos_psi * (dM_x * x61 + M_y * x60);
+        constraints[64] = R(6.666666666666667) * x62;
         /* row 13: driver of psi (driver psi): psi - 6.28318530717959*t = 0 */
         const ncgen_real t_ = t;
         constraints[12] = psi - R(6.283185307179586) * t_;
@@ -650,7 +640,7 @@ const ncgen_model *jansen_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "jansen",
-        .fingerprint = "197c91081ad50136",
+        .fingerprint = "43b1a43349ebd4b8",
         .n_coordinates = 13,
         .n_rows = 13,
         .n_parameters = 0,

@@ -37,11 +37,11 @@ const ncgen_model *jansen_model(void);
 int jansen_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 13 numbers, 83 operations */
 int jansen_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 40 numbers, 71 operations */
 int jansen_nu(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *nu); /* 13 numbers, 0 operations */
-int jansen_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 13 numbers, 85 operations */
+int jansen_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 13 numbers, 83 operations */
 int jansen_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 40 numbers, 0 operations */
 int jansen_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 13 numbers, 0 operations */
-int jansen_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 150 operations */
-int jansen_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 66 numbers, 215 operations */
+int jansen_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 123 operations */
+int jansen_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 66 numbers, 213 operations */
 
 #ifdef __cplusplus
 }

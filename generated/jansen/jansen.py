@@ -270,7 +270,7 @@ def nu(t, q, p):
 
 
 def gamma(t, q, qd, p):
-    """13 numbers, 85 operations."""
+    """13 numbers, 83 operations."""
     t = np.asarray(t)
     gamma = _output(13, t, q, qd, p)
     sine = np.sin(q[..., 12, None])
@@ -327,12 +327,12 @@ def gamma(t, q, qd, p):
     dpsi = qd[..., 12]
     x15 = dpsi * dpsi
     M_x = q[..., 0]
-    sin_psi = sine[..., 0]
     x16 = 2.0 * dpsi
-    cos_psi = cosine[..., 0]
-    x17 = sin_psi * (M_x * x15) - cos_psi * (dM_x * x16) - sin_psi * (dM_y * x16)
+    sin_psi = sine[..., 0]
     M_y = q[..., 1]
-    gamma[..., 11] = 6.666666666666667 * (x17 - cos_psi * (M_y * x15))
+    cos_psi = cosine[..., 0]
+    x17 = sin_psi * (M_x * x15 - dM_y * x16) - cos_psi * (dM_x * x16 + M_y * x15)
+    gamma[..., 11] = 6.666666666666667 * x17
     gamma[..., 12] = 0.0
     return gamma
 
@@ -358,78 +358,65 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 150 operations."""
+    """3 numbers, 123 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # M.x; M.y; U.x; U.y; W.x; W.y; L.x; L.y; K.x; K.y; T.x; T.y; M.x U.x; M.y U.y; U.x W.x; U.y W.y; M.x L.x; M.y L.y; W.x K.x; W.y K.y; L.x K.x; L.y K.y; K.x T.x; K.y T.y; L.x T.x; L.y T.y; m; j; e; k; f; g; h; i; b; d; c
-    dM_x = qd[..., 0]
-    x1 = dM_x * dM_x
-    dM_y = qd[..., 1]
-    x2 = dM_y * dM_y
     dU_x = qd[..., 2]
-    x3 = dU_x * dU_x
     dU_y = qd[..., 3]
-    x4 = dU_y * dU_y
-    x5 = 0.10740625 * x4 + (0.10740625 * x3 + (0.09253125 * x1 + 0.09253125 * x2))
+    dM_x = qd[..., 0]
+    dM_y = qd[..., 1]
+    x1 = 0.11172916666666666 * (dU_x * dU_x + dU_y * dU_y) + 0.09409374999999999 * (dM_x * dM_x + dM_y * dM_y)
     dW_x = qd[..., 4]
-    x6 = dW_x * dW_x
     dW_y = qd[..., 5]
-    x7 = dW_y * dW_y
     dL_x = qd[..., 6]
-    x8 = dL_x * dL_x
-    x9 = 0.13628125 * x8 + (0.09865625 * x7 + (0.09865625 * x6 + x5))
     dL_y = qd[..., 7]
-    x10 = dL_y * dL_y
+    x2 = 0.140375 * (dL_x * dL_x + dL_y * dL_y) + (0.10283333333333333 * (dW_x * dW_x + dW_y * dW_y) + x1)
     dK_x = qd[..., 8]
-    x11 = 0.10339583333333333 * (dK_x * dK_x) + (0.13628125 * x10 + x9)
-    dK_y = qd[..., 9]
+    x3 = 0.038229166666666675 * dL_x + (0.041041666666666664 * dW_x + 0.10339583333333333 * dK_x)
     dT_x = qd[..., 10]
-    x12 = 0.08363541666666668 * (dT_x * dT_x) + (0.10339583333333333 * (dK_y * dK_y) + x11)
+    dK_y = qd[..., 9]
+    x4 = 0.038229166666666675 * dL_y + (0.041041666666666664 * dW_y + 0.10339583333333333 * dK_y)
     dT_y = qd[..., 11]
-    x13 = dU_x * (0.05208333333333333 * dM_x) + (0.08363541666666668 * (dT_y * dT_y) + x12)
-    x14 = dW_x * (0.05812499999999999 * dU_x) + (dU_y * (0.05208333333333333 * dM_y) + x13)
-    x15 = dL_x * (0.06447916666666667 * dM_x) + (dW_y * (0.05812499999999999 * dU_y) + x14)
-    x16 = dK_x * (0.041041666666666664 * dW_x) + (dL_y * (0.06447916666666667 * dM_y) + x15)
-    x17 = dK_x * (0.038229166666666675 * dL_x) + (dK_y * (0.041041666666666664 * dW_y) + x16)
-    x18 = dT_x * (0.0684375 * dK_x) + (dK_y * (0.038229166666666675 * dL_y) + x17)
-    x19 = dT_x * (0.051041666666666666 * dL_x) + (dT_y * (0.0684375 * dK_y) + x18)
-    x20 = 0.0015625 * (x1 + x2) + (dT_y * (0.051041666666666666 * dL_y) + x19)
-    x21 = dU_x - dM_x
-    x22 = dU_y - dM_y
-    x23 = dW_x - dU_x
-    x24 = dW_y - dU_y
-    x25 = 0.005812500000000001 * (x23 * x23 + x24 * x24) + (0.005208333333333335 * (x21 * x21 + x22 * x22) + x20)
-    x26 = dL_x - dM_x
-    x27 = dL_y - dM_y
-    x28 = dK_x - dW_x
-    x29 = dK_y - dW_y
-    x30 = 0.0041041666666666666 * (x28 * x28 + x29 * x29) + (0.006447916666666666 * (x26 * x26 + x27 * x27) + x25)
-    x31 = dK_x - dL_x
-    x32 = dK_y - dL_y
-    x33 = dT_x - dK_x
-    x34 = dT_y - dK_y
-    x35 = 0.00684375 * (x33 * x33 + x34 * x34) + (0.0038229166666666663 * (x31 * x31 + x32 * x32) + x30)
-    x36 = dT_x - dL_x
-    x37 = dT_y - dL_y
-    x38 = 0.004322916666666667 * (x3 + x4) + (0.0051041666666666674 * (x36 * x36 + x37 * x37) + x35)
-    x39 = 0.00409375 * (x8 + x10) + (0.004177083333333335 * (x6 + x7) + x38)
-    energy[..., 0] = x39
+    x5 = dK_y * (0.0684375 * dT_y + x4) + (dK_x * (0.0684375 * dT_x + x3) + x2)
+    x6 = dT_x * (0.051041666666666666 * dL_x + 0.08363541666666668 * dT_x)
+    x7 = dT_y * (0.051041666666666666 * dL_y + 0.08363541666666668 * dT_y)
+    x8 = 0.05208333333333333 * (dM_y * dU_y + dM_x * dU_x) + (x7 + (x6 + x5))
+    x9 = 0.06447916666666667 * (dM_y * dL_y + dM_x * dL_x) + (0.05812499999999999 * (dU_y * dW_y + dU_x * dW_x) + x8)
+    x10 = dU_x - dM_x
+    x11 = dU_y - dM_y
+    x12 = dW_x - dU_x
+    x13 = dW_y - dU_y
+    x14 = 0.005812500000000001 * (x12 * x12 + x13 * x13) + (0.005208333333333335 * (x10 * x10 + x11 * x11) + x9)
+    x15 = dL_x - dM_x
+    x16 = dL_y - dM_y
+    x17 = dK_x - dW_x
+    x18 = dK_y - dW_y
+    x19 = 0.0041041666666666666 * (x17 * x17 + x18 * x18) + (0.006447916666666666 * (x15 * x15 + x16 * x16) + x14)
+    x20 = dK_x - dL_x
+    x21 = dK_y - dL_y
+    x22 = dT_x - dK_x
+    x23 = dT_y - dK_y
+    x24 = 0.00684375 * (x22 * x22 + x23 * x23) + (0.0038229166666666663 * (x20 * x20 + x21 * x21) + x19)
+    x25 = dT_x - dL_x
+    x26 = dT_y - dL_y
+    energy[..., 0] = 0.0051041666666666674 * (x25 * x25 + x26 * x26) + x24
     # M.y; U.y; W.y; L.y; K.y; T.y
     M_y = q[..., 1]
     U_y = q[..., 3]
     W_y = q[..., 5]
-    x40 = 3.3182325 * W_y + (3.6125325 * U_y + (3.1122225 * M_y - 0.231275655))
+    x27 = 3.3182325 * W_y + (3.6125325 * U_y + (3.1122225 * M_y - 0.231275655))
     L_y = q[..., 7]
     K_y = q[..., 9]
     T_y = q[..., 11]
-    x41 = 2.8130175000000004 * T_y + (3.4776450000000003 * K_y + (4.5837225 * L_y + x40))
-    energy[..., 1] = x41
+    x28 = 2.8130175000000004 * T_y + (3.4776450000000003 * K_y + (4.5837225 * L_y + x27))
+    energy[..., 1] = x28
     energy[..., 2] = 0.0
     return energy
 
 
 def constraints(t, q, qd, p):
-    """66 numbers, 215 operations."""
+    """66 numbers, 213 operations."""
     t = np.asarray(t)
     constraints = _output(66, t, q, qd, p)
     sine = np.sin(q[..., 12, None])
@@ -594,8 +581,8 @@ def constraints(t, q, qd, p):
     dpsi = qd[..., 12]
     x57 = dpsi * dpsi
     x58 = 2.0 * dpsi
-    x59 = sin_psi * (M_x * x57) - cos_psi * (dM_x * x58) - sin_psi * (dM_y * x58)
-    constraints[..., 64] = 6.666666666666667 * (x59 - cos_psi * (M_y * x57))
+    x59 = sin_psi * (M_x * x57 - dM_y * x58) - cos_psi * (dM_x * x58 + M_y * x57)
+    constraints[..., 64] = 6.666666666666667 * x59
     # row 13: driver of psi (driver psi): psi - 6.28318530717959*t = 0
     t_ = t
     constraints[..., 12] = psi - 6.283185307179586 * t_

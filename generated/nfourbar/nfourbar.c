@@ -153,7 +153,7 @@ int nfourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-/* energy: 57 operations */
+/* energy: 41 operations */
 int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -162,33 +162,28 @@ int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
     {
         /* B0.x; B0.y; B1.x; B1.y; B2.x; B2.y; B0.x B1.x; B0.y B1.y; B1.x B2.x; B1.y B2.y; A0B0; A1B1; A2B2; B0B1; B1B2 */
         const ncgen_real dB0_x = qd[0];
-        const ncgen_real x1 = dB0_x * dB0_x;
         const ncgen_real dB0_y = qd[1];
-        const ncgen_real x2 = dB0_y * dB0_y;
+        const ncgen_real x1 = dB0_x * dB0_x + dB0_y * dB0_y;
         const ncgen_real dB1_x = qd[2];
-        const ncgen_real x3 = dB1_x * dB1_x;
-        const ncgen_real x4 = R(0.4375) * x3 + (R(0.2916666666666667) * x1 + R(0.2916666666666667) * x2);
         const ncgen_real dB1_y = qd[3];
-        const ncgen_real x5 = dB1_y * dB1_y;
+        const ncgen_real x2 = dB1_x * dB1_x + dB1_y * dB1_y;
         const ncgen_real dB2_x = qd[4];
-        const ncgen_real x6 = dB2_x * dB2_x;
+        const ncgen_real x3 = dB2_x * dB2_x;
         const ncgen_real dB2_y = qd[5];
-        const ncgen_real x7 = dB2_y * dB2_y;
-        const ncgen_real x8 = R(0.2916666666666667) * x7 + (R(0.2916666666666667) * x6 + (R(0.4375) * x5 + x4));
-        const ncgen_real x9 = dB1_y * (R(0.20833333333333334) * dB0_y) + (dB1_x * (R(0.20833333333333334) * dB0_x) + x8);
-        const ncgen_real x10 = dB2_y * (R(0.20833333333333334) * dB1_y) + (dB2_x * (R(0.20833333333333334) * dB1_x) + x9);
-        const ncgen_real x11 = R(0.020833333333333332) * (x3 + x5) + (R(0.020833333333333332) * (x1 + x2) + x10);
-        const ncgen_real x12 = dB1_x - dB0_x;
-        const ncgen_real x13 = dB1_y - dB0_y;
-        const ncgen_real x14 = R(0.020833333333333332) * (x12 * x12 + x13 * x13) + (R(0.020833333333333332) * (x6 + x7) + x11);
-        const ncgen_real x15 = dB2_x - dB1_x;
-        const ncgen_real x16 = dB2_y - dB1_y;
-        energy[0] = R(0.020833333333333332) * (x15 * x15 + x16 * x16) + x14;
+        const ncgen_real x4 = dB2_y * dB2_y;
+        const ncgen_real x5 = dB1_x - dB0_x;
+        const ncgen_real x6 = dB1_y - dB0_y;
+        const ncgen_real x7 = dB2_x - dB1_x;
+        const ncgen_real x8 = dB2_y - dB1_y;
+        const ncgen_real x9 = x7 * x7 + x8 * x8 + (x5 * x5 + x6 * x6 + (x3 + x4 + (x1 + x2)));
+        const ncgen_real x10 = R(0.4375) * x2 + R(0.2916666666666667) * (x4 + (x3 + x1));
+        const ncgen_real x11 = R(0.20833333333333334) * (dB1_y * (dB0_y + dB2_y) + dB1_x * (dB0_x + dB2_x));
+        energy[0] = R(0.020833333333333332) * x9 + (x11 + x10);
         /* B0.y; B1.y; B2.y */
         const ncgen_real B0_y = q[1];
-        const ncgen_real B1_y = q[3];
         const ncgen_real B2_y = q[5];
-        energy[1] = R(9.81) * B2_y + (R(9.81) * B0_y + R(14.715) * B1_y);
+        const ncgen_real B1_y = q[3];
+        energy[1] = R(9.81) * (B0_y + B2_y) + R(14.715) * B1_y;
         energy[2] = NCGEN_SPLAT(R(0.0));
     }
 
@@ -301,7 +296,7 @@ const ncgen_model *nfourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "nfourbar",
-        .fingerprint = "5d7a6bc8beee88e4",
+        .fingerprint = "bb062cb36878a1b0",
         .n_coordinates = 6,
         .n_rows = 5,
         .n_parameters = 0,

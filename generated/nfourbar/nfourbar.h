@@ -32,7 +32,7 @@ int nfourbar_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen
 int nfourbar_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 5 numbers, 24 operations */
 int nfourbar_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 14 numbers, 0 operations */
 int nfourbar_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 6 numbers, 0 operations */
-int nfourbar_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 57 operations */
+int nfourbar_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 41 operations */
 int nfourbar_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 24 numbers, 61 operations */
 
 #ifdef __cplusplus

@@ -176,38 +176,33 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 57 operations."""
+    """3 numbers, 41 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # B0.x; B0.y; B1.x; B1.y; B2.x; B2.y; B0.x B1.x; B0.y B1.y; B1.x B2.x; B1.y B2.y; A0B0; A1B1; A2B2; B0B1; B1B2
     dB0_x = qd[..., 0]
-    x1 = dB0_x * dB0_x
     dB0_y = qd[..., 1]
-    x2 = dB0_y * dB0_y
+    x1 = dB0_x * dB0_x + dB0_y * dB0_y
     dB1_x = qd[..., 2]
-    x3 = dB1_x * dB1_x
-    x4 = 0.4375 * x3 + (0.2916666666666667 * x1 + 0.2916666666666667 * x2)
     dB1_y = qd[..., 3]
-    x5 = dB1_y * dB1_y
+    x2 = dB1_x * dB1_x + dB1_y * dB1_y
     dB2_x = qd[..., 4]
-    x6 = dB2_x * dB2_x
+    x3 = dB2_x * dB2_x
     dB2_y = qd[..., 5]
-    x7 = dB2_y * dB2_y
-    x8 = 0.2916666666666667 * x7 + (0.2916666666666667 * x6 + (0.4375 * x5 + x4))
-    x9 = dB1_y * (0.20833333333333334 * dB0_y) + (dB1_x * (0.20833333333333334 * dB0_x) + x8)
-    x10 = dB2_y * (0.20833333333333334 * dB1_y) + (dB2_x * (0.20833333333333334 * dB1_x) + x9)
-    x11 = 0.020833333333333332 * (x3 + x5) + (0.020833333333333332 * (x1 + x2) + x10)
-    x12 = dB1_x - dB0_x
-    x13 = dB1_y - dB0_y
-    x14 = 0.020833333333333332 * (x12 * x12 + x13 * x13) + (0.020833333333333332 * (x6 + x7) + x11)
-    x15 = dB2_x - dB1_x
-    x16 = dB2_y - dB1_y
-    energy[..., 0] = 0.020833333333333332 * (x15 * x15 + x16 * x16) + x14
+    x4 = dB2_y * dB2_y
+    x5 = dB1_x - dB0_x
+    x6 = dB1_y - dB0_y
+    x7 = dB2_x - dB1_x
+    x8 = dB2_y - dB1_y
+    x9 = x7 * x7 + x8 * x8 + (x5 * x5 + x6 * x6 + (x3 + x4 + (x1 + x2)))
+    x10 = 0.20833333333333334 * (dB1_y * (dB0_y + dB2_y) + dB1_x * (dB0_x + dB2_x))
+    x11 = x10 + (0.4375 * x2 + 0.2916666666666667 * (x4 + (x3 + x1)))
+    energy[..., 0] = 0.020833333333333332 * x9 + x11
     # B0.y; B1.y; B2.y
     B0_y = q[..., 1]
-    B1_y = q[..., 3]
     B2_y = q[..., 5]
-    energy[..., 1] = 9.81 * B2_y + (9.81 * B0_y + 14.715 * B1_y)
+    B1_y = q[..., 3]
+    energy[..., 1] = 9.81 * (B0_y + B2_y) + 14.715 * B1_y
     energy[..., 2] = 0.0
     return energy
 

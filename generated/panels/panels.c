@@ -292,7 +292,7 @@ int panels_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-/* gamma: 237 operations, 8 of them elementary functions */
+/* gamma: 221 operations, 8 of them elementary functions */
 int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[4], cosine[4];
@@ -343,75 +343,71 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real x10 = dP2_y - dP3_y;
         gamma[12] = -(R(0.625) * (x9 * x9 + x10 * x10));
         /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
-        const ncgen_real cos_psi0 = cosine[0];
         const ncgen_real A_x = q[2];
         const ncgen_real H_x = q[0];
         const ncgen_real x11 = A_x - H_x;
-        const ncgen_real P0_x = q[12];
-        const ncgen_real x12 = P0_x - A_x;
         const ncgen_real A_y = q[3];
         const ncgen_real H_y = q[1];
-        const ncgen_real x13 = A_y - H_y;
+        const ncgen_real x12 = A_y - H_y;
+        const ncgen_real P0_x = q[12];
+        const ncgen_real x13 = P0_x - A_x;
         const ncgen_real P0_y = q[13];
         const ncgen_real x14 = P0_y - A_y;
         const ncgen_real dpsi0 = qd[20];
-        const ncgen_real x15 = dpsi0 * dpsi0;
+        const ncgen_real x15 = R(2.0) * dpsi0;
+        const ncgen_real x16 = R(2.0) * (x1 * x4 - x2 * x3) + x15 * (x3 * x11 + x4 * x12 + x1 * x13 + x2 * x14);
+        const ncgen_real x17 = dpsi0 * dpsi0;
+        const ncgen_real cos_psi0 = cosine[0];
+        const ncgen_real x18 = (x11 * x13 + x12 * x14) * x17 - R(2.0) * (x1 * x3 + x2 * x4);
+        const ncgen_real x19 = x18 - (x3 * x12 - (x4 * x11 + x1 * x14) + x2 * x13) * x15;
         const ncgen_real sin_psi0 = sine[0];
-        const ncgen_real x16 = cos_psi0 * (R(2.0) * (x1 * x4 - x2 * x3)) + sin_psi0 * ((x11 * x12 + x13 * x14) * x15);
-        const ncgen_real x17 = R(2.0) * dpsi0;
-        const ncgen_real x18 = cos_psi0 * (x17 * (x3 * x11 + x4 * x13 + x1 * x12 + x2 * x14));
-        const ncgen_real x19 = sin_psi0 * ((x3 * x13 - (x4 * x11 + x1 * x14) + x2 * x12) * x17);
-        const ncgen_real x20 = x16 - sin_psi0 * (R(2.0) * (x1 * x3 + x2 * x4)) + x18 - x19;
-        const ncgen_real x21 = R(1.5624999999999998) * (x20 - cos_psi0 * ((x11 * x14 - x13 * x12) * x15));
-        gamma[13] = x21;
+        const ncgen_real x20 = sin_psi0 * x19 + cos_psi0 * (x16 - (x11 * x14 - x12 * x13) * x17);
+        gamma[13] = R(1.5624999999999998) * x20;
         /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
-        const ncgen_real cos_psi1 = cosine[1];
         const ncgen_real P1_x = q[14];
-        const ncgen_real x22 = P1_x - P0_x;
+        const ncgen_real x21 = P1_x - P0_x;
         const ncgen_real P1_y = q[15];
-        const ncgen_real x23 = P1_y - P0_y;
+        const ncgen_real x22 = P1_y - P0_y;
         const ncgen_real dpsi1 = qd[21];
-        const ncgen_real x24 = dpsi1 * dpsi1;
+        const ncgen_real x23 = R(2.0) * dpsi1;
+        const ncgen_real x24 = R(2.0) * (x3 * x6 - x4 * x5) + x23 * (x5 * x13 + x6 * x14 + x3 * x21 + x4 * x22);
+        const ncgen_real x25 = dpsi1 * dpsi1;
+        const ncgen_real cos_psi1 = cosine[1];
+        const ncgen_real x26 = (x13 * x21 + x14 * x22) * x25 - R(2.0) * (x3 * x5 + x4 * x6);
+        const ncgen_real x27 = x26 - (x5 * x14 - (x6 * x13 + x3 * x22) + x4 * x21) * x23;
         const ncgen_real sin_psi1 = sine[1];
-        const ncgen_real x25 = cos_psi1 * (R(2.0) * (x3 * x6 - x4 * x5)) + sin_psi1 * ((x12 * x22 + x14 * x23) * x24);
-        const ncgen_real x26 = R(2.0) * dpsi1;
-        const ncgen_real x27 = cos_psi1 * (x26 * (x5 * x12 + x6 * x14 + x3 * x22 + x4 * x23));
-        const ncgen_real x28 = sin_psi1 * ((x5 * x14 - (x6 * x12 + x3 * x23) + x4 * x22) * x26);
-        const ncgen_real x29 = x25 - sin_psi1 * (R(2.0) * (x3 * x5 + x4 * x6)) + x27 - x28;
-        const ncgen_real x30 = R(0.7812499999999999) * (x29 - cos_psi1 * ((x12 * x23 - x14 * x22) * x24));
-        gamma[14] = x30;
+        const ncgen_real x28 = sin_psi1 * x27 + cos_psi1 * (x24 - (x13 * x22 - x14 * x21) * x25);
+        gamma[14] = R(0.7812499999999999) * x28;
         /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
-        const ncgen_real cos_psi2 = cosine[2];
         const ncgen_real P2_x = q[16];
-        const ncgen_real x31 = P2_x - P1_x;
+        const ncgen_real x29 = P2_x - P1_x;
         const ncgen_real P2_y = q[17];
-        const ncgen_real x32 = P2_y - P1_y;
+        const ncgen_real x30 = P2_y - P1_y;
         const ncgen_real dpsi2 = qd[22];
+        const ncgen_real x31 = R(2.0) * dpsi2;
+        const ncgen_real x32 = R(2.0) * (x5 * x8 - x6 * x7) + x31 * (x7 * x21 + x8 * x22 + x5 * x29 + x6 * x30);
         const ncgen_real x33 = dpsi2 * dpsi2;
+        const ncgen_real cos_psi2 = cosine[2];
+        const ncgen_real x34 = (x21 * x29 + x22 * x30) * x33 - R(2.0) * (x5 * x7 + x6 * x8);
+        const ncgen_real x35 = x34 - (x7 * x22 - (x8 * x21 + x5 * x30) + x6 * x29) * x31;
         const ncgen_real sin_psi2 = sine[2];
-        const ncgen_real x34 = cos_psi2 * (R(2.0) * (x5 * x8 - x6 * x7)) + sin_psi2 * ((x22 * x31 + x23 * x32) * x33);
-        const ncgen_real x35 = R(2.0) * dpsi2;
-        const ncgen_real x36 = cos_psi2 * (x35 * (x7 * x22 + x8 * x23 + x5 * x31 + x6 * x32));
-        const ncgen_real x37 = sin_psi2 * ((x7 * x23 - (x8 * x22 + x5 * x32) + x6 * x31) * x35);
-        const ncgen_real x38 = x34 - sin_psi2 * (R(2.0) * (x5 * x7 + x6 * x8)) + x36 - x37;
-        const ncgen_real x39 = R(0.39062499999999994) * (x38 - cos_psi2 * ((x22 * x32 - x23 * x31) * x33));
-        gamma[15] = x39;
+        const ncgen_real x36 = sin_psi2 * x35 + cos_psi2 * (x32 - (x21 * x30 - x22 * x29) * x33);
+        gamma[15] = R(0.39062499999999994) * x36;
         /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
-        const ncgen_real cos_psi3 = cosine[3];
         const ncgen_real P3_x = q[18];
-        const ncgen_real x40 = P3_x - P2_x;
+        const ncgen_real x37 = P3_x - P2_x;
         const ncgen_real P3_y = q[19];
-        const ncgen_real x41 = P3_y - P2_y;
+        const ncgen_real x38 = P3_y - P2_y;
         const ncgen_real dpsi3 = qd[23];
-        const ncgen_real x42 = dpsi3 * dpsi3;
+        const ncgen_real x39 = R(2.0) * dpsi3;
+        const ncgen_real x40 = R(2.0) * (x7 * x10 - x8 * x9) + x39 * (x9 * x29 + x10 * x30 + x7 * x37 + x8 * x38);
+        const ncgen_real x41 = dpsi3 * dpsi3;
+        const ncgen_real cos_psi3 = cosine[3];
+        const ncgen_real x42 = (x29 * x37 + x30 * x38) * x41 - R(2.0) * (x7 * x9 + x8 * x10);
+        const ncgen_real x43 = x42 - (x9 * x30 - (x10 * x29 + x7 * x38) + x8 * x37) * x39;
         const ncgen_real sin_psi3 = sine[3];
-        const ncgen_real x43 = cos_psi3 * (R(2.0) * (x7 * x10 - x8 * x9)) + sin_psi3 * ((x31 * x40 + x32 * x41) * x42);
-        const ncgen_real x44 = R(2.0) * dpsi3;
-        const ncgen_real x45 = cos_psi3 * (x44 * (x9 * x31 + x10 * x32 + x7 * x40 + x8 * x41));
-        const ncgen_real x46 = sin_psi3 * ((x9 * x32 - (x10 * x31 + x7 * x41) + x8 * x40) * x44);
-        const ncgen_real x47 = x43 - sin_psi3 * (R(2.0) * (x7 * x9 + x8 * x10)) + x45 - x46;
-        const ncgen_real x48 = R(0.39062499999999994) * (x47 - cos_psi3 * ((x31 * x41 - x32 * x40) * x42));
-        gamma[16] = x48;
+        const ncgen_real x44 = sin_psi3 * x43 + cos_psi3 * (x40 - (x29 * x38 - x30 * x37) * x41);
+        gamma[16] = R(0.39062499999999994) * x44;
         gamma[17] = NCGEN_SPLAT(R(0.0));
         gamma[18] = NCGEN_SPLAT(R(0.0));
         gamma[19] = NCGEN_SPLAT(R(0.0));
@@ -481,7 +477,7 @@ int panels_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-/* energy: 123 operations */
+/* energy: 100 operations */
 int panels_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -489,60 +485,57 @@ int panels_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     {
         /* H.x; H.y; A.x; A.y; P0.x; P0.y; P1.x; P1.y; P2.x; P2.y; P3.x; P3.y; H.x A.x; H.y A.y; A.x P0.x; A.y P0.y; P0.x P1.x; P0.y P1.y; P1.x P2.x; P1.y P2.y; P2.x P3.x; P2.y P3.y; hub; yoke; panel1; panel2; panel3 */
-        const ncgen_real dH_x = qd[0];
-        const ncgen_real dH_y = qd[1];
-        const ncgen_real x1 = R(333.3333333333333) * (dH_x * dH_x) + R(333.3333333333333) * (dH_y * dH_y);
-        const ncgen_real dA_x = qd[2];
-        const ncgen_real dA_y = qd[3];
-        const ncgen_real x2 = R(83.91666666666667) * (dA_y * dA_y) + (R(83.91666666666667) * (dA_x * dA_x) + x1);
-        const ncgen_real dP0_x = qd[12];
-        const ncgen_real dP0_y = qd[13];
-        const ncgen_real x3 = R(2.3333333333333335) * (dP0_y * dP0_y) + (R(2.3333333333333335) * (dP0_x * dP0_x) + x2);
-        const ncgen_real dP1_x = qd[14];
         const ncgen_real dP1_y = qd[15];
-        const ncgen_real x4 = R(3.5) * (dP1_y * dP1_y) + (R(3.5) * (dP1_x * dP1_x) + x3);
+        const ncgen_real dP1_x = qd[14];
         const ncgen_real dP2_x = qd[16];
         const ncgen_real dP2_y = qd[17];
-        const ncgen_real x5 = R(3.5) * (dP2_y * dP2_y) + (R(3.5) * (dP2_x * dP2_x) + x4);
-        const ncgen_real dP3_x = qd[18];
+        const ncgen_real x1 = dP2_y * dP2_y + (dP2_x * dP2_x + (dP1_y * dP1_y + dP1_x * dP1_x));
+        const ncgen_real dP0_y = qd[13];
+        const ncgen_real dP0_x = qd[12];
+        const ncgen_real dH_x = qd[0];
+        const ncgen_real dH_y = qd[1];
+        const ncgen_real x2 = R(2.3333333333333335) * (dP0_y * dP0_y + dP0_x * dP0_x) + R(333.3333333333333) * (dH_x * dH_x + dH_y * dH_y);
         const ncgen_real dP3_y = qd[19];
-        const ncgen_real x6 = R(1.75) * (dP3_y * dP3_y) + (R(1.75) * (dP3_x * dP3_x) + x5);
-        const ncgen_real x7 = x6 - dA_x * (R(166.66666666666669) * dH_x) - dA_y * (R(166.66666666666669) * dH_y);
-        const ncgen_real x8 = dP0_y * (R(0.8333333333333334) * dA_y) + (dP0_x * (R(0.8333333333333334) * dA_x) + x7);
-        const ncgen_real x9 = dP1_y * (R(2.5) * dP0_y) + (dP1_x * (R(2.5) * dP0_x) + x8);
-        const ncgen_real x10 = dP2_y * (R(2.5) * dP1_y) + (dP2_x * (R(2.5) * dP1_x) + x9);
-        const ncgen_real x11 = dP3_y * (R(2.5) * dP2_y) + (dP3_x * (R(2.5) * dP2_x) + x10);
-        const ncgen_real x12 = dA_x - dH_x;
-        const ncgen_real x13 = dA_y - dH_y;
-        const ncgen_real x14 = dP0_x - dA_x;
-        const ncgen_real x15 = dP0_y - dA_y;
-        const ncgen_real x16 = R(0.08333333333333334) * (x14 * x14 + x15 * x15) + (R(83.33333333333334) * (x12 * x12 + x13 * x13) + x11);
-        const ncgen_real x17 = dP1_x - dP0_x;
-        const ncgen_real x18 = dP1_y - dP0_y;
-        const ncgen_real x19 = dP2_x - dP1_x;
-        const ncgen_real x20 = dP2_y - dP1_y;
-        const ncgen_real x21 = R(0.25) * (x19 * x19 + x20 * x20) + (R(0.25) * (x17 * x17 + x18 * x18) + x16);
-        const ncgen_real x22 = dP3_x - dP2_x;
-        const ncgen_real x23 = dP3_y - dP2_y;
-        energy[0] = R(0.25) * (x22 * x22 + x23 * x23) + x21;
+        const ncgen_real dP3_x = qd[18];
+        const ncgen_real x3 = R(1.75) * (dP3_y * dP3_y + dP3_x * dP3_x) + (R(3.5) * x1 + x2);
+        const ncgen_real dA_x = qd[2];
+        const ncgen_real x4 = R(83.91666666666667) * dA_x - R(166.66666666666669) * dH_x;
+        const ncgen_real dA_y = qd[3];
+        const ncgen_real x5 = R(83.91666666666667) * dA_y - R(166.66666666666669) * dH_y;
+        const ncgen_real x6 = x3 + dA_x * (R(0.8333333333333334) * dP0_x + x4) + dA_y * (R(0.8333333333333334) * dP0_y + x5);
+        const ncgen_real x7 = dP2_x * (dP1_x + dP3_x) + (dP0_y * dP1_y + dP0_x * dP1_x);
+        const ncgen_real x8 = dA_x - dH_x;
+        const ncgen_real x9 = dA_y - dH_y;
+        const ncgen_real x10 = R(83.33333333333334) * (x8 * x8 + x9 * x9) + (R(2.5) * (dP2_y * (dP1_y + dP3_y) + x7) + x6);
+        const ncgen_real x11 = dP0_x - dA_x;
+        const ncgen_real x12 = dP0_y - dA_y;
+        const ncgen_real x13 = dP1_x - dP0_x;
+        const ncgen_real x14 = dP1_y - dP0_y;
+        const ncgen_real x15 = R(0.25) * (x13 * x13 + x14 * x14) + (R(0.08333333333333334) * (x11 * x11 + x12 * x12) + x10);
+        const ncgen_real x16 = dP2_x - dP1_x;
+        const ncgen_real x17 = dP2_y - dP1_y;
+        const ncgen_real x18 = dP3_x - dP2_x;
+        const ncgen_real x19 = dP3_y - dP2_y;
+        const ncgen_real x20 = R(0.25) * (x18 * x18 + x19 * x19) + (R(0.25) * (x16 * x16 + x17 * x17) + x15);
+        energy[0] = x20;
         /* spring of psi0; spring of psi1; spring of psi2; spring of psi3 */
         const ncgen_real psi0 = q[20];
         const ncgen_real psi1 = q[21];
         const ncgen_real psi2 = q[22];
-        const ncgen_real x24 = R(0.75) * (psi2 * psi2) + (R(0.75) * (psi0 * psi0) + R(0.75) * (psi1 * psi1));
         const ncgen_real psi3 = q[23];
-        energy[1] = R(0.75) * (psi3 * psi3) + x24;
+        const ncgen_real x21 = psi3 * psi3 + (psi2 * psi2 + (psi0 * psi0 + psi1 * psi1));
+        energy[1] = R(0.75) * x21;
         const ncgen_real dpsi0 = qd[20];
         const ncgen_real dpsi1 = qd[21];
         const ncgen_real dpsi2 = qd[22];
-        const ncgen_real x25 = R(4.0) * (dpsi2 * dpsi2) + (R(4.0) * (dpsi0 * dpsi0) + R(4.0) * (dpsi1 * dpsi1));
         const ncgen_real dpsi3 = qd[23];
-        energy[2] = -(R(4.0) * (dpsi3 * dpsi3) + x25);
+        const ncgen_real x22 = dpsi3 * dpsi3 + (dpsi2 * dpsi2 + (dpsi0 * dpsi0 + dpsi1 * dpsi1));
+        energy[2] = -(R(4.0) * x22);
     }
 
     return NCGEN_OK;
 }
-/* constraints: 424 operations, 8 of them elementary functions */
+/* constraints: 408 operations, 8 of them elementary functions */
 int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[4], cosine[4];
@@ -735,100 +728,93 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         const ncgen_real x43 = R(1.5624999999999998) * (x36 * cos_psi0 + sin_psi0 * x37);
         constraints[82] = x43;
         const ncgen_real dpsi0 = qd[20];
-        const ncgen_real x44 = dpsi0 * dpsi0;
-        const ncgen_real x45 = cos_psi0 * (R(2.0) * (x5 * x14 - x6 * x13)) + sin_psi0 * (x36 * x44);
-        const ncgen_real x46 = R(2.0) * dpsi0;
-        const ncgen_real x47 = cos_psi0 * ((x1 * x13 + x2 * x14 + x9 * x5 + x10 * x6) * x46);
-        const ncgen_real x48 = sin_psi0 * (x46 * (x1 * x14 + x10 * x5 - x2 * x13 - x9 * x6));
-        const ncgen_real x49 = x45 - sin_psi0 * (R(2.0) * (x5 * x13 + x6 * x14)) - x47 - x48;
-        constraints[123] = R(1.5624999999999998) * (x49 - cos_psi0 * (x37 * x44));
+        const ncgen_real x44 = R(2.0) * dpsi0;
+        const ncgen_real x45 = R(2.0) * (x5 * x14 - x6 * x13) - (x1 * x13 + x2 * x14 + x9 * x5 + x10 * x6) * x44;
+        const ncgen_real x46 = dpsi0 * dpsi0;
+        const ncgen_real x47 = x36 * x46 - R(2.0) * (x5 * x13 + x6 * x14) - x44 * (x1 * x14 + x10 * x5 - x2 * x13 - x9 * x6);
+        const ncgen_real x48 = R(1.5624999999999998) * (cos_psi0 * (x45 - x37 * x46) + sin_psi0 * x47);
+        constraints[123] = x48;
         /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
-        const ncgen_real x50 = x9 * x15 + x10 * x16;
+        const ncgen_real x49 = x9 * x15 + x10 * x16;
         const ncgen_real psi1 = q[21];
         const ncgen_real sin_psi1 = sine[1];
-        const ncgen_real x51 = x9 * x16 - x10 * x15;
+        const ncgen_real x50 = x9 * x16 - x10 * x15;
         const ncgen_real cos_psi1 = cosine[1];
-        const ncgen_real x52 = R(0.7812499999999999) * (x50 * sin_psi1 - x51 * cos_psi1);
-        constraints[14] = x52;
-        const ncgen_real x53 = R(0.7812499999999999) * (x16 * cos_psi1 - x15 * sin_psi1);
-        constraints[83] = -x53;
-        const ncgen_real x54 = R(0.7812499999999999) * (x16 * sin_psi1 + x15 * cos_psi1);
-        constraints[84] = x54;
-        const ncgen_real x55 = R(0.7812499999999999) * (x9 * sin_psi1 + x10 * cos_psi1);
-        constraints[85] = x53 + x55;
-        const ncgen_real x56 = R(0.7812499999999999) * (x9 * cos_psi1 - x10 * sin_psi1);
-        constraints[86] = -(x54 + x56);
-        constraints[87] = -x55;
-        constraints[88] = x56;
-        const ncgen_real x57 = R(0.7812499999999999) * (x50 * cos_psi1 + sin_psi1 * x51);
-        constraints[89] = x57;
+        const ncgen_real x51 = R(0.7812499999999999) * (x49 * sin_psi1 - x50 * cos_psi1);
+        constraints[14] = x51;
+        const ncgen_real x52 = R(0.7812499999999999) * (x16 * cos_psi1 - x15 * sin_psi1);
+        constraints[83] = -x52;
+        const ncgen_real x53 = R(0.7812499999999999) * (x16 * sin_psi1 + x15 * cos_psi1);
+        constraints[84] = x53;
+        const ncgen_real x54 = R(0.7812499999999999) * (x9 * sin_psi1 + x10 * cos_psi1);
+        constraints[85] = x52 + x54;
+        const ncgen_real x55 = R(0.7812499999999999) * (x9 * cos_psi1 - x10 * sin_psi1);
+        constraints[86] = -(x53 + x55);
+        constraints[87] = -x54;
+        constraints[88] = x55;
+        const ncgen_real x56 = R(0.7812499999999999) * (x49 * cos_psi1 + sin_psi1 * x50);
+        constraints[89] = x56;
         const ncgen_real dpsi1 = qd[21];
-        const ncgen_real x58 = dpsi1 * dpsi1;
-        const ncgen_real x59 = cos_psi1 * (R(2.0) * (x13 * x21 - x14 * x20)) + sin_psi1 * (x50 * x58);
-        const ncgen_real x60 = R(2.0) * dpsi1;
-        const ncgen_real x61 = cos_psi1 * ((x9 * x20 + x10 * x21 + x15 * x13 + x16 * x14) * x60);
-        const ncgen_real x62 = x59 - sin_psi1 * (R(2.0) * (x13 * x20 + x14 * x21)) - x61;
-        const ncgen_real x63 = sin_psi1 * (x60 * (x9 * x21 + x16 * x13 - x10 * x20 - x15 * x14));
-        const ncgen_real x64 = R(0.7812499999999999) * (x62 - x63 - cos_psi1 * (x51 * x58));
-        constraints[124] = x64;
+        const ncgen_real x57 = R(2.0) * dpsi1;
+        const ncgen_real x58 = R(2.0) * (x13 * x21 - x14 * x20) - (x9 * x20 + x10 * x21 + x15 * x13 + x16 * x14) * x57;
+        const ncgen_real x59 = dpsi1 * dpsi1;
+        const ncgen_real x60 = x49 * x59 - R(2.0) * (x13 * x20 + x14 * x21) - x57 * (x9 * x21 + x16 * x13 - x10 * x20 - x15 * x14);
+        const ncgen_real x61 = R(0.7812499999999999) * (cos_psi1 * (x58 - x50 * x59) + sin_psi1 * x60);
+        constraints[124] = x61;
         /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
-        const ncgen_real x65 = x15 * x22 + x16 * x23;
+        const ncgen_real x62 = x15 * x22 + x16 * x23;
         const ncgen_real psi2 = q[22];
         const ncgen_real sin_psi2 = sine[2];
-        const ncgen_real x66 = x15 * x23 - x16 * x22;
+        const ncgen_real x63 = x15 * x23 - x16 * x22;
         const ncgen_real cos_psi2 = cosine[2];
-        const ncgen_real x67 = R(0.39062499999999994) * (x65 * sin_psi2 - x66 * cos_psi2);
-        constraints[15] = x67;
-        const ncgen_real x68 = R(0.39062499999999994) * (x23 * cos_psi2 - x22 * sin_psi2);
-        constraints[90] = -x68;
-        const ncgen_real x69 = R(0.39062499999999994) * (x23 * sin_psi2 + x22 * cos_psi2);
-        constraints[91] = x69;
-        const ncgen_real x70 = R(0.39062499999999994) * (x15 * sin_psi2 + x16 * cos_psi2);
-        constraints[92] = x68 + x70;
-        const ncgen_real x71 = R(0.39062499999999994) * (x15 * cos_psi2 - x16 * sin_psi2);
-        constraints[93] = -(x69 + x71);
-        constraints[94] = -x70;
-        constraints[95] = x71;
-        const ncgen_real x72 = R(0.39062499999999994) * (x65 * cos_psi2 + sin_psi2 * x66);
-        constraints[96] = x72;
+        const ncgen_real x64 = R(0.39062499999999994) * (x62 * sin_psi2 - x63 * cos_psi2);
+        constraints[15] = x64;
+        const ncgen_real x65 = R(0.39062499999999994) * (x23 * cos_psi2 - x22 * sin_psi2);
+        constraints[90] = -x65;
+        const ncgen_real x66 = R(0.39062499999999994) * (x23 * sin_psi2 + x22 * cos_psi2);
+        constraints[91] = x66;
+        const ncgen_real x67 = R(0.39062499999999994) * (x15 * sin_psi2 + x16 * cos_psi2);
+        constraints[92] = x65 + x67;
+        const ncgen_real x68 = R(0.39062499999999994) * (x15 * cos_psi2 - x16 * sin_psi2);
+        constraints[93] = -(x66 + x68);
+        constraints[94] = -x67;
+        constraints[95] = x68;
+        const ncgen_real x69 = R(0.39062499999999994) * (x62 * cos_psi2 + sin_psi2 * x63);
+        constraints[96] = x69;
         const ncgen_real dpsi2 = qd[22];
-        const ncgen_real x73 = dpsi2 * dpsi2;
-        const ncgen_real x74 = cos_psi2 * (R(2.0) * (x20 * x28 - x21 * x27)) + sin_psi2 * (x65 * x73);
-        const ncgen_real x75 = R(2.0) * dpsi2;
-        const ncgen_real x76 = cos_psi2 * ((x15 * x27 + x16 * x28 + x22 * x20 + x23 * x21) * x75);
-        const ncgen_real x77 = x74 - sin_psi2 * (R(2.0) * (x20 * x27 + x21 * x28)) - x76;
-        const ncgen_real x78 = sin_psi2 * (x75 * (x15 * x28 + x23 * x20 - x16 * x27 - x22 * x21));
-        const ncgen_real x79 = R(0.39062499999999994) * (x77 - x78 - cos_psi2 * (x66 * x73));
-        constraints[125] = x79;
+        const ncgen_real x70 = R(2.0) * dpsi2;
+        const ncgen_real x71 = R(2.0) * (x20 * x28 - x21 * x27) - (x15 * x27 + x16 * x28 + x22 * x20 + x23 * x21) * x70;
+        const ncgen_real x72 = dpsi2 * dpsi2;
+        const ncgen_real x73 = x62 * x72 - R(2.0) * (x20 * x27 + x21 * x28) - x70 * (x15 * x28 + x23 * x20 - x16 * x27 - x22 * x21);
+        const ncgen_real x74 = R(0.39062499999999994) * (cos_psi2 * (x71 - x63 * x72) + sin_psi2 * x73);
+        constraints[125] = x74;
         /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
-        const ncgen_real x80 = x22 * x29 + x23 * x30;
+        const ncgen_real x75 = x22 * x29 + x23 * x30;
         const ncgen_real psi3 = q[23];
         const ncgen_real sin_psi3 = sine[3];
-        const ncgen_real x81 = x22 * x30 - x23 * x29;
+        const ncgen_real x76 = x22 * x30 - x23 * x29;
         const ncgen_real cos_psi3 = cosine[3];
-        const ncgen_real x82 = R(0.39062499999999994) * (x80 * sin_psi3 - x81 * cos_psi3);
-        constraints[16] = x82;
-        const ncgen_real x83 = R(0.39062499999999994) * (x30 * cos_psi3 - x29 * sin_psi3);
-        constraints[97] = -x83;
-        const ncgen_real x84 = R(0.39062499999999994) * (x30 * sin_psi3 + x29 * cos_psi3);
-        constraints[98] = x84;
-        const ncgen_real x85 = R(0.39062499999999994) * (x22 * sin_psi3 + x23 * cos_psi3);
-        constraints[99] = x83 + x85;
-        const ncgen_real x86 = R(0.39062499999999994) * (x22 * cos_psi3 - x23 * sin_psi3);
-        constraints[100] = -(x84 + x86);
-        constraints[101] = -x85;
-        constraints[102] = x86;
-        const ncgen_real x87 = R(0.39062499999999994) * (x80 * cos_psi3 + sin_psi3 * x81);
-        constraints[103] = x87;
+        const ncgen_real x77 = R(0.39062499999999994) * (x75 * sin_psi3 - x76 * cos_psi3);
+        constraints[16] = x77;
+        const ncgen_real x78 = R(0.39062499999999994) * (x30 * cos_psi3 - x29 * sin_psi3);
+        constraints[97] = -x78;
+        const ncgen_real x79 = R(0.39062499999999994) * (x30 * sin_psi3 + x29 * cos_psi3);
+        constraints[98] = x79;
+        const ncgen_real x80 = R(0.39062499999999994) * (x22 * sin_psi3 + x23 * cos_psi3);
+        constraints[99] = x78 + x80;
+        const ncgen_real x81 = R(0.39062499999999994) * (x22 * cos_psi3 - x23 * sin_psi3);
+        constraints[100] = -(x79 + x81);
+        constraints[101] = -x80;
+        constraints[102] = x81;
+        const ncgen_real x82 = R(0.39062499999999994) * (x75 * cos_psi3 + sin_psi3 * x76);
+        constraints[103] = x82;
         const ncgen_real dpsi3 = qd[23];
-        const ncgen_real x88 = dpsi3 * dpsi3;
-        const ncgen_real x89 = cos_psi3 * (R(2.0) * (x27 * x35 - x28 * x34)) + sin_psi3 * (x80 * x88);
-        const ncgen_real x90 = R(2.0) * dpsi3;
-        const ncgen_real x91 = cos_psi3 * ((x22 * x34 + x23 * x35 + x29 * x27 + x30 * x28) * x90);
-        const ncgen_real x92 = x89 - sin_psi3 * (R(2.0) * (x27 * x34 + x28 * x35)) - x91;
-        const ncgen_real x93 = sin_psi3 * (x90 * (x22 * x35 + x30 * x27 - x23 * x34 - x29 * x28));
-        const ncgen_real x94 = R(0.39062499999999994) * (x92 - x93 - cos_psi3 * (x81 * x88));
-        constraints[126] = x94;
+        const ncgen_real x83 = R(2.0) * dpsi3;
+        const ncgen_real x84 = R(2.0) * (x27 * x35 - x28 * x34) - (x22 * x34 + x23 * x35 + x29 * x27 + x30 * x28) * x83;
+        const ncgen_real x85 = dpsi3 * dpsi3;
+        const ncgen_real x86 = x75 * x85 - R(2.0) * (x27 * x34 + x28 * x35) - x83 * (x22 * x35 + x30 * x27 - x23 * x34 - x29 * x28);
+        const ncgen_real x87 = R(0.39062499999999994) * (cos_psi3 * (x84 - x76 * x85) + sin_psi3 * x86);
+        constraints[126] = x87;
         /* row 18: gear psi0, psi1 (joint gear psi0-psi1): 2*psi0 + psi1 = 0 */
         constraints[17] = psi1 + R(2.0) * psi0;
         constraints[104] = NCGEN_SPLAT(R(2.0));
@@ -932,7 +918,7 @@ const ncgen_model *panels_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "panels",
-        .fingerprint = "607e6d93deaa10e5",
+        .fingerprint = "e885c94bfdf1f723",
         .n_coordinates = 24,
         .n_rows = 20,
         .n_parameters = 0,

@@ -28,7 +28,7 @@ int pendulum_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen
 int pendulum_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 1 numbers, 4 operations */
 int pendulum_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 2 numbers, 0 operations */
 int pendulum_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 2 numbers, 0 operations */
-int pendulum_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 6 operations */
+int pendulum_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 5 operations */
 int pendulum_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 4 numbers, 9 operations */
 
 #ifdef __cplusplus

@@ -104,13 +104,13 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 6 operations."""
+    """3 numbers, 5 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # B.x; B.y
     dB_x = qd[..., 0]
     dB_y = qd[..., 1]
-    energy[..., 0] = 0.5 * (dB_x * dB_x) + 0.5 * (dB_y * dB_y)
+    energy[..., 0] = 0.5 * (dB_x * dB_x + dB_y * dB_y)
     # B.y
     B_y = q[..., 1]
     energy[..., 1] = 9.81 * B_y

@@ -105,11 +105,11 @@ const ncgen_model *quadruped_model(void);
 
 int quadruped_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 70 numbers, 750 operations */
 int quadruped_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 495 numbers, 1157 operations */
-int quadruped_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 70 numbers, 1763 operations */
-int quadruped_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 855 numbers, 2686 operations */
+int quadruped_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 70 numbers, 1715 operations */
+int quadruped_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 855 numbers, 2674 operations */
 int quadruped_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 84 numbers, 1096 operations */
-int quadruped_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 1258 operations */
-int quadruped_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 635 numbers, 3142 operations */
+int quadruped_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 1241 operations */
+int quadruped_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 635 numbers, 3094 operations */
 
 #ifdef __cplusplus
 }

@@ -83,7 +83,7 @@ int slidercrank_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     return NCGEN_OK;
 }
-/* gamma: 28 operations, 2 of them elementary functions */
+/* gamma: 26 operations, 2 of them elementary functions */
 int slidercrank_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[1], cosine[1];
@@ -108,12 +108,12 @@ int slidercrank_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real dpsi = qd[4];
         const ncgen_real x3 = dpsi * dpsi;
         const ncgen_real B_x = q[0];
-        const ncgen_real sin_psi = sine[0];
         const ncgen_real x4 = R(2.0) * dpsi;
-        const ncgen_real cos_psi = cosine[0];
-        const ncgen_real x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4);
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real B_y = q[1];
-        gamma[3] = R(6.5359477124183005) * (x5 - cos_psi * (B_y * x3));
+        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real x5 = sin_psi * (B_x * x3 - dB_y * x4) - cos_psi * (dB_x * x4 + B_y * x3);
+        gamma[3] = R(6.5359477124183005) * x5;
     }
 
     return NCGEN_OK;
@@ -149,7 +149,7 @@ int slidercrank_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     return NCGEN_OK;
 }
-/* energy: 30 operations */
+/* energy: 24 operations */
 int slidercrank_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -158,18 +158,16 @@ int slidercrank_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
     {
         /* B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; rod */
         const ncgen_real dB_x = qd[0];
-        const ncgen_real x1 = dB_x * dB_x;
-        const ncgen_real dB_y = qd[1];
-        const ncgen_real x2 = dB_y * dB_y;
-        const ncgen_real x3 = R(0.01186554316715793) * x1 + R(0.01186554316715793) * x2;
         const ncgen_real dC_x = qd[2];
+        const ncgen_real x1 = R(0.00634950232816438) * dB_x + R(0.04432524883591781) * dC_x;
+        const ncgen_real dB_y = qd[1];
+        const ncgen_real x2 = dC_x * x1 + R(0.012655837498398052) * (dB_x * dB_x + dB_y * dB_y);
         const ncgen_real dC_y = qd[3];
-        const ncgen_real x4 = R(0.04432524883591781) * (dC_y * dC_y) + (R(0.04432524883591781) * (dC_x * dC_x) + x3);
-        const ncgen_real x5 = dC_y * (R(0.00634950232816438) * dB_y) + (dC_x * (R(0.00634950232816438) * dB_x) + x4);
-        const ncgen_real x6 = dC_x - dB_x;
-        const ncgen_real x7 = dC_y - dB_y;
-        const ncgen_real x8 = R(0.0015752488359178098) * (x6 * x6 + x7 * x7) + (R(0.0007902943312401214) * (x1 + x2) + x5);
-        energy[0] = x8;
+        const ncgen_real x3 = R(0.00634950232816438) * dB_y + R(0.04432524883591781) * dC_y;
+        const ncgen_real x4 = dC_x - dB_x;
+        const ncgen_real x5 = dC_y - dB_y;
+        const ncgen_real x6 = R(0.0015752488359178098) * (x4 * x4 + x5 * x5) + (dC_y * x3 + x2);
+        energy[0] = x6;
         /* B.y; C.y */
         const ncgen_real B_y = q[1];
         const ncgen_real C_y = q[3];
@@ -179,7 +177,7 @@ int slidercrank_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
 
     return NCGEN_OK;
 }
-/* constraints: 59 operations, 2 of them elementary functions */
+/* constraints: 57 operations, 2 of them elementary functions */
 int slidercrank_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[1], cosine[1];
@@ -231,8 +229,8 @@ int slidercrank_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, co
         const ncgen_real dpsi = qd[4];
         const ncgen_real x9 = dpsi * dpsi;
         const ncgen_real x10 = R(2.0) * dpsi;
-        const ncgen_real x11 = sin_psi * (B_x * x9) - cos_psi * (dB_x * x10) - sin_psi * (dB_y * x10);
-        constraints[17] = R(6.5359477124183005) * (x11 - cos_psi * (B_y * x9));
+        const ncgen_real x11 = sin_psi * (B_x * x9 - dB_y * x10) - cos_psi * (dB_x * x10 + B_y * x9);
+        constraints[17] = R(6.5359477124183005) * x11;
     }
 
     return NCGEN_OK;
@@ -280,7 +278,7 @@ const ncgen_model *slidercrank_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank",
-        .fingerprint = "610bbed164153b28",
+        .fingerprint = "29c92f4aa043d573",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,

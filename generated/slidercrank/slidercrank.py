@@ -117,7 +117,7 @@ def phi_q(t, q, p):
 
 
 def gamma(t, q, qd, p):
-    """4 numbers, 28 operations."""
+    """4 numbers, 26 operations."""
     t = np.asarray(t)
     gamma = _output(4, t, q, qd, p)
     sine = np.sin(q[..., 4, None])
@@ -137,12 +137,12 @@ def gamma(t, q, qd, p):
     dpsi = qd[..., 4]
     x3 = dpsi * dpsi
     B_x = q[..., 0]
-    sin_psi = sine[..., 0]
     x4 = 2.0 * dpsi
-    cos_psi = cosine[..., 0]
-    x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4)
+    sin_psi = sine[..., 0]
     B_y = q[..., 1]
-    gamma[..., 3] = 6.5359477124183005 * (x5 - cos_psi * (B_y * x3))
+    cos_psi = cosine[..., 0]
+    x5 = sin_psi * (B_x * x3 - dB_y * x4) - cos_psi * (dB_x * x4 + B_y * x3)
+    gamma[..., 3] = 6.5359477124183005 * x5
     return gamma
 
 
@@ -167,22 +167,20 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 30 operations."""
+    """3 numbers, 24 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; rod
     dB_x = qd[..., 0]
-    x1 = dB_x * dB_x
-    dB_y = qd[..., 1]
-    x2 = dB_y * dB_y
     dC_x = qd[..., 2]
-    x3 = 0.04432524883591781 * (dC_x * dC_x) + (0.01186554316715793 * x1 + 0.01186554316715793 * x2)
+    x1 = dC_x * (0.00634950232816438 * dB_x + 0.04432524883591781 * dC_x)
+    dB_y = qd[..., 1]
     dC_y = qd[..., 3]
-    x4 = dC_x * (0.00634950232816438 * dB_x) + (0.04432524883591781 * (dC_y * dC_y) + x3)
-    x5 = 0.0007902943312401214 * (x1 + x2) + (dC_y * (0.00634950232816438 * dB_y) + x4)
-    x6 = dC_x - dB_x
-    x7 = dC_y - dB_y
-    energy[..., 0] = 0.0015752488359178098 * (x6 * x6 + x7 * x7) + x5
+    x2 = dC_y * (0.00634950232816438 * dB_y + 0.04432524883591781 * dC_y)
+    x3 = x2 + (x1 + 0.012655837498398052 * (dB_x * dB_x + dB_y * dB_y))
+    x4 = dC_x - dB_x
+    x5 = dC_y - dB_y
+    energy[..., 0] = 0.0015752488359178098 * (x4 * x4 + x5 * x5) + x3
     # B.y; C.y
     B_y = q[..., 1]
     C_y = q[..., 3]
@@ -192,7 +190,7 @@ def energy(t, q, qd, p):
 
 
 def constraints(t, q, qd, p):
-    """18 numbers, 59 operations."""
+    """18 numbers, 57 operations."""
     t = np.asarray(t)
     constraints = _output(18, t, q, qd, p)
     sine = np.sin(q[..., 4, None])
@@ -238,6 +236,6 @@ def constraints(t, q, qd, p):
     dpsi = qd[..., 4]
     x8 = dpsi * dpsi
     x9 = 2.0 * dpsi
-    x10 = sin_psi * (B_x * x8) - cos_psi * (dB_x * x9) - sin_psi * (dB_y * x9)
-    constraints[..., 17] = 6.5359477124183005 * (x10 - cos_psi * (B_y * x8))
+    x10 = sin_psi * (B_x * x8 - dB_y * x9) - cos_psi * (dB_x * x9 + B_y * x8)
+    constraints[..., 17] = 6.5359477124183005 * x10
     return constraints

@@ -108,7 +108,7 @@ int slidercrank3d_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
 
     return NCGEN_OK;
 }
-/* gamma: 43 operations, 2 of them elementary functions */
+/* gamma: 41 operations, 2 of them elementary functions */
 int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[1], cosine[1];
@@ -119,12 +119,12 @@ int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
 
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08 */
-        const ncgen_real dB_x = qd[0];
         const ncgen_real dB_y = qd[1];
         const ncgen_real x1 = dB_y * dB_y;
+        const ncgen_real dB_x = qd[0];
         const ncgen_real dB_z = qd[2];
         const ncgen_real x2 = dB_z * dB_z;
-        gamma[0] = -(R(12.499999999999998) * (dB_x * dB_x + x1 + x2));
+        gamma[0] = -(R(12.499999999999998) * (x2 + (x1 + dB_x * dB_x)));
         gamma[1] = NCGEN_SPLAT(R(0.0));
         /* row 3: 1000 distance B-C (body rod): |a|^2 - L^2 = 0 with a = B-C, L = 0.3 */
         const ncgen_real dC_x = qd[3];
@@ -143,13 +143,12 @@ int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real B_z = q[2];
         const ncgen_real dpsi = qd[7];
         const ncgen_real x5 = dpsi * dpsi;
-        const ncgen_real sin_psi = sine[0];
         const ncgen_real x6 = R(2.0) * dpsi;
-        const ncgen_real cos_psi = cosine[0];
-        const ncgen_real x7 = sin_psi * ((B_z - R(0.12)) * x5) - cos_psi * (dB_z * x6) + sin_psi * (dB_y * x6);
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real B_y = q[1];
-        const ncgen_real x8 = R(12.499999999999998) * (x7 + cos_psi * ((B_y - R(0.1)) * x5));
-        gamma[6] = x8;
+        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real x7 = sin_psi * ((B_z - R(0.12)) * x5 + dB_y * x6) + cos_psi * ((B_y - R(0.1)) * x5 - dB_z * x6);
+        gamma[6] = R(12.499999999999998) * x7;
     }
 
     return NCGEN_OK;
@@ -303,7 +302,7 @@ int slidercrank3d_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
 
     return NCGEN_OK;
 }
-/* energy: 58 operations */
+/* energy: 53 operations */
 int slidercrank3d_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -311,41 +310,40 @@ int slidercrank3d_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     {
         /* B.x; B.y; B.z; C.x; h.x; h.y; h.z; B.x C.x; crank; rod */
-        const ncgen_real dB_x = qd[0];
-        const ncgen_real dB_y = qd[1];
-        const ncgen_real x1 = dB_y * dB_y;
-        const ncgen_real x2 = R(0.1060329861111111) * (dB_x * dB_x) + R(0.1060329861111111) * x1;
-        const ncgen_real dB_z = qd[2];
-        const ncgen_real x3 = dB_z * dB_z;
-        const ncgen_real dC_x = qd[3];
-        const ncgen_real x4 = R(1.083611111111111) * (dC_x * dC_x) + (R(0.1060329861111111) * x3 + x2);
-        const ncgen_real dh_x = qd[4];
-        const ncgen_real dh_y = qd[5];
-        const ncgen_real x5 = R(9.999999999999988e-05) * (dh_y * dh_y) + (R(9.999999999999988e-05) * (dh_x * dh_x) + x4);
-        const ncgen_real dh_z = qd[6];
-        const ncgen_real x6 = dC_x * (R(0.08277777777777778) * dB_x) + (R(9.999999999999988e-05) * (dh_z * dh_z) + x5);
         const ncgen_real C_x = q[3];
         const ncgen_real B_x = q[0];
-        const ncgen_real x7 = C_x - B_x;
-        const ncgen_real x8 = dC_x - dB_x;
+        const ncgen_real x1 = C_x - B_x;
+        const ncgen_real dh_y = qd[5];
+        const ncgen_real dC_x = qd[3];
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real x2 = dC_x - dB_x;
         const ncgen_real h_y = q[5];
+        const ncgen_real dh_x = qd[4];
         const ncgen_real B_y = q[1];
+        const ncgen_real dB_y = qd[1];
         const ncgen_real h_x = q[4];
-        const ncgen_real x9 = dh_y * x7 + h_y * x8 + dh_x * B_y + dB_y * h_x;
+        const ncgen_real x3 = dh_y * x1 + h_y * x2 + dh_x * B_y + dB_y * h_x;
         const ncgen_real B_z = q[2];
+        const ncgen_real dB_z = qd[2];
+        const ncgen_real dh_z = qd[6];
         const ncgen_real h_z = q[6];
-        const ncgen_real x10 = dh_x * B_z + dB_z * h_x + dh_z * x7 + h_z * x8;
-        const ncgen_real x11 = dh_y * B_z - (dh_z * B_y + dB_y * h_z) + dB_z * h_y;
-        const ncgen_real x12 = R(0.0011111111111111092) * (x9 * x9 + x10 * x10 + x11 * x11);
-        energy[0] = x12 + (R(0.00039062499999999986) * (x1 + x3) + x6);
+        const ncgen_real x4 = dh_x * B_z + dB_z * h_x + dh_z * x1 + h_z * x2;
+        const ncgen_real x5 = dh_y * B_z - (dh_z * B_y + dB_y * h_z) + dB_z * h_y;
+        const ncgen_real x6 = dB_y * dB_y;
+        const ncgen_real x7 = dB_z * dB_z;
+        const ncgen_real x8 = R(0.08277777777777778) * dB_x + R(1.083611111111111) * dC_x;
+        const ncgen_real x9 = dC_x * x8 + R(0.1060329861111111) * (x7 + (x6 + dB_x * dB_x));
+        const ncgen_real x10 = R(9.999999999999988e-05) * (dh_z * dh_z + (dh_y * dh_y + dh_x * dh_x));
+        const ncgen_real x11 = R(0.0011111111111111092) * (x3 * x3 + x4 * x4 + x5 * x5) + (R(0.00039062499999999986) * (x6 + x7) + (x10 + x9));
+        energy[0] = x11;
         /* B.z */
-        energy[1] = R(3.0411) * B_z + R(0.070632);
+        energy[1] = R(0.070632) + R(3.0411) * B_z;
         energy[2] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
 }
-/* constraints: 101 operations, 2 of them elementary functions */
+/* constraints: 99 operations, 2 of them elementary functions */
 int slidercrank3d_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[1], cosine[1];
@@ -367,12 +365,12 @@ int slidercrank3d_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, 
         constraints[7] = x4;
         constraints[8] = -(R(12.499999999999998) * x1);
         constraints[9] = -(R(12.499999999999998) * x2);
-        const ncgen_real dB_x = qd[0];
         const ncgen_real dB_y = qd[1];
         const ncgen_real x5 = dB_y * dB_y;
+        const ncgen_real dB_x = qd[0];
         const ncgen_real dB_z = qd[2];
         const ncgen_real x6 = dB_z * dB_z;
-        constraints[29] = -(R(12.499999999999998) * (dB_x * dB_x + x5 + x6));
+        constraints[29] = -(R(12.499999999999998) * (x5 + dB_x * dB_x + x6));
         /* row 2: 1002 angle X, B-A (body crank): u.a - L c = 0 with u = X, a = B-A, L = 0.08, c = 0 */
         constraints[1] = x4;
         constraints[10] = NCGEN_SPLAT(R(12.499999999999998));
@@ -430,10 +428,10 @@ int slidercrank3d_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, 
         constraints[27] = R(12.499999999999998) * sin_psi;
         constraints[28] = -(R(12.499999999999998) * (x2 * cos_psi - x1 * sin_psi));
         const ncgen_real dpsi = qd[7];
-        const ncgen_real x17 = dpsi * dpsi;
-        const ncgen_real x18 = R(2.0) * dpsi;
-        const ncgen_real x19 = sin_psi * (dB_y * x18) - (sin_psi * (x2 * x17) + cos_psi * (dB_z * x18));
-        constraints[35] = R(12.499999999999998) * (x19 - cos_psi * (x1 * x17));
+        const ncgen_real x17 = R(2.0) * dpsi;
+        const ncgen_real x18 = dpsi * dpsi;
+        const ncgen_real x19 = sin_psi * (dB_y * x17 - x2 * x18) - cos_psi * (x1 * x18 + dB_z * x17);
+        constraints[35] = R(12.499999999999998) * x19;
     }
 
     return NCGEN_OK;
@@ -488,7 +486,7 @@ const ncgen_model *slidercrank3d_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank3d",
-        .fingerprint = "92fab52f20838c43",
+        .fingerprint = "2d948305075091a8",
         .n_coordinates = 8,
         .n_rows = 7,
         .n_parameters = 0,

@@ -32,11 +32,11 @@ const ncgen_model *slidercrank3d_model(void);
 
 int slidercrank3d_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 7 numbers, 39 operations */
 int slidercrank3d_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 22 numbers, 29 operations */
-int slidercrank3d_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 7 numbers, 43 operations */
+int slidercrank3d_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 7 numbers, 41 operations */
 int slidercrank3d_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 49 numbers, 60 operations */
 int slidercrank3d_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 8 numbers, 36 operations */
-int slidercrank3d_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 58 operations */
-int slidercrank3d_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 36 numbers, 101 operations */
+int slidercrank3d_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 53 operations */
+int slidercrank3d_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 36 numbers, 99 operations */
 
 #ifdef __cplusplus
 }

@@ -151,18 +151,18 @@ def phi_q(t, q, p):
 
 
 def gamma(t, q, qd, p):
-    """7 numbers, 43 operations."""
+    """7 numbers, 41 operations."""
     t = np.asarray(t)
     gamma = _output(7, t, q, qd, p)
     sine = np.sin(q[..., 7, None])
     cosine = np.cos(q[..., 7, None])
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08
-    dB_x = qd[..., 0]
     dB_y = qd[..., 1]
     x1 = dB_y * dB_y
+    dB_x = qd[..., 0]
     dB_z = qd[..., 2]
     x2 = dB_z * dB_z
-    gamma[..., 0] = -(12.499999999999998 * (dB_x * dB_x + x1 + x2))
+    gamma[..., 0] = -(12.499999999999998 * (x2 + (x1 + dB_x * dB_x)))
     gamma[..., 1] = 0.0
     # row 3: 1000 distance B-C (body rod): |a|^2 - L^2 = 0 with a = B-C, L = 0.3
     dC_x = qd[..., 3]
@@ -181,12 +181,12 @@ def gamma(t, q, qd, p):
     B_z = q[..., 2]
     dpsi = qd[..., 7]
     x5 = dpsi * dpsi
-    sin_psi = sine[..., 0]
     x6 = 2.0 * dpsi
-    cos_psi = cosine[..., 0]
-    x7 = sin_psi * ((B_z - 0.12) * x5) - cos_psi * (dB_z * x6) + sin_psi * (dB_y * x6)
+    sin_psi = sine[..., 0]
     B_y = q[..., 1]
-    gamma[..., 6] = 12.499999999999998 * (x7 + cos_psi * ((B_y - 0.1) * x5))
+    cos_psi = cosine[..., 0]
+    x7 = sin_psi * ((B_z - 0.12) * x5 + dB_y * x6) + cos_psi * ((B_y - 0.1) * x5 - dB_z * x6)
+    gamma[..., 6] = 12.499999999999998 * x7
     return gamma
 
 
@@ -330,45 +330,44 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 58 operations."""
+    """3 numbers, 53 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # B.x; B.y; B.z; C.x; h.x; h.y; h.z; B.x C.x; crank; rod
-    dB_x = qd[..., 0]
-    dB_y = qd[..., 1]
-    x1 = dB_y * dB_y
-    x2 = 0.1060329861111111 * (dB_x * dB_x) + 0.1060329861111111 * x1
-    dB_z = qd[..., 2]
-    x3 = dB_z * dB_z
-    dC_x = qd[..., 3]
-    x4 = 1.083611111111111 * (dC_x * dC_x) + (0.1060329861111111 * x3 + x2)
-    dh_x = qd[..., 4]
-    dh_y = qd[..., 5]
-    x5 = 9.999999999999988e-05 * (dh_y * dh_y) + (9.999999999999988e-05 * (dh_x * dh_x) + x4)
-    dh_z = qd[..., 6]
-    x6 = dC_x * (0.08277777777777778 * dB_x) + (9.999999999999988e-05 * (dh_z * dh_z) + x5)
     C_x = q[..., 3]
     B_x = q[..., 0]
-    x7 = C_x - B_x
-    x8 = dC_x - dB_x
+    x1 = C_x - B_x
+    dh_y = qd[..., 5]
+    dC_x = qd[..., 3]
+    dB_x = qd[..., 0]
+    x2 = dC_x - dB_x
     h_y = q[..., 5]
+    dh_x = qd[..., 4]
     B_y = q[..., 1]
+    dB_y = qd[..., 1]
     h_x = q[..., 4]
-    x9 = dh_y * x7 + h_y * x8 + dh_x * B_y + dB_y * h_x
+    x3 = dh_y * x1 + h_y * x2 + dh_x * B_y + dB_y * h_x
     B_z = q[..., 2]
+    dB_z = qd[..., 2]
+    dh_z = qd[..., 6]
     h_z = q[..., 6]
-    x10 = dh_x * B_z + dB_z * h_x + dh_z * x7 + h_z * x8
-    x11 = dh_y * B_z - (dh_z * B_y + dB_y * h_z) + dB_z * h_y
-    x12 = 0.0011111111111111092 * (x9 * x9 + x10 * x10 + x11 * x11)
-    energy[..., 0] = x12 + (0.00039062499999999986 * (x1 + x3) + x6)
+    x4 = dh_x * B_z + dB_z * h_x + dh_z * x1 + h_z * x2
+    x5 = dh_y * B_z - (dh_z * B_y + dB_y * h_z) + dB_z * h_y
+    x6 = dB_y * dB_y
+    x7 = dB_z * dB_z
+    x8 = dC_x * (0.08277777777777778 * dB_x + 1.083611111111111 * dC_x)
+    x9 = 9.999999999999988e-05 * (dh_z * dh_z + (dh_y * dh_y + dh_x * dh_x))
+    x10 = x9 + (x8 + 0.1060329861111111 * (x7 + (x6 + dB_x * dB_x)))
+    x11 = 0.0011111111111111092 * (x3 * x3 + x4 * x4 + x5 * x5) + (0.00039062499999999986 * (x6 + x7) + x10)
+    energy[..., 0] = x11
     # B.z
-    energy[..., 1] = 3.0411 * B_z + 0.070632
+    energy[..., 1] = 0.070632 + 3.0411 * B_z
     energy[..., 2] = 0.0
     return energy
 
 
 def constraints(t, q, qd, p):
-    """36 numbers, 101 operations."""
+    """36 numbers, 99 operations."""
     t = np.asarray(t)
     constraints = _output(36, t, q, qd, p)
     sine = np.sin(q[..., 7, None])
@@ -385,12 +384,12 @@ def constraints(t, q, qd, p):
     constraints[..., 7] = x4
     constraints[..., 8] = -(12.499999999999998 * x1)
     constraints[..., 9] = -(12.499999999999998 * x2)
-    dB_x = qd[..., 0]
     dB_y = qd[..., 1]
     x5 = dB_y * dB_y
+    dB_x = qd[..., 0]
     dB_z = qd[..., 2]
     x6 = dB_z * dB_z
-    constraints[..., 29] = -(12.499999999999998 * (dB_x * dB_x + x5 + x6))
+    constraints[..., 29] = -(12.499999999999998 * (x5 + dB_x * dB_x + x6))
     # row 2: 1002 angle X, B-A (body crank): u.a - L c = 0 with u = X, a = B-A, L = 0.08, c = 0
     constraints[..., 1] = x4
     constraints[..., 10] = 12.499999999999998
@@ -448,8 +447,8 @@ def constraints(t, q, qd, p):
     constraints[..., 27] = 12.499999999999998 * sin_psi
     constraints[..., 28] = -(12.499999999999998 * (x2 * cos_psi - x1 * sin_psi))
     dpsi = qd[..., 7]
-    x17 = dpsi * dpsi
-    x18 = 2.0 * dpsi
-    x19 = sin_psi * (dB_y * x18) - (sin_psi * (x2 * x17) + cos_psi * (dB_z * x18))
-    constraints[..., 35] = 12.499999999999998 * (x19 - cos_psi * (x1 * x17))
+    x17 = 2.0 * dpsi
+    x18 = dpsi * dpsi
+    x19 = sin_psi * (dB_y * x17 - x2 * x18) - cos_psi * (x1 * x18 + dB_z * x17)
+    constraints[..., 35] = 12.499999999999998 * x19
     return constraints

@@ -17,7 +17,7 @@ static const ncgen_scalar stewart_number_1[27] = {
 };
 
 
-/* phi: 159 operations */
+/* phi: 153 operations */
 int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
@@ -64,76 +64,73 @@ int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi[5] = x14;
         /* row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_x = q[6];
-        const ncgen_real x15 = P3_x - P2_x - R(0.18479253090409534) * P4_x + R(0.18479253090409534) * P1_x;
-        phi[6] = x15;
+        phi[6] = P3_x - P2_x + R(0.18479253090409534) * x5;
         /* row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_y = q[7];
-        const ncgen_real x16 = P3_y - P2_y - R(0.18479253090409534) * P4_y + R(0.18479253090409534) * P1_y;
-        phi[7] = x16;
+        phi[7] = P3_y - P2_y + R(0.18479253090409534) * x6;
         /* row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_z = q[8];
-        const ncgen_real x17 = P3_z - P2_z - R(0.18479253090409534) * P4_z + R(0.18479253090409534) * P1_z;
-        phi[8] = x17;
+        phi[8] = P3_z - P2_z + R(0.18479253090409534) * x7;
         /* row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_x = q[12];
-        const ncgen_real x18 = P5_x - R(0.22668159690567746) * P1_x + R(0.2266815969056775) * P2_x;
-        phi[9] = x18 - P4_x;
+        const ncgen_real x15 = P5_x - R(0.22668159690567746) * P1_x + R(0.2266815969056775) * P2_x;
+        phi[9] = x15 - P4_x;
         /* row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_y = q[13];
-        const ncgen_real x19 = P5_y - R(0.22668159690567746) * P1_y + R(0.2266815969056775) * P2_y;
-        phi[10] = x19 - P4_y;
+        const ncgen_real x16 = P5_y - R(0.22668159690567746) * P1_y + R(0.2266815969056775) * P2_y;
+        phi[10] = x16 - P4_y;
         /* row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_z = q[14];
-        const ncgen_real x20 = P5_z - R(0.22668159690567746) * P1_z + R(0.2266815969056775) * P2_z;
-        phi[11] = x20 - P4_z;
+        const ncgen_real x17 = P5_z - R(0.22668159690567746) * P1_z + R(0.2266815969056775) * P2_z;
+        phi[11] = x17 - P4_z;
         /* row 13: combination P6.x (body platform): (e - c a x b).x = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_x = q[15];
-        const ncgen_real x21 = P6_x - R(1.0418890660015823) * P1_x + R(0.22668159690567735) * P2_x;
-        phi[12] = x21 - R(0.18479253090409523) * P4_x;
+        const ncgen_real x18 = P6_x - R(1.0418890660015823) * P1_x + R(0.22668159690567735) * P2_x;
+        phi[12] = x18 - R(0.18479253090409523) * P4_x;
         /* row 14: combination P6.y (body platform): (e - c a x b).y = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_y = q[16];
-        const ncgen_real x22 = P6_y - R(1.0418890660015823) * P1_y + R(0.22668159690567735) * P2_y;
-        phi[13] = x22 - R(0.18479253090409523) * P4_y;
+        const ncgen_real x19 = P6_y - R(1.0418890660015823) * P1_y + R(0.22668159690567735) * P2_y;
+        phi[13] = x19 - R(0.18479253090409523) * P4_y;
         /* row 15: combination P6.z (body platform): (e - c a x b).z = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_z = q[17];
-        const ncgen_real x23 = P6_z - R(1.0418890660015823) * P1_z + R(0.22668159690567735) * P2_z;
-        phi[14] = x23 - R(0.18479253090409523) * P4_z;
+        const ncgen_real x20 = P6_z - R(1.0418890660015823) * P1_z + R(0.22668159690567735) * P2_z;
+        phi[14] = x20 - R(0.18479253090409523) * P4_z;
         /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
-        const ncgen_real x24 = P1_x - R(2.9971446647455733);
-        const ncgen_real x25 = P1_y + R(0.130858162096008);
+        const ncgen_real x21 = P1_x - R(2.9971446647455733);
+        const ncgen_real x22 = P1_y + R(0.130858162096008);
         const ncgen_real s1 = q[21];
-        const ncgen_real x26 = R(0.15853887106403242) * (x24 * x24 + x25 * x25 + P1_z * P1_z - s1 * s1);
-        phi[15] = x26;
+        const ncgen_real x23 = R(0.15853887106403242) * (x21 * x21 + x22 * x22 + P1_z * P1_z - s1 * s1);
+        phi[15] = x23;
         /* row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2 */
-        const ncgen_real x27 = P2_x - R(2.9971446647455733);
-        const ncgen_real x28 = P2_y - R(0.130858162096008);
+        const ncgen_real x24 = P2_x - R(2.9971446647455733);
+        const ncgen_real x25 = P2_y - R(0.130858162096008);
         const ncgen_real s2 = q[22];
-        const ncgen_real x29 = R(0.15853887106403242) * (x27 * x27 + x28 * x28 + P2_z * P2_z - s2 * s2);
-        phi[16] = x29;
+        const ncgen_real x26 = R(0.15853887106403242) * (x24 * x24 + x25 * x25 + P2_z * P2_z - s2 * s2);
+        phi[16] = x26;
         /* row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3 */
-        const ncgen_real x30 = P3_x + R(1.3852458397051013);
-        const ncgen_real x31 = P3_y - R(2.6610324995346657);
+        const ncgen_real x27 = P3_x + R(1.3852458397051013);
+        const ncgen_real x28 = P3_y - R(2.6610324995346657);
         const ncgen_real s3 = q[23];
-        const ncgen_real x32 = R(0.15853887106403242) * (x30 * x30 + x31 * x31 + P3_z * P3_z - s3 * s3);
-        phi[17] = x32;
+        const ncgen_real x29 = R(0.15853887106403242) * (x27 * x27 + x28 * x28 + P3_z * P3_z - s3 * s3);
+        phi[17] = x29;
         /* row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4 */
-        const ncgen_real x33 = P4_x + R(1.611898825040472);
-        const ncgen_real x34 = P4_y - R(2.5301743374386567);
+        const ncgen_real x30 = P4_x + R(1.611898825040472);
+        const ncgen_real x31 = P4_y - R(2.5301743374386567);
         const ncgen_real s4 = q[24];
-        const ncgen_real x35 = R(0.15853887106403242) * (x33 * x33 + x34 * x34 + P4_z * P4_z - s4 * s4);
-        phi[18] = x35;
+        const ncgen_real x32 = R(0.15853887106403242) * (x30 * x30 + x31 * x31 + P4_z * P4_z - s4 * s4);
+        phi[18] = x32;
         /* row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5 */
-        const ncgen_real x36 = P5_x + R(1.6118988250404727);
-        const ncgen_real x37 = P5_y + R(2.5301743374386563);
+        const ncgen_real x33 = P5_x + R(1.6118988250404727);
+        const ncgen_real x34 = P5_y + R(2.5301743374386563);
         const ncgen_real s5 = q[25];
-        const ncgen_real x38 = R(0.15853887106403244) * (x36 * x36 + x37 * x37 + P5_z * P5_z - s5 * s5);
-        phi[19] = x38;
+        const ncgen_real x35 = R(0.15853887106403244) * (x33 * x33 + x34 * x34 + P5_z * P5_z - s5 * s5);
+        phi[19] = x35;
         /* row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
-        const ncgen_real x39 = P6_x + R(1.385245839705103);
-        const ncgen_real x40 = P6_y + R(2.6610324995346644);
+        const ncgen_real x36 = P6_x + R(1.385245839705103);
+        const ncgen_real x37 = P6_y + R(2.6610324995346644);
         const ncgen_real s6 = q[26];
-        const ncgen_real x41 = R(0.1585388710640324) * (x39 * x39 + x40 * x40 + P6_z * P6_z - s6 * s6);
-        phi[20] = x41;
+        const ncgen_real x38 = R(0.1585388710640324) * (x36 * x36 + x37 * x37 + P6_z * P6_z - s6 * s6);
+        phi[20] = x38;
     }
 
     return NCGEN_OK;
@@ -474,7 +471,7 @@ int stewart_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-/* energy: 100 operations */
+/* energy: 78 operations */
 int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -482,61 +479,57 @@ int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     {
         /* P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; P4.x; P4.y; P4.z; P1.x P2.x; P1.y P2.y; P1.z P2.z; P1.x P4.x; P1.y P4.y; P1.z P4.z; P2.x P4.x; P2.y P4.y; P2.z P4.z */
+        const ncgen_real dP2_y = qd[4];
+        const ncgen_real dP2_x = qd[3];
+        const ncgen_real dP2_z = qd[5];
+        const ncgen_real x1 = R(104.22708310254103) * (dP2_z * dP2_z + (dP2_y * dP2_y + dP2_x * dP2_x));
         const ncgen_real dP1_x = qd[0];
         const ncgen_real dP1_y = qd[1];
-        const ncgen_real x1 = R(120.61475842818322) * (dP1_x * dP1_x) + R(120.61475842818322) * (dP1_y * dP1_y);
         const ncgen_real dP1_z = qd[2];
-        const ncgen_real dP2_x = qd[3];
-        const ncgen_real x2 = R(104.22708310254103) * (dP2_x * dP2_x) + (R(120.61475842818322) * (dP1_z * dP1_z) + x1);
-        const ncgen_real dP2_y = qd[4];
-        const ncgen_real dP2_z = qd[5];
-        const ncgen_real x3 = R(104.22708310254103) * (dP2_z * dP2_z) + (R(104.22708310254103) * (dP2_y * dP2_y) + x2);
+        const ncgen_real x2 = R(120.61475842818322) * (dP1_z * dP1_z + (dP1_x * dP1_x + dP1_y * dP1_y));
         const ncgen_real dP4_x = qd[9];
+        const ncgen_real x3 = R(100.66790753958487) * dP1_x + R(125.17161610333208) * dP4_x;
         const ncgen_real dP4_y = qd[10];
-        const ncgen_real x4 = R(125.17161610333208) * (dP4_y * dP4_y) + (R(125.17161610333208) * (dP4_x * dP4_x) + x3);
+        const ncgen_real x4 = R(100.66790753958487) * dP1_y + R(125.17161610333208) * dP4_y;
+        const ncgen_real x5 = dP4_y * (R(43.91970388844943) * dP2_y + x4) + (dP4_x * (R(43.91970388844943) * dP2_x + x3) + (x1 + x2));
         const ncgen_real dP4_z = qd[11];
-        const ncgen_real x5 = dP2_x * (R(5.398930937909347) * dP1_x) + (R(125.17161610333208) * (dP4_z * dP4_z) + x4);
-        const ncgen_real x6 = dP2_z * (R(5.398930937909347) * dP1_z) + (dP2_y * (R(5.398930937909347) * dP1_y) + x5);
-        const ncgen_real x7 = dP4_y * (R(100.66790753958487) * dP1_y) + (dP4_x * (R(100.66790753958487) * dP1_x) + x6);
-        const ncgen_real x8 = dP4_x * (R(43.91970388844943) * dP2_x) + (dP4_z * (R(100.66790753958487) * dP1_z) + x7);
-        const ncgen_real x9 = dP4_z * (R(43.91970388844943) * dP2_z) + (dP4_y * (R(43.91970388844943) * dP2_y) + x8);
-        energy[0] = x9;
+        const ncgen_real x6 = R(100.66790753958487) * dP1_z + R(125.17161610333208) * dP4_z;
+        const ncgen_real x7 = R(5.398930937909347) * (dP1_z * dP2_z + (dP1_y * dP2_y + dP1_x * dP2_x));
+        energy[0] = x7 + (dP4_z * (R(43.91970388844943) * dP2_z + x6) + x5);
         /* P1.z; P2.z; P4.z; spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6 */
+        const ncgen_real s2 = q[22];
+        const ncgen_real x8 = s2 - R(3.1666918442810728);
         const ncgen_real s1 = q[21];
-        const ncgen_real x10 = s1 - R(3.1666918442810728);
+        const ncgen_real x9 = s1 - R(3.1666918442810728);
+        const ncgen_real s3 = q[23];
+        const ncgen_real x10 = s3 - R(3.1666918442810728);
+        const ncgen_real s4 = q[24];
+        const ncgen_real x11 = s4 - R(3.1666918442810728);
+        const ncgen_real s5 = q[25];
+        const ncgen_real x12 = s5 - R(3.166691844281072);
+        const ncgen_real x13 = x12 * x12 + (x11 * x11 + (x10 * x10 + (x8 * x8 + x9 * x9)));
+        const ncgen_real s6 = q[26];
+        const ncgen_real x14 = s6 - R(3.166691844281073);
         const ncgen_real P1_z = q[2];
         const ncgen_real P2_z = q[5];
-        const ncgen_real x11 = R(3406.977245825173) * P1_z + R(2528.751178118435) * P2_z;
+        const ncgen_real x15 = R(3406.977245825173) * P1_z + R(2528.751178118435) * P2_z;
         const ncgen_real P4_z = q[11];
-        const ncgen_real x12 = R(100000.0) * (x10 * x10) + (R(3874.2715760563924) * P4_z + x11);
-        const ncgen_real s2 = q[22];
-        const ncgen_real x13 = s2 - R(3.1666918442810728);
-        const ncgen_real s3 = q[23];
-        const ncgen_real x14 = s3 - R(3.1666918442810728);
-        const ncgen_real x15 = R(100000.0) * (x14 * x14) + (R(100000.0) * (x13 * x13) + x12);
-        const ncgen_real s4 = q[24];
-        const ncgen_real x16 = s4 - R(3.1666918442810728);
-        const ncgen_real s5 = q[25];
-        const ncgen_real x17 = s5 - R(3.166691844281072);
-        const ncgen_real x18 = R(100000.0) * (x17 * x17) + (R(100000.0) * (x16 * x16) + x15);
-        const ncgen_real s6 = q[26];
-        const ncgen_real x19 = s6 - R(3.166691844281073);
-        energy[1] = R(100000.0) * (x19 * x19) + x18;
+        const ncgen_real x16 = R(100000.0) * (x14 * x14 + x13) + (R(3874.2715760563924) * P4_z + x15);
+        energy[1] = x16;
         /* spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6 */
         const ncgen_real ds1 = qd[21];
         const ncgen_real ds2 = qd[22];
         const ncgen_real ds3 = qd[23];
-        const ncgen_real x20 = R(4000.0) * (ds3 * ds3) + (R(4000.0) * (ds1 * ds1) + R(4000.0) * (ds2 * ds2));
         const ncgen_real ds4 = qd[24];
         const ncgen_real ds5 = qd[25];
-        const ncgen_real x21 = R(4000.0) * (ds5 * ds5) + (R(4000.0) * (ds4 * ds4) + x20);
+        const ncgen_real x17 = ds5 * ds5 + (ds4 * ds4 + (ds3 * ds3 + (ds1 * ds1 + ds2 * ds2)));
         const ncgen_real ds6 = qd[26];
-        energy[2] = -(R(4000.0) * (ds6 * ds6) + x21);
+        energy[2] = -(R(4000.0) * (ds6 * ds6 + x17));
     }
 
     return NCGEN_OK;
 }
-/* constraints: 321 operations */
+/* constraints: 315 operations */
 int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     (void)t;
@@ -675,8 +668,7 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[125] = x49;
         /* row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_x = q[6];
-        const ncgen_real x50 = P3_x - P2_x - R(0.18479253090409534) * P4_x + R(0.18479253090409534) * P1_x;
-        constraints[6] = x50;
+        constraints[6] = R(0.18479253090409534) * x15 + (P3_x - P2_x);
         constraints[60] = NCGEN_SPLAT(R(0.18479253090409534));
         constraints[61] = NCGEN_SPLAT(-R(1.0));
         constraints[62] = NCGEN_SPLAT(R(1.0));
@@ -684,8 +676,7 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[126] = NCGEN_SPLAT(R(0.0));
         /* row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_y = q[7];
-        const ncgen_real x51 = P3_y - P2_y - R(0.18479253090409534) * P4_y + R(0.18479253090409534) * P1_y;
-        constraints[7] = x51;
+        constraints[7] = R(0.18479253090409534) * x16 + (P3_y - P2_y);
         constraints[64] = NCGEN_SPLAT(R(0.18479253090409534));
         constraints[65] = NCGEN_SPLAT(-R(1.0));
         constraints[66] = NCGEN_SPLAT(R(1.0));
@@ -693,8 +684,7 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[127] = NCGEN_SPLAT(R(0.0));
         /* row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_z = q[8];
-        const ncgen_real x52 = P3_z - P2_z - R(0.18479253090409534) * P4_z + R(0.18479253090409534) * P1_z;
-        constraints[8] = x52;
+        constraints[8] = R(0.18479253090409534) * x17 + (P3_z - P2_z);
         constraints[68] = NCGEN_SPLAT(R(0.18479253090409534));
         constraints[69] = NCGEN_SPLAT(-R(1.0));
         constraints[70] = NCGEN_SPLAT(R(1.0));
@@ -702,8 +692,8 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[128] = NCGEN_SPLAT(R(0.0));
         /* row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_x = q[12];
-        const ncgen_real x53 = P5_x - R(0.22668159690567746) * P1_x + R(0.2266815969056775) * P2_x;
-        constraints[9] = x53 - P4_x;
+        const ncgen_real x50 = P5_x - R(0.22668159690567746) * P1_x + R(0.2266815969056775) * P2_x;
+        constraints[9] = x50 - P4_x;
         constraints[72] = NCGEN_SPLAT(-R(0.22668159690567746));
         constraints[73] = NCGEN_SPLAT(R(0.2266815969056775));
         constraints[74] = NCGEN_SPLAT(-R(1.0));
@@ -711,8 +701,8 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[129] = NCGEN_SPLAT(R(0.0));
         /* row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_y = q[13];
-        const ncgen_real x54 = P5_y - R(0.22668159690567746) * P1_y + R(0.2266815969056775) * P2_y;
-        constraints[10] = x54 - P4_y;
+        const ncgen_real x51 = P5_y - R(0.22668159690567746) * P1_y + R(0.2266815969056775) * P2_y;
+        constraints[10] = x51 - P4_y;
         constraints[76] = NCGEN_SPLAT(-R(0.22668159690567746));
         constraints[77] = NCGEN_SPLAT(R(0.2266815969056775));
         constraints[78] = NCGEN_SPLAT(-R(1.0));
@@ -720,8 +710,8 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[130] = NCGEN_SPLAT(R(0.0));
         /* row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_z = q[14];
-        const ncgen_real x55 = P5_z - R(0.22668159690567746) * P1_z + R(0.2266815969056775) * P2_z;
-        constraints[11] = x55 - P4_z;
+        const ncgen_real x52 = P5_z - R(0.22668159690567746) * P1_z + R(0.2266815969056775) * P2_z;
+        constraints[11] = x52 - P4_z;
         constraints[80] = NCGEN_SPLAT(-R(0.22668159690567746));
         constraints[81] = NCGEN_SPLAT(R(0.2266815969056775));
         constraints[82] = NCGEN_SPLAT(-R(1.0));
@@ -729,8 +719,8 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[131] = NCGEN_SPLAT(R(0.0));
         /* row 13: combination P6.x (body platform): (e - c a x b).x = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_x = q[15];
-        const ncgen_real x56 = P6_x - R(1.0418890660015823) * P1_x + R(0.22668159690567735) * P2_x;
-        constraints[12] = x56 - R(0.18479253090409523) * P4_x;
+        const ncgen_real x53 = P6_x - R(1.0418890660015823) * P1_x + R(0.22668159690567735) * P2_x;
+        constraints[12] = x53 - R(0.18479253090409523) * P4_x;
         constraints[84] = NCGEN_SPLAT(-R(1.0418890660015823));
         constraints[85] = NCGEN_SPLAT(R(0.22668159690567735));
         constraints[86] = NCGEN_SPLAT(-R(0.18479253090409523));
@@ -738,8 +728,8 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[132] = NCGEN_SPLAT(R(0.0));
         /* row 14: combination P6.y (body platform): (e - c a x b).y = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_y = q[16];
-        const ncgen_real x57 = P6_y - R(1.0418890660015823) * P1_y + R(0.22668159690567735) * P2_y;
-        constraints[13] = x57 - R(0.18479253090409523) * P4_y;
+        const ncgen_real x54 = P6_y - R(1.0418890660015823) * P1_y + R(0.22668159690567735) * P2_y;
+        constraints[13] = x54 - R(0.18479253090409523) * P4_y;
         constraints[88] = NCGEN_SPLAT(-R(1.0418890660015823));
         constraints[89] = NCGEN_SPLAT(R(0.22668159690567735));
         constraints[90] = NCGEN_SPLAT(-R(0.18479253090409523));
@@ -747,100 +737,100 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[133] = NCGEN_SPLAT(R(0.0));
         /* row 15: combination P6.z (body platform): (e - c a x b).z = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_z = q[17];
-        const ncgen_real x58 = P6_z - R(1.0418890660015823) * P1_z + R(0.22668159690567735) * P2_z;
-        constraints[14] = x58 - R(0.18479253090409523) * P4_z;
+        const ncgen_real x55 = P6_z - R(1.0418890660015823) * P1_z + R(0.22668159690567735) * P2_z;
+        constraints[14] = x55 - R(0.18479253090409523) * P4_z;
         constraints[92] = NCGEN_SPLAT(-R(1.0418890660015823));
         constraints[93] = NCGEN_SPLAT(R(0.22668159690567735));
         constraints[94] = NCGEN_SPLAT(-R(0.18479253090409523));
         constraints[95] = NCGEN_SPLAT(R(1.0));
         constraints[134] = NCGEN_SPLAT(R(0.0));
         /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
-        const ncgen_real x59 = P1_x - R(2.9971446647455733);
-        const ncgen_real x60 = P1_y + R(0.130858162096008);
+        const ncgen_real x56 = P1_x - R(2.9971446647455733);
+        const ncgen_real x57 = P1_y + R(0.130858162096008);
         const ncgen_real s1 = q[21];
-        const ncgen_real x61 = R(0.15853887106403242) * (x59 * x59 + x60 * x60 + P1_z * P1_z - s1 * s1);
-        constraints[15] = x61;
-        constraints[96] = R(0.31707774212806483) * x59;
-        constraints[97] = R(0.31707774212806483) * x60;
+        const ncgen_real x58 = R(0.15853887106403242) * (x56 * x56 + x57 * x57 + P1_z * P1_z - s1 * s1);
+        constraints[15] = x58;
+        constraints[96] = R(0.31707774212806483) * x56;
+        constraints[97] = R(0.31707774212806483) * x57;
         constraints[98] = R(0.31707774212806483) * P1_z;
         constraints[99] = -(R(0.31707774212806483) * s1);
         const ncgen_real ds1 = qd[21];
-        const ncgen_real x62 = dP1_x * dP1_x + dP1_y * dP1_y + dP1_z * dP1_z - ds1 * ds1;
-        constraints[135] = -(R(0.31707774212806483) * x62);
+        const ncgen_real x59 = dP1_x * dP1_x + dP1_y * dP1_y + dP1_z * dP1_z - ds1 * ds1;
+        constraints[135] = -(R(0.31707774212806483) * x59);
         /* row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2 */
-        const ncgen_real x63 = P2_x - R(2.9971446647455733);
-        const ncgen_real x64 = P2_y - R(0.130858162096008);
+        const ncgen_real x60 = P2_x - R(2.9971446647455733);
+        const ncgen_real x61 = P2_y - R(0.130858162096008);
         const ncgen_real s2 = q[22];
-        const ncgen_real x65 = R(0.15853887106403242) * (x63 * x63 + x64 * x64 + P2_z * P2_z - s2 * s2);
-        constraints[16] = x65;
-        constraints[100] = R(0.31707774212806483) * x63;
-        constraints[101] = R(0.31707774212806483) * x64;
+        const ncgen_real x62 = R(0.15853887106403242) * (x60 * x60 + x61 * x61 + P2_z * P2_z - s2 * s2);
+        constraints[16] = x62;
+        constraints[100] = R(0.31707774212806483) * x60;
+        constraints[101] = R(0.31707774212806483) * x61;
         constraints[102] = R(0.31707774212806483) * P2_z;
         constraints[103] = -(R(0.31707774212806483) * s2);
         const ncgen_real ds2 = qd[22];
-        const ncgen_real x66 = dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z - ds2 * ds2;
-        constraints[136] = -(R(0.31707774212806483) * x66);
+        const ncgen_real x63 = dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z - ds2 * ds2;
+        constraints[136] = -(R(0.31707774212806483) * x63);
         /* row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3 */
-        const ncgen_real x67 = P3_x + R(1.3852458397051013);
-        const ncgen_real x68 = P3_y - R(2.6610324995346657);
+        const ncgen_real x64 = P3_x + R(1.3852458397051013);
+        const ncgen_real x65 = P3_y - R(2.6610324995346657);
         const ncgen_real s3 = q[23];
-        const ncgen_real x69 = R(0.15853887106403242) * (x67 * x67 + x68 * x68 + P3_z * P3_z - s3 * s3);
-        constraints[17] = x69;
-        constraints[104] = R(0.31707774212806483) * x67;
-        constraints[105] = R(0.31707774212806483) * x68;
+        const ncgen_real x66 = R(0.15853887106403242) * (x64 * x64 + x65 * x65 + P3_z * P3_z - s3 * s3);
+        constraints[17] = x66;
+        constraints[104] = R(0.31707774212806483) * x64;
+        constraints[105] = R(0.31707774212806483) * x65;
         constraints[106] = R(0.31707774212806483) * P3_z;
         constraints[107] = -(R(0.31707774212806483) * s3);
         const ncgen_real dP3_x = qd[6];
         const ncgen_real dP3_y = qd[7];
         const ncgen_real dP3_z = qd[8];
         const ncgen_real ds3 = qd[23];
-        const ncgen_real x70 = dP3_x * dP3_x + dP3_y * dP3_y + dP3_z * dP3_z - ds3 * ds3;
-        constraints[137] = -(R(0.31707774212806483) * x70);
+        const ncgen_real x67 = dP3_x * dP3_x + dP3_y * dP3_y + dP3_z * dP3_z - ds3 * ds3;
+        constraints[137] = -(R(0.31707774212806483) * x67);
         /* row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4 */
-        const ncgen_real x71 = P4_x + R(1.611898825040472);
-        const ncgen_real x72 = P4_y - R(2.5301743374386567);
+        const ncgen_real x68 = P4_x + R(1.611898825040472);
+        const ncgen_real x69 = P4_y - R(2.5301743374386567);
         const ncgen_real s4 = q[24];
-        const ncgen_real x73 = R(0.15853887106403242) * (x71 * x71 + x72 * x72 + P4_z * P4_z - s4 * s4);
-        constraints[18] = x73;
-        constraints[108] = R(0.31707774212806483) * x71;
-        constraints[109] = R(0.31707774212806483) * x72;
+        const ncgen_real x70 = R(0.15853887106403242) * (x68 * x68 + x69 * x69 + P4_z * P4_z - s4 * s4);
+        constraints[18] = x70;
+        constraints[108] = R(0.31707774212806483) * x68;
+        constraints[109] = R(0.31707774212806483) * x69;
         constraints[110] = R(0.31707774212806483) * P4_z;
         constraints[111] = -(R(0.31707774212806483) * s4);
         const ncgen_real ds4 = qd[24];
-        const ncgen_real x74 = dP4_x * dP4_x + dP4_y * dP4_y + dP4_z * dP4_z - ds4 * ds4;
-        constraints[138] = -(R(0.31707774212806483) * x74);
+        const ncgen_real x71 = dP4_x * dP4_x + dP4_y * dP4_y + dP4_z * dP4_z - ds4 * ds4;
+        constraints[138] = -(R(0.31707774212806483) * x71);
         /* row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5 */
-        const ncgen_real x75 = P5_x + R(1.6118988250404727);
-        const ncgen_real x76 = P5_y + R(2.5301743374386563);
+        const ncgen_real x72 = P5_x + R(1.6118988250404727);
+        const ncgen_real x73 = P5_y + R(2.5301743374386563);
         const ncgen_real s5 = q[25];
-        const ncgen_real x77 = R(0.15853887106403244) * (x75 * x75 + x76 * x76 + P5_z * P5_z - s5 * s5);
-        constraints[19] = x77;
-        constraints[112] = R(0.3170777421280649) * x75;
-        constraints[113] = R(0.3170777421280649) * x76;
+        const ncgen_real x74 = R(0.15853887106403244) * (x72 * x72 + x73 * x73 + P5_z * P5_z - s5 * s5);
+        constraints[19] = x74;
+        constraints[112] = R(0.3170777421280649) * x72;
+        constraints[113] = R(0.3170777421280649) * x73;
         constraints[114] = R(0.3170777421280649) * P5_z;
         constraints[115] = -(R(0.3170777421280649) * s5);
         const ncgen_real dP5_x = qd[12];
         const ncgen_real dP5_y = qd[13];
         const ncgen_real dP5_z = qd[14];
         const ncgen_real ds5 = qd[25];
-        const ncgen_real x78 = dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z - ds5 * ds5;
-        constraints[139] = -(R(0.3170777421280649) * x78);
+        const ncgen_real x75 = dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z - ds5 * ds5;
+        constraints[139] = -(R(0.3170777421280649) * x75);
         /* row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
-        const ncgen_real x79 = P6_x + R(1.385245839705103);
-        const ncgen_real x80 = P6_y + R(2.6610324995346644);
+        const ncgen_real x76 = P6_x + R(1.385245839705103);
+        const ncgen_real x77 = P6_y + R(2.6610324995346644);
         const ncgen_real s6 = q[26];
-        const ncgen_real x81 = R(0.1585388710640324) * (x79 * x79 + x80 * x80 + P6_z * P6_z - s6 * s6);
-        constraints[20] = x81;
-        constraints[116] = R(0.3170777421280648) * x79;
-        constraints[117] = R(0.3170777421280648) * x80;
+        const ncgen_real x78 = R(0.1585388710640324) * (x76 * x76 + x77 * x77 + P6_z * P6_z - s6 * s6);
+        constraints[20] = x78;
+        constraints[116] = R(0.3170777421280648) * x76;
+        constraints[117] = R(0.3170777421280648) * x77;
         constraints[118] = R(0.3170777421280648) * P6_z;
         constraints[119] = -(R(0.3170777421280648) * s6);
         const ncgen_real dP6_x = qd[15];
         const ncgen_real dP6_y = qd[16];
         const ncgen_real dP6_z = qd[17];
         const ncgen_real ds6 = qd[26];
-        const ncgen_real x82 = dP6_x * dP6_x + dP6_y * dP6_y + dP6_z * dP6_z - ds6 * ds6;
-        constraints[140] = -(R(0.3170777421280648) * x82);
+        const ncgen_real x79 = dP6_x * dP6_x + dP6_y * dP6_y + dP6_z * dP6_z - ds6 * ds6;
+        constraints[140] = -(R(0.3170777421280648) * x79);
     }
 
     return NCGEN_OK;
@@ -936,7 +926,7 @@ const ncgen_model *stewart_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "stewart",
-        .fingerprint = "26d976859fa6910a",
+        .fingerprint = "adebde5139c6c032",
         .n_coordinates = 27,
         .n_rows = 21,
         .n_parameters = 0,

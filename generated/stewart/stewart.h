@@ -43,13 +43,13 @@ extern "C" {
 /* The model: sizes, names, patterns and kernels (see ncgen.h). */
 const ncgen_model *stewart_model(void);
 
-int stewart_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 21 numbers, 159 operations */
+int stewart_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 21 numbers, 153 operations */
 int stewart_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 99 numbers, 81 operations */
 int stewart_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 21 numbers, 102 operations */
 int stewart_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 27 numbers, 0 operations */
 int stewart_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 27 numbers, 30 operations */
-int stewart_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 100 operations */
-int stewart_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 141 numbers, 321 operations */
+int stewart_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 78 operations */
+int stewart_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 141 numbers, 315 operations */
 
 #ifdef __cplusplus
 }

@@ -479,7 +479,7 @@ int suspension_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     return NCGEN_OK;
 }
-/* energy: 201 operations, 2 of them elementary functions */
+/* energy: 198 operations, 2 of them elementary functions */
 int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)p;
@@ -498,15 +498,15 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real dU_z = qd[2];
         const ncgen_real x2 = R(0.006000000000000005) * dU_x + R(0.499) * dU_z;
         const ncgen_real x3 = R(0.04799999999999993) * dU_z - R(0.006000000000000005) * dU_y;
-        const ncgen_real x4 = R(0.0014442430986523016) * (x1 * x1 + x2 * x2 + x3 * x3) + x3 * (R(0.01106321156842674) * dU_x);
-        const ncgen_real x5 = x4 + x2 * (R(0.01106321156842674) * dU_y) - x1 * (R(0.01106321156842674) * dU_z);
+        const ncgen_real x4 = R(0.01106321156842674) * (dU_x * x3 + dU_y * x2 - dU_z * x1);
+        const ncgen_real x5 = R(0.0014442430986523016) * (x1 * x1 + x2 * x2 + x3 * x3) + x4;
         energy[0] += R(0.5) * x5;
         /* upper; U.z; L.z; S.z; T.z; W.z; spring C-S */
         const ncgen_real U_y = q[1];
         const ncgen_real U_x = q[0];
-        const ncgen_real x6 = R(0.499) * (U_y - R(0.539)) + R(0.04799999999999993) * (U_x - R(0.16));
+        const ncgen_real x6 = R(0.3273584641690133) * (U_y - R(0.539)) + R(0.03148939134291106) * (U_x - R(0.16));
         const ncgen_real U_z = q[2];
-        const ncgen_real x7 = R(106.87445133585945) * U_z + (-R(22.750512064619567) - R(0.656028986310648) * x6);
+        const ncgen_real x7 = R(106.87445133585945) * U_z + (-R(22.750512064619567) - x6);
         const ncgen_real L_z = q[5];
         const ncgen_real S_z = q[8];
         const ncgen_real x8 = R(181.23238627954686) * L_z + x7 - R(2.173313107454838) * S_z;
@@ -929,7 +929,7 @@ const ncgen_model *suspension_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "suspension",
-        .fingerprint = "d517d62263515ea1",
+        .fingerprint = "8256a8e5b2c9aedc",
         .n_coordinates = 19,
         .n_rows = 17,
         .n_parameters = 0,

@@ -44,7 +44,7 @@ int suspension_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncg
 int suspension_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 17 numbers, 105 operations */
 int suspension_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 64 numbers, 0 operations */
 int suspension_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 19 numbers, 60 operations */
-int suspension_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 201 operations */
+int suspension_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 198 operations */
 int suspension_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 113 numbers, 344 operations */
 
 #ifdef __cplusplus

@@ -84,13 +84,13 @@ extern "C" {
 /* The model: sizes, names, patterns and kernels (see ncgen.h). */
 const ncgen_model *tree_model(void);
 
-int tree_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 62 numbers, 516 operations */
-int tree_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 343 numbers, 395 operations */
-int tree_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 62 numbers, 494 operations */
+int tree_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 62 numbers, 492 operations */
+int tree_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 343 numbers, 383 operations */
+int tree_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 62 numbers, 474 operations */
 int tree_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 453 numbers, 314 operations */
 int tree_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 71 numbers, 160 operations */
-int tree_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 621 operations */
-int tree_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 467 numbers, 1240 operations */
+int tree_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 620 operations */
+int tree_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 467 numbers, 1214 operations */
 
 #ifdef __cplusplus
 }

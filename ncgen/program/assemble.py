@@ -19,6 +19,7 @@ from ncgen.program.binding import Bound, Derived, Places, Reference, Structure, 
 from ncgen.program.ir import passes
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Block, Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
+from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.fused import Part, fuse
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lower_value
@@ -323,7 +324,7 @@ def _program(
     if needed:
         blocks = [_derived_block(derived, needed, equations), *blocks]
     temporaries = {"d": len(derived.expressions)} if needed else {}
-    return Program(kernel.name, kernel.inputs, kernel.name, size, tuple(map(passes.finish, blocks)), temporaries)
+    return Program(kernel.name, kernel.inputs, kernel.name, size, tuple(map(finish, blocks)), temporaries)
 
 
 def _loop(kernel: Kernel, group: Contribution, index: Mapping[tuple[int, ...], int], equations: Terms) -> Loop:

@@ -13,9 +13,9 @@ from dataclasses import replace
 
 from ncgen.model.elements import Component
 from ncgen.model.values import Value, as_sympy, is_number
-from ncgen.program.ir import passes
 from ncgen.program.ir.blocks import Program, Store, Straight
 from ncgen.program.ir.derivatives import gradient
+from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lower_value
 from ncgen.symbolic.numbering import Numbering
@@ -31,7 +31,7 @@ def assemble_start(numbering: Numbering) -> tuple[Program, Program]:
     slopes = _program("start_p", graph, entries)
     (block,) = slopes.blocks  # what is not written is 0, as most derivatives are
     written = tuple(store for store in block.stores if block.ops[store.node].leaf != 0.0)
-    return _program("start", graph, nodes), replace(slopes, blocks=(passes.finish(replace(block, stores=written)),))
+    return _program("start", graph, nodes), replace(slopes, blocks=(finish(replace(block, stores=written)),))
 
 
 def assemble_described(numbering: Numbering, components: Iterable[Component]) -> Program:
@@ -52,4 +52,4 @@ def _node(graph: Graph, value: Value, parameters: dict[str, int]) -> int:
 
 def _program(name: str, graph: Graph, nodes: Sequence[int], inputs: tuple[str, ...] = ("p",)) -> Program:
     stores = tuple(Store(name, k, node) for k, node in enumerate(nodes))
-    return Program(name, inputs, name, len(nodes), (passes.finish(Straight(tuple(graph.ops), stores)),))
+    return Program(name, inputs, name, len(nodes), (finish(Straight(tuple(graph.ops), stores)),))

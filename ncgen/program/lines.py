@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING
@@ -12,12 +13,13 @@ from ncgen.model.values import Value, as_sympy, is_number
 from ncgen.program.algebra.elimination import Matrix
 from ncgen.program.assemble import Kernel, load_name, parts_of, place_of, told_of
 from ncgen.program.binding import Bound, Derived, Reference, bind
-from ncgen.program.ir import passes
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Program, Store, Straight
 from ncgen.program.ir.cut import cut
+from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lower_value
+from ncgen.program.ir.passes import dead_code
 from ncgen.symbolic.inertia import Exact
 from ncgen.symbolic.numbering import Terms
 
@@ -84,10 +86,18 @@ class Lines:
         """A program that writes these nodes one after the other."""
         return line(self.graph, name, inputs, outputs, self.equations)
 
+    def draft(self, name: str, inputs: tuple[str, ...], outputs: Sequence[int]) -> Program:
+        """The same as it was written, for `prepared.take_out` to finish."""
+        return Program(name, inputs, name, len(outputs), (dead_code(written(self.graph, name, outputs)),))
+
 
 def line(graph: Graph, name: str, inputs: tuple[str, ...], outputs: Sequence[int], equations: Terms) -> Program:
     """A program in one straight line that writes nodes of a graph one after the other."""
     names = {k: load_name(*op.input, equations) for k, op in enumerate(graph.ops) if op.code == "load"}
-    stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
-    block = passes.finish(Straight(tuple(graph.ops), stores, names))
+    block = finish(replace(written(graph, name, outputs), names=names))
     return cut(share_angles(Program(name, inputs, name, len(outputs), (block,))))
+
+
+def written(graph: Graph, name: str, outputs: Sequence[int]) -> Straight:
+    """All operations of a graph, and stores of some."""
+    return Straight(tuple(graph.ops), tuple(Store(name, k, node) for k, node in enumerate(outputs)))

@@ -9,8 +9,8 @@ from ncgen.program.ir import cut as cutting
 from ncgen.program.ir.blocks import Program, Store, Straight
 from ncgen.program.ir.cut import KEPT, cut
 from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
-from ncgen.program.ir.passes import finish
 from ncgen.program.ir.verify import verify
 
 

@@ -19,7 +19,7 @@ from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions import dynamics
 from ncgen.program.programs import Split
 from ncgen.program.tree.rates import NoRecursion
-from ncgen.program.tree.recursion import assemble_recursions
+from ncgen.program.tree.recursion import Recursion, assemble_recursions
 from ncgen.solver.engines.compiled import samples
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.symbolic.tree import spanning_tree
@@ -132,6 +132,36 @@ def test_a_parameter_that_tilts_an_axis_is_seen():
     tilted = Case(model)
     assert len({float(s.p[0]) for s in tilted.samples}) > 2
     assert tilted.apart(tilted.ways["composite"], tilted.judge) < 1e-11
+
+
+def rolling_tip(parameter: bool) -> Model:
+    """An arm of 0.4 m that turns about z, and a plate that turns about the arm's own line, by the angle roll."""
+    m = Model("rolling_tip")
+    size = m.parameter("size", 0.4) if parameter else 0.4
+    O = m.point("O", (0, 0, 0), fixed=True)
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    A = m.point("A", (size, 0, 0), fixed="z")
+    C = m.point("C", (size, 0, -0.3))
+    m.body("arm", [O, A], [z], mass=2.0, inertia=0.05)
+    m.body("plate", [O, A, C], mass=1.0, inertia=0.02)
+    m.angle("turn", start=x, end=A - O, axis=z)
+    m.angle("roll", start=-z, end=C - A, axis=A - O)
+    m.gravity((0, 0, -9.81))
+    return m
+
+
+@pytest.mark.parametrize("parameter", [False, True])
+def test_the_rate_of_an_angle_about_a_long_axis(parameter):
+    """The screw is the arm's own vector, of 0.4 m, so the angle's rate is 0.4 times that of the screw, wherever the arm is."""
+    case = Case(rolling_tip(parameter))
+    work = Recursion(case.given[0], None, *case.given[2:])
+    roll = work.rates.own[next(c for c, component in enumerate(case.given[0].free) if component.name == "roll")]
+    (row,) = [row for row in work.rates.rows() if roll in row.entries]
+    (screw,) = set(row.entries) - {roll}
+    ratio = row.entries[screw]
+    assert np.max(np.abs(np.abs(work.rates.sampling[ratio]) - [s.p[0] if parameter else 0.4 for s in case.samples])) < 1e-15
+    loads = [work.graph.ops[k].leaf for k in work.graph.below([ratio]) if work.graph.ops[k].code == "load"]
+    assert {load.array for load in loads} == ({"p"} if parameter else set())
 
 
 def test_a_body_without_mass_is_refused_by_name():

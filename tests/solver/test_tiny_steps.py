@@ -32,7 +32,7 @@ def test_a_start_that_asks_for_less_than_rounding_ends():
     signal.setitimer(signal.ITIMER_VIRTUAL, 60.0)
     try:
         with pytest.raises(ncgen.NcgenError, match="steps become too short"):
-            ncgen.simulate(kernels, 0.3, qd0=qd0, rtol=1e-11, points=31)
+            ncgen.simulate(kernels, 0.3, qd0=qd0, rtol=1e-12, points=31)
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
         signal.signal(signal.SIGVTALRM, before)

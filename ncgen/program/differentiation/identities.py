@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ncgen.program.ir.graph import Graph, Op
+from ncgen.program.ir.multiples import is_known
 
 DRAWN = 16
 """Sets of parameters beside the defaults; the root of a square is told from what was squared by one in which that is negative."""
@@ -39,12 +40,6 @@ def simplified(graph: Graph, outputs: Sequence[Sequence[int]], defaults: Sequenc
     for op in graph.ops:
         new.append(work.taken(op, tuple(new[a] for a in op.args)))
     return work.graph, [[new[node] for node in nodes] for nodes in outputs]
-
-
-def is_known(op: Op, arguments: Sequence[bool], parameters: int) -> bool:
-    """True of an operation on nothing but numbers and parameters; arguments: whether that is true of each."""
-    is_leaf = op.code == "const" or (op.code == "load" and op.input.array == "p" and op.input.position < parameters)
-    return is_leaf or (bool(op.args) and all(arguments))
 
 
 class Result(NamedTuple):

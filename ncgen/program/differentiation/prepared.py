@@ -11,36 +11,61 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ncgen.program.differentiation.differentiated import reads, written_out
-from ncgen.program.differentiation.identities import is_known, simplified
+from ncgen.program.differentiation.identities import simplified
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.graph import Graph
-from ncgen.program.lines import line
+from ncgen.program.ir.factoring import factored
+from ncgen.program.ir.graph import Graph, Op
+from ncgen.program.ir.multiples import is_known, spread
+from ncgen.program.ir.passes import dead_code, unroll
+from ncgen.program.lines import line, written
 from ncgen.symbolic.numbering import Terms
 
 
-def take_out(programs: Sequence[Program], equations: Terms) -> tuple[Program | None, list[Program]]:
+def take_out(drafts: Sequence[Program], equations: Terms) -> tuple[Program | None, list[Program]]:
     """`prepared`, None where there is nothing to prepare, and the straight lines that rely on it."""
     graph = Graph()
-    outputs = [written_out(graph, program, reads(program, equations))[1] for program in programs]
+    outputs = [written_out(graph, draft, reads(draft, equations))[1] for draft in drafts]
     inputs = {p.name for p in equations.model.inputs.values()}
     defaults = [p.default for p in equations.parameters if p.name not in inputs]  # inputs are the last numbers of p
-    if not _frontier(graph, len(defaults), outputs):
-        return None, list(programs)
-    graph, outputs = simplified(graph, outputs, defaults)
-    frontier = _frontier(graph, len(defaults), outputs)
+    frontier: list[int] = []
+    if _frontier(graph, len(defaults), outputs):
+        graph, outputs = _settled(graph, outputs, defaults)
+        frontier = _frontier(graph, len(defaults), outputs)
     made = []
     place = {node: len(equations.parameters) + k for k, node in enumerate(frontier)}
-    for program, nodes in zip(programs, outputs, strict=True):
+    for draft, nodes in zip(drafts, outputs, strict=True):
         rest, new = _without(graph, nodes, place)
-        made.append(line(rest, program.name, program.inputs, [new[node] for node in nodes], equations))
-    return line(graph, "prepared", ("p",), frontier, equations), made
+        made.append(line(rest, draft.name, draft.inputs, [new[node] for node in nodes], equations))
+    return line(graph, "prepared", ("p",), frontier, equations) if frontier else None, made
+
+
+def _settled(graph: Graph, outputs: Sequence[Sequence[int]], defaults: Sequence[float]) -> tuple[Graph, list[list[int]]]:
+    """Known factors in sums of known multiples, others together, and common ones outside, as long as that leaves fewer operations."""
+    graph, new = spread(graph.ops, [node for nodes in outputs for node in nodes], len(defaults))
+    outputs = [[new[node] for node in nodes] for nodes in outputs]
+    least = len(graph.ops)  # of operations that are not known
+    while True:
+        graph, outputs = simplified(graph, outputs, defaults)
+        block = factored(dead_code(written(graph, "", [node for nodes in outputs for node in nodes])), len(defaults))
+        count = _known(block.ops, len(defaults)).count(False)
+        if count >= least:
+            return graph, outputs
+        least, graph = count, Graph()
+        new = unroll(graph, block, 0)
+        stores = iter(block.stores)
+        outputs = [[new[next(stores).node] for _ in nodes] for nodes in outputs]
+
+
+def _known(ops: Sequence[Op], parameters: int) -> list[bool]:
+    known: list[bool] = []
+    for op in ops:
+        known.append(is_known(op, [known[a] for a in op.args], parameters))
+    return known
 
 
 def _frontier(graph: Graph, parameters: int, outputs: Sequence[Sequence[int]]) -> list[int]:
     """What depends on parameters alone and is computed, and read by what does not, or by nobody but a store."""
-    known: list[bool] = []
-    for op in graph.ops:
-        known.append(is_known(op, [known[a] for a in op.args], parameters))
+    known = _known(graph.ops, parameters)
     stored = [node for nodes in outputs for node in nodes]
     found: set[int] = {node for node in stored if known[node]}
     for node in graph.below(stored):

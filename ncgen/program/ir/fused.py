@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from ncgen.program.ir import passes
 from ncgen.program.ir.blocks import Loop, Program, Store, Straight, TableStore
+from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 
 S = TypeVar("S", Store, TableStore)
@@ -79,4 +80,4 @@ class _Merged:
         """The merged block, or none."""
         stores = tuple(self.stores[key] for key in sorted(self.stores))
         whole = Straight(tuple(self.graph.ops), stores, self.names, self.title)
-        return [passes.finish(whole)] if stores else []
+        return [finish(whole)] if stores else []

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 from ncgen.model.pieces import Pieces
@@ -249,6 +249,10 @@ class Graph:
             if op.code == "load":
                 new[part] = inputs.get(op.input, part)
         return new[node]
+
+    def copied(self, op: Op, args: Sequence[int]) -> int:
+        """An operation of another graph on arguments of this one, simplified again; what has none is read here as there."""
+        return self.apply(op, tuple(args)) if op.args else self._make(op.code, leaf=op.leaf)
 
     def apply(self, op: Op, args: tuple[int, ...]) -> int:
         """The operation `op` on other arguments, simplified again."""

@@ -83,20 +83,6 @@ def dead_code(block: B) -> B:
     return _keep(block, sorted(_reachable(block, [s.node for s in block.stores])))
 
 
-def finish(block: B) -> B:
-    """The block as it is emitted: without what no store needs, in the order in which the stores need the rest."""
-    return schedule(_plain_differences(dead_code(block)))
-
-
-def _plain_differences(block: B) -> B:
-    """−(a − b) becomes b − a where a − b serves nothing else."""
-    count, ops = uses(block), list(block.ops)
-    for node, op in enumerate(block.ops):
-        if op.code == "neg" and block.ops[op.args[0]].code == "sub" and count[op.args[0]] == 1:
-            ops[node] = Op("sub", block.ops[op.args[0]].args[::-1])
-    return dead_code(replace(block, ops=tuple(ops)))
-
-
 def schedule(block: B) -> B:
     """Operations in the order in which the stores need them, so that values live briefly and read well.
 
@@ -128,6 +114,11 @@ def unroll(graph: Graph, block: Block, run: int) -> list[int]:
         else:
             nodes.append(graph.apply(op, tuple(nodes[a] for a in op.args)))
     return nodes
+
+
+def operations(block: Block) -> int:
+    """How many operations it has but leaves, a loop's counted once."""
+    return sum(bool(op.args) for op in block.ops)
 
 
 def uses(block: Block) -> dict[int, int]:

@@ -39,14 +39,14 @@ def assemble_motions(equations: Terms, samples: Sequence[Sample], sizes: np.ndar
 def _derivative(work: Recursion, zdd: Sequence[int]) -> Program:
     changes = work.spread(zdd, work.bias)
     qdd = work.over_coordinates(changes, work.velocity.accelerations(changes))
-    return work.lines.program("derivative", STATE, [*work.lines.rates, *qdd, work.power(zdd), _growth(work)])
+    return work.lines.draft("derivative", STATE, [*work.lines.rates, *qdd, work.power(zdd), _growth(work)])
 
 
 def _velocities(work: Recursion) -> Program:
     changes = work.spread(work.solve(_momentum(work)), {})
     more = work.over_coordinates(changes, work.rates.place.velocities(changes))
     rates = [work.graph.add(rate, change) for rate, change in zip(work.lines.rates, more, strict=True)]
-    return work.lines.program("velocities", STATE, [*rates, _growth(work)])
+    return work.lines.draft("velocities", STATE, [*rates, _growth(work)])
 
 
 def _momentum(work: Recursion) -> Column:

@@ -26,10 +26,10 @@ from typing import TypeAlias
 
 from ncgen.program.algebra.elimination import solve_positive
 from ncgen.program.assemble import KERNELS
-from ncgen.program.ir import passes
 from ncgen.program.ir.blocks import Program, Store, Straight
 from ncgen.program.ir.cut import cut
 from ncgen.program.ir.derivatives import gradient, tangent
+from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.inlined import inlined
 from ncgen.program.ir.verify import verify
@@ -98,7 +98,7 @@ class Function:
             found = tangent(self.graph, nodes, seeds)
             nodes, read = [found.get(node, self.graph.const(0.0)) for node in nodes], read | {"seed": len(seeds)}
         stores = tuple(Store("out", k, node) for k, node in enumerate(nodes))
-        block = passes.finish(Straight(tuple(self.graph.ops), stores))
+        block = finish(Straight(tuple(self.graph.ops), stores))
         program = cut(Program(f"entries_of_{self.name}", tuple(read), "out", len(nodes), (block,)))
         verify(program, read)
         return program

@@ -64,7 +64,7 @@ def assemble_closed_positions(
     if moved is None:
         places = [placed[element][axis] for element, axis in map(where.__getitem__, split.dependent)]
         return lines.program("newton", ("t", "q", "p"), places)
-    return lines.program("newton", ("t", "q", "p"), [*(corrections.get(c, zero) for c in moved), *[zero] * len(equations.rows)])
+    return lines.draft("newton", ("t", "q", "p"), [*(corrections.get(c, zero) for c in moved), *[zero] * len(equations.rows)])
 
 
 def hinges_of(equations: Terms, tree: Tree, split: Split) -> list[Hinge]:

@@ -14,7 +14,6 @@ import numpy as np
 from ncgen.model.elements import Point, Spatial
 from ncgen.program.algebra.elimination import Matrix, solve_positive
 from ncgen.program.algebra.space import Vector
-from ncgen.program.ir.graph import Input
 from ncgen.program.ir.sampling import roughly
 from ncgen.program.tree.rates import Rates
 
@@ -106,11 +105,9 @@ class _Joints:
 
     def _of_parameters(self, node: int, values: np.ndarray, size: float) -> int:
         """What the node is in the position that is described, where it is that in all samples; else the node."""
-        equations = self.rates.equations
-        if not equations.parameters:
+        if not self.rates.equations.parameters:
             return node
-        described = {Input("q", c): self.place.lines.value(component.value) for c, component in enumerate(equations.free)}
-        found = self.graph.replaced(node, described)
+        found = self.rates.described(node)
         return found if np.max(np.abs(self._values(found) - values)) <= CONSTANT * size else node
 
     def _beside(self, element: Spatial, number: int) -> Vector:

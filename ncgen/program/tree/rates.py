@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -18,6 +19,7 @@ import scipy
 from ncgen.model.elements import Point, Relative, Spatial
 from ncgen.program.algebra.space import Vector
 from ncgen.program.assemble import KERNELS
+from ncgen.program.ir.graph import Input
 from ncgen.program.ir.sampling import Sample, Sampling, firmly
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
@@ -32,7 +34,7 @@ FAR = 16 * np.finfo(float).eps
 """The same for every mechanism's length between it and the origin: so badly do its positions close there."""
 
 SAME = 1e-10
-"""Entries of a row whose ratio differs from 1 or −1 by less than this in every sample have that ratio always."""
+"""A ratio of entries that differs by less than this, over its size, from what it is to be in every sample is that always."""
 
 WELL = 1e-9
 """The least singular value of the rows of the rates, over the largest."""
@@ -153,17 +155,32 @@ class Rates:
         return {k: node for k, node in entries.items() if np.max(np.abs(self.sampling[node])) * self.sizes[k] > least}
 
     def _constant(self, row: dict[int, int]) -> dict[int, int] | None:
-        """The row of a measured coordinate with ratios 1 and −1, where it has them: its rate is that of joints."""
+        """The row of a measured coordinate with the ratios of its entries, where these never change: its rate is that of joints."""
         measured = [k for k in row if k in self.measured]
-        if len(measured) != 1 or len(row) < 2:
+        if len(measured) != 1 or len(row) < 2 or not np.all(np.abs(self.sampling[row[measured[0]]]) > 0):
             return None
-        first = self.sampling[row[measured[0]]]
-        if not np.all(np.abs(first) > 0):
+        ratios = {k: self._ratio(node, row[measured[0]]) for k, node in row.items()}
+        found = {k: ratio for k, ratio in ratios.items() if ratio is not None}
+        return found if len(found) == len(row) else None
+
+    def _ratio(self, a: int, b: int) -> int | None:
+        """a/b as a number or of parameters alone; None where it changes with the position."""
+        values = self.sampling[a] / self.sampling[b]
+        if not np.all(np.abs(values) > 0):
             return None
-        ratios = {k: self.sampling[node] / first for k, node in row.items()}
-        if any(np.max(np.abs(np.abs(r) - 1.0)) > SAME or np.ptp(np.sign(r)) for r in ratios.values()):
-            return None
-        return {k: self.graph.const(float(np.sign(r[0]))) for k, r in ratios.items()}
+        sign = float(np.sign(values[0]))
+        if np.max(np.abs(values - sign)) <= SAME:
+            return self.graph.const(sign)
+        ratio = self.graph.div(self.described(a), self.described(b))
+        return ratio if np.max(np.abs(self.sampling[ratio] - values) / np.abs(values)) <= SAME else None
+
+    def described(self, node: int) -> int:
+        """A node in the position that is described: of parameters alone."""
+        return self.graph.replaced(node, self._start)
+
+    @cached_property
+    def _start(self) -> dict[Input, int]:
+        return {Input("q", c): self.place.lines.value(component.value) for c, component in enumerate(self.equations.free)}
 
     def nonzero_column(self, column: dict[int, int]) -> dict[int, int]:
         """{rate: node} without what is rounding in every sample."""
