@@ -26,7 +26,6 @@ B = TypeVar("B", bound=Block)
 LARGEST = 100
 """Terms of a sum, or factors of a product, that are looked at together: longer ones are taken in parts."""
 
-
 WORTHWHILE = 0.02
 """The share of operations that a round has to save for another one: in long programs it would find next to nothing."""
 
@@ -96,12 +95,12 @@ class _Factoring:
         return Term(False, self.graph.copied(op, list(map(self._written, arguments))))
 
     def _held(self, number: int, form: Form) -> Form:
-        """What stays unwritten of it: all in a sum, its factors in a product, nothing where others or several read it."""
-        reader = self._reader.get(number) if self._count[number] == 1 and not self._known[number] else None
-        if reader in ("add", "sub", "neg") and form.size <= LARGEST:
+        """What stays unwritten of it: all in a sum, its factors in a product, nothing where others or several read it, or it is known."""
+        reader = self._reader.get(number) if self._count[number] == 1 else None
+        if reader in ("add", "sub", "neg") and form.size <= LARGEST and not self._known[number]:
             return form
         term = self._term(form)
-        if len(factors(term.product)) <= LARGEST:
+        if len(factors(term.product)) <= LARGEST and not self._known[number]:
             if reader in ("add", "sub", "neg", "mul"):
                 return term
             if number in self._shared:
