@@ -205,12 +205,20 @@ ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *row
     return ncgen_largest(r->m, rows, r->dynamics->row_sizes);
 }
 
-/* w->solution of the equations with the right side w->right; refined where the factors are not those of the equations. */
+/* Are the factors those of the equations, to nearly all digits? They are not where a diagonal stands in for pivots, nor where pivots
+ * have become small: beside a singular position, as settled stages and the growth of the recursion tell. */
+static int factors_are_exact(const ncgen_run *r, const ncgen_constrained *w)
+{
+    const int pivots_are_small = r->settling || (w->is_recursive && !(w->growth < R(1.0e4)));
+    return !(pivots_are_small || w->kkt.perturbed || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10));
+}
+
+/* w->solution of the equations with the right side w->right; refined where the factors are not exact. */
 int ncgen_constrained_solve(ncgen_run *r)
 {
     ncgen_constrained *w = r->constrained;
     ncgen_kkt_solve(&w->kkt, w->right, w->solution);
-    if (!(w->kkt.perturbed || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10)))
+    if (factors_are_exact(r, w))
         return NCGEN_OK;
     ncgen_real before = 0;
     for (int k = 0; k < REFINEMENT_LIMIT; ++k) {

@@ -118,7 +118,7 @@ static void tape_step(const ncgen_run *r, const tableau *method, ncgen_scalar t,
  * off the constraints by a truncation error are wrong by that error over the distance, and no step is short enough to pass. */
 static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar h)
 {
-    const int last = method->stages, settles = w->repeated && r->settles_stages;
+    const int last = method->stages, settles = r->settling = w->repeated && r->settles_stages;
     ncgen_tape *tape = r->options->tape;
     if (tape && !(r->constrained && r->constrained->closed))
         return NCGEN_ARGUMENT;
@@ -336,7 +336,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
     const ncgen_scalar power = -1 / (ncgen_scalar)(method->order + 1);
     ncgen_scalar t = r->times[0], goal = end;
     ncgen_scalar h = r->options->first_step > 0 ? r->options->first_step : ncgen_first_step(r, w, method->order, t, end - t);
-    int repeats = 0, rejected = 0, stiff = 0, trouble = NCGEN_SHORT;
+    int repeats = 0, rejected = 0, near = 0, stiff = 0, trouble = NCGEN_SHORT;
     while (t < end) {
         if (r->options->max_step > 0 && h > r->options->max_step)
             h = r->options->max_step;
@@ -347,7 +347,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             h = goal - t;
         if (!ncgen_is_step(r, t, h))
             return trouble;
-        w->repeated = repeats || rejected;
+        w->repeated = repeats || rejected || near;
         int status = trial_step(r, w, method, t, h);
         if (status == NCGEN_INTERRUPTED || status == NCGEN_FULL)
             return status;
@@ -369,6 +369,9 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             h *= factor > R(0.2) ? factor : R(0.2);
             continue;
         }
+        /* A repeated step that is far better than its length explains is better since its stages were settled: without that the next one,
+         * which is no farther from the singular position, would be refused as well, and steps creep up to it. */
+        near = (repeats || rejected) && factor > R(1.5);
         if (factor > R(10.0))
             factor = R(10.0);
         if (rejected && factor > R(1.0))

@@ -72,7 +72,7 @@ void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics
     r->settle = NULL;
     r->accept = NULL;
     r->settles_stages = 1;
-    r->careful = r->rows = 0;
+    r->settling = r->careful = r->rows = 0;
     r->patience = options->patience > 1 ? options->patience : 1;
 }
 

@@ -44,6 +44,7 @@ struct ncgen_run {
     struct ncgen_constrained *constrained;
     long patience;                  /* steps until the watch is called; -1: it has ended the run */
     int settles_stages;             /* those of a repeated step are brought onto the constraints, too: it may be near a singular position */
+    int settling;                   /* those of the step under way are */
     int careful;                    /* the step is repeated: emitted eliminations give way to those with row exchanges */
     struct ncgen_slopes *slopes;
 

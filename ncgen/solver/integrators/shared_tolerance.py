@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     class _Explicit(OdeSolver):
         """SciPy's class of explicit methods, which it does not show."""
 
+        error_exponent: float
+
         def _step_impl(self) -> tuple[bool, str | None]: ...
 
         def _estimate_error_norm(self, K: np.ndarray, h: float, scale: np.ndarray) -> float: ...
@@ -20,23 +22,26 @@ if TYPE_CHECKING:
 SHORTEST = 2e-15
 """Steps below this share of the run are too short to get anywhere: ten roundings."""
 
+EXPLAINED = 0.9 / 1.5
+"""A repeated step is better than its length explains where its error would allow one longer by more than half."""
+
 
 def sharing(solver: type[OdeSolver], span: float) -> type[OdeSolver]:
-    """An explicit SciPy solver whose steps share the tolerance, and which knows when one is `repeated`; others as they are.
+    """An explicit SciPy solver whose steps share the tolerance; others as they are.
 
-    span: as of `Tolerances`
+    span: as of `Tolerances`; repeated: is a step taken again, or near one that was?
     """
     if not issubclass(solver, RK45.__mro__[1]):
         return solver
     explicit = cast("type[_Explicit]", solver)
 
     class Sharing(explicit):
-        begun, taken, repeated = 0.0, 0, False
+        begun, taken, repeated, refused, near = 0.0, 0, False, False, False
 
         def _step_impl(self) -> tuple[bool, str | None]:
             self.begun = self.begun if self.taken else self.t
             self.taken += 1
-            self.repeated = False
+            self.repeated, self.refused = self.near, False
             try:
                 return super()._step_impl()
             except _TooShort:
@@ -46,8 +51,9 @@ def sharing(solver: type[OdeSolver], span: float) -> type[OdeSolver]:
             """Steps that are shorter than the mean count as that, as in C: rounding does not fall with them."""
             mean = (self.t - self.begun) / self.taken
             error = super()._estimate_error_norm(K, h, scale) * max(1.0, span / max(abs(h), mean))
-            self.repeated = not error < 1
-            if self.repeated and abs(h) < SHORTEST * abs(self.t_bound - self.begun):
+            self.near = self.refused and error < EXPLAINED ** (-1 / self.error_exponent)  # as in C, where it is said why
+            self.repeated = self.refused = not error < 1
+            if self.refused and abs(h) < SHORTEST * abs(self.t_bound - self.begun):
                 raise _TooShort
             return error
 
