@@ -26,11 +26,14 @@ from cffi import FFI
 
 from ncgen.errors import CompileError
 
-FLAGS = ("-std=c99", "-O3", "-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", "-fPIC", "-shared")
+ALIGNED = ("-falign-functions=64", "-falign-loops=64")
+"""Functions and loops begin with a line of the cache: the same code runs up to a tenth slower where other code moves it."""
+
+FLAGS = ("-std=c99", "-O3", "-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", *ALIGNED, "-fPIC", "-shared")
 """No -ffast-math: sums keep their order. Fused multiply-adds, where the processor has them, halve the rounding error of the
 robot's kernels and save a quarter of their time; the price is a last bit that depends on the processor."""
 
-OPTIONAL = ("-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", "-fno-math-errno", "-fopenmp", "-fcx-limited-range")
+OPTIONAL = ("-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", *ALIGNED, "-fno-math-errno", "-fopenmp", "-fcx-limited-range")
 """Flags that make code faster and no different: a compiler that refuses one is used without it."""
 
 UNSAID = ("-fopenmp",)

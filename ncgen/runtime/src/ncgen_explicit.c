@@ -371,7 +371,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         }
         /* A repeated step that is far better than its length explains is better since its stages were settled: without that the next one,
          * which is no farther from the singular position, would be refused as well, and steps creep up to it. */
-        near = (repeats || rejected) && factor > R(1.5);
+        near = (repeats || rejected) && r->settling && factor > R(1.5);
         if (factor > R(10.0))
             factor = R(10.0);
         if (rejected && factor > R(1.0))
