@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import ellipk
 from driven_models import pendulum
+from scipy.special import ellipk
 
 import ncgen
 from ncgen import ConvergenceError, DomainError, ModelError
@@ -150,5 +150,5 @@ def test_independent_coordinates_are_those_of_the_end():
     model.gravity((0, -9.81, 0))
     kernels = ncgen.compile(model, backend="numpy")
     quarter = float(ellipk(0.5) / np.sqrt(9.81))
-    ends = [ncgen.simulate(kernels, share * quarter, formalism="lagrange", points=5).independent for share in (0.1, 1.0, 1.9)]
+    ends = [ncgen.simulate(kernels, share * quarter, formalism="lagrange", points=3).independent for share in (0.1, 1.0, 1.9)]
     assert ends == [("B.y",), ("B.x",), ("B.y",)]
