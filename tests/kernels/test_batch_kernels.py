@@ -233,3 +233,21 @@ def test_kernels_that_are_not_needed_give_zeros(robot):
 def test_no_states(robot):
     """A batch of none is none."""
     assert robot.batch.phi(np.zeros((0, robot.n))).shape == (0, robot.m)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_rows_that_have_a_point_in_common(backend):
+    """A hub that six rods hold: every run of the loop reads the same coordinates, others far apart, and others side by side."""
+    model = ncgen.Model("star")
+    hub, angles = model.point("H", (0.1, 0.2)), 2 * np.pi * np.arange(6) / 6
+    rims = [model.point(f"R{i}", (2 * np.cos(a), 2 * np.sin(a))) for i, a in enumerate(angles)]
+    for i, rim in enumerate(rims):
+        model.distance(hub, rim, 1.0 + i)
+    kernels = ncgen.compile(model, backend, "tabled")
+    q = np.random.default_rng(5).standard_normal((3, kernels.n))
+    at = {name: q[:, i] for i, name in enumerate(kernels.coordinates)}
+    for i, row in enumerate(kernels.batch.phi(q).T):
+        square = (at["H.x"] - at[f"R{i}.x"]) ** 2 + (at["H.y"] - at[f"R{i}.y"]) ** 2
+        ratio = row / (square - (1.0 + i) ** 2)
+        np.testing.assert_allclose(ratio, ratio[0], rtol=1e-13)
+        assert ratio[0] > 0

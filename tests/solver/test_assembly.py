@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,26 @@ def test_weights_say_what_should_stay():
 def test_what_cannot_close_is_named():
     with pytest.raises(ncgen.ConvergenceError, match=r"does not close: row [12] \(distance (A-C|C-B), user model\)"):
         ncgen.assemble(triangle(base=3.0))
+
+
+def test_the_worst_rows_are_named_first():
+    """Of a disc that rolls, a triangle that closes, and two that gape by 0.1 m and by 0.5 m: the rows of the two, the wider one's first."""
+    m = Model("gaping")
+    centre, axle, across = m.point("M", (0, 9, 1)), m.vector("u", (0, 1, 0)), m.vector("v", (1, 0, 0))
+    disc = m.body("disc", [centre], [axle, across], mass=1.0, inertia=np.eye(3), constant_mass=True)
+    m.rolling(disc, centre, axle, across, 1.0)
+    for name, gap in (("S", 0.1), ("T", -0.5), ("W", 0.5)):
+        left, right = (m.point(f"{name}{i}", (x, 0, 0), fixed=True) for i, x in enumerate((0.0, 2.5 + gap)))
+        top = m.point(name, (1.2, 0.3, 0), fixed="z")
+        m.distance(left, top, 1.25)
+        m.distance(top, right, 1.25)
+    kernels = ncgen.compile(m, backend="numpy")
+    first = next(i for i, row in enumerate(kernels.rows) if "S0" in row.label) + 1
+    with pytest.raises(ConvergenceError) as caught:
+        ncgen.assemble(kernels)
+    named = re.findall(r"row (\d+) \(distance (\w+)-(\w+),", str(caught.value))
+    assert {(int(n), a, b) for n, a, b in named[:2]} == {(first + 4, "W0", "W"), (first + 5, "W", "W1")}
+    assert {(int(n), a, b) for n, a, b in named[2:]} == {(first, "S0", "S"), (first + 1, "S", "S1")}
 
 
 def test_measured_rows_are_counted(robot):

@@ -6,12 +6,13 @@ import time
 
 import numpy as np
 import pytest
+import sympy
 from test_sensitivity import linkage
 
 import ncgen
 from ncgen import ModelError
 from ncgen.mechanism import batch, batch_runs, motions, taped
-from ncgen.solver.derivatives import taped_batch
+from ncgen.solver.derivatives import gradients, taped_batch
 
 DURATION, STEPS = 0.4, 20
 
@@ -222,3 +223,54 @@ def test_positions_are_closed_in_lanes(kernels):
     found = ncgen.gradient_batch(kernels, 0.5, 5, weigh, p=p, zd0=3 * zd0, z="psi")
     assert found.ok.all() and not found.alone.any()
     assert len(left) == 9 * 6 and np.max(left) < 1e-12
+
+
+def test_states_without_weights_have_rows_and_no_slopes(kernels):
+    """Those of their own runs, though nothing is gone back through; one whose crank is too long has none."""
+    p, zd0 = variants(kernels, 9)
+    p[4, kernels.parameters.index("crank")] = 30.0
+    q, qd = (np.zeros((9, STEPS + 1, kernels.n)) for _ in range(2))
+    given = {"q0": ncgen.assemble(kernels), "z": "psi"}
+    found = gradients.taped_batch(kernels, DURATION, STEPS, "rk4", p=p, zd0=zd0, **given).sweep(None, rows=(q, qd))
+    assert [word == "ok" for word in found.status] == [i != 4 for i in range(9)] and np.isnan(found.slopes).all()
+    assert np.isnan(q[4]).all() and np.isnan(qd[4]).all()
+    for i in (0, 3, 5, 8):
+        own = ncgen.sensitivities(kernels, DURATION, STEPS, p=p[i], zd0=zd0[i], by=[], **given)
+        np.testing.assert_allclose(q[i], own.q, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(qd[i], own.qd, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("rod", [True, False], ids=["in lanes", "alone"])
+def test_a_number_that_is_none_is_seen_wherever_it_is(rod):
+    """Three particles are pushed along x and y by √w: each state but the last has a w below 0, another one; the last follows its parabolas.
+
+    A rod that swings beside them makes it a motion that is written out, and goes in lanes.
+    """
+    model = ncgen.Model("particles")
+    count = 6
+    w = [model.parameter(f"w{i}", 1.0 + i) for i in range(count)]
+    for i in range(3):
+        point = model.point(f"P{i}", (i, 1.0))
+        model.body(f"b{i}", points=[point], mass=1.0)
+        model.force(point, (sympy.sqrt(w[2 * i]), sympy.sqrt(w[2 * i + 1]), 0))
+    if rod:
+        A, B = model.point("A", (0, 0), fixed=True), model.point("B", (0.6, 0.8))
+        model.body("rod", points=[A, B], mass=1.0)
+    kernels = ncgen.compile(model)
+    p = np.tile(kernels.p0, (count + 1, 1))
+    p[range(count), range(count)] = -1.0
+    last = []
+
+    def end(q, qd):
+        last.append(q[-1, :count])
+        by_q = np.zeros_like(q)
+        by_q[-1, :count] = 1.0
+        return float(last[-1].sum()), by_q, np.zeros_like(q)
+
+    found = ncgen.gradient_batch(kernels, 0.5, 5, end, p=p)
+    assert found.alone[-1] != rod
+    said = [word.partition(" is not a number")[0] for word in found.status]
+    assert said == [*(f"particles: force on P{i // 2}" for i in range(count)), "ok"]
+    assert np.isnan(found.values[:-1]).all() and np.isnan(found.slopes[:-1]).all()
+    np.testing.assert_allclose(last[-1], kernels.q0[:count] + np.sqrt(kernels.p0) * 0.5**2 / 2, rtol=1e-14)
+    np.testing.assert_allclose(found.slopes[-1, :count], 0.5**2 / 4 / np.sqrt(kernels.p0), rtol=1e-13)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from driven_models import pendulum
+from scipy.special import ellipk
 
 import ncgen
 from ncgen import ConvergenceError, DomainError, ModelError
@@ -138,3 +139,16 @@ def test_who_cannot_be_stepped():
         ncgen.start(ncgen.compile(pendulum(), backend="numpy"))
     with pytest.raises(ModelError, match="integrator radau cannot be stepped from outside"):
         ncgen.start(ncgen.compile(pendulum()), integrator="radau")
+
+
+def test_independent_coordinates_are_those_of_the_end():
+    """A pendulum of all coordinates falls from where B.y tells how it moves to where B.x does."""
+    model = ncgen.Model("pendulum")
+    bob = model.point("B", (1, 0))
+    model.body("bob", points=[bob], mass=1.0)
+    model.distance(model.point("O", (0, 0), fixed=True), bob)
+    model.gravity((0, -9.81, 0))
+    kernels = ncgen.compile(model, backend="numpy")
+    quarter = float(ellipk(0.5) / np.sqrt(9.81))
+    ends = [ncgen.simulate(kernels, share * quarter, formalism="lagrange", points=3).independent for share in (0.1, 1.0, 1.9)]
+    assert ends == [("B.y",), ("B.x",), ("B.y",)]

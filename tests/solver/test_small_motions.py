@@ -102,6 +102,24 @@ def test_a_long_chain_that_stands_falls_until_it_hangs():
     np.testing.assert_allclose(found.q[1::2], -0.1 * np.arange(1, n + 1), rtol=1e-12)
 
 
+def test_what_balances_to_rounding_stays_where_it_is():
+    """On a slope along which nothing pulls every place is one of balance: what is left over is rounding beside what the slope holds."""
+    model = ncgen.Model("shelf")
+    place, across, up = np.array([0.1, 0.2, 0.3]), np.array([2.0, -1.0, 0.3]), np.array([0.2, 0.7, 1.1])
+    bob = model.point("P", place)
+    model.body("bob", points=[bob], mass=1.3)
+    for normal in (across, up):
+        model.constrain(sum(n * (c - x) for n, c, x in zip(normal, (bob.x, bob.y, bob.z), place, strict=True)))
+    model.gravity(G * across / np.linalg.norm(across))
+    kernels = ncgen.compile(model, backend="numpy")
+    along = np.cross(across, up) / np.linalg.norm(np.cross(across, up))
+    for way in np.linspace(-3.0, 3.0, 13):
+        there = place + way * along
+        found = ncgen.equilibrium(kernels, q=there)
+        np.testing.assert_allclose(found.q, there, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(kernels.jacobian(there).T @ found.lam, 1.3 * G * across / np.linalg.norm(across), atol=1e-13)
+
+
 @pytest.mark.parametrize("mass", [1.0, 1e12])
 @pytest.mark.filterwarnings("error")
 def test_no_balance(mass):

@@ -200,3 +200,22 @@ def test_what_is_not_steady_is_said():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert ncgen.linearise(kernels).steady
+
+
+@pytest.mark.parametrize(("length", "rate"), [(0.8, 3.5), (1e-5, 1e9), (1e5, 1e-3)])
+def test_a_swing_is_not_steady_in_any_units(length, rate):
+    """At the bottom a pendulum moves as if it turned at a constant rate; its weight, no symmetry, tells. In a cone it is steady."""
+    model = ncgen.Model("swing")
+    bob = model.point("P", (0, 0, -length))
+    model.body("bob", points=[bob], mass=1.5)
+    model.distance(model.point("O", (0, 0, 0), fixed=True), bob)
+    model.gravity((0, 0, -length * rate**2))
+    kernels = ncgen.compile(model, backend="numpy")
+    with pytest.warns(UserWarning, match="neither rest in equilibrium nor steady"):
+        assert not ncgen.linearise(kernels, qd=[1.2 * rate * length, 0, 0]).steady
+    place = length * np.array([0.6, 0, -0.8])
+    around = np.cross([0, 0, rate / np.sqrt(0.8)], place)
+    cone = ncgen.linearise(kernels, q=place, qd=around)
+    assert cone.steady
+    root = 1j * rate / np.sqrt(0.8) * np.sqrt(1 + 3 * 0.8**2)
+    assert largest(cone) == pytest.approx([-root, root], rel=1e-9)

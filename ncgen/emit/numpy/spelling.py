@@ -62,12 +62,12 @@ class NumPy(Spelling):
 
     def _subscript(self, table: tuple[int, ...]) -> str:
         """The places of all runs."""
-        place, count = self.tables.place(table), len(table)
+        place = self.tables.place(table)
         if place.table:
             return place.table if not place.offset else f"{place.table} + {place.offset}".replace("+ -", "- ")
-        if place.step == 0 or count == 1:
+        if place.step == 0:
             return f"{place.offset}, None"
-        stop = place.offset + place.step * count
+        stop = place.offset + place.step * len(table)
         if place.step > 0:
             return f"{place.offset}:{stop}" if place.step == 1 else f"{place.offset}:{stop}:{place.step}"
         return f"{place.offset}:{stop if stop >= 0 else ''}:{place.step}"

@@ -55,7 +55,7 @@ size_t ncgen_motions_tape(const ncgen_taped *sizes, long steps)
 size_t ncgen_motions_workspace(const ncgen_taped *sizes, int n_rows, long steps)
 {
     const size_t n = (size_t)sizes->n_coordinates, stages = (size_t)tableaus[sizes->method].stages;
-    const size_t there = 11 * n + 4 + 2 * (size_t)n_rows + 2 * n * (stages + 1);
+    const size_t there = 9 * n + 4 + 2 * (size_t)n_rows + 2 * n * (stages + 1);
     const size_t back = ncgen_adjoint_workspace(sizes) + (size_t)(steps + 2) * 2 * n + 4 * n +
                         2 * (size_t)(sizes->n_parameters + sizes->n_prepared);
     return (there > back ? there : back) * NCGEN_LANES;

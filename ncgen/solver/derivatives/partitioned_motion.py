@@ -19,6 +19,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.table import INTEGRATORS
+from ncgen.solver.finite import watched
 from ncgen.solver.formalisms.coordinate_partitioning import Start, dependent_position, motion_at
 from ncgen.solver.positions.partition import Kinematics, determined, kinematics, quality
 from ncgen.solver.runs.run import Initial
@@ -52,7 +53,7 @@ class PartitionedMotion:
         _check(kernels)
         self.signals = signals
         begun = begin(kernels, initial, partitioned=True)
-        self.kernels, self.p, self.t = kernels, begun.p, times
+        self.kernels, self.p, self.t = watched(kernels), begun.p, times
         self.h = (times[-1] - times[0]) / (len(times) - 1)
         self.partition = determined(begun.partitions).position
         independent = self.partition.independent

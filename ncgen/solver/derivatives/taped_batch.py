@@ -171,15 +171,16 @@ class TapedBatch:
         asked.no_rows(i)
         try:
             motion = self._motion(i)
+            q, qd = motion.q, motion.qd  # a motion in Python runs when it is first asked for them
         except NcgenError as error:
             return str(error)
         if set(motion.names) != set(self.names):
             others = ", ".join(name for name in motion.names if name not in self.names)
             return f"{self.kernels.name}: {others} are independent here, not those of the batch; take gradient for this state"
-        for rows, found in zip(asked.rows or (), (motion.q, motion.qd)):
+        for rows, found in zip(asked.rows or (), (q, qd)):
             rows[i] = found
         if asked.weigh is not None:
-            by_q, by_qd = asked.weigh(np.array([i]), motion.q[None], motion.qd[None])
+            by_q, by_qd = asked.weigh(np.array([i]), q[None], qd[None])
             slopes[i, [self.names.index(name) for name in motion.names]] = motion.backward(by_q[0], by_qd[0])[0]
         return "ok"
 
