@@ -442,3 +442,55 @@ def test_time_is_zero_unless_it_is_said():
 def test_a_batch_without_a_finite_state_says_so(robot):
     with pytest.raises(ncgen.ModelError, match="robot: no state of the batch has finite q and p"):
         ncgen.accelerations_batch(robot, np.full((3, robot.n), np.nan), np.zeros((3, 6)))
+
+
+def test_accelerations_where_their_positions_stay():
+    """A cart with a pendulum, whose dependent coordinates stand between the others: closed in their places, against Lagrange's equations."""
+    model, length, cart, bob = ncgen.Model("cart"), 0.6, 2.0, 0.5
+    S, B = model.point("S", (0.3, 0), fixed="y"), model.point("B", (0.3, -length))
+    model.body("cart", points=[S], mass=cart)
+    model.body("bob", points=[B], mass=bob)
+    model.distance(S, B)
+    down, z = model.vector("down", (0, -1, 0), fixed=True), model.vector("z", (0, 0, 1), fixed=True)
+    psi = model.angle("psi", start=down, end=B - S, axis=z)
+    model.gravity((0, -9.81, 0))
+    model.independent(S.x, psi)
+    kernels = ncgen.compile(model)
+    assert kernels.coordinates == ("S.x", "B.x", "B.y", "psi")
+    rng = np.random.default_rng(4)
+    x, angle, zd = rng.uniform(-1, 1, 21), rng.uniform(-2, 2, 21), rng.uniform(-1, 1, (21, 2))
+    sine, cosine = np.sin(angle), np.cos(angle)
+    right = np.column_stack([x, x + length * sine, -length * cosine, angle])
+    mass = np.moveaxis(np.array([[np.full(21, cart + bob), bob * length * cosine], [cosine, np.full(21, length)]]), 2, 0)
+    zdd = np.linalg.solve(mass, np.stack([bob * length * zd[:, 1] ** 2 * sine, -9.81 * sine], axis=1)[..., None])[..., 0]
+    q = right + rng.uniform(-1e-3, 1e-3, (21, 4)) * [0, 1, 1, 0]
+    apart = ncgen.accelerations_batch(kernels, q, zd, velocities=True)
+    there = ncgen.accelerations_batch(kernels, q, zd, out=replace(apart, q=q, qd=np.empty((21, 4)), zdd=np.empty((21, 2))))
+    assert there.q is q
+    for found in (apart, there):
+        assert found.ok.all()
+        np.testing.assert_allclose(found.q, right, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(
+            found.qd[:, [1, 2]], np.column_stack([zd[:, 0] + length * cosine * zd[:, 1], length * sine * zd[:, 1]]), atol=1e-13
+        )
+        np.testing.assert_allclose(found.zdd, zdd, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["andrews", "suspension"])
+def test_a_position_is_closed_whichever_row_is_open(name):
+    """A state a row, in which that row alone is open: one step of Newton's method leaves far more than is allowed."""
+    kernels, states = ncgen.compile(ncgen.load(name)), []
+    start = ncgen.assemble(kernels)
+    part = choose_partitions(kernels, start, independent=kernels.model.chosen_independent).velocity
+    assert not dynamics(kernels, choose_partitions(kernels, start), "lanes", start, kernels.p0)._dynamics.closes
+    for wanted in 0.01 * np.diag(kernels.row_sizes):
+        q = start.copy()
+        for _ in range(20):
+            q[part.dependent] -= np.linalg.solve(kernels.jacobian(q)[:, part.dependent], kernels.phi(q) - wanted)
+        np.testing.assert_allclose(kernels.phi(q), wanted, rtol=0, atol=1e-12 * np.max(kernels.row_sizes))
+        states.append(q)
+    zd = np.zeros((kernels.m, len(part.independent)))
+    found = ncgen.accelerations_batch(kernels, states, zd, z=part.names(kernels))
+    assert found.ok.all()
+    left = np.abs([kernels.phi(q) / kernels.row_sizes for q in found.q])
+    assert np.max(left) < 1e-12
