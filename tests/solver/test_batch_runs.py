@@ -445,7 +445,7 @@ def test_a_batch_without_a_finite_state_says_so(robot):
 
 
 def test_accelerations_where_their_positions_stay():
-    """A cart with a pendulum, whose dependent coordinates stand between the others: closed in their places, against Lagrange's equations."""
+    """A cart with a pendulum, whose dependent coordinates stand between the others, in new places and in their own: against Lagrange."""
     model, length, cart, bob = ncgen.Model("cart"), 0.6, 2.0, 0.5
     S, B = model.point("S", (0.3, 0), fixed="y"), model.point("B", (0.3, -length))
     model.body("cart", points=[S], mass=cart)

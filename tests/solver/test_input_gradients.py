@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy
 from driven_models import pendulum
 
 import ncgen
@@ -138,3 +139,22 @@ def test_trapezoidal_steps_of_a_driven_motion_are_refused():
 def test_steps_by_tolerance_end_where_a_table_jumps():
     found = ncgen.gradient(oscillator(), END, 1, end_of, "dop853", 1e-11, inputs={"F": (TIMES, VALUES, "zero")})
     np.testing.assert_allclose(found.by_inputs["F"], answers("zero"), rtol=0, atol=1e-10)
+
+
+def test_a_stiffness_that_is_an_input_beside_parameters():
+    """F and K constant: s = F/K + (s₀ − F/K) cos √(K/m) t, by all samples of K or of F together, and by m."""
+    model = Model("springy")
+    x = model.vector("x", (1, 0, 0), fixed=True)
+    O, A, B = model.point("O", (0, 0), fixed=True), model.point("A", (0.4, 0), fixed="y"), model.point("B", (0.5, 0), fixed="y")
+    s = model.slide("s", O, A, x)
+    model.body("block", [A, B], mass=model.parameter("m", MASS))
+    model.torque(s, model.input("F", "N") - model.input("K", "N/m") * s)
+    model.independent(s)
+    K, F, m, t = sympy.symbols("K F m t")
+    closed = F / K + (sympy.Rational(2, 5) - F / K) * sympy.cos(sympy.sqrt(K / m) * t)
+    at = {K: MASS * OMEGA**2, F: 5.0, m: MASS, t: END}
+    inputs = {name: (TIMES, np.full(len(TIMES), at[symbol])) for name, symbol in (("F", F), ("K", K))}
+    found = ncgen.gradient(ncgen.compile(model), END, 40, end_of, "dop853", inputs=inputs)
+    assert found.value == pytest.approx(float(closed.subs(at)), rel=1e-11)
+    slopes = [found.by_inputs["F"].sum(), found.by_inputs["K"].sum(), found.slopes["m"]]
+    assert slopes == pytest.approx([float(closed.diff(symbol).subs(at)) for symbol in (F, K, m)], rel=1e-10)
