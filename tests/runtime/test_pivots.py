@@ -77,3 +77,42 @@ def test_refined_accelerations_are_those_of_the_reference(square):
     assert runs[0].engine == "refined" and runs[0].q[-1] == pytest.approx(runs[1].q[-1], abs=1e-9)
     with pytest.raises(ncgen.ModelError, match="emitted for coordinate-partitioning, not for lagrange"):
         ncgen.simulate(square, 0.1, formalism="lagrange", engine="refined")
+
+
+@pytest.fixture(scope="module")
+def fourbar():
+    """Kernels, a start, and the dynamics that are written out for it."""
+    kernels = ncgen.compile(ncgen.load("fourbar"), backend="c")
+    q = ncgen.assemble(kernels)
+    return kernels, q, compiled.dynamics(kernels, choose_partitions(kernels, q, independent=("psi",)), "emitted", q, kernels.p0)
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau"])
+def test_pivots_that_serve_are_used(fourbar, method):
+    """Where none vanishes nothing is done with row exchanges."""
+    kernels, q, emitted = fourbar
+    done = emitted.simulate(method, [0.0, 0.05], q, np.ones(1), kernels.p0, rtol=1e-6, atol=1e-8, tolerance=1e-12, growth=1e9)
+    assert done.status == "ok" and done.evaluations > 0 and done.fallbacks == 0
+
+
+STEPS = {"dop853": {"rtol": 1e-9, "atol": 1e-11}, "radau": {"rtol": 1e-9, "atol": 1e-11}, "trapezoidal": {"max_step": 5e-4}}
+
+
+@pytest.mark.parametrize("missing", [(), ("rows",), ("tangents",), ("rows", "tangents")], ids=str)
+@pytest.mark.parametrize("method", STEPS)
+def test_implicit_steps_without_what_they_need_are_refused(fourbar, method, missing, monkeypatch):
+    """Tangents, and rows for the solutions with row exchanges that a Jacobian is made of; explicit steps need neither."""
+    kernels, q, emitted = fourbar
+    whole = ncgen.simulate(kernels, 0.05, q0=q, zd0=[1.0], z="psi", points=2, rtol=1e-10, engine="python")
+    kept = emitted._dynamics.rows
+    if "tangents" in missing:
+        monkeypatch.setattr(type(emitted), "_take_tangents", lambda self: setattr(self._dynamics, "tangents", self._ffi.NULL))
+    try:
+        if "rows" in missing:
+            emitted._dynamics.rows = emitted._ffi.NULL
+        done = emitted.simulate(method, [0.0, 0.05], q, np.ones(1), kernels.p0, **STEPS[method], tolerance=1e-12, growth=1e9)
+    finally:
+        emitted._dynamics.rows = kept
+    assert done.status == ("argument" if missing and method != "dop853" else "ok")
+    if done.status == "ok":
+        assert done.q[-1] == pytest.approx(whole.q[-1], abs=1e-6)
