@@ -194,3 +194,18 @@ def test_rows_between_trapezoidal_steps_lie_on_the_cubic():
     psi = on.kernels.index["psi"]
     assert between.q[:, psi] == pytest.approx(CubicHermiteSpline(on.t, on.q[:, psi], on.qd[:, psi])(between.t), abs=1e-13)
     assert between.qd[:, psi] == pytest.approx(CubicHermiteSpline(on.t, on.qd[:, psi], on.qdd[:, psi])(between.t), abs=1e-12)
+
+
+def test_a_cubic_is_foreseen():
+    """A particle's velocity is a cubic, as the polynomial of a step is: carried on it is the next step's.
+
+    Newton's method has nothing to do but to see that, by twice three stages and the end of each step; now and then a step is repeated.
+    """
+    model = ncgen.Model("thrust")
+    point = model.point("P", (0.1, 0.2))
+    model.body("b", points=[point], mass=2.0)
+    model.force(point, (6 * model.time**2, 2 + 4 * model.time - 12 * model.time**2, 0))
+    given = {"qd0": {"P.x": 1.0, "P.y": 2.0}, "rtol": 1e-8, "atol": 1e-10, "max_step": 0.1, "points": 2, "formalism": "lagrange"}
+    run = ncgen.simulate(ncgen.compile(model), 2.0, integrator="radau", engine="c", **given)
+    assert run.q[-1] == pytest.approx([0.1 + 2 + 2**4 / 4, 0.2 + 4 + 2**2 / 2 + 2**3 / 3 - 2**4 / 2], rel=1e-9)
+    assert run.statistics.steps > 20 and run.statistics.evaluations < 7.3 * run.statistics.steps

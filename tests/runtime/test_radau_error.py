@@ -80,16 +80,3 @@ def program(tmp_path_factory):
 def test_the_estimate(program, slope, rejected, calls, asked, error):
     done = subprocess.run([program], input=f"{slope} {rejected}", capture_output=True, text=True, check=True)
     assert list(map(float, done.stdout.split())) == pytest.approx([calls, asked, error], abs=1e-12)
-
-
-def test_a_cubic_is_foreseen():
-    """Under a force that grows evenly a particle moves by a cubic, as the polynomial of a step does: carried on it is the next step, so that
-    Newton's method has nothing left to do but to see it, twice three stages and the end of each step."""
-    model = ncgen.Model("thrust")
-    point = model.point("P", (0.1, 0.2))
-    model.body("b", points=[point], mass=2.0)
-    model.force(point, (0.6 * model.time, 2 + 4 * model.time, 0))
-    given = {"qd0": {"P.x": 1.0, "P.y": 2.0}, "rtol": 1e-8, "atol": 1e-10, "max_step": 0.1, "points": 2, "formalism": "lagrange"}
-    run = ncgen.simulate(ncgen.compile(model), 2.0, integrator="radau", engine="c", **given)
-    assert run.q[-1] == pytest.approx([0.1 + 2 + 0.3 * 2**3 / 6, 0.2 + 4 + 2**2 / 2 + 2 * 2**3 / 6], rel=1e-12)
-    assert run.statistics.steps > 20 and run.statistics.evaluations <= 7 * run.statistics.steps + 9

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy
 
 import ncgen
 from ncgen import Model
+from ncgen.solver.positions.partition import choose_partitions
 
 CRANK, ROD = 0.3, 0.8
 
@@ -126,3 +128,14 @@ def test_a_singular_position_has_no_derivative():
     found.t[1], found.q[1] = np.pi / 2, (0.0, CRANK, 0.0, np.pi / 2)
     with pytest.raises(ncgen.SingularError, match=r"the position at t = 1\.5708 s is singular"):
         found.q_by  # noqa: B018
+
+
+def test_what_is_independent_in_a_slot_that_turns():
+    """Along y at first, along x a quarter of a turn later: a partition without a time is that of t = 0."""
+    model = ncgen.Model("slot")
+    point = model.point("P", (0, 0.3))
+    model.body("bead", points=[point], mass=1.0)
+    model.constrain(sympy.cos(model.time) * point.x + sympy.sin(model.time) * point.y)
+    kernels = ncgen.compile(model, "numpy")
+    for given, q, name in (((), [0, 0.3], "P.y"), ((np.pi / 2,), [0.3, 0], "P.x")):
+        assert choose_partitions(kernels, np.array(q), *given).position.names(kernels) == (name,)

@@ -10,6 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 from every_example import EVERY
+from scipy.special import ellipk
 
 import ncgen
 from ncgen.errors import ModelError, SingularError
@@ -276,3 +277,20 @@ def test_a_module_and_an_entry_are_a_formalism(tmp_path, monkeypatch):
     assert np.linalg.norm(kernels.jacobian(run.q[-1]).T @ run.lam[-1]) == pytest.approx(-3 * 2.0 * 9.81 * run.q[-1][1], rel=1e-7)
     del sys.modules["ncgen.solver.formalisms.schur_complement"]
     accelerations_by.cache_clear()
+
+
+@pytest.mark.parametrize("pace", [1.0, 1e-7, 1e7])
+def test_iterations_on_a_small_penalty_end_at_rounding_in_any_units(pace):
+    """A pendulum that falls from level is at the bottom after K(1/2) √(L/g), of nanoseconds as of months.
+
+    With so small a penalty accelerations take several iterations, which end where corrections are small beside them.
+    """
+    model, length, gravity = ncgen.Model("pendulum"), 0.7, 9.81 * pace**2
+    bob = model.point("B", (length, 0))
+    model.body("bob", points=[bob], mass=1.3)
+    model.distance(model.point("O", (0, 0), fixed=True), bob)
+    model.gravity((0, -gravity, 0))
+    quarter = float(ellipk(0.5) * np.sqrt(length / gravity))
+    steps = {"integrator": "rk4", "max_step": quarter / 200, "points": 2}
+    run = ncgen.simulate(ncgen.compile(model), quarter, formalism="augmented-lagrangian", options={"alpha": 10.0}, engine="c", **steps)
+    assert run.q[-1] == pytest.approx([0, -length], abs=1e-9)
