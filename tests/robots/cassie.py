@@ -21,7 +21,7 @@ import ncgen
 from ncgen.exchange.robots import read_robot
 from ncgen.exchange.robots.mjcf import text_of
 from ncgen.exchange.robots.natural import model_of, word
-from ncgen.exchange.robots.robot import Joint, Link, Robot, together
+from ncgen.exchange.robots.robot import Joint, Robot, together
 from ncgen.program.ir.cost import cost
 from ncgen.report.clock import measure, repeated
 from ncgen.report.repeat import Call, runner
@@ -278,11 +278,7 @@ def fall(kernels, peer: Pinocchio) -> None:
 def beside_mujoco(robot: Robot, kernels, space) -> None:
     import mujoco
 
-    root = Joint("root", "floating", "world_", robot.root, robot.base)
-    loops = tuple(replace(loop, placement=robot.base @ loop.placement) for loop in robot.loops)
-    links = {"world_": Link("world_", None), **robot.links}
-    text = text_of(replace(robot, links=links, joints=(root, *robot.joints), loops=loops, base=robot.base.inverse() @ robot.base))
-    model = mujoco.MjModel.from_xml_string(text)
+    model = mujoco.MjModel.from_xml_string(text_of(robot))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     model.opt.solver, model.opt.iterations, model.opt.tolerance = mujoco.mjtSolver.mjSOL_NEWTON, 200, 1e-16
     model.eq_solimp[:] = (0.9999, 0.9999, 0.001, 0.5, 2)
