@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from ncgen.model.elements import Component
 from ncgen.model.values import Value, as_sympy, is_number
-from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.blocks import Program, written
 from ncgen.program.ir.derivatives import gradient
 from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
@@ -30,8 +30,8 @@ def assemble_start(numbering: Numbering) -> tuple[Program, Program]:
     entries = [row.get(p, zero) for row in slopes for p in parameters.values()]
     slopes = _program("start_p", graph, entries)
     (block,) = slopes.blocks  # what is not written is 0, as most derivatives are
-    written = tuple(store for store in block.stores if block.ops[store.node].leaf != 0.0)
-    return _program("start", graph, nodes), replace(slopes, blocks=(finish(replace(block, stores=written)),))
+    kept = tuple(store for store in block.stores if block.ops[store.node].leaf != 0.0)
+    return _program("start", graph, nodes), replace(slopes, blocks=(finish(replace(block, stores=kept)),))
 
 
 def assemble_described(numbering: Numbering, components: Iterable[Component]) -> Program:
@@ -51,5 +51,4 @@ def _node(graph: Graph, value: Value, parameters: dict[str, int]) -> int:
 
 
 def _program(name: str, graph: Graph, nodes: Sequence[int], inputs: tuple[str, ...] = ("p",)) -> Program:
-    stores = tuple(Store(name, k, node) for k, node in enumerate(nodes))
-    return Program(name, inputs, name, len(nodes), (finish(Straight(tuple(graph.ops), stores)),))
+    return Program(name, inputs, name, len(nodes), (finish(written(graph, name, nodes)),))

@@ -14,7 +14,7 @@ from ncgen.program.algebra.elimination import Matrix
 from ncgen.program.assemble import Kernel, load_name, parts_of, place_of, told_of
 from ncgen.program.binding import Bound, Derived, Reference, bind
 from ncgen.program.ir.angles import share_angles
-from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.blocks import Program, written
 from ncgen.program.ir.cut import cut
 from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
@@ -96,8 +96,3 @@ def line(graph: Graph, name: str, inputs: tuple[str, ...], outputs: Sequence[int
     names = {k: load_name(*op.input, equations) for k, op in enumerate(graph.ops) if op.code == "load"}
     block = finish(replace(written(graph, name, outputs), names=names))
     return cut(share_angles(Program(name, inputs, name, len(outputs), (block,))))
-
-
-def written(graph: Graph, name: str, outputs: Sequence[int]) -> Straight:
-    """All operations of a graph, and stores of some."""
-    return Straight(tuple(graph.ops), tuple(Store(name, k, node) for k, node in enumerate(outputs)))

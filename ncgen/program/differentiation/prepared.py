@@ -12,12 +12,12 @@ from collections.abc import Mapping, Sequence
 
 from ncgen.program.differentiation.differentiated import reads, written_out
 from ncgen.program.differentiation.identities import simplified
-from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.blocks import Program, written
 from ncgen.program.ir.factoring import factored
 from ncgen.program.ir.graph import Graph, Op
 from ncgen.program.ir.multiples import is_known, spread
 from ncgen.program.ir.passes import dead_code, unroll
-from ncgen.program.lines import line, written
+from ncgen.program.lines import line
 from ncgen.symbolic.numbering import Terms
 
 

@@ -14,7 +14,7 @@ from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 
-from ncgen.program.ir.graph import Op
+from ncgen.program.ir.graph import Graph, Op
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,11 @@ class Straight:
 
     count: ClassVar[int] = 1
     slots: ClassVar[tuple[Slot | Column, ...]] = ()
+
+
+def written(graph: Graph, array: str, nodes: Iterable[int]) -> Straight:
+    """All operations of a graph, and stores of some in an array, one after the other."""
+    return Straight(tuple(graph.ops), tuple(Store(array, k, node) for k, node in enumerate(nodes)))
 
 
 @dataclass(frozen=True)

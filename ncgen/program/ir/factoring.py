@@ -17,14 +17,11 @@ from typing import TypeVar
 
 from ncgen.program.ir.blocks import Block
 from ncgen.program.ir.graph import Graph, Op
-from ncgen.program.ir.multiples import is_exact, is_known
+from ncgen.program.ir.multiples import LARGEST, is_exact, is_known
 from ncgen.program.ir.passes import dead_code, operations, uses
 from ncgen.program.ir.sums import Form, Product, Sum, Term, added, factors, inside, outside, terms
 
 B = TypeVar("B", bound=Block)
-
-LARGEST = 100
-"""Terms of a sum, or factors of a product, that are looked at together: longer ones are taken in parts."""
 
 WORTHWHILE = 0.02
 """The share of operations that a round has to save for another one: in long programs it would find next to nothing."""

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from ncgen.program.ir.graph import Graph, Op
 
 LARGEST = 100
-"""Terms of a sum that a factor is taken into."""
+"""Terms of a sum, or factors of a product, that are looked at together: longer ones are taken in parts, or stay."""
 
 
 def is_known(op: Op, arguments: Sequence[bool], parameters: int) -> bool:

@@ -195,8 +195,8 @@ def newton(equations: Terms, split: Split, samples: Sequence[Sample], moved: Seq
     zero = graph.const(0.0)
     steps = [step.get(c, zero) for c in (split.dependent if moved is None else moved)]
     residuals = [phi.get(r, zero) for r in range(len(equations.rows))]
-    written = lines.program if moved is None else lines.draft
-    return written("newton", ("t", "q", "p"), steps + residuals)
+    made = lines.program if moved is None else lines.draft
+    return made("newton", ("t", "q", "p"), steps + residuals)
 
 
 def by_all_coordinates(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> Program:

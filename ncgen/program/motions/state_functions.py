@@ -26,7 +26,7 @@ from typing import TypeAlias
 
 from ncgen.program.algebra.elimination import solve_positive
 from ncgen.program.assemble import KERNELS
-from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.blocks import Program, written
 from ncgen.program.ir.cut import cut
 from ncgen.program.ir.derivatives import gradient, tangent
 from ncgen.program.ir.finishing import finish
@@ -97,8 +97,7 @@ class Function:
             seeds = {load: self.graph.load("seed", k) for k, load in enumerate(self.along.variables)}
             found = tangent(self.graph, nodes, seeds)
             nodes, read = [found.get(node, self.graph.const(0.0)) for node in nodes], read | {"seed": len(seeds)}
-        stores = tuple(Store("out", k, node) for k, node in enumerate(nodes))
-        block = finish(Straight(tuple(self.graph.ops), stores))
+        block = finish(written(self.graph, "out", nodes))
         program = cut(Program(f"entries_of_{self.name}", tuple(read), "out", len(nodes), (block,)))
         verify(program, read)
         return program
