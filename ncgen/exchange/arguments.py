@@ -17,6 +17,7 @@ from ncgen.exchange.grammar import parse_direction, parse_expression
 from ncgen.exchange.words import kind_of
 from ncgen.model import Model
 from ncgen.model.arguments import READERS
+from ncgen.model.bodies import WORDS_OF_INERTIA
 from ncgen.model.elements import Spatial
 from ncgen.model.names import LAW, TIME
 from ncgen.model.outputs import observable_loads
@@ -122,7 +123,9 @@ def _values(model: Model | None, raw: object) -> list[int | float | Expr]:
 
 
 def _tensor(model: Model | None, raw: object) -> object:
-    """A number, three of them, or three rows of three."""
+    """A number, three of them, three rows of three, or a word."""
+    if isinstance(raw, str) and raw.strip() in WORDS_OF_INERTIA:
+        return raw.strip()
     if not isinstance(raw, list):
         return _value(model, raw)
     return [_values(model, item) if isinstance(item, list) else _value(model, item) for item in raw]

@@ -12,7 +12,7 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.words import NOT_IN_FILES, kind_of, signature_of
 from ncgen.model import Model
-from ncgen.model.bodies import Body
+from ncgen.model.bodies import WORDS_OF_INERTIA, Body
 from ncgen.model.elements import Combination, Component, Element
 from ncgen.model.names import LAW, TIME, normal
 from ncgen.model.outputs import observable_loads
@@ -66,6 +66,8 @@ class _Writer:
             raise _refused(value, where)
         if kind_of(parameter) == "str":
             return _quoted(value, where)
+        if kind_of(parameter) == "Tensor" and isinstance(value, Parameter) and value.name in WORDS_OF_INERTIA:
+            return _quoted(f"({value.name})", where)
         return self.text(value, where)
 
     def text(self, value: object, where: str) -> str:

@@ -48,8 +48,8 @@ Driven: TypeAlias = "Value | Symbolic"
 Expressions: TypeAlias = "Sequence[Expression] | np.ndarray | sympy.MatrixBase"
 """In signatures: three of them."""
 
-Tensor: TypeAlias = "Value | Sequence[Value] | Sequence[Sequence[Value]] | np.ndarray"
-"""In signatures: one value, three, or 3×3."""
+Tensor: TypeAlias = "Value | Sequence[Value] | Sequence[Sequence[Value]] | np.ndarray | str"
+"""In signatures: one value, three, 3×3, or a word for it."""
 
 Scalar: TypeAlias = "float | sympy.Expr"
 """A value that a model holds, ready for arithmetic: a number, or an expression of parameters."""

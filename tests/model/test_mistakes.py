@@ -31,7 +31,9 @@ class Scene:
 
     def beam(self, **inertia):
         basis = [self.pivot, self.tip, self.ez]
-        return self.model.body("beam", points=[self.pivot, self.tip], vectors=[self.ez], basis=basis, **{"mass": 1.0, **inertia})
+        return self.model.body(
+            "beam", points=[self.pivot, self.tip], vectors=[self.ez], basis=basis, **{"mass": 1.0, "inertia": "point", **inertia}
+        )
 
 
 # What is done wrong, and words that the message must contain.
@@ -96,10 +98,13 @@ MISTAKES = {
     "a body twice": (lambda s: [s.beam(), s.beam()], ["body beam", "already a body"]),
     "a body with a stranger": (lambda s: s.model.body("beam", points=[s.stranger]), ["body beam", "stranger", "another model"]),
     "a basis on one line": (
-        lambda s: s.model.body("beam", [s.pivot, s.tip, s.far], [s.ez], mass=1.0, basis=[s.pivot, s.tip, s.far, s.ez]),
+        lambda s: s.model.body("beam", [s.pivot, s.tip, s.far], [s.ez], mass=1.0, basis=[s.pivot, s.tip, s.far, s.ez], inertia="point"),
         ["body beam", "pivot, tip, far, ez", "parallel or coplanar"],
     ),
-    "a basis of vectors": (lambda s: s.model.body("beam", vectors=[s.ex, s.ez], mass=1.0), ["body beam", "at least one point"]),
+    "a basis of vectors": (
+        lambda s: s.model.body("beam", vectors=[s.ex, s.ez], mass=1.0, inertia="point"),
+        ["body beam", "at least one point"],
+    ),
     "a basis without anything": (lambda s: s.model.body("beam", mass=1.0), ["body beam", "at least one point"]),
     "an independent coordinate that is none": (lambda s: s.model.independent("psi"), ["independent, coordinates", "no coordinate psi"]),
     "an independent coordinate that is fixed": (lambda s: s.model.independent("pivot.x"), ["pivot.x", "not a free coordinate"]),
@@ -113,7 +118,7 @@ LATE_MISTAKES = {
     "an unknown symbol in a law": (lambda s: s.model.drive(s.tip.x, sympy.Symbol("omega") * s.model.time), ["tip.x", "omega"]),
     "another model's coordinate": (lambda s: s.model.constrain(s.tip.x - s.stranger.x, "tie"), ["row 1 (tie)", "stranger.x"]),
     "a centre beside the bar": (
-        lambda s: s.model.body("rod", points=[s.tip, s.far], mass=1.0, com=(3, 0.1, 0)),
+        lambda s: s.model.body("rod", points=[s.tip, s.far], mass=1.0, com=(3, 0.1, 0), inertia="point"),
         ["body rod", "not on the line"],
     ),
     "a bar that is not round": (
