@@ -212,7 +212,7 @@ class Structure(Coordinates):
         ends = body.points if len(body.points) == 2 else points
         if len(ends) != 2:
             raise ModelError(
-                f'body {body.name}: inertia="rod" is between two points, and it has {len(body.points)}; name two as its basis, or give numbers'
+                f'body {body.name}: inertia="rod" is between two points, and it has {len(body.points)}; give two as its basis, or numbers'
             )
         return ends
 
