@@ -149,6 +149,11 @@ def _expressions(model: Model | None, raw: object) -> list[int | float | Expr]:
     return [_expression(model, item) for item in _list(raw)]
 
 
+def _moment(model: Model | None, raw: object) -> object:
+    """Such a list, or one expression in the plane."""
+    return _expressions(model, raw) if isinstance(raw, list) else _expression(model, raw)
+
+
 def _law(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of x, the length or angle, v, its rate, the time and parameters."""
     model = _there(model)
@@ -209,6 +214,7 @@ CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "Expression": _expression,
     "Driven": _driven,
     "Expressions": _expressions,
+    "Moment": _moment,
     "Law": _law,
     "Direction": _direction,
     **dict.fromkeys(("Body", "Point", "Vector", "Spatial", "Relative", "Component | Relative"), _name),

@@ -14,6 +14,7 @@ from ncgen.exchange.words import NOT_IN_FILES, kind_of, signature_of
 from ncgen.model import Model
 from ncgen.model.bodies import WORDS_OF_INERTIA, Body
 from ncgen.model.elements import Combination, Component, Element
+from ncgen.model.kinks import without_kinks
 from ncgen.model.names import LAW, TIME, normal
 from ncgen.model.outputs import observable_loads
 from ncgen.model.values import Parameter, is_number
@@ -91,10 +92,12 @@ class _Writer:
         raise _refused(value, where)
 
     def expression(self, value: object, where: str) -> str:
+        from sympy import Expr
+
         from ncgen.exchange.expression_text import expression_text  # needs sympy, which a model without expressions does without
 
         try:
-            text = expression_text(value, self.known, self.curves)
+            text = expression_text(without_kinks(value, where) if isinstance(value, Expr) else value, self.known, self.curves)
         except ModelError as error:
             raise ModelError(f"{where}: it cannot be written into a model file: {error}") from None
         if text is None:

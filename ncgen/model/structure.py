@@ -179,19 +179,19 @@ class Structure(Coordinates):
         points = [e for e in carriers or body.elements if isinstance(e, Point)]
         if not points:
             raise ModelError(f"body {body.name}: inertia needs at least one point; give it one")
-        assumed, word = tensor is None, tensor if isinstance(tensor, str) else None
-        if word is not None:
-            self._check_word(body.name, word)
-        if word == "rod":
+        is_rod, assumed = isinstance(tensor, str) and tensor == "rod", tensor is None
+        if isinstance(tensor, str):
+            self._check_word(body.name, tensor)
+        if is_rod:
             points = self._ends(body, points, com)
         if com is None:
             com = _middle(points)
         if len(com) == 2 and body.frame.planar:
             com = (*com, points[0].given[2])
-        if word == "rod":
+        if is_rod:
             tensor = rod_tensor(mass, *(p.given for p in points))
         else:
-            tensor = self._tensor(body.name, 0.0 if assumed or word == "point" else tensor)
+            tensor = self._tensor(body.name, 0.0 if tensor is None or isinstance(tensor, str) else tensor)
         check_inertia(body.name, self._number(mass, ""), self._numbers(com), self._numbers(tensor))
         if not all(map(is_number, tensor.flat)):
             check_pairs(body.name, tensor, self.parameters)

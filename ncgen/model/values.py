@@ -46,7 +46,10 @@ Driven: TypeAlias = "Value | Symbolic"
 """In signatures: the same, in which inputs may stand, too."""
 
 Expressions: TypeAlias = "Sequence[Expression] | np.ndarray | sympy.MatrixBase"
-"""In signatures: three of them."""
+"""In signatures: three of them, or two in the plane."""
+
+Moment: TypeAlias = "Expression | Expressions"
+"""In signatures: three of them, or one about the normal of the plane."""
 
 Tensor: TypeAlias = "Value | Sequence[Value] | Sequence[Sequence[Value]] | np.ndarray | str"
 """In signatures: one value, three, 3×3, or a word for it."""

@@ -78,7 +78,7 @@ MISTAKES = {
     "a sloped side along its axis": (lambda s: s.model.angle("psi", s.ez, s.far - s.tip, s.ex), ["angle psi", "far-tip", "parallel"]),
     "a point for a direction": (lambda s: s.model.angle("psi", s.tip, s.ex, s.ez), ["angle psi", "tip", "not a direction"]),
     "an angle in no form": (lambda s: s.model.angle("psi", s.ex, s.ex, s.ez, form="round"), ["'round'", "smooth"]),
-    "gravity in a plane": (lambda s: s.model.gravity((0, -9.81)), ["gravity", "2 numbers"]),
+    "gravity of one number": (lambda s: s.model.gravity((-9.81,)), ["gravity", "1 numbers"]),
     "gravity that is none": (lambda s: s.model.gravity((0, 0, NAN)), ["gravity", "nan"]),
     "a force that is none": (lambda s: s.model.force(s.tip, (0, NAN, 0)), ["force on tip", "tip.y", "nan"]),
     "a negative mass": (lambda s: s.beam(mass=-3.0), ["body beam", "-3 kg"]),
