@@ -40,7 +40,7 @@ def build() -> Model:
     mass = {name: m.parameter(name, value, "kg") for name, value in TRUE.items()}
     A, B, C = m.point("A", (0, 0), fixed=True), m.point("B", (0, -1.0)), m.point("C", (0, -1.8))
     for name, points in (("upper", [A, B]), ("joint", [B]), ("lower", [B, C]), ("tip", [C])):
-        m.body(name, points=points, mass=mass[name])
+        m.body(name, points=points, mass=mass[name], inertia="point")
     x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
     psi = m.angle("psi", start=x, end=B - A, axis=z)
     theta = m.angle("theta", start=B - A, end=C - B, axis=z)

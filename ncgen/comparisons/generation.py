@@ -36,9 +36,9 @@ start, before = time.perf_counter(), spent()
 kernels = ncgen.compiler.compile(model, "c", emission, timings)
 seconds = time.perf_counter() - start - timings.seconds.get("import", 0.0)
 processor = spent() - before
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.comparisons.rivals.generated import code_bytes
-code = code_bytes(kernels.library, identifier(kernels.name), kernels.programs.programs)
+code = code_bytes(kernels.library, prefix_of(kernels.name), kernels.programs.programs)
 found = {"seconds": seconds, "processor": processor, "stages": timings.seconds, "code": sum(code.values())}
 if steps:
     from ncgen import simulate

@@ -17,7 +17,7 @@ import numpy as np
 from ncgen.comparisons.rivals.base import KERNELS, Inputs, own_start
 from ncgen.comparisons.rivals.handwritten import source
 from ncgen.compiler import compile, generate
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
@@ -40,7 +40,7 @@ def instruction_records(model: Model) -> Iterator[dict]:
         raise NcgenError("instructions are counted by valgrind, which is not there; install it (Debian: apt install valgrind)")
     kernels = compile(model, "c")
     inputs = Inputs.typical(kernels)
-    prefix = identifier(model.name)
+    prefix = prefix_of(model.name)
     flags = tuple(f"-march={COMMON}" if flag.startswith("-march") else flag for flag in FLAGS)
     with tempfile.TemporaryDirectory() as folder:
         count = _Counter(Path(folder), flags)
@@ -66,7 +66,7 @@ def _derivative_records(kernels: CompiledKernels, count: _Counter) -> Iterator[d
     written = dynamics(kernels, partitions, "emitted", q, kernels.p0).written
     programs, files = written.programs, written.files
     files = files | runtime_files(*RUNTIME_HEADERS, *HEADERS)
-    prefix, zd = identifier(kernels.name), np.ones(len(partitions.velocity.independent))
+    prefix, zd = prefix_of(kernels.name), np.ones(len(partitions.velocity.independent))
     for kind, program in (("newton", programs.newton), ("acceleration", programs.acceleration)):
         numbers = q, zd, kernels.p0, program.size
         yield _record(kind, "state derivative", count(files, f"{prefix}_dynamics", kind, numbers, f"{prefix}_{kind}"))

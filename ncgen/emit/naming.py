@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from ncgen.emit.taken import TAKEN
 from ncgen.program.ir.functions import FUNCTIONS
 
 _C_WORDS = """
@@ -36,6 +37,15 @@ def identifier(name: str) -> str:
     word = re.sub(r"__+", "_", word).strip("_") or "x"
     word = word if word[0].isalpha() else f"x{word}"
     return f"{word}_" if word in RESERVED else word
+
+
+def prefix_of(model: str) -> str:
+    """What the files, functions and packages of a model begin with: its name, with `_` behind one that means something else there.
+
+    So a model called stdio has the header stdio_.h, and one called Class the package class_.
+    """
+    word = identifier(model)
+    return f"{word}_" if word.lower() in TAKEN or (word.lower() in RESERVED and word not in RESERVED) else word
 
 
 class Names:

@@ -17,6 +17,7 @@ from ncgen.exchange.grammar import parse_direction, parse_expression
 from ncgen.exchange.words import kind_of
 from ncgen.model import Model
 from ncgen.model.arguments import READERS
+from ncgen.model.bodies import WORDS_OF_INERTIA
 from ncgen.model.elements import Spatial
 from ncgen.model.names import LAW, TIME
 from ncgen.model.outputs import observable_loads
@@ -122,7 +123,9 @@ def _values(model: Model | None, raw: object) -> list[int | float | Expr]:
 
 
 def _tensor(model: Model | None, raw: object) -> object:
-    """A number, three of them, or three rows of three."""
+    """A number, three of them, three rows of three, or a word."""
+    if isinstance(raw, str) and raw.strip() in WORDS_OF_INERTIA:
+        return raw.strip()
     if not isinstance(raw, list):
         return _value(model, raw)
     return [_values(model, item) if isinstance(item, list) else _value(model, item) for item in raw]
@@ -144,6 +147,11 @@ def _driven(model: Model | None, raw: object) -> int | float | Expr:
 def _expressions(model: Model | None, raw: object) -> list[int | float | Expr]:
     """A list of numbers and expressions of everything that moves."""
     return [_expression(model, item) for item in _list(raw)]
+
+
+def _moment(model: Model | None, raw: object) -> object:
+    """Such a list, or one expression in the plane."""
+    return _expressions(model, raw) if isinstance(raw, list) else _expression(model, raw)
 
 
 def _law(model: Model | None, raw: object) -> int | float | Expr:
@@ -206,6 +214,7 @@ CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "Expression": _expression,
     "Driven": _driven,
     "Expressions": _expressions,
+    "Moment": _moment,
     "Law": _law,
     "Direction": _direction,
     **dict.fromkeys(("Body", "Point", "Vector", "Spatial", "Relative", "Component | Relative"), _name),

@@ -3,8 +3,9 @@
     2*L + 0.1        -k*(psi - psi0) - c*rate(psi)        sin(omega*t)        B.x**2        profile(psi)
 
 Numbers, names, + - * / **, parentheses, the functions of ncgen.program.ir.functions, min and max of two, rate(…), loads as force(rod, A).x,
-moment(rod, u).z and driver(psi), and curves: splines and tables by their names, a derivative as profile(psi, 1), and
-smooth_step(x, start, end). A text that is anything else is refused with the part that is not understood.
+moment(rod, u).z and driver(psi), curves: splines and tables by their names, a derivative as profile(psi, 1), and
+smooth_step(x, start, end), and choices (`ncgen.exchange.choices`). A text that is anything else is refused with the part that is not
+understood.
 
 The size of what a text says is measured on its syntax tree, before anything is computed: sympy keeps exact numbers
 exact, and a short text can ask for a number that no memory holds.
@@ -21,6 +22,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
+from ncgen.exchange.choices import PIECEWISE, compared, piecewise
 from ncgen.model.curves import BUILT_IN, STEP, Curve, smooth_step
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import DEEPEST, MOST_DIGITS, MOST_FACTORS, check_expression
@@ -167,6 +169,9 @@ class _Measure:
         if isinstance(node, ast.Call) and dotted(node.func) in CHOICES:
             inner = [self.size(a, level + 3) for a in node.args]  # each stands there three times: by itself and in two weights
             return Size(None, 3 * sum(s.digits for s in inner), 3 * sum(s.growth for s in inner), _functions(inner) | {"sign"})
+        if isinstance(node, ast.Call) and dotted(node.func) == PIECEWISE:
+            inner = [self.size(a, level + 3) for a in compared(node)]  # each stands there twice at most
+            return Size(None, 3 * sum(s.digits for s in inner), 3 * sum(s.growth for s in inner), _functions(inner) | {"sign"})
         if isinstance(node, ast.Call) and dotted(node.func) in self.curves:
             return Size(None, 1 + sum(self.size(a, level + 1).digits for a in node.args), 1)  # of numbers alone it is a double
         return Size(CONSTANTS.get(dotted(node) or ""), 1)  # a name, or what is refused when it is read
@@ -298,10 +303,12 @@ class _Reader:
             return sympy.Symbol(rate_name(inner), real=True)
         if function in CHOICES and len(node.args) == 2:
             return without_kinks(getattr(sympy, CHOICES[function])(*map(self.read, node.args)), quoted(self.text))
+        if function == PIECEWISE:
+            return piecewise(node, self.read, quoted(self.text))
         if function is not None and function in self.curves:
             return self._curve(self.curves[function], node.args)
         if function not in FUNCTIONS or len(node.args) != FUNCTIONS[function].arity:
-            part, known = shortened(_source(node.func, self.text), SHOWN), ", ".join((*FUNCTIONS, *CHOICES, *self.curves, RATE))
+            part, known = shortened(_source(node.func, self.text), SHOWN), ", ".join((*FUNCTIONS, *CHOICES, PIECEWISE, *self.curves, RATE))
             raise ModelError(f"{quoted(self.text)}: {part} of {len(node.args)} is unknown; the functions are {known}")
         return getattr(sympy, FUNCTIONS[function].sympy)(*map(self.read, node.args))
 

@@ -13,15 +13,20 @@ import numpy as np
 
 from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import INTEGRATORS
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.derivatives.gradients import taped_batch
 from ncgen.solver.derivatives.sensitivity import Motion, motion_of
 from ncgen.solver.derivatives.taped_batch import Swept, TapedBatch
 
+IN_LANES = {"q0", "t0", "z"}
+"""What motions that run side by side can be asked for besides their parameters and rates."""
+
 
 def rates_of(kernels: Kernels, start: dict[str, Any]) -> tuple[str, ...]:
     """The independent coordinates whose rates a motion takes; start: as of `ncgen.sensitivities`."""
-    names = motion_of(kernels, 1e-9, 1, "rk4", **start).names
+    initial = {name: value for name, value in start.items() if name not in ("rtol", "options", "inputs")}
+    names = motion_of(kernels, 1e-9, 1, "rk4", **initial).names
     return tuple(coordinate for name in names if (coordinate := coordinate_of(name)) != name)
 
 
@@ -58,7 +63,7 @@ class MotionFunction:
         """
         if {"p", "zd0", "qd0"} & start.keys():
             raise ModelError(f"{door}: p and the initial rates are the motion's own arguments; leave p, zd0 and qd0 out")
-        self.kernels, self._asked, self._start = kernels, asked, start
+        self.kernels, self._asked, self._start = kernels, asked, {name: value for name, value in start.items() if value is not None}
         self._last: tuple[bytes, Motion] | None = None
         self._one(kernels.p0, None)  # so that what cannot be is refused here
         self._z = rates_of(kernels, start)
@@ -72,10 +77,19 @@ class MotionFunction:
             if tuple(found) != shape:
                 raise ModelError(f"{self.kernels.name}: {name} has shape {tuple(found)}; it must be {shape}")
 
+    @property
+    def _is_for_lanes(self) -> bool:
+        """True where many motions run side by side; motions with anything else that was asked for run one after the other."""
+        return bool(INTEGRATORS[self._asked[2]].tableau) and self._start.keys() <= IN_LANES
+
     def _forward(self, p: np.ndarray, rates: np.ndarray, q: np.ndarray, qd: np.ndarray) -> None:
         if q.ndim == 2:
             run = self._one(p, rates)
             q[:], qd[:] = run.q, run.qd
+        elif not self._is_for_lanes:
+            leading = q.shape[:-2]
+            own = [_spread(p, leading), _spread(rates, leading), q, qd]
+            _one_after_the_other(self._forward, leading, own)
         else:
             self._completed(self._many(q.shape[:-2], p, rates).sweep(None, rows=(_flat(q, 2), _flat(qd, 2))))
 
@@ -84,9 +98,14 @@ class MotionFunction:
     ) -> None:
         if by_p.ndim == 1:
             slopes, _ = self._one(p, rates).backward(by_q, by_qd)
+        elif not self._is_for_lanes:
+            leading = by_p.shape[:-1]
+            given = [_spread(p, leading), _spread(rates, leading), _spread(by_q, leading, 2), _spread(by_qd, leading, 2)]
+            _one_after_the_other(self._backward, leading, [*given, by_p, by_rates])
+            return
         else:
             leading = by_p.shape[:-1]
-            weights = [_flat(np.broadcast_to(a, leading + a.shape[-2:]), 2) for a in (by_q, by_qd)]
+            weights = [_flat(_spread(a, leading, 2), 2) for a in (by_q, by_qd)]
             motions = self._many(leading, p, rates)
             slopes = self._completed(motions.sweep(lambda rows, q, qd: (weights[0][rows], weights[1][rows])))
         by_p[:] = slopes[..., : p.shape[-1]].reshape(by_p.shape)
@@ -100,8 +119,8 @@ class MotionFunction:
         return last[1]  # what has been made here, whatever another thread makes meanwhile
 
     def _many(self, leading: tuple[int, ...], p: np.ndarray, rates: np.ndarray) -> TapedBatch:
-        p, rates = (_flat(np.broadcast_to(a, leading + a.shape[-1:]), 1) for a in (p, rates))
-        given = {name: value for name, value in self._start.items() if name in ("q0", "t0")}
+        p, rates = (_flat(_spread(a, leading), 1) for a in (p, rates))
+        given = {name: value for name, value in self._start.items() if name != "z"}
         return taped_batch(self.kernels, *self._asked, zd0=rates, p=p, z=self._z, **given)
 
     def _completed(self, found: Swept) -> np.ndarray:
@@ -109,6 +128,20 @@ class MotionFunction:
         if bad := [i for i, word in enumerate(found.status) if word != "ok"]:
             raise NcgenError(f"motion {bad[0]} of {len(found.status)}: {found.status[bad[0]]}")
         return found.slopes
+
+
+def _one_after_the_other(call: Callable[..., None], leading: tuple[int, ...], arrays: Sequence[np.ndarray]) -> None:
+    """Call with the part of every motion of all arrays. Raises NcgenError with the number of the motion."""
+    for i, place in enumerate(np.ndindex(leading)):
+        try:
+            call(*(array[place] for array in arrays))
+        except NcgenError as error:
+            raise NcgenError(f"motion {i} of {prod(leading)}: {error}") from None
+
+
+def _spread(array: np.ndarray, leading: tuple[int, ...], axes: int = 1) -> np.ndarray:
+    """An array with all leading axes before its own."""
+    return np.broadcast_to(array, leading + array.shape[array.ndim - axes :])
 
 
 def _flat(array: np.ndarray, axes: int) -> np.ndarray:

@@ -12,8 +12,9 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.words import NOT_IN_FILES, kind_of, signature_of
 from ncgen.model import Model
-from ncgen.model.bodies import Body
+from ncgen.model.bodies import WORDS_OF_INERTIA, Body
 from ncgen.model.elements import Combination, Component, Element
+from ncgen.model.kinks import without_kinks
 from ncgen.model.names import LAW, TIME, normal
 from ncgen.model.outputs import observable_loads
 from ncgen.model.values import Parameter, is_number
@@ -66,6 +67,8 @@ class _Writer:
             raise _refused(value, where)
         if kind_of(parameter) == "str":
             return _quoted(value, where)
+        if kind_of(parameter) == "Tensor" and isinstance(value, Parameter) and value.name in WORDS_OF_INERTIA:
+            return _quoted(f"({value.name})", where)
         return self.text(value, where)
 
     def text(self, value: object, where: str) -> str:
@@ -89,10 +92,12 @@ class _Writer:
         raise _refused(value, where)
 
     def expression(self, value: object, where: str) -> str:
+        from sympy import Expr
+
         from ncgen.exchange.expression_text import expression_text  # needs sympy, which a model without expressions does without
 
         try:
-            text = expression_text(value, self.known, self.curves)
+            text = expression_text(without_kinks(value, where) if isinstance(value, Expr) else value, self.known, self.curves)
         except ModelError as error:
             raise ModelError(f"{where}: it cannot be written into a model file: {error}") from None
         if text is None:

@@ -22,7 +22,7 @@ from cffi import FFI
 from numpy.typing import ArrayLike
 
 from ncgen.emit.c.files import model_files
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import numbers, place
@@ -183,7 +183,7 @@ class CompiledBatch(Batch):
 
     @cached_property
     def _in_lanes(self) -> _Loop:
-        getter = f"{identifier(self.kernels.name)}_model"
+        getter = f"{prefix_of(self.kernels.name)}_model"
         ffi, library, has_threads = load((), "", self._flags, abi())
         files, width = model_files(self.kernels.programs), library.ncgen_batch_lanes()
         _, self._emitted = in_lanes(files, f"const ncgen_model *{getter}(void);", abi(), width, self._flags)

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.batch import LANES, aligned, in_lanes, load, pointer, thread_count
@@ -67,7 +67,7 @@ class LaneDynamics:
         kernels = written.kernels
         declarations, types = declared("ncgen_batch_run.h", "functions"), runtime_abi()
         self._ffi, self._library, self.has_threads = load(SOURCES, declarations, LANES, types)
-        getter = f"{identifier(kernels.name)}_dynamics"
+        getter = f"{prefix_of(kernels.name)}_dynamics"
         files = written.files | runtime_files(*RUNTIME_HEADERS)
         _, self._emitted = in_lanes(files, f"const ncgen_dynamics *{getter}(void);", types, self._library.ncgen_batch_lanes())
         self._dynamics = self._ffi.cast("const ncgen_dynamics *", getattr(self._emitted, getter)())

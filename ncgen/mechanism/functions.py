@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ncgen.emit.c import files as in_c
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.numpy import files as in_numpy
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
@@ -61,7 +61,7 @@ class CompiledFunctions(Functions):
 
     def __init__(self, kernels: CompiledKernels, kind: str, inputs: Inputs, sizes: Mapping[str, int], make: Made) -> None:
         super().__init__(sizes)
-        equations, prefix = kernels.programs.equations, identifier(kernels.name)
+        equations, prefix = kernels.programs.equations, prefix_of(kernels.name)
         files = recall.derived(kernels.programs, kind, lambda: in_c.function_files(make().values(), equations, kind))
         heads = ", ".join
         declared = [

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.emit.c.files import model_files
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.errors import NcgenError
 from ncgen.mechanism.batch import CompiledBatch
 from ncgen.mechanism.kernels import Kernels
@@ -34,7 +34,7 @@ class CompiledKernels(Kernels):
 
     def __init__(self, programs: Programs, library: Path) -> None:
         super().__init__(programs)
-        getter = f"{identifier(self.name)}_model"
+        getter = f"{prefix_of(self.name)}_model"
         self._ffi, self._library = opened(library, f"const ncgen_model *{getter}(void);", abi())
         self.library = library
         self.descriptor: InC = getattr(self._library, getter)()

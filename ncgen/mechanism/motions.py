@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.batch import aligned, in_lanes, pointer
 from ncgen.mechanism.runtime import ConstrainedDynamics
@@ -41,7 +41,7 @@ class _Emitted:
     """A mechanism's motion and its transposed derivative, in lanes; made when they are first asked for."""
 
     def __init__(self, dynamics: ConstrainedDynamics) -> None:
-        self._dynamics, self._name = dynamics, identifier(dynamics.kernels.name)
+        self._dynamics, self._name = dynamics, prefix_of(dynamics.kernels.name)
 
     def _made(self, files: dict[str, str], getter: str) -> tuple[InC, InC]:
         """What a function of a library gives, and the library."""

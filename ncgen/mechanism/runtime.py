@@ -19,7 +19,7 @@ from cffi import FFI
 from numpy.typing import ArrayLike, DTypeLike
 
 from ncgen.emit.c.files import model_files
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import EXPLICIT_ONLY, HEADERS, RUNTIME_HEADERS, adjoint_names, explicit_names, runtime_files, runtime_names
 from ncgen.errors import NcgenError
 from ncgen.mechanism.driving import Driver, Function, Pieces
@@ -99,7 +99,7 @@ def _model(kernels: CompiledKernels, number: str) -> tuple[InC, CompiledKernels 
 
 
 def _compiled_model(kernels: CompiledKernels, number: str) -> tuple[InC, InC]:
-    getter = f"{identifier(kernels.name)}_model"
+    getter = f"{prefix_of(kernels.name)}_model"
     _, library = _load(model_files(kernels.programs), number, f"const ncgen_model *{getter}(void);")
     return getattr(library, getter)(), library
 
@@ -399,7 +399,7 @@ class ConstrainedDynamics(Dynamics):
         files = motion_source(kernels, seen)
         if not files:
             return None
-        getter = f"{identifier(kernels.name)}_recursion"
+        getter = f"{prefix_of(kernels.name)}_recursion"
         _, home = _load(files, number, f"const ncgen_motion *{getter}(void);")
         return getattr(home, getter), home
 
@@ -427,7 +427,7 @@ class ConstrainedDynamics(Dynamics):
     @cached_property
     def transposed(self) -> tuple[InC, InC]:
         """The emitted motion's ncgen_seeded_motion, transposed, and the library that it lives in; compiled when first asked for."""
-        getter = f"{identifier(self.kernels.name)}_adjoint"
+        getter = f"{prefix_of(self.kernels.name)}_adjoint"
         _, home = _load(self.source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
         return self._ffi.cast("const ncgen_seeded_motion *", getattr(home, getter)()), home
 
@@ -470,7 +470,7 @@ class EmittedDynamics(Dynamics):
         kernels = written.kernels
         super().__init__(kernels, number)
         self.written = written
-        getter = f"{identifier(kernels.name)}_dynamics"
+        getter = f"{prefix_of(kernels.name)}_dynamics"
         _, self._emitted = _load(written.files, number, f"const ncgen_dynamics *{getter}(void);")
         emitted = getattr(self._emitted, getter)()
         for name in ("newton", "acceleration"):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ncgen.emit.c import files as in_c
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.numpy import files as in_numpy
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
@@ -86,7 +86,7 @@ class CompiledTangents(Tangents):
         super().__init__(programs, equations)
         files = in_c.tangent_files(self.programs, self.equations) | runtime_files(*HEADERS)
         kind = programs.kind
-        getter = f"{identifier(equations.model.name)}_{kind}"
+        getter = f"{prefix_of(equations.model.name)}_{kind}"
         self._ffi, self._library = load(files, f"const ncgen_{kind} *{getter}(void);", abi())
         self.descriptor: InC = getattr(self._library, getter)()
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.batch import aligned, in_lanes, pointer
 from ncgen.mechanism.break_times import NO_BREAKS
@@ -189,7 +189,7 @@ class Taped:
         return self._kernels.remember("directions", (), lambda: _Directions(self._kernels, self._dynamics))
 
     def _dual_numbers(self) -> Numbers:
-        return dual_numbers(self._dynamics.source("adjoint"), f"{identifier(self._kernels.name)}_adjoint")
+        return dual_numbers(self._dynamics.source("adjoint"), f"{prefix_of(self._kernels.name)}_adjoint")
 
     def _real(self, array: np.ndarray) -> InC:
         return self._ffi.from_buffer("double[]", array)
@@ -279,7 +279,7 @@ class _Directions:
 
     def __init__(self, kernels: CompiledKernels, dynamics: ConstrainedDynamics) -> None:
         self._ffi, self._library = _sweep_in_lanes()
-        getter = f"{identifier(kernels.name)}_tangent"
+        getter = f"{prefix_of(kernels.name)}_tangent"
         files = dynamics.source("tangent") | runtime_files(*RUNTIME_HEADERS)
         _, self._emitted = in_lanes(files, f"const void *{getter}(void);", runtime_abi(), self._library.ncgen_directions_lanes())
         self._motion = getattr(self._emitted, getter)()

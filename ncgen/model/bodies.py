@@ -15,7 +15,7 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.model.elements import AXES, Point, Spatial, Vector
 from ncgen.model.rigid import Frame
-from ncgen.model.values import Parameter, Value, as_sympy, evaluate, is_number, mentioned, symbol_of, vanishes
+from ncgen.model.values import Parameter, Scalar, Value, as_sympy, evaluate, is_number, mentioned, symbol_of, total, vanishes
 
 if TYPE_CHECKING:
     import sympy
@@ -25,6 +25,9 @@ SYMMETRIC = 1e-9
 
 LARGEST_BASIS = 4
 """Elements that carry any inertia."""
+
+WORDS_OF_INERTIA = ("point", "rod")
+"""What an inertia can be called instead of given in numbers: all mass at the centre, or a uniform rod between the body's two points."""
 
 TRIANGLE = 1e-12
 """Slack, relative to the trace, in the triangle inequalities of an inertia tensor."""
@@ -37,13 +40,14 @@ class Inertia:
     `basis` are the points and vectors whose velocities carry the kinetic energy: one point, and up to three further
     elements; two points are a bar, and three elements get the cross product of their directions for the third.
     Any number may be a value with parameters; a mass that is one
-    scales the tensor only if the user writes it so.
+    scales the tensor only if the user writes it so. `assumed` is True where no moments were given: a point mass, which cannot rotate.
     """
 
     mass: Value
     com: tuple[Value, ...]
     tensor: np.ndarray
     basis: tuple[Spatial, ...] | None = None
+    assumed: bool = False
 
 
 class JointLoad(NamedTuple):
@@ -81,6 +85,14 @@ class Body:
     @property
     def elements(self) -> list[Spatial]:
         return [*self.points, *self.vectors]
+
+    @property
+    def can_rotate(self) -> bool:
+        """True if the elements describe a rotation: a vector, or a segment from the first point, with two components that can change."""
+        base = self.points[0].components if self.points else ()
+        segments = [tuple(zip(base, point.components, strict=True)) for point in self.points[1:]]
+        directions = [*segments, *(tuple((c,) for c in vector.components) for vector in self.vectors)]
+        return any(sum(not all(c.fixed for c in ends) for ends in direction) > 1 for direction in directions)
 
     def force(self, point: Point | str) -> JointLoad:
         """The force (N) of joints on the body at one of its points, as symbols for outputs. Raises ModelError for another point."""
@@ -157,6 +169,25 @@ def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -
             f"body {name}: no body has principal moments of inertia {low:g}, {middle:g}, {high:g} kg m2: "
             f"the largest exceeds the sum of the others, {low + middle:g}; check units and the point they refer to"
         )
+
+
+def check_given(body: Body) -> None:
+    """Raise ModelError where a body with mass can rotate and nothing was said about its moments of inertia."""
+    inertia = body.inertia
+    if inertia is None or not inertia.assumed or not body.can_rotate or (is_number(inertia.mass) and inertia.mass == 0):
+        return
+    remedies = ['inertia="rod" for a uniform rod between its two points'] if len(body.points) == 2 else []
+    remedies += ['inertia="point" for all mass at the centre']
+    raise ModelError(f"body {body.name}: it has mass and can rotate, but no inertia; give inertia= (kg m2), {', or '.join(remedies)}")
+
+
+def rod_tensor(mass: Value, start: Sequence[Scalar], end: Sequence[Scalar]) -> np.ndarray:
+    """The tensor (3, 3) (kg m²) of a uniform rod about its centre, m/12 (d·d 1 − d dᵀ) with d from its start to its end (m)."""
+    d = [b - a for a, b in zip(start, end, strict=True)]
+    squared = total(x * x for x in d)
+    share = as_sympy(mass) / 12
+    rows = [[share * ((squared if k == l else 0.0) - x * y) for l, y in enumerate(d)] for k, x in enumerate(d)]
+    return np.array(rows, dtype=object)
 
 
 def check_pairs(name: str, tensor: np.ndarray, parameters: dict[str, Parameter]) -> None:

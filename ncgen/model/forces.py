@@ -124,25 +124,46 @@ def _on_directions(f: Functions[N], x1: Triple[N], x2: Triple[N], x3: Triple[N],
     return [tuple(component / (V * 2) for component in triple) for triple in crossed]
 
 
+def _on_pair(f: Functions[N], x1: Triple[N], x2: Triple[N], nx: N, ny: N, nz: N, V: N) -> list[tuple[N, ...]]:
+    """The same where the third direction is x1 × x2, whose force acts on x1 by x2 × f3, and on x2 by f3 × x1."""
+    first, second, third = _on_directions(f, x1, x2, cross(x1, x2), nx, ny, nz, V)
+    return [tuple(a + b for a, b in zip(*pair, strict=True)) for pair in ((first, cross(x2, third)), (second, cross(third, x1)))]
+
+
+def _in_plane(f: Functions[N], a: Triple[N], nz: N, LL: N) -> list[tuple[N, ...]]:
+    """nz z × a / L² along a direction of length L in the plane; the power is nz ω with ω = (a × ȧ)·z / L²."""
+    return [(a[1] * nz / LL * -1, a[0] * nz / LL, a[2] * 0)]
+
+
 @dataclass(frozen=True, eq=False)
 class Couple(Load):
-    """A couple (N m, global axes) on a body, whose three directions have the volume V."""
+    """A couple (N m, global axes) on a body: on three directions with the volume V, on two with V = |x1 × x2|², or in the plane on one."""
 
     label: str
     body: Body
     components: tuple[Scalar, Scalar, Scalar]
 
     kind = ForceType("couple", ("x1", "x2", "x3"), (), ("nx", "ny", "nz", "V"), "n x reciprocal basis / 2", forces=_on_directions)
+    on_pair = ForceType("couple-on-pair", ("x1", "x2"), (), ("nx", "ny", "nz", "V"), "n x reciprocal basis / 2", forces=_on_pair)
+    in_plane = ForceType("couple-in-plane", ("a",), (), ("nz", "LL"), "nz z x a / LL", forces=_in_plane)
+
+    @property
+    def type(self) -> ForceType:
+        frame = self.body.frame
+        return self.in_plane if frame.planar else self.on_pair if len(frame.directions) == 2 else self.kind
 
     def given(self) -> tuple[list[Combination | Component], list[Value]]:
+        """As of every load; what varies stands among the constants, which `ncgen.symbolic.equations` tells apart."""
         frame = self.body.frame
-        if len(frame.directions) != 3:
-            raise ModelError(
-                f"{self.label}: the body needs three directions to take a couple; give it another element or constant_mass=True"
-            )
-        x, y, z = frame.given
-        volume = measures.dot(x, measures.cross(y, z))
-        return [*frame.directions], [*self.components, volume]
+        if len(frame.directions) < 2:
+            more = "give it another element" if self.body.rigid else "use m.force at its points: its rows are your own"
+            raise ModelError(f"{self.label}: the body's elements cannot describe every rotation that a couple makes; {more}")
+        if frame.planar:
+            _, segment = frame.directions
+            return [segment], [self.components[2], measures.dot(segment.given, segment.given)]
+        x, y, *others = frame.given
+        z = others[0] if others else measures.cross(x, y)
+        return [*frame.directions], [*self.components, measures.dot(x, measures.cross(y, z))]
 
 
 @dataclass(frozen=True, eq=False)

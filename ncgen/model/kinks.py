@@ -49,8 +49,10 @@ def _parts(node: sympy.Basic, known: dict[sympy.Basic, int]) -> int:
         import sympy
 
         inner = [_parts(argument, known) for argument in node.args]
-        if isinstance(node, (sympy.Min, sympy.Max, sympy.Piecewise)):
+        if isinstance(node, (sympy.Min, sympy.Max)):
             known[node] = reduce(lambda one, other: 3 * (one + other), inner)
+        elif isinstance(node, sympy.Piecewise):
+            known[node] = 3 * sum(inner)  # a condition stands there twice, and what it chooses once
         else:
             known[node] = 1 + sum(inner)
     return known[node]
@@ -87,7 +89,42 @@ def _piecewise(cases: tuple[sympy.Basic, ...], where: str) -> sympy.Expr:
         raise ModelError(f"{where}: a Piecewise whose last case is not for all others; end it with (expression, True)")
     found = last
     for value, condition in reversed(before):
-        if not isinstance(condition, (sympy.StrictLessThan, sympy.LessThan, sympy.StrictGreaterThan, sympy.GreaterThan)):
-            raise ModelError(f"{where}: {shown(condition)} is no condition of a Piecewise here; compare two expressions by <, <=, > or >=")
-        found = _chosen(cast("sympy.Expr", condition.gts) - cast("sympy.Expr", condition.lts), value, found)
+        if _is_comparison(condition):
+            found = _chosen(_margin(condition), value, found)
+        else:
+            weight = _weight(condition, where)
+            found = value * weight + found * (1 - weight)
     return found
+
+
+def _is_comparison(condition: sympy.Basic) -> bool:
+    import sympy
+
+    return isinstance(condition, (sympy.StrictLessThan, sympy.LessThan, sympy.StrictGreaterThan, sympy.GreaterThan))
+
+
+def _margin(comparison: sympy.Basic) -> sympy.Expr:
+    """What is positive where a comparison holds."""
+    return comparison.gts - comparison.lts  # pyright: ignore[reportAttributeAccessIssue]  sympy says Basic
+
+
+def _weight(condition: sympy.Basic, where: str) -> sympy.Expr:
+    """1 where a condition holds and 0 where it does not; between both, where two expressions are equal, a comparison counts half."""
+    import sympy
+
+    if _is_comparison(condition):
+        return (1 + sympy.sign(_margin(condition))) / 2
+    if isinstance(condition, sympy.Not):
+        return 1 - _weight(condition.args[0], where)
+    if isinstance(condition, sympy.And):
+        return sympy.Mul(*(_weight(each, where) for each in _in_order(condition)))
+    if isinstance(condition, sympy.Or):
+        return 1 - sympy.Mul(*(1 - _weight(each, where) for each in _in_order(condition)))
+    said = "compare two expressions by <, <=, > or >=, and join comparisons by &, | and ~"
+    raise ModelError(f"{where}: {shown(condition)} is no condition of a Piecewise here; {said}")
+
+
+def _in_order(condition: sympy.Basic) -> list[sympy.Basic]:
+    from sympy.core.sorting import default_sort_key
+
+    return sorted(condition.args, key=default_sort_key)

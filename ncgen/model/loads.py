@@ -15,7 +15,7 @@ from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Component, Point, Relative, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor, Spring, TorsionSpring
-from ncgen.model.values import Driven, Expression, Expressions, Value, Values, as_sympy, is_number
+from ncgen.model.values import Driven, Expression, Expressions, Moment, Value, Values, as_sympy, is_number
 
 if TYPE_CHECKING:
     import sympy
@@ -32,16 +32,16 @@ class Loads(Coordinates):
 
     @fact
     def gravity(self, field: Values) -> None:
-        """The acceleration of gravity (m/s²), three values."""
-        if len(field) != 3:
-            raise ModelError(f"gravity: {len(field)} numbers given; give three, for example (0, 0, -9.81)")
-        self.gravity_field = tuple(float(g) if is_number(g) else g for g in field)
+        """The acceleration of gravity (m/s²): three values, or two in the plane."""
+        if len(field) not in (2, 3):
+            raise ModelError(f"gravity: {len(field)} numbers given; give three, for example (0, 0, -9.81), or two in the plane")
+        self.gravity_field = tuple(float(g) if is_number(g) else g for g in (*field, 0.0)[:3])
 
     @fact
     def force(self, point: Point, vector: Expressions, label: str | None = None) -> Force:
-        """A force (N) on a point: three numbers or expressions of m.time, coordinates, rates, parameters and inputs."""
+        """A force (N) on a point: three numbers or expressions of m.time, coordinates, rates, parameters and inputs; two in the plane."""
         label = label or f"force on {point.name}"
-        return self._apply(label, zip(point.components, _three(vector, label), strict=True))
+        return self._apply(label, zip(point.components, _three(vector, label, point.components[2].fixed), strict=True))
 
     @fact
     def torque(self, coordinate: Relative, expression: Driven, label: str | None = None) -> Force:
@@ -49,10 +49,15 @@ class Loads(Coordinates):
         return self._apply(label or f"torque on {coordinate.name}", [(coordinate.components[0], expression)])
 
     @fact
-    def couple(self, body: Body, vector: Expressions, label: str | None = None) -> Couple:
-        """A couple (N m, global axes) on a body: three numbers or expressions."""
+    def couple(self, body: Body, vector: Moment, label: str | None = None) -> Couple:
+        """A couple (N m, global axes) on a body: three numbers or expressions of m.time, coordinates, rates, parameters and inputs.
+
+        On a body in the plane one is enough: the couple about the plane's normal.
+        """
         label = label or f"couple on {body.name}"
-        x, y, z = (expression(e, f"{label}, {axis}") for axis, e in zip("xyz", _three(vector, label), strict=True))
+        is_single = body.frame.planar and not (isinstance(vector, (str, Iterable)) or getattr(vector, "ndim", 0))
+        components = (0.0, 0.0, vector) if is_single else _three(vector, label, False)
+        x, y, z = (expression(e, f"{label}, {axis}") for axis, e in zip("xyz", components, strict=True))
         couple = Couple(label, body, (x, y, z))
         self.forces.append(couple)
         return couple
@@ -141,8 +146,11 @@ class Loads(Coordinates):
         return force
 
 
-def _three(vector: object, label: str) -> tuple[object, object, object]:
-    components = sequence(vector, label, "three numbers or expressions")
+def _three(vector: object, label: str, is_flat: bool) -> tuple[object, ...]:
+    """The three components of a vector, of which a flat one has a third of 0. Raises ModelError for other numbers of them."""
+    components = sequence(vector, label, "two or three numbers or expressions" if is_flat else "three numbers or expressions")
+    if len(components) == 2 and is_flat:
+        return (*components, 0.0)
     if len(components) != 3:
         raise ModelError(f"{label}: {len(components)} components given; give three")
     return components

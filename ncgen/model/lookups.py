@@ -8,6 +8,8 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+
 from ncgen.model.pieces import Pieces
 
 if TYPE_CHECKING:
@@ -45,6 +47,12 @@ def curves_in(expression: sympy.Basic) -> set[Curve]:
     return {each.table.curve for each in found}
 
 
+def _value(x: Any, table: tuple[Any, Any, float]) -> Any:
+    """What a lookup is at a number or an array in functions that sympy.lambdify makes; table: knots, rows and period of its pieces."""
+    found = Pieces(*table).at(np.asarray(x, dtype=float))
+    return found if found.ndim else float(found)
+
+
 @cache
 def _classes() -> tuple[Any, Any]:
     """Lookup, and the table that is its second argument. Any: sympy has no annotations."""
@@ -69,8 +77,15 @@ def _classes() -> tuple[Any, Any]:
         def _sympyrepr(self, printer: object) -> str:
             return repr((self.curve.name, self.order, self.pieces.knots, self.pieces.rows, self.pieces.period))
 
+        def _code(self, printer: object) -> str:
+            """As an argument of `_value` in the code of sympy.lambdify, whatever it is written for."""
+            return repr((self.pieces.knots, self.pieces.rows, self.pieces.period))
+
+        _pythoncode = _numpycode = _scipycode = _mpmathcode = _lambdacode = _code
+
     class Lookup(function):
         nargs = 2
+        _imp_ = staticmethod(_value)
 
         def __reduce_ex__(self, protocol: object) -> tuple[object, ...]:
             return looked_up, (self.table.curve, self.table.order, self.args[0])

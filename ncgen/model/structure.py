@@ -11,7 +11,17 @@ from ncgen.errors import ModelError, shown
 from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import value
-from ncgen.model.bodies import Body, Inertia, check_basis, check_inertia, check_pairs, symmetric
+from ncgen.model.bodies import (
+    WORDS_OF_INERTIA,
+    Body,
+    Inertia,
+    check_basis,
+    check_given,
+    check_inertia,
+    check_pairs,
+    rod_tensor,
+    symmetric,
+)
 from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Combination, Component, Constant, Direction, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
@@ -47,13 +57,15 @@ class Structure(Coordinates):
         mass: kg; None for a body without inertia
         com: centre of mass (m, global axes, initial position); default: the middle of the basis' points
         inertia: tensor about the centre of mass (kg m², global axes, initial position), 3×3, its diagonal, or one
-            number for a flat body (the moment about z); default 0
+            number for a flat body (the moment about z); "rod" for a uniform rod between the body's two points, "point" for
+            all mass at the centre of mass. A body on a single point is a point mass and needs none
         mass, com and inertia may hold parameters. Numbers stay what they are where a parameter moves points of the body
         basis: the elements that carry the inertia (default: four independent ones if there are, else what there is)
         rigid: False if you write the rows that keep the body rigid yourself
         constant_mass: add an auxiliary unit vector where that makes the body's mass matrix constant
 
-        Raises ModelError naming the body where its inertia is impossible or its elements are degenerate.
+        Raises ModelError naming the body where its inertia is impossible, or missing although the body can rotate, or where its
+        elements are degenerate.
         """
         if name in self.bodies or name == self.ground.name:
             raise ModelError(f"body {name}: there is already a body of that name; choose another")
@@ -64,6 +76,7 @@ class Structure(Coordinates):
             raise ModelError(f"body {name}: it has a centre of mass or an inertia but no mass; give its mass")
         if mass is not None:
             body.inertia = self._inertia(body, mass, com, inertia, basis)
+            check_given(body)
         return body
 
     @fact
@@ -76,6 +89,8 @@ class Structure(Coordinates):
                 raise ModelError(f"ground: {loose[0]!r} can move; make it fixed, or give it to a body")
         body.points += [e for e in new if isinstance(e, Point)]
         body.vectors += [e for e in new if isinstance(e, Vector)]
+        if any(isinstance(e, Point) for e in new):
+            check_given(body)  # vectors come with joints, too; what could turn with them alone has no inertia, which a run refuses
         if body.rigid and new:
             self.rows += include(body.frame, new, self._related, self.parameters, self.scale)
             if body.constant_mass:
@@ -164,15 +179,42 @@ class Structure(Coordinates):
         points = [e for e in carriers or body.elements if isinstance(e, Point)]
         if not points:
             raise ModelError(f"body {body.name}: inertia needs at least one point; give it one")
+        is_rod, assumed = isinstance(tensor, str) and tensor == "rod", tensor is None
+        if isinstance(tensor, str):
+            self._check_word(body.name, tensor)
+        if is_rod:
+            points = self._ends(body, points, com)
         if com is None:
             com = _middle(points)
         if len(com) == 2 and body.frame.planar:
             com = (*com, points[0].given[2])
-        tensor = self._tensor(body.name, 0.0 if tensor is None else tensor)
+        if is_rod:
+            tensor = rod_tensor(mass, *(p.given for p in points))
+        else:
+            tensor = self._tensor(body.name, 0.0 if tensor is None or isinstance(tensor, str) else tensor)
         check_inertia(body.name, self._number(mass, ""), self._numbers(com), self._numbers(tensor))
         if not all(map(is_number, tensor.flat)):
             check_pairs(body.name, tensor, self.parameters)
-        return Inertia(mass, tuple(com), symmetric(tensor), carriers)
+        return Inertia(mass, tuple(com), symmetric(tensor), carriers, assumed)
+
+    def _check_word(self, name: str, word: str) -> None:
+        """Raise ModelError where an inertia is called by a word that has no meaning, or two."""
+        if word not in WORDS_OF_INERTIA:
+            raise ModelError(f'body {name}, inertia: {shown(word)} given; give numbers (kg m2), "point" or "rod"')
+        if word in self.numbers:
+            raise ModelError(f"body {name}, inertia: {word} is the name of a parameter, too; rename the parameter")
+
+    @staticmethod
+    def _ends(body: Body, points: list[Point], com: Values | None) -> list[Point]:
+        """The two points of a body that is a uniform rod. Raises ModelError where there are not two, or a centre is given."""
+        if com is not None:
+            raise ModelError(f'body {body.name}: the centre of a uniform rod (inertia="rod") is its middle; leave com out')
+        ends = body.points if len(body.points) == 2 else points
+        if len(ends) != 2:
+            raise ModelError(
+                f'body {body.name}: inertia="rod" is between two points, and it has {len(body.points)}; give two as its basis, or numbers'
+            )
+        return ends
 
     def _tensor(self, name: str, given: Tensor) -> np.ndarray:
         """An inertia tensor as 3×3 values, from one for a flat body, its diagonal, or all."""

@@ -46,10 +46,13 @@ Driven: TypeAlias = "Value | Symbolic"
 """In signatures: the same, in which inputs may stand, too."""
 
 Expressions: TypeAlias = "Sequence[Expression] | np.ndarray | sympy.MatrixBase"
-"""In signatures: three of them."""
+"""In signatures: three of them, or two in the plane."""
 
-Tensor: TypeAlias = "Value | Sequence[Value] | Sequence[Sequence[Value]] | np.ndarray"
-"""In signatures: one value, three, or 3×3."""
+Moment: TypeAlias = "Expression | Expressions"
+"""In signatures: three of them, or one about the normal of the plane."""
+
+Tensor: TypeAlias = "Value | Sequence[Value] | Sequence[Sequence[Value]] | np.ndarray | str"
+"""In signatures: one value, three, 3×3, or a word for it."""
 
 Scalar: TypeAlias = "float | sympy.Expr"
 """A value that a model holds, ready for arithmetic: a number, or an expression of parameters."""

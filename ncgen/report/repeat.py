@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import runtime_files
 from ncgen.report.clock import Run
 from ncgen.toolchain.abi import NUMBERS, abi, marked
@@ -91,7 +91,7 @@ def typed_runner(
     sources: as `ncgen.generate` gives them; t, q, v, p: in double
     """
     number = NUMBERS[real]
-    getter = f"{identifier(sources.programs.equations.model.name)}_model"
+    getter = f"{prefix_of(sources.programs.equations.model.name)}_model"
     declarations = marked(_timing(), "functions") + f"const ncgen_model *{getter}(void);"
     ffi, library = load(sources.c | {"timing.c": _timing()}, declarations, abi(real), (*FLAGS, *number.flags))
     model = getattr(library, getter)()

@@ -206,9 +206,19 @@ def _load(names: Names, load: Load) -> Term:
         kind, make = templates.law_type(kind, load.label, load.law, _words(data)), templates.derived_force
     written = sympy.Tuple(*map(as_sympy, data))
     if names.mentioned(written, load.label)[0] or TIME in written.free_symbols:
-        raise ModelError(f"{load.label}: give numbers or parameters; for what varies, use m.force or m.torque")
+        return _varying(names, load, arguments, data)
     equation = describe(kind.equation, dict(zip((*kind.vectors, *kind.scalars, *kind.data), (*arguments, *data), strict=True)))
     return Term(make(kind), _forms(arguments), tuple(data), Owner("user", load.label), load.label, equation=equation)
+
+
+def _varying(names: Names, load: Load, arguments: Sequence[Combination | Component], data: Sequence[Value]) -> Term:
+    """A force type of the catalogue whose constants are expressions of time, coordinates and rates, such as a couple's components."""
+    kind, written = load.type, [sympy.sympify(as_sympy(x)) for x in data]
+    coordinates, numbers = names.mentioned(sympy.Tuple(*written), load.label)
+    template = templates.varying_force(kind, load.label, written, _words(coordinates), _words(numbers))
+    equation = describe(kind.equation, dict(zip((*kind.vectors, *kind.scalars, *kind.data), (*arguments, *data), strict=True)))
+    forms = _forms([*arguments, *coordinates])
+    return Term(template, forms, tuple(numbers), Owner("user", load.label), load.label, equation=equation)
 
 
 def _force(names: Names, force: Force, released: Collection[Component]) -> Term:

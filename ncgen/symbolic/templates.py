@@ -15,7 +15,7 @@ derivation serves every mechanism and every pattern of fixed and free coordinate
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import chain
@@ -159,6 +159,23 @@ def derived_force(kind: ForceType) -> Template:
     outputs: Outputs = {Output("force", (k,)): sympy.Add(*(-part * along for part in tension)) for k, along in enumerate(direction)}
     outputs |= {Output("potential"): kind.potential(sympy, x, **data), Output("power"): -friction * v}
     return Template(kind.key, kind.equation, scalars, kind.data, outputs)
+
+
+def varying_force(
+    kind: ForceType, key: str, written: Sequence[sympy.Expr], coordinates: tuple[str, ...], numbers: tuple[str, ...]
+) -> Template:
+    """A force type of forces along vectors whose constants are expressions of coordinates, their rates, time and numbers.
+
+    The scalars are those of the type, then the coordinates; a coordinate and a number may be called like an argument of the type.
+    """
+    assert kind.forces is not None, f"{kind.key} has a tension"
+    mine, data = tuple(f"law.{name}" for name in coordinates), tuple(f"law.{name}" for name in numbers)
+    old = [*symbols(coordinates), *rates(coordinates), *symbols(numbers)]
+    rules = dict(zip(old, [*symbols(mine), *rates(mine), *symbols(data)], strict=True))
+    constants = {name: replaced(e, rules) for name, e in zip(kind.data, written, strict=True)}
+    found = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **constants)
+    scalars = (*sum(map(vector, kind.vectors), ()), *mine)
+    return Template(key, kind.equation, scalars, data, _working(dict(enumerate(chain.from_iterable(found))), scalars))
 
 
 force_template = cache(derived_force)

@@ -222,7 +222,7 @@ class Maker:
         options = self.inertia(points, points + vectors) if self.chance(0.97) else {}
         body = self.tell("body", name, points, vectors, **options)
         if body is None and options:
-            body = self.tell("body", name + "_", points, [], mass=self.weight)
+            body = self.tell("body", name + "_", points, [], mass=self.weight, inertia="point")
         if body is not None:
             self.bodies.append(body)
         return body
@@ -250,7 +250,7 @@ class Maker:
         elif self.flat or self.chance(0.1):
             told |= {"inertia": np.diag(tensor).tolist()} if self.chance(0.3) else {}
         if len(elements) == 1:
-            del told["inertia"]
+            told["inertia"] = "point"
         if self.chance(0.08):
             del told["com"]
         if self.chance(0.15):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import ncgen
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
 C99 = ("-std=c99", *WARNINGS)
@@ -79,7 +79,7 @@ def compilers() -> list[str]:
 def compile_object(sources, folder: Path, *flags: str, compiler: str = "gcc") -> Path:
     """The object file of a model's C source, all warnings being errors."""
     sources.write(folder)
-    name = identifier(sources.programs.equations.model.name)
+    name = prefix_of(sources.programs.equations.model.name)
     tool(compiler, *C99, *flags, "-c", f"{name}.c", "-o", f"{name}.o", folder=folder)
     return folder / f"{name}.o"
 

@@ -157,8 +157,8 @@ ODD = {
     "a keyword": (HEAD + "[[point]]\nname = 'class'\nposition = [0, 1]", 9, "keyword"),
     "a couple of two": (HEAD + "[[body]]\nname = 'b'\npoints = ['B']\n[[couple]]\nbody = 'b'\nvector = [0, 1]", 12, "2 components"),
     "a header in a text": (
-        HEAD + '[[body]]\nname = "b"\npoints = ["B"]\n[[force]]\npoint = "B"\nlabel = """\n[[point]]\n"""\nvector = [0, 0]',
-        12, "2 comp",
+        HEAD + '[[body]]\nname = "b"\npoints = ["B"]\n[[force]]\npoint = "B"\nlabel = """\n[[point]]\n"""\nvector = [0]',
+        12, "1 comp",
     ),
     "no UTF-8": (b'name = "x"\n# \xff', None, "line 2: byte 0xff is no UTF-8 text"),
 }  # fmt: skip

@@ -48,7 +48,7 @@ def pendulum():
     m = Model("pendulum")
     A, B = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0))
     u, w = m.vector("u", (1, 0, 0), fixed=True), m.vector("w", (0, 0, 1), fixed=True)
-    m.body("bob", [A, B], mass=1.0)
+    m.body("bob", [A, B], mass=1.0, inertia="point")
     return m, B, m.angle("psi", u, B - A, w)
 
 

@@ -24,7 +24,7 @@ def pendulum() -> ncgen.Model:
     O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, -LENGTH))
     y, z = m.vector("y", (0, -1, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
     psi = m.angle("psi", y, A - O, z)
-    rod = m.body("rod", [O, A], mass=MASS, com=(0, -LENGTH))
+    rod = m.body("rod", [O, A], mass=MASS, com=(0, -LENGTH), inertia="point")
     m.gravity((0, -GRAVITY, 0))
     m.torque(psi, m.input("tau", "N m", TAU))
     pin, _ = rod.wrench(O)

@@ -13,7 +13,7 @@ from exported import SECONDS, SOME, STRICT, reference, shell
 
 import ncgen
 from ncgen import Model
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.exchange.examples import load
 from ncgen.exchange.export import export
 from ncgen.model.elements import Vector
@@ -30,7 +30,7 @@ VERSIONS = pytest.mark.parametrize("version", [2, 3])
 @pytest.fixture
 def unit(exports):
     """unit(name, version): path of the .fmu file."""
-    return lambda name, version: str(exports(name, f"fmu{version}") / f"{identifier(name)}.fmu")
+    return lambda name, version: str(exports(name, f"fmu{version}") / f"{prefix_of(name)}.fmu")
 
 
 @VERSIONS

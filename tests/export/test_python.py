@@ -123,7 +123,7 @@ def test_arrays_stay_where_they_are(tmp_path, target):
     """Nothing that is assigned replaces what the code works on, and an array outlives its motion."""
     m = ncgen.Model("sprung")
     A, B = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0))
-    m.body("rod", [A, B], mass=1.0)
+    m.body("rod", [A, B], mass=1.0, inertia="point")
     m.spring(B, m.point("C", (1, 1), fixed=True), stiffness=m.parameter("stiffness", 40.0), free_length=m.parameter("free", 0.5))
     export(m, target, tmp_path)
     if target == "python":

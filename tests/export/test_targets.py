@@ -37,7 +37,7 @@ def test_a_module_is_a_target(tmp_path, monkeypatch):
     assert "size" in targets()
     model = ncgen.Model("bob")
     A, B = model.point("A", (0, 0), fixed=True), model.point("B", (1, 0))
-    model.body("rod", [A, B], mass=1.0)
+    model.body("rod", [A, B], mass=1.0, inertia="point")
     paths = export(model, "size", tmp_path / "out")
     assert [path.read_bytes() for path in paths] == [b"1 of 2", b"\1\2"]
     del sys.modules["ncgen.exchange.export.size_target"]

@@ -33,7 +33,7 @@ def rest_of_basis(m, L, h, a, f):
     A, B = m.point("A", (0, 0), fixed=True), m.point("B", (L, 0.1))
     C = m.point("C", (L + h, -a))
     m.body("first", [A, B], mass=2.0, inertia=0.2)
-    m.body("second", [B, C], mass=1.0)
+    m.body("second", [B, C], mass=1.0, inertia="point")
     m.body("bob", [C], mass=0.5)
 
 
@@ -53,7 +53,7 @@ def frame(m, L, h, a, f):
 def bar(m, L, h, a, f):
     """A bar in space whose line turns with a parameter, and a point on it at a distance of its own."""
     A, B = m.point("A", (0, 0, 0), fixed=True), m.point("B", (L * f.cos(a), L * f.sin(a), 0.2 * L))
-    body = m.body("bar", [A, B], mass=1.3)
+    body = m.body("bar", [A, B], mass=1.3, inertia="point")
     m.attach_point(body, "C", (h * f.cos(a), h * f.sin(a), 0.2 * h))
 
 
@@ -76,12 +76,12 @@ def joints(m, L, h, a, f):
     O = m.point("O", (0, h, 0), fixed=True)
     axis = m.vector("axis", (f.cos(a), f.sin(a), 0), fixed=True)
     A = m.point("A", (L * f.cos(a), h + L * f.sin(a), 0))
-    first = m.body("first", [A, m.point("A1", (0.2, h, 1))], mass=1.0)
+    first = m.body("first", [A, m.point("A1", (0.2, h, 1))], mass=1.0, inertia="point")
     m.cylindrical(m.ground, first, O, A, axis)
     s = m.slide("s", O, A, axis)
     m.torsion_spring(s, 50.0)
     u, v = m.vector("u", (0, f.sin(a), f.cos(a))), m.vector("v", (f.cos(h), 0, f.sin(h)))
-    second = m.body("second", [A, m.point("B", (1, 1, L))], mass=1.0)
+    second = m.body("second", [A, m.point("B", (1, 1, L))], mass=1.0, inertia="point")
     m.universal(first, second, A, u, v)
     D = m.point("D", (1, L, a))
     m.point_in_plane(second, D, A, v)
@@ -93,7 +93,7 @@ def prism(m, L, h, a, f):
     P, Q = m.point("P", (0, 0, 0)), m.point("Q", (L * f.cos(a), L * f.sin(a), 0))
     axis = m.vector("axis", (f.cos(a), f.sin(a), 0))
     beam = m.body("beam", [P, m.point("P1", (0, 0.2, h)), m.point("P2", (h, 1, -1))], [axis], mass=2.0, inertia=(0.2, 0.2, 0.2))
-    slider = m.body("slider", [Q, m.point("Q1", (1, 0.3, L))], mass=1.0)
+    slider = m.body("slider", [Q, m.point("Q1", (1, 0.3, L))], mass=1.0, inertia="point")
     m.prismatic(beam, slider, P, Q, axis)
 
 
@@ -253,7 +253,7 @@ REFUSED = {
     ),
     "a bar whose centre is on its line only here": (
         lambda m, p: [
-            m.body("b", [m.point("A", (0, 0, 0)), m.point("B", (1, p, 0))], mass=1.0, com=(0.5, 0.3, 0)),
+            m.body("b", [m.point("A", (0, 0, 0)), m.point("B", (1, p, 0))], mass=1.0, com=(0.5, 0.3, 0), inertia="point"),
             ncgen.generate(m),
         ],
         ["body b", "line", "parameters"],

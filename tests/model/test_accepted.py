@@ -121,7 +121,7 @@ def loop(gap):
     A, D, E = (m.point(n, (x, 0), fixed=True) for n, x in zip("ADE", (0, 2, 1), strict=True))
     B, C = m.point("B", (0.6, 0.8)), m.point("C", (2.6, 0.8))
     F = m.point("F", (1.6, 0.8))
-    m.body("coupler", [B, F, C], mass=1.0)
+    m.body("coupler", [B, F, C], mass=1.0, inertia="point")
     for start, end, length in ((A, B, 1.0), (D, C, 1.0), (E, F, 1.0 + gap)):
         m.distance(start, end, length)
     return ncgen.compile(m, "numpy")

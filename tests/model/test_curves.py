@@ -341,3 +341,18 @@ def test_a_function_of_files_is_no_name_there():
     m.torque("s", m.spline("sin", (0, 1), (0, 1))(m.time))
     with pytest.raises(ModelError, match="curve sin: in the expressions of files that is the name of a function; choose another"):
         to_toml(m)
+
+
+@pytest.mark.parametrize("modules", [None, "math", "numpy", "scipy", "mpmath", "sympy"])
+def test_lambdify_takes_curves(modules):
+    """What sympy makes of a law with curves computes what they are at a number, and arrays at once where the library has them."""
+    m = ncgen.Model("m")
+    lift, steps = m.spline("lift", (0, 0.5, 1.0), (0, 0.2, 0.1)), m.table("steps", (0, 0.4, 1), (1, 0, 2), periodic=False)
+    t = m.time
+    law = 2 * lift(t**2) * sympy.cos(t) + lift(t, 1) + steps(t) + ncgen.smooth_step(t, 0, 0.7)
+    found = sympy.lambdify(t, law, modules)
+    places = np.array([-0.2, 0.1, 0.35, 0.8, 1.3])
+    expected = [float(law.subs(t, place)) for place in places]
+    assert [float(found(place)) for place in places] == pytest.approx(expected, rel=1e-14)
+    if modules in (None, "numpy", "scipy"):
+        assert found(places) == pytest.approx(expected, rel=1e-14)

@@ -23,6 +23,8 @@ EXPRESSIONS = [
     sympy.Piecewise((X**2, X < 0), (sympy.sin(X), True)),
     sympy.Piecewise((Y, X <= -0.5), (X * Y, Y >= X), (1 + X, True)),
     sympy.Piecewise((0, X > 0.2), (X, X >= -0.2), (Y, True)),
+    sympy.Piecewise((X**2, (X > -0.2) & (Y < 0.3)), (Y, True)),
+    sympy.Piecewise((X, (X < -0.4) | (Y > X) | (Y < -0.5)), (X * Y, ~((X > 0.2) & (Y < 0.6))), (1, True)),
 ]
 
 

@@ -31,7 +31,9 @@ class Scene:
 
     def beam(self, **inertia):
         basis = [self.pivot, self.tip, self.ez]
-        return self.model.body("beam", points=[self.pivot, self.tip], vectors=[self.ez], basis=basis, **{"mass": 1.0, **inertia})
+        return self.model.body(
+            "beam", points=[self.pivot, self.tip], vectors=[self.ez], basis=basis, **{"mass": 1.0, "inertia": "point", **inertia}
+        )
 
 
 # What is done wrong, and words that the message must contain.
@@ -76,7 +78,7 @@ MISTAKES = {
     "a sloped side along its axis": (lambda s: s.model.angle("psi", s.ez, s.far - s.tip, s.ex), ["angle psi", "far-tip", "parallel"]),
     "a point for a direction": (lambda s: s.model.angle("psi", s.tip, s.ex, s.ez), ["angle psi", "tip", "not a direction"]),
     "an angle in no form": (lambda s: s.model.angle("psi", s.ex, s.ex, s.ez, form="round"), ["'round'", "smooth"]),
-    "gravity in a plane": (lambda s: s.model.gravity((0, -9.81)), ["gravity", "2 numbers"]),
+    "gravity of one number": (lambda s: s.model.gravity((-9.81,)), ["gravity", "1 numbers"]),
     "gravity that is none": (lambda s: s.model.gravity((0, 0, NAN)), ["gravity", "nan"]),
     "a force that is none": (lambda s: s.model.force(s.tip, (0, NAN, 0)), ["force on tip", "tip.y", "nan"]),
     "a negative mass": (lambda s: s.beam(mass=-3.0), ["body beam", "-3 kg"]),
@@ -96,10 +98,13 @@ MISTAKES = {
     "a body twice": (lambda s: [s.beam(), s.beam()], ["body beam", "already a body"]),
     "a body with a stranger": (lambda s: s.model.body("beam", points=[s.stranger]), ["body beam", "stranger", "another model"]),
     "a basis on one line": (
-        lambda s: s.model.body("beam", [s.pivot, s.tip, s.far], [s.ez], mass=1.0, basis=[s.pivot, s.tip, s.far, s.ez]),
+        lambda s: s.model.body("beam", [s.pivot, s.tip, s.far], [s.ez], mass=1.0, basis=[s.pivot, s.tip, s.far, s.ez], inertia="point"),
         ["body beam", "pivot, tip, far, ez", "parallel or coplanar"],
     ),
-    "a basis of vectors": (lambda s: s.model.body("beam", vectors=[s.ex, s.ez], mass=1.0), ["body beam", "at least one point"]),
+    "a basis of vectors": (
+        lambda s: s.model.body("beam", vectors=[s.ex, s.ez], mass=1.0, inertia="point"),
+        ["body beam", "at least one point"],
+    ),
     "a basis without anything": (lambda s: s.model.body("beam", mass=1.0), ["body beam", "at least one point"]),
     "an independent coordinate that is none": (lambda s: s.model.independent("psi"), ["independent, coordinates", "no coordinate psi"]),
     "an independent coordinate that is fixed": (lambda s: s.model.independent("pivot.x"), ["pivot.x", "not a free coordinate"]),
@@ -113,7 +118,7 @@ LATE_MISTAKES = {
     "an unknown symbol in a law": (lambda s: s.model.drive(s.tip.x, sympy.Symbol("omega") * s.model.time), ["tip.x", "omega"]),
     "another model's coordinate": (lambda s: s.model.constrain(s.tip.x - s.stranger.x, "tie"), ["row 1 (tie)", "stranger.x"]),
     "a centre beside the bar": (
-        lambda s: s.model.body("rod", points=[s.tip, s.far], mass=1.0, com=(3, 0.1, 0)),
+        lambda s: s.model.body("rod", points=[s.tip, s.far], mass=1.0, com=(3, 0.1, 0), inertia="point"),
         ["body rod", "not on the line"],
     ),
     "a bar that is not round": (

@@ -19,7 +19,7 @@ def excavator_arm(shapes: bool = True) -> Model:
     A, B = m.point("A", (0, 0, 0), fixed=True), m.point("B", (2, 0, 0))
     C = m.point("C", (0, -1, 0), fixed=True)
     y = m.vector("y", (0, 1, 0), fixed=True)
-    arm = m.body("arm", [A, B], [y], mass=3.0)
+    arm = m.body("arm", [A, B], [y], mass=3.0, inertia="point")
     m.spring(C, B, 10.0)
     if shapes:
         m.box(arm, (2, 0.1, 0.2))

@@ -119,7 +119,7 @@ def test_drivers_are_motions_of_their_own():
     m = Model("driven")
     m.gravity((0, -9.81, 0))
     O, A, B = m.point("O", (0, 0), fixed=True), m.point("A", (0.5, 0)), m.point("B", (0.5, -0.7))
-    m.body("crank", [O, A], mass=1.0)
+    m.body("crank", [O, A], mass=1.0, inertia="point")
     m.body("bob", [A, B], mass=2.0, com=(0.5, -0.7), inertia=0.0)
     x, z = m.vector("x", (1, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
     turn = m.angle("turn", x, A - O, z)
@@ -151,7 +151,7 @@ def test_what_does_not_close_is_told():
     A, D = m.point("A", (0, 0), fixed=True), m.point("D", (2, 0), fixed=True)
     B, C = m.point("B", (0, 1)), m.point("C", (1.5, 1))
     for name, pair in (("crank", [A, B]), ("coupler", [B, C]), ("rocker", [D, C])):
-        m.body(name, pair, mass=1.0)
+        m.body(name, pair, mass=1.0, inertia="point")
     m.independent(m.angle("psi", m.vector("x", (1, 0), fixed=True), B - A, m.vector("z", (0, 0, 1), fixed=True)))
     short = ncgen.joint_space(ncgen.compile(m, "numpy"))
     reach = np.arccos((1 + 4 - (1.5 + np.hypot(0.5, 1)) ** 2) / 4)  # coupler and rocker in line

@@ -387,3 +387,11 @@ def test_meshes_that_are_not_there_are_nothing_to_motion(write):
     model = ncgen.load(write(TWO.replace('<link name="b">', f'<link name="b">{mesh}')))
     assert set(model.bodies) == {"b", "c"}
     assert any("mesh" in said for said in model.left_out)
+
+
+def test_a_link_called_like_a_keyword(write):
+    """It is a body whose loads an expression can mention, and the robot's own name may be one, too."""
+    model = ncgen.load(write(TWO.replace('"b"', '"in"').replace('name="two"', 'name="class"', 1)))
+    assert "in_" in model.bodies
+    model.output("load", model.bodies["in_"].force(model.bodies["in_"].points[0]).x, "N")
+    assert ncgen.simulate(ncgen.compile(model), 0.01, points=2).outputs["load"].shape == (2,)

@@ -138,7 +138,7 @@ def test_thousand_links():
 def test_a_motion_without_inertia_is_reported():
     m = ncgen.Model("light")
     A, B, C = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0)), m.point("C", (2, 0.5))
-    m.body("first", [A, B], mass=1.0)
+    m.body("first", [A, B], mass=1.0, inertia="point")
     m.distance(B, C)
     m.gravity((0, -9.81, 0))
     kernels = ncgen.compile(m, backend="c")

@@ -23,7 +23,7 @@ def square():
     A, D = m.point("A", (0, 0), fixed=True), m.point("D", (1.5, 2.0), fixed=True)
     B, C = m.point("B", (0.5, 1.0)), m.point("C", (0.5, 2.0))
     for name, ends in (("first", [A, B]), ("second", [B, C]), ("third", [C, D])):
-        m.body(name, ends, mass=1.0)
+        m.body(name, ends, mass=1.0, inertia="point")
     m.gravity((0, -9.81, 0))
     return ncgen.compile(m, backend="c")
 

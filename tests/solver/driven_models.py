@@ -10,7 +10,7 @@ def mass_on_a_slide() -> ncgen.Model:
     x = m.vector("x", (1, 0, 0), fixed=True)
     O, A, B = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y"), m.point("B", (0.1, 0), fixed="y")
     s = m.slide("s", O, A, x)
-    m.body("block", [A, B], mass=MASS)
+    m.body("block", [A, B], mass=MASS, inertia="point")
     F, c = m.input("F", "N"), m.parameter("c", 0.0, "N s/m")
     m.torque(s, F - c * s.rate)
     m.output("place", 10 * s + 1, "dm")

@@ -109,8 +109,8 @@ def test_a_locked_mechanism_is_reported():
     """A driver pulls a rod further than it reaches: the run ends with the time at which it locks."""
     m = ncgen.Model("locked")
     A, B, C = m.point("A", (0, 0), fixed=True), m.point("B", (0.5, 0.2)), m.point("C", (0.9, 0.0), fixed="yz")
-    m.body("first", [A, B], mass=1.0)
-    m.body("second", [B, C], mass=1.0)
+    m.body("first", [A, B], mass=1.0, inertia="point")
+    m.body("second", [B, C], mass=1.0, inertia="point")
     m.drive(C.x, 0.9 + 0.5 * m.time)
     with pytest.raises(ncgen.NcgenError, match="t = "):
         ncgen.simulate(ncgen.compile(m, backend="c"), 2.0)

@@ -13,8 +13,8 @@ def crank(name: str) -> ncgen.Model:
     m = ncgen.Model(name)
     mass, offset = m.parameter("mass", 2.0), m.parameter("offset", 0.2)
     A, B, C = m.point("A", (0, 0), fixed=True), m.point("B", (0, 1)), m.point("C", (2, offset))
-    m.body("first", [A, B], mass=mass)
-    m.body("second", [B, C], mass=1.0)
+    m.body("first", [A, B], mass=mass, inertia="point")
+    m.body("second", [B, C], mass=1.0, inertia="point")
     m.distance(C, m.point("D", (3, 0), fixed=True))
     return m
 

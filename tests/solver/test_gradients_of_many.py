@@ -255,7 +255,7 @@ def test_a_number_that_is_none_is_seen_wherever_it_is(rod):
         model.force(point, (sympy.sqrt(w[2 * i]), sympy.sqrt(w[2 * i + 1]), 0))
     if rod:
         A, B = model.point("A", (0, 0), fixed=True), model.point("B", (0.6, 0.8))
-        model.body("rod", points=[A, B], mass=1.0)
+        model.body("rod", points=[A, B], mass=1.0, inertia="point")
     kernels = ncgen.compile(model)
     p = np.tile(kernels.p0, (count + 1, 1))
     p[range(count), range(count)] = -1.0

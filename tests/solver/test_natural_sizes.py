@@ -49,7 +49,7 @@ def driven_pendulum(size: float) -> Model:
     m = Model("driven")
     a = m.point("A", (0.0, 0.0), fixed=True)
     b = m.point("B", (size, 0.0))
-    m.body("rod", points=[a, b], mass=1.0)
+    m.body("rod", points=[a, b], mass=1.0, inertia="point")
     m.constrain(b.y - size * m.time)
     return m
 

@@ -65,8 +65,8 @@ def rods():
     m.gravity((0, -9.81, 0))
     z = m.vector("z", (0, 0, 1), fixed=True)
     O, A, B = m.point("O", (0, 0), fixed=True), m.point("A", (0.5, 0)), m.point("B", (0.9, 0.3))
-    m.body("upper", [O, A], mass=1.2)
-    m.body("lower", [A, B], mass=0.7)
+    m.body("upper", [O, A], mass=1.2, inertia="point")
+    m.body("lower", [A, B], mass=0.7, inertia="point")
     m.angle("psi", A - O, B - A, z)
     return m
 

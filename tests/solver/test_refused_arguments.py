@@ -91,7 +91,7 @@ def still():
     """Nothing at all; a point and a beam that are fixed; a row between fixed points; a truss."""
     yield Model("nothing")
     beam = Model("beam")
-    beam.body("beam", [beam.point("A", (0, 0), fixed=True), beam.point("B", (1, 0), fixed=True)], mass=1.0)
+    beam.body("beam", [beam.point("A", (0, 0), fixed=True), beam.point("B", (1, 0), fixed=True)], mass=1.0, inertia="point")
     yield beam
     row = Model("row")
     row.distance(row.point("A", (0, 0), fixed=True), row.point("B", (1, 0), fixed=True))

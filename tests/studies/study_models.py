@@ -28,10 +28,10 @@ def fragile() -> ncgen.Model:
     A, B, C = m.point("A", (0, 0), fixed=True), m.point("B", (0.5, 0.2)), m.point("C", (0.9, 0.0), fixed="yz")
     m.distance(A, B, 0.29**0.5)
     m.distance(B, C, reach * sympy.sqrt(5) / 2)
-    m.body("first", [A, B], mass=1.0, rigid=False)
-    m.body("second", [B, C], mass=1.0, rigid=False)
+    m.body("first", [A, B], mass=1.0, rigid=False, inertia="point")
+    m.body("second", [B, C], mass=1.0, rigid=False, inertia="point")
     D = m.point("D", (0.5, -0.6))
-    m.body("hanging", [B, D], mass=1.0)
+    m.body("hanging", [B, D], mass=1.0, inertia="point")
     m.gravity((0, -9.81, 0))
     m.drive(C.x, 0.9 + speed.symbol * m.time)
     return m

@@ -13,7 +13,7 @@ import numpy as np
 
 from ncgen.comparisons.rivals.base import KERNELS, Inputs, Rival, called
 from ncgen.compiler import compile, generate
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
@@ -51,7 +51,7 @@ def emissions(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]
         rival = compiled(f"generated C, {emission}", functions, inputs, names)
         built = cache.compiled(sources.c)
         operations = {name: cost(program).total for name, program in programs.items()}
-        code = code_bytes(built.library, identifier(model.name), names)
+        code = code_bytes(built.library, prefix_of(model.name), names)
         found.append(replace(rival, generation=generation, compilation=built.spent, operations=operations, code=code))
     return found
 

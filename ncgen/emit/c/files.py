@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ncgen.emit.c.spelling import C, number
 from ncgen.emit.environment import render
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.emit.spelling import Record
 from ncgen.program.ir.blocks import Program
@@ -27,7 +27,7 @@ DIFFERENTIATED = {"tangent": "along a direction", "adjoint": "transposed"}
 
 def model_files(programs: Programs) -> dict[str, str]:
     """{file name: text}: the model's source and header, and the headers they include."""
-    prefix = identifier(programs.equations.model.name)
+    prefix = prefix_of(programs.equations.model.name)
     records = _model_records(programs, prefix)
     body = render("c/model.c.jinja", fingerprint="", **records)
     fingerprint = hashlib.sha256(body.encode()).hexdigest()[:16]
@@ -40,7 +40,7 @@ def model_files(programs: Programs) -> dict[str, str]:
 
 def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iterable[float]) -> dict[str, str]:
     """{file name: text}: the state derivative, for the runtime to integrate."""
-    prefix = identifier(equations.model.name)
+    prefix = prefix_of(equations.model.name)
     split = programs.split
     records = {
         "model": equations.model,
@@ -56,28 +56,28 @@ def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iter
 
 def motion_files(programs: MotionPrograms, equations: Terms) -> dict[str, str]:
     """{file name: text}: the motion of all coordinates, for the runtime to integrate."""
-    prefix = identifier(equations.model.name)
+    prefix = prefix_of(equations.model.name)
     records = {"model": equations.model, "prepared": programs.prepared, **program_records(programs.all, prefix, "recursion")}
     return {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
 
 
 def seeded_files(programs: MotionPrograms, equations: Terms, kind: str) -> dict[str, str]:
     """{file name: text}: a motion differentiated. kind: "tangent" or "adjoint"."""
-    prefix = identifier(equations.model.name)
+    prefix = prefix_of(equations.model.name)
     records = {"model": equations.model, "kind": kind, "told": DIFFERENTIATED[kind], **program_records(programs.all, prefix, kind)}
     return {f"{prefix}_{kind}.c": render("c/seeded.c.jinja", **records)}
 
 
 def function_files(programs: Iterable[Program], equations: Terms, kind: str) -> dict[str, str]:
     """{file name: text}: programs as functions by their own names. kind: a word for the file and its tables."""
-    prefix = identifier(equations.model.name)
+    prefix = prefix_of(equations.model.name)
     records = program_records(programs, prefix, kind)
     return {f"{prefix}_{kind}.c": render("c/functions.c.jinja", model=equations.model, kind=kind, **records)}
 
 
 def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]:
     """{file name: text}: the tangent kernels."""
-    prefix = identifier(equations.model.name)
+    prefix = prefix_of(equations.model.name)
     records = {
         "kind": programs.kind,
         "model": equations.model,

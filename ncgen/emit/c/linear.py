@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ncgen.emit.environment import render
-from ncgen.emit.naming import identifier, labels
+from ncgen.emit.naming import labels, prefix_of
 
 
 def linear_header(name: str, beside: str, matrices: Mapping[str, np.ndarray], names: Mapping[str, Sequence[str]]) -> str:
@@ -15,7 +15,7 @@ def linear_header(name: str, beside: str, matrices: Mapping[str, np.ndarray], na
 
     beside: in words, what motions are near to; names: {state, input, output: names}
     """
-    prefix = identifier(name)
+    prefix = prefix_of(name)
     return render(
         "c/linear.h.jinja",
         prefix=prefix,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ncgen.emit.environment import render
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.numpy.spelling import NumPy
 
 if TYPE_CHECKING:
@@ -38,17 +38,17 @@ def model_files(programs: Programs) -> dict[str, str]:
         **NumPy().records(programs.programs.values()),
         width=WIDTH,
     )
-    return {f"{identifier(equations.model.name)}.py": text}
+    return {f"{prefix_of(equations.model.name)}.py": text}
 
 
 def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]:
     """{file name: text} of the tangent kernels."""
     records = NumPy().records(programs.programs.values())
     text = render("numpy/tangents.py.jinja", model=equations.model, **records, width=WIDTH)
-    return {f"{identifier(equations.model.name)}_{programs.kind}.py": text}
+    return {f"{prefix_of(equations.model.name)}_{programs.kind}.py": text}
 
 
 def function_files(programs: Iterable[Program], equations: Terms, kind: str) -> dict[str, str]:
     """{file name: text}: programs as functions by their own names. kind: a word for the file."""
     text = render("numpy/functions.py.jinja", model=equations.model, kind=kind, **NumPy().records(programs), width=WIDTH)
-    return {f"{identifier(equations.model.name)}_{kind}.py": text}
+    return {f"{prefix_of(equations.model.name)}_{kind}.py": text}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import prefix_of
 from ncgen.emit.wasm import binary
 from ncgen.emit.wasm.binary import F64, Import, Signature
 from ncgen.emit.wasm.code import SINCOS, called, function
@@ -25,7 +25,7 @@ IS_READ = False
 
 def model_files(programs: Programs) -> dict[str, bytes]:
     """{file name: bytes} of the module."""
-    prefix = identifier(programs.equations.model.name)
+    prefix = prefix_of(programs.equations.model.name)
     return {f"{prefix}.wasm": module(programs.programs.values(), prefix)}
 
 

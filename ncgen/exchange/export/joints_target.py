@@ -6,7 +6,7 @@ from ncgen import __version__
 from ncgen.compiler import compile
 from ncgen.emit.c.files import program_records
 from ncgen.emit.c.spelling import number
-from ncgen.emit.naming import identifier, labels
+from ncgen.emit.naming import labels, prefix_of
 from ncgen.exchange.export.package import without_runtime
 from ncgen.model import Model
 from ncgen.model.elements import Point
@@ -33,7 +33,7 @@ def files_of(model: Model) -> dict[str, str]:
     """{path in the folder: text}. Raises ModelError where the mechanism has no joint space."""
     kernels = compile(model, backend="numpy")
     space = joint_space(kernels)
-    prefix = identifier(kernels.name)
+    prefix = prefix_of(kernels.name)
     records = {
         **program_records((program for what in PARTS for program in space.made(what).values()), prefix, "joints"),
         "version": __version__,

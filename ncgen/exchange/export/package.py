@@ -17,7 +17,7 @@ from ncgen.compiler import compile, generate
 from ncgen.emit.c.files import program_records
 from ncgen.emit.c.spelling import number
 from ncgen.emit.environment import render
-from ncgen.emit.naming import identifier, labels
+from ncgen.emit.naming import labels, prefix_of
 from ncgen.emit.runtime import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
@@ -82,7 +82,7 @@ class Package:
 
     @property
     def prefix(self) -> str:
-        return identifier(self.kernels.name)
+        return prefix_of(self.kernels.name)
 
     @cached_property
     def c(self) -> dict[str, str]:

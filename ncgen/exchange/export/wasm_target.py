@@ -9,11 +9,18 @@ from ncgen.emit.wasm.files import module
 from ncgen.exchange.export.package import Package
 from ncgen.program.ir.blocks import Program
 
+CONSTANTS = frozenset(
+    "N ROWS ROW_SIZES START SPEEDS DEFAULTS KERNELS LARGEST T WORK POWER NEXT Q QD QDD LAM STATE EPSILON E NEWTON_STEPS PATIENCE "
+    "MOST_STEPS LOCKED SINGULAR".split()
+)
+"""What the wrapper calls its constants: no class can be called so."""
+
 
 def files(package: Package) -> dict[str, str | bytes]:
     """{file name: contents}."""
     prefix = package.prefix
-    binary, records = assembled(package, package.sources.programs.programs.values(), prefix[0].upper() + prefix[1:])
+    title = prefix[0].upper() + prefix[1:]
+    binary, records = assembled(package, package.sources.programs.programs.values(), f"{title}_" if title in CONSTANTS else title)
 
     def filled(template: str) -> str:
         return render(f"package/wasm/{template}.jinja", **records)

@@ -208,10 +208,10 @@ def _told_of(where: str) -> Iterator[None]:
 
 
 def word(name: str, what: str) -> str:
-    """A name that a model can have: other signs become _, a letter comes first, _ follows a joint's that has a meaning in expressions."""
+    """A name that a model can have: other signs become _, a letter comes first, _ follows a keyword, and a joint's that expressions use."""
     kept = "".join(c if c.isalnum() and f"a{c}".isidentifier() else "_" for c in normal(name))
     kept = kept if kept[:1].isidentifier() and kept[0] != "_" else f"{what}_{kept}"
-    return f"{kept}_" if what == "joint" and (keyword.iskeyword(kept) or kept in RESERVED) else kept
+    return f"{kept}_" if keyword.iskeyword(kept) or (what == "joint" and kept in RESERVED) else kept
 
 
 def _tensor(mass: Mass) -> np.ndarray:

@@ -16,6 +16,7 @@ typedef struct ncgen_correction {
     ncgen_real *halfway, *rolled; /* nonzeros of Phi_q in the middle of the step, n + m: for rolling conditions */
     ncgen_real *gap, *along;     /* m, n: what energy-momentum adds to Phi_q in the middle, gap along' */
     int is_corrected;            /* does it? */
+    ncgen_real *steps;           /* NCGEN_ALONG_LIMIT x n: of a projection along a direction */
     int *order;
     ncgen_real unit;             /* the largest inertia so far; without inertia it is not that of rounded multipliers */
     ncgen_real power;            /* at the end of the last step */

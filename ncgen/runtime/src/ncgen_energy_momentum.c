@@ -20,7 +20,6 @@ int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, 
     const ncgen_real *velocity = r->y, *position = r->y + n, *acceleration = r->constrained->solution;
     ncgen_real *end = w->new_y + n, *change = w->at;
     ncgen_real last = 0;
-    (void)c;
     for (int i = 0; i < n; ++i)
         end[i] = position[i] + h * velocity[i];
     for (int pass = 0; pass < ITERATION_LIMIT; ++pass) {
@@ -34,7 +33,7 @@ int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, 
         for (int i = 0; i < n; ++i)
             r->q[i] = position[i] + h * (velocity[i] + h / 2 * acceleration[i]);
         if (status == NCGEN_OK)
-            status = ncgen_project_position(r, t + h, 0);
+            status = ncgen_project_along(r, t + h, c->steps);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < n; ++i) {

@@ -13,7 +13,7 @@ int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics
 {
     const int simple = dynamics->conservative && !dynamics->rolling && (!model->mass || model->mass_is_constant);
     if (facts[options->method].tangents == SOMETIMES)
-        return options->method == NCGEN_RATTLE ? !simple : dynamics->tangents != NULL;
+        return dynamics->tangents != NULL || (options->method == NCGEN_RATTLE && !simple);
     return facts[options->method].tangents == ALWAYS;
 }
 

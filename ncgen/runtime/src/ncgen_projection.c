@@ -24,6 +24,19 @@ static void correct(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
         x[i] += w->residual[i];
 }
 
+/* The same without what the factors have beside M and Phi_q'; overwrites w->solution. */
+static int correct_exactly(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
+{
+    for (int i = 0; i < r->n; ++i)
+        w->right[i] = 0;
+    for (int i = 0; i < r->m; ++i)
+        w->right[r->n + i] = -w->residual[r->n + i];
+    const int status = ncgen_constrained_solve(r);
+    for (int i = 0; i < r->n; ++i)
+        x[i] += w->solution[i];
+    return status;
+}
+
 /* Near singular positions the rest of a violation is multiplied by much, so it is brought down to rounding if it can be. */
 int ncgen_project_position(ncgen_run *r, ncgen_scalar t, int fresh)
 {
@@ -53,7 +66,62 @@ int ncgen_project_position(ncgen_run *r, ncgen_scalar t, int fresh)
     return NCGEN_NOT_CONVERGED;
 }
 
-int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t)
+/* The part of b along a, in natural sizes. */
+static ncgen_real share_along(const ncgen_run *r, const ncgen_real *a, const ncgen_real *b)
+{
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    ncgen_real square = 0, sum = 0;
+    for (int i = 0; i < r->n; ++i) {
+        square += a[i] / sizes[i] * (a[i] / sizes[i]);
+        sum += a[i] / sizes[i] * (b[i] / sizes[i]);
+    }
+    return square > 0 ? sum / square : 0;
+}
+
+/* The next step of Broyden's method: that of the factors, `step`, with what the steps before it have shown of Phi_q on the way. All are
+ * sums of columns of M^-1 Phi_q' at the place of the factors (Kelley 1995, section 7.3). */
+static void learn(const ncgen_run *r, const ncgen_real *steps, int count, ncgen_real *step)
+{
+    const int n = r->n;
+    for (int j = 0; j < count; ++j) {
+        const ncgen_real *before = steps + (size_t)j * n, *after = before + n;
+        const ncgen_real share = share_along(r, before, step);
+        for (int i = 0; i < n; ++i)
+            step[i] = j + 1 < count ? step[i] + share * after[i] : step[i] / (1 - share);
+    }
+}
+
+int ncgen_project_along(ncgen_run *r, ncgen_scalar t, ncgen_real *steps)
+{
+    const int n = r->n;
+    ncgen_constrained *w = r->constrained;
+    ncgen_real before = R(1.0e30);
+    for (int k = 0; k < NCGEN_ALONG_LIMIT; ++k) {
+        ncgen_real *step = steps + (size_t)k * n;
+        int status = ncgen_phi(r, t, r->q, w->residual + n);
+        const ncgen_real size = ncgen_constrained_violation(r, w->residual + n);
+        if (status != NCGEN_OK)
+            return status;
+        if (size <= 100 * r->rounding || (size <= r->options->tolerance && size > R(0.1) * before))
+            return NCGEN_OK;
+        if (!(size < R(1.0e30)))
+            return NCGEN_NOT_CONVERGED;
+        before = size;
+        r->statistics->newton_steps += 1;
+        for (int i = 0; i < n; ++i)
+            step[i] = 0;
+        status = correct_exactly(r, w, step);
+        if (status != NCGEN_OK)
+            return status;
+        learn(r, steps, k, step);
+        for (int i = 0; i < n; ++i)
+            r->q[i] += step[i];
+    }
+    return NCGEN_NOT_CONVERGED;
+}
+
+/* exactly: in the direction of M and Phi_q' alone; overwrites w->solution. */
+static int project_velocity(ncgen_run *r, ncgen_scalar t, int exactly)
 {
     ncgen_constrained *w = r->constrained;
     int status = ncgen_constrained_phi_q(r, t);
@@ -68,9 +136,25 @@ int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t)
             w->residual[r->n + i] -= w->nu[i];
         if (ncgen_constrained_violation(r, w->residual + r->n) <= enough)
             break;
-        correct(r, w, r->qd);
+        if (!exactly)
+            correct(r, w, r->qd);
+        else if ((status = correct_exactly(r, w, r->qd)) != NCGEN_OK)
+            return status;
     }
     return NCGEN_OK;
+}
+
+int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t)
+{
+    return project_velocity(r, t, 0);
+}
+
+int ncgen_project_velocity_along(ncgen_run *r, ncgen_scalar t, ncgen_real *kept)
+{
+    ncgen_copy(r->n, r->constrained->solution, kept);
+    const int status = project_velocity(r, t, 1);
+    ncgen_copy(r->n, kept, r->constrained->solution);
+    return status;
 }
 
 /* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; 0 where they do not close, or move the

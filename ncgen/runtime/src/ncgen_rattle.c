@@ -19,7 +19,6 @@ int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
     const ncgen_real *acceleration = r->constrained->solution;
     int status = ncgen_listen(r, t + h);
     (void)w;
-    (void)c;
     if (status == NCGEN_OK && !r->constrained->kept) {
         ncgen_copy(n, position, r->q);
         ncgen_copy(n, velocity, r->qd);
@@ -28,7 +27,7 @@ int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
     for (int i = 0; i < n; ++i)
         r->q[i] = position[i] + h * (velocity[i] + h / 2 * acceleration[i]);
     if (status == NCGEN_OK)
-        status = ncgen_project_position(r, t + h, 0);
+        status = ncgen_project_along(r, t + h, c->steps);
     for (int i = 0; i < n; ++i)
         r->qd[i] = (r->q[i] - position[i]) / h;
     ncgen_constrained_rows(r);
@@ -37,7 +36,7 @@ int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
     for (int i = 0; i < n; ++i)
         r->qd[i] += h / 2 * acceleration[i];
     r->constrained->kept = 1;
-    return status == NCGEN_OK ? ncgen_project_velocity(r, t + h) : status;
+    return status == NCGEN_OK ? ncgen_project_velocity_along(r, t + h, c->steps) : status;
 }
 
 /* The velocity of the drift, in r->qd, for which Phi = 0 at the end: h/2 (Q - Phi_q' lam) = M (velocity of drift - velocity)

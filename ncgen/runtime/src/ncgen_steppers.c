@@ -2,6 +2,7 @@
 #include "ncgen_constrained.h"
 #include "ncgen_jacobian.h"
 #include "ncgen_method.h"
+#include "ncgen_projection.h"
 #include "ncgen_steppers.h"
 
 void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
@@ -9,8 +10,10 @@ void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     const int n = r->n;
     w->new_y = ncgen_take(&r->space, r->ny);
     w->at = ncgen_take(&r->space, r->ny);
-    if (!ncgen_uses_tangents(r->model, r->dynamics, r->options))
+    if (!ncgen_uses_tangents(r->model, r->dynamics, r->options)) {
+        c->steps = ncgen_take(&r->space, NCGEN_ALONG_LIMIT * n);
         return;
+    }
     c->size = r->options->formalism == NCGEN_ALI3P ? n : n + r->m;
     c->matrix = ncgen_take(&r->space, c->size * c->size);
     c->right = ncgen_take(&r->space, c->size);

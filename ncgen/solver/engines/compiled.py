@@ -35,6 +35,7 @@ from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.run import EMITTED, Form, Partitioned
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
+from ncgen.solver.steppers.stepper import unsolved_step
 from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:
@@ -216,6 +217,8 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
     if done.stopped:
         path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
     reason = _ended(path, kernels, grid, done, work, p)
+    if done.status in FINAL and task.step:
+        raise ConvergenceError(unsolved_step(kernels.name, done.reached, task.step))
     if done.status in FINAL:
         raise ConvergenceError(
             f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s, where steps become too short; the mechanism comes "
@@ -391,7 +394,7 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> 
             before, partitions = partitions, _better(kernels, partitions, seen, q, t, p)
             path.partitions, changed = partitions, partitions is not before
             if not (advanced or changed) and done.status in FINAL:
-                raise ConvergenceError(stuck_message(kernels, t))
+                raise ConvergenceError(stuck_message(kernels, t, task.step))
             if not (advanced or changed):
                 return reason
             path.counts[3] += changed

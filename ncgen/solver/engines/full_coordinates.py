@@ -27,6 +27,7 @@ from ncgen.solver.positions.rank import best_rows, freedom_at, scaled_jacobian
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.stop import Stop
 from ncgen.solver.runs.task import Task
+from ncgen.solver.steppers.stepper import unsolved_step
 
 
 def run(path: Path, kernels: Kernels, task: Task) -> None:
@@ -164,9 +165,12 @@ class _Run:
                 solver = self.solver = make(t0=start, y0=y, first_step=length)
         creeps = self.pace.creeps(solver.t)
         if creeps or solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+            step = self.task.step if message else None
             message = message or ("steps become tiny" if creeps else "the state is not finite")
             raise on_the_way(self.kernels, y[self._q], y[: self.kernels.n], start, solver.t, self.p) or ConvergenceError(
-                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message}); "
+                unsolved_step(self.kernels.name, start, step)
+                if step
+                else f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message}); "
                 "the motion may become singular there, or try another integrator or tolerance"
             )
         return solver

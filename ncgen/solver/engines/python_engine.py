@@ -164,7 +164,9 @@ class _Run:
                 break
             except (ConvergenceError, SingularError, DomainError) as error:
                 if attempt == RETRIES:
-                    raise error if isinstance(error, DomainError) else type(error)(stuck_message(self.kernels, here.t)) from error
+                    if isinstance(error, DomainError):
+                        raise
+                    raise type(error)(stuck_message(self.kernels, here.t, self.task.step)) from error
                 self.rejections += 1
                 self._repartition(here, any_better=True)
                 length = min(getattr(solver, "h_abs", np.inf), self.end - here.t) / 4 ** (attempt + 1)
@@ -172,9 +174,12 @@ class _Run:
         self.steps += 1
         creeps = self.pace.creeps(solver.t)
         if creeps or solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+            step = self.task.step if message else None
             message = message or ("steps become tiny" if creeps else "the state is not finite")
             raise on_the_way(self.kernels, here.q, here.qd, here.t, solver.t, self.start.p) or ConvergenceError(
-                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message}); "
+                stuck_message(self.kernels, here.t, step)
+                if step
+                else f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message}); "
                 "the motion may become singular there, or try another integrator or tolerance"
             )
         return solver

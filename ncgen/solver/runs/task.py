@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import ceil
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from ncgen.methods.method import Method
 from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.stop import Stop
 from ncgen.solver.runs.tolerances import Tolerances
+
+CLOSE = 1e-6
+"""A span that is longer than a number of steps by less than this share of one has no step more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +57,18 @@ class Task:
     def looked_at(self, row: int, times: np.ndarray) -> None:
         """Rows from one on are of these times (s), of which looks may be others than were asked for."""
         np.copyto(self.grid[row : row + len(times)], times, where=self.looks_from(row)[: len(times)])
+
+    @property
+    def steps(self) -> int:
+        """How many equal steps of at most max_step a stepper takes: as in C, so that they end with the grid."""
+        return max(1, ceil((self.grid[-1] - self.grid[0]) / self.max_step - CLOSE))
+
+    @property
+    def step(self) -> float | None:
+        """The length (s) of the steps of a method that has a fixed one."""
+        if not self.method.has_fixed_step:
+            return None
+        return float(self.grid[-1] - self.grid[0]) / self.steps if self.method.is_stepper else self.max_step
 
     @property
     def driven(self) -> tuple[Pieces | Function | None, ...]:

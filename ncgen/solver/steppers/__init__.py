@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from importlib import import_module
-from math import ceil
 from typing import TypeAlias
 
 import numpy as np
@@ -45,12 +44,12 @@ def run(path: Path, kernels: Kernels, task: Task) -> None:
     is raised, by `progress` or by Ctrl-C as well, the path holds what was reached.
     """
     kernels, grid, method = watched(kernels), task.grid, task.method
-    count = ceil((grid[-1] - grid[0]) / task.max_step * (1 - ON_THE_GRID))
-    stepper = stepper_of(method)(kernels, grid[0], task.q, task.velocities, task.p, (grid[-1] - grid[0]) / count, **method.options)
+    h = (grid[-1] - grid[0]) / task.steps
+    stepper = stepper_of(method)(kernels, grid[0], task.q, task.velocities, task.p, h, **method.options)
     path.extend(stepper.q[None], stepper.qd[None], [0.0], [0] * 5)
     reached: State = stepper.t, stepper.q, stepper.qd, stepper.work
     try:
-        for _ in range(count):
+        for _ in range(task.steps):
             reached = _step(path, stepper, reached, grid, task.stop)
             if path.stopped is not None:
                 break

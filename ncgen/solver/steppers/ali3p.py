@@ -46,7 +46,7 @@ class Ali3p(Stepper):
             lam = lam + 4 / h**2 * self._push(self._rows @ more + value)
             return self.relative(more)
 
-        self.iterate(correct, end)
+        self.iterate(correct)
         qd, qdd = rates(q)
         self._factor(q, qd, qdd, lam, end)
         qd = self._projected(qd, kernels.nu(q, end, self.p))

@@ -39,7 +39,7 @@ class EnergyMomentum(Stepper):
             qd, lam = qd + more, lam + push / h
             return self.relative(h / 2 * more)
 
-        self.iterate(correct, end)
+        self.iterate(correct)
         q, at, rate = self._places(qd)
         self.work += h * float(kernels.energy(at, rate, half, p)[2] - kernels.nu(at, half, p) @ lam)
         qdd = (qd - self.qd) / h

@@ -45,7 +45,7 @@ class GeneralizedAlpha(Stepper):
             qdd, lam = qdd + more, lam + push
             return self.relative(by_q * more)
 
-        self.iterate(correct, end)
+        self.iterate(correct)
         q, qd = q0 + by_q * qdd, qd0 + by_qd * qdd
         self.add_work(end, q, qd)
         self.a = base + share * qdd

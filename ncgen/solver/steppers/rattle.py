@@ -27,7 +27,7 @@ class Rattle(Stepper):
             middle, lam = middle + more, lam + 2 / h * push
             return self.relative(h * more)
 
-        self.iterate(correct, end)
+        self.iterate(correct)
         q = self.q + h * middle
         after, mass, nu = kernels.jacobian(q, end, p), kernels.mass_matrix(q, end, p), kernels.nu(q, end, p)
         kick = h / 2 * kernels.force(q, middle, end, p)

@@ -24,6 +24,11 @@ ENOUGH = 1e-14
 """Newton steps below this, in natural sizes, end the iteration."""
 
 
+def unsolved_step(name: str, t: float, h: float) -> str:
+    """One line about a fixed step of h (s) from t (s) on whose equations are not solved."""
+    return f"{name}: the step of {h:.6g} s from t = {t:.6g} s does not converge; take smaller steps (max_step)"
+
+
 class Stepper(ABC):
     """One method at work, from a state at t (s): q (n,) in m and rad, qd (n,) in the same per second; p (n_p,), and the step h (s).
 
@@ -92,9 +97,9 @@ class Stepper(ABC):
         stiffness = self.kernels.stiffness(q, qd, qdd, lam, t, self.p)
         return stiffness.toarray(), self.kernels.damping(q, qd, t, self.p).toarray()
 
-    def iterate(self, correct: Callable[[], float], end: float) -> None:
+    def iterate(self, correct: Callable[[], float]) -> None:
         """Call `correct()`, which makes a Newton step and returns its size, until the steps are rounding."""
-        last = size = np.inf
+        last = np.inf
         for _ in range(LIMIT):
             try:
                 size = correct()
@@ -108,10 +113,7 @@ class Stepper(ABC):
             if not np.isfinite(size):
                 break
             last = size
-        raise ConvergenceError(
-            f"{self.kernels.name}: the step to t = {end:.6g} s does not converge, its last correction is {size:.2g} (relative); "
-            "take smaller steps (max_step)"
-        )
+        raise ConvergenceError(unsolved_step(self.kernels.name, self.t, self.h))
 
     def relative(self, dq: np.ndarray) -> float:
         """The largest entry of a change of position, in natural sizes."""
