@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import TracebackType
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.mechanism.library import STATUS
 from ncgen.toolchain.abi import InC, Interface, Number, runtime_abi
@@ -53,11 +54,11 @@ class Driver:
     """The signals of one run in C.
 
     told: one of the two kinds an input, None for one that keeps its value in p; () where all do
-    ends: times (s) at which steps with error control end besides
+    breaks (B, 2): as `break_times` finds them, those of the tables among them
     raised: what a function raised, or None
     """
 
-    def __init__(self, told: Sequence[Pieces | Function | None], number: Number, ends: Sequence[float] | np.ndarray = ()) -> None:
+    def __init__(self, told: Sequence[Pieces | Function | None], number: Number, breaks: ArrayLike = ()) -> None:
         self._ffi: Interface = runtime_abi(number.name)
         self.raised: BaseException | None = None
         self.functions = {i: each for i, each in enumerate(told) if callable(each) and not isinstance(each, Pieces)}
@@ -66,17 +67,15 @@ class Driver:
             np.cumsum([0, *(len(each.knots) if each else 0 for each in pieces)]).astype(np.intc),
             np.concatenate([np.empty(0), *(each.knots for each in pieces if each)]).astype(number.dtype),
             np.concatenate([np.empty((0, 4)), *(each.coefficients for each in pieces if each)]).astype(number.dtype),
-            np.unique(np.concatenate([ends, *(each.knots for each in pieces if each)])).astype(number.dtype),
+            np.ravel(breaks).astype(number.dtype),
         ]
-        start, knots, coefficients, breaks = (
-            self._ffi.from_buffer("int[]" if a.dtype == np.intc else number.array, a) for a in self._arrays
-        )
+        start, knots, coefficients, ends = (self._ffi.from_buffer("int[]" if a.dtype == np.intc else number.array, a) for a in self._arrays)
         self._handle = self._ffi.new_handle(self)
         self._piecewise: InC = self._ffi.new("ncgen_piecewise *", {"count": len(told), "start": start, "knots": knots})
         self._piecewise.coefficients = coefficients
         if self.functions:
             self._piecewise.others, self._piecewise.context = _asked(number.name), self._handle
-        self.breaks, self.n_breaks = breaks, len(self._arrays[3])
+        self.breaks, self.n_breaks = ends, len(self._arrays[3])
 
     def signals(self, function: InC) -> InC:
         """The struct for a run; function: `ncgen_piecewise_inputs` of the runtime."""

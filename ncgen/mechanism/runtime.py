@@ -222,7 +222,7 @@ class Dynamics:
         looks: np.ndarray | None = None,
         progress: Callable[[float], None] | None = None,
         inputs: Sequence[Pieces | Function | None] = (),
-        ends: Sequence[float] | np.ndarray = (),
+        breaks: ArrayLike = (),
         **options: InC,
     ) -> Outcome:
         """Run over the times (s) of a grid (first one is the start).
@@ -236,7 +236,7 @@ class Dynamics:
         progress: called now and then with the time that the run has reached. What it raises, or a handler of a signal such as
             that of Ctrl-C, ends the run; `Outcome.completed` raises it again
         inputs: one an input of the mechanism: a table, a function of time, or None; () where all keep their values in p
-        ends: times (s) at which steps with error control end besides
+        breaks (B, 2): of the laws in time, as `break_times` finds them, those of the inputs' tables among them
         options: the other members of `ncgen_options`, by their names
         """
         ffi, n, dtype = self._ffi, self.kernels.n, self.number.dtype
@@ -257,7 +257,7 @@ class Dynamics:
         listener = Listener(progress, self._eliminated)
         context = ffi.new_handle(listener)
         settings.watch, settings.context, settings.patience = watch(self.number.name), context, listener.patience
-        driver = Driver(inputs, self.number, ends) if any(inputs) or len(ends) else None
+        driver = Driver(inputs, self.number, breaks) if any(inputs) or np.size(breaks) else None
         if driver:
             signals = driver.signals(library.ncgen_piecewise_inputs)
             settings.signals = signals

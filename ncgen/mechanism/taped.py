@@ -12,6 +12,7 @@ import numpy as np
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.batch import aligned, in_lanes, pointer
+from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.driving import Function, Pieces, told_at
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.moving import ANY_STEP
@@ -74,19 +75,19 @@ class Taped:
 
     def __init__(
         self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray,
-        tolerances: Mapping[str, InC] | None = None, inputs: Sequence[Pieces | Function | None] = (), **options: InC,
+        tolerances: Mapping[str, InC] | None = None, inputs: Sequence[Pieces | Function | None] = (), breaks: np.ndarray = NO_BREAKS,
+        **options: InC,
     ) -> None:  # fmt: skip
         self._dynamics, self._kernels = dynamics, dynamics.kernels
         self._ffi, self._library = dynamics.adjoint_interface
         self._p, self._parameters = dynamics.with_prepared(p), len(p)
         options |= {"formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1}
         options |= tolerances if tolerances else {"rtol": 0.0, "atol": 0.0, "max_step": ANY_STEP}
-        steps = (len(times) - 1) * (ROOMY if tolerances else 1)
+        ends = np.union1d(breaks, times if tolerances else ())
+        steps = (len(times) - 1) * (ROOMY if tolerances else 1) + breaks.size
         while True:
             self._take_room(method, steps)
-            self.outcome: Outcome = dynamics.simulate(
-                method, times, q, qd, p, tape=self._tape, ends=times if tolerances else (), inputs=inputs, **options
-            )
+            self.outcome: Outcome = dynamics.simulate(method, times, q, qd, p, tape=self._tape, breaks=ends, inputs=inputs, **options)
             if self.outcome.status != "full" or 2 * self._states.nbytes > LONGEST:
                 break
             steps *= 2

@@ -135,11 +135,12 @@ typedef struct ncgen_event {
  * one after the jump, at its end the one before. Anything but NCGEN_OK refuses the step. */
 typedef int ncgen_inputs(void *context, ncgen_scalar from, ncgen_scalar t, ncgen_real *values);
 
-/* What drives a run; without it inputs keep the values that p has. */
+/* What drives a run; without it inputs keep the values that p has. The breaks are pairs: where a step ends before something that depends
+ * on time alone changes its formula, and where the next one begins after it; both are the same where it does not jump. */
 typedef struct ncgen_signals {
     ncgen_inputs *inputs;
     void *context;
-    int n_breaks;               /* where inputs jump or have a corner: steps with error control end there */
+    int n_breaks;               /* even */
     const ncgen_scalar *breaks; /* ascending */
 } ncgen_signals;
 

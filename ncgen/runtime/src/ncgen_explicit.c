@@ -309,21 +309,6 @@ static int is_stiff(const ncgen_run *r, ncgen_stepping *w, const tableau *method
     return 0;
 }
 
-/* Where the next step has to end at the latest: at a break of the inputs, or at the end. */
-static ncgen_scalar next_break(const ncgen_run *r, ncgen_scalar t, ncgen_scalar end)
-{
-    const ncgen_signals *signals = r->options->signals;
-    int low = 0, high = signals ? signals->n_breaks : 0; /* the first one after t is at low .. high */
-    while (low < high) {
-        const int middle = low + (high - low) / 2;
-        if (signals->breaks[middle] > t)
-            high = middle;
-        else
-            low = middle + 1;
-    }
-    return signals && low < signals->n_breaks && signals->breaks[low] < end ? signals->breaks[low] : end;
-}
-
 /* The slope at the start of a step whose inputs are not those of the last step's end. */
 static int begin_anew(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t)
 {
@@ -340,7 +325,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
     while (t < end) {
         if (r->options->max_step > 0 && h > r->options->max_step)
             h = r->options->max_step;
-        goal = next_break(r, t, end);
+        goal = ncgen_next_break(r, t, end);
         const ncgen_scalar wanted = h;
         const int last = t + h >= goal;
         if (last)
@@ -380,7 +365,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             trouble = NCGEN_SHORT; /* what was wrong is behind */
         repeats = rejected = 0;
         const ncgen_scalar t_new = last ? goal : t + h;
-        stiff = is_stiff(r, w, method, h);
+        stiff = !(h < wanted) && is_stiff(r, w, method, h); /* one that is cut short tells nothing */
         r->statistics->stiff += stiff;
         status = finish_step(r, w, method, t, t_new);
         if (status != NCGEN_OK || r->statistics->stopped)
@@ -400,25 +385,31 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
 
 static int run_fixed(ncgen_run *r, ncgen_stepping *w, const tableau *method)
 {
-    for (int row = 1; row < r->n_times; ++row) {
-        const ncgen_scalar span = r->times[row] - r->times[row - 1];
+    const ncgen_scalar end = r->times[r->n_times - 1];
+    ncgen_scalar from = r->times[0];
+    while (from < end) { /* from one row or break to the next */
+        int row = r->rows;
+        while (row < r->n_times && !(r->times[row] > from))
+            ++row;
+        const ncgen_scalar to = ncgen_next_break(r, from, row < r->n_times ? r->times[row] : end), span = to - from;
         const ncgen_scalar count = ncgen_step_count(r, span);
         if (!(count > 0))
             return NCGEN_ARGUMENT;
         for (ncgen_scalar i = 0; i < count; i += 1) {
-            const ncgen_scalar t = r->times[row - 1] + i * (span / count);
+            const ncgen_scalar t = from + i * (span / count);
             const int last = i + 1 >= count;
-            const ncgen_scalar t_new = last ? r->times[row] : r->times[row - 1] + (i + 1) * (span / count);
+            const ncgen_scalar t_new = last ? to : from + (i + 1) * (span / count);
             if (!(t_new > t))
                 return NCGEN_ARGUMENT;
             int status = trial_step(r, w, method, t, t_new - t);
             if (status == NCGEN_OK)
                 status = finish_step(r, w, method, t, t_new);
-            if (status == NCGEN_OK && !(last && row + 1 == r->n_times))
+            if (status == NCGEN_OK && t_new < end)
                 status = begin_anew(r, w, t_new);
             if (status != NCGEN_OK || r->statistics->stopped)
                 return status;
         }
+        from = to;
     }
     return NCGEN_OK;
 }

@@ -13,6 +13,27 @@ static int check_state(const ncgen_run *r, ncgen_real work)
     return ncgen_is_finite(r->n, r->q) && ncgen_is_finite(r->n, r->qd) && ncgen_is_finite(1, &work) ? NCGEN_OK : NCGEN_DOMAIN;
 }
 
+/* The number of the first break after t. */
+static int break_after(const ncgen_signals *signals, ncgen_scalar t)
+{
+    int low = 0, high = signals->n_breaks;
+    while (low < high) {
+        const int middle = low + (high - low) / 2;
+        if (signals->breaks[middle] > t)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return low;
+}
+
+ncgen_scalar ncgen_next_break(const ncgen_run *r, ncgen_scalar t, ncgen_scalar end)
+{
+    const ncgen_signals *signals = r->options->signals;
+    const int k = signals ? break_after(signals, t) : 0;
+    return signals && k < signals->n_breaks && signals->breaks[k] < end ? signals->breaks[k] : end;
+}
+
 /* q and qd at t + s h. */
 static int state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
 {
@@ -122,6 +143,18 @@ int ncgen_creeps(const ncgen_run *r, ncgen_stepping *w, ncgen_scalar t)
     const int creeps = t - w->mark < R(1.0e-6) * span;
     w->mark = t;
     return creeps;
+}
+
+int ncgen_cross_break(ncgen_run *r, ncgen_scalar *t, ncgen_scalar end)
+{
+    const ncgen_signals *signals = r->options->signals;
+    if (!signals || break_after(signals, *t) % 2 == 0)
+        return 0;
+    *t = ncgen_next_break(r, *t, end);
+    r->from = *t;
+    ncgen_keep_state(r, *t, r->y[r->weighed - 1]);
+    write_end(r, *t, *t);
+    return 1;
 }
 
 int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w)

@@ -251,27 +251,40 @@ static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_sc
     return NCGEN_OK;
 }
 
+/* The slope in w->slopes is one without steps before it. */
+static int begin_anew(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t)
+{
+    const int status = ncgen_implicit_jacobian(r, m, t, r->y);
+    m->fresh = 1;
+    m->factored = 0;
+    m->last_step = 0;
+    m->last_error = 0;
+    return status;
+}
+
 int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
     const ncgen_scalar end = r->times[r->n_times - 1];
-    ncgen_scalar t = r->times[0];
+    ncgen_scalar t = r->times[0], goal = end;
     int repeats = 0, rejected = 0, trouble = NCGEN_SHORT;
     int status = ncgen_implicit_begin(r, w, m);
     if (status != NCGEN_OK)
         return status;
+    if (ncgen_cross_break(r, &t, end))
+        status = r->derivative(r, t, r->y, w->slopes);
+    if (status != NCGEN_OK)
+        return status;
     ncgen_scalar h = ncgen_first_step(r, w, ORDER, t, end - t);
-    status = ncgen_implicit_jacobian(r, m, t, r->y);
-    m->fresh = 1;
-    m->last_step = 0;
-    m->last_error = 0;
+    status = begin_anew(r, m, t);
     w->interpolate = interpolate;
     while (t < end && status == NCGEN_OK) {
         const ncgen_scalar wanted = h;
         if (r->options->max_step > 0 && h > r->options->max_step)
             h = r->options->max_step;
-        const int last = t + h >= end;
+        goal = ncgen_next_break(r, t, end);
+        const int last = t + h >= goal;
         if (last)
-            h = end - t;
+            h = goal - t;
         if (h < wanted || h > wanted)
             m->factored = 0;
         if (!ncgen_is_step(r, t, h))
@@ -306,7 +319,7 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             h *= factor > R(0.2) ? factor : R(0.2);
             continue;
         }
-        const ncgen_scalar t_new = last ? end : t + h;
+        const ncgen_scalar t_new = last ? goal : t + h;
         const int renew = m->iterations > 2 && m->rate > R(1.0e-3);
         if (repeats == 0 && rejected == 0)
             trouble = NCGEN_SHORT; /* what was wrong is behind */
@@ -320,13 +333,22 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         t = t_new;
         if (t < end && ncgen_creeps(r, w, t))
             return NCGEN_SHORT;
+        if (factor > R(10.0))
+            factor = R(10.0);
+        if (last) {
+            (void)ncgen_cross_break(r, &t, end);
+            if (t < end)
+                status = r->derivative(r, t, r->y, w->slopes);
+            if (t < end && status == NCGEN_OK)
+                status = begin_anew(r, m, t);
+            h = h * factor < wanted && factor >= 1 ? wanted : h * factor; /* what cut it short is behind */
+            continue;
+        }
         ncgen_copy(r->ny, w->slopes + r->ny, w->slopes);
-        if (renew && t < end) {
+        if (renew) {
             status = ncgen_implicit_jacobian(r, m, t, r->y);
             m->fresh = 1;
         }
-        if (factor > R(10.0))
-            factor = R(10.0);
         if (renew || !(factor < R(1.2))) { /* else the factors serve again */
             m->factored = 0;
             h *= factor;

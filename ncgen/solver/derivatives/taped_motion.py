@@ -18,6 +18,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError
+from ncgen.mechanism.break_times import break_times
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.sweep import SMALL, Sweep
 from ncgen.mechanism.taped import Driven, Segmented, taped
@@ -116,7 +117,8 @@ class TapedMotion:
         dynamics = all_coordinates(kernels, form="emitted")
         start = begun.q, begun.qd, begun.p
         told = signals.functions if signals else ()
-        self._run = taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"), inputs=told)
+        breaks = break_times(kernels, begun.p, times[0], times[-1], told)
+        self._run = taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"), inputs=told, breaks=breaks)
         self._check()
 
     @property

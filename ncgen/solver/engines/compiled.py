@@ -203,8 +203,9 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom_at(kernels, q, times[0], p).rank, event=task.stop, max_step=task.max_step, progress=Progress(task.progress),
-        looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, ends=task.corners,
+        rank=freedom_at(kernels, q, times[0], p).rank, event=task.stop, max_step=task.max_step,
+        progress=Progress(task.progress, kernels.name, task.arrival),
+        looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
         **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
     task.looked_at(begun, done.t)
@@ -364,7 +365,7 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> 
         q, qd, work = path.take_last()
         zd = qd[partitions.velocity.independent]
     times, looks = grid[len(path.q) :], task.looks_from(len(path.q))
-    t, progress = float(times[0]), Progress(task.progress)
+    t, progress = float(times[0]), Progress(task.progress, kernels.name, task.arrival)
     try:
         while True:
             progress(t)
@@ -372,7 +373,7 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> 
             done = here.simulate(
                 method.integrator.name, times, q, zd, p, max_step=task.max_step, event=task.stop, tolerance=closeness(number),
                 growth=growth, progress=progress, looks=looks, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
-                ends=task.corners, **_in_c(task.tolerances, kernels, partitions),
+                breaks=task.breaks, **_in_c(task.tolerances, kernels, partitions),
             )  # fmt: skip
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
             counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)

@@ -1,7 +1,4 @@
-"""A run in Python from break to break of its inputs and tables: no step passes a jump or a corner, and none is looked at from both sides.
-
-In C steps end at breaks by themselves. Fixed steps stay what they are: only breaks at their ends divide a run.
-"""
+"""A run in Python from break to break of its laws in time: no step passes a break. In C steps end there by themselves."""
 
 from __future__ import annotations
 
@@ -11,8 +8,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from ncgen.mechanism.break_times import beside, smooth_parts
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.integrators.fixed_step import ROUNDING
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
 
@@ -21,19 +18,15 @@ Engine: TypeAlias = Callable[[Path, Kernels, Task], None]
 
 def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task) -> None:
     """Complete a path as an engine would, which is asked once a segment. Raises what it raises, the path holding what it reached."""
-    breaks, grid = task.breaks, np.asarray(task.grid, dtype=float)
-    inside = breaks[(breaks > grid[0]) & (breaks < grid[-1])]
-    if task.method.has_fixed_step:
-        inside = inside[_are_ends_of_steps(inside, grid[0], task.max_step) & (not task.method.is_stepper)]
-    if not len(inside):
+    if not len(task.breaks) or task.method.is_stepper:
         engine(path, kernels, task)
         return
+    grid = beside(task.breaks, task.grid)
     q, velocities, work = task.q, task.velocities, 0.0
     if len(path.q):
         q, qd, work = path.take_last()
         velocities = _velocities(path, task, qd)
-    ends = np.append(inside[inside > grid[len(path.q)]], grid[-1])
-    for start, end in zip(np.append(grid[len(path.q)], ends[:-1]), ends, strict=True):
+    for start, end in smooth_parts(task.breaks, float(grid[len(path.q)]), float(grid[-1])):
         part = Path.empty(kernels.n, path.partitions)
         times = np.unique(np.concatenate([[start], grid[(grid > start) & (grid < end)], [end]]))
         here = replace(task, grid=times, q=q, velocities=velocities)
@@ -44,12 +37,6 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task) -> Non
         if part.stopped is not None:
             return
         q, velocities, work = part.q[-1], _velocities(part, task, part.qd[-1]), work + part.work[-1]
-
-
-def _are_ends_of_steps(times: np.ndarray, start: float, step: float) -> np.ndarray:
-    """Which of some times are whole numbers of steps after the start, but for rounding."""
-    steps = (times - start) / step
-    return np.abs(steps - np.round(steps)) < ROUNDING
 
 
 def _velocities(path: Path, task: Task, qd: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularError
-from ncgen.mechanism.corners import corners
+from ncgen.mechanism.break_times import break_times
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
@@ -169,6 +169,8 @@ class _Motion:
 
     def __post_init__(self) -> None:
         self.path = Path.empty(self.kernels.n, self.start.partitions)
+        told = self.run.signals.told if self.run.signals else ()
+        self.breaks = break_times(self.kernels, self.start.p, self.times[0], self.times[-1], told, compiled.rounding(self.run.number))
         self.tolerances = Tolerances.of(self.run, self.kernels.length, compiled.rounding(self.run.number))
 
     def advance(self) -> None:
@@ -245,7 +247,7 @@ class _Motion:
         gives_way = stiff_choice(run, self.choice) is not None
         return Task(
             method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
-            run.signals, corners(self.kernels, start.p, self.times[0], self.times[-1]), self.looks,
+            run.signals, self.breaks, self.looks,
         )  # fmt: skip
 
     def _rates(self) -> np.ndarray:

@@ -64,11 +64,6 @@ class Signals:
         """The same inside a step that began at a time (s)."""
         return replace(self, begun=t)
 
-    @property
-    def breaks(self) -> np.ndarray:
-        """Where tables jump or have corners (s), ascending."""
-        return np.unique(np.concatenate([np.empty(0), *(s.knots for s in self.told if isinstance(s, Pieces))]))
-
     def __call__(self, t: float, p: np.ndarray) -> np.ndarray:
         """Parameters p (n_p,) with the inputs of a time in their places. Raises DomainError naming one that is no number."""
         p = np.array(p)

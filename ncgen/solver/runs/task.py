@@ -8,6 +8,7 @@ from math import ceil
 
 import numpy as np
 
+from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.driving import Function, Pieces
 from ncgen.methods.method import Method
 from ncgen.solver.runs.signals import Signals
@@ -30,7 +31,7 @@ class Task:
     progress: called now and then with the time reached. What is raised meanwhile ends the run and is raised, the path holding what was
         reached
     signals: what drives the mechanism, if anything does
-    corners: instants (s) inside the run at which what depends on time has corners
+    breaks (B, 2): the breaks of the laws in time (s), as `break_times` finds them
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -46,7 +47,7 @@ class Task:
     progress: Callable[[float], None] | None = None
     stop_when_stiff: bool = False
     signals: Signals | None = None
-    corners: np.ndarray = field(default_factory=lambda: np.empty(0))
+    breaks: np.ndarray = field(default_factory=lambda: NO_BREAKS)
     looks: np.ndarray | None = None
 
     def looks_from(self, row: int) -> np.ndarray:
@@ -70,9 +71,9 @@ class Task:
         return float(self.grid[-1] - self.grid[0]) / self.steps if self.method.is_stepper else self.max_step
 
     @property
-    def breaks(self) -> np.ndarray:
-        """Where steps with error control end, besides (s), ascending."""
-        return np.union1d(self.corners, self.signals.breaks if self.signals else ())
+    def arrival(self) -> float | None:
+        """Where steps with error control are to arrive (s); None where a stop may end the run before."""
+        return None if self.stop or self.method.has_fixed_step else float(self.grid[-1])
 
     @property
     def driven(self) -> tuple[Pieces | Function | None, ...]:
