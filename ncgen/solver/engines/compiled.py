@@ -219,6 +219,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
         path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
     reason = _ended(path, kernels, grid, done, work, p)
     if done.status in FINAL and task.step:
+        path.break_off(grid, done.reached, done.last[0], done.last[1], work + done.last[2])
         raise ConvergenceError(unsolved_step(kernels.name, done.reached, task.step))
     if done.status in FINAL:
         raise ConvergenceError(
