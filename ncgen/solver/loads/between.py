@@ -14,7 +14,7 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.model.bodies import Body
-from ncgen.model.elements import Angle, Combination, Point, Vector
+from ncgen.model.elements import Angle, Combination, Point, Spatial
 from ncgen.model.rows import Owner
 from ncgen.solver import geometry
 
@@ -38,7 +38,7 @@ class RowLoad:
 
     label: str
     bodies: tuple[str, ...]
-    forces: dict[Point | Vector, np.ndarray]
+    forces: dict[Spatial, np.ndarray]
     needs_ground: bool
 
 
@@ -51,7 +51,7 @@ def row_loads(run: Trajectory, largest: float) -> list[RowLoad]:
     places = {
         element: [(axis, kernels.index[c.name]) for axis, c in enumerate(element.components) if c.name in kernels.index]
         for element in model.elements.values()
-        if isinstance(element, Point | Vector)
+        if isinstance(element, Spatial)
     }
     numbers = [i for i, row in enumerate(kernels.rows) if row.owner.kind != "body"]
     history = np.zeros((len(run.t), len(numbers), kernels.n))
@@ -91,7 +91,7 @@ def _said(model: Model, owner: Owner) -> tuple[str, ...]:
     return next(((a, b) for a in names for b in names if a != b and said == f"{a}-{b}"), ()) if owner.kind == "joint" else ()
 
 
-def _needs_ground(forces: dict[Point | Vector, np.ndarray], at: dict[Point | Vector, np.ndarray]) -> bool:
+def _needs_ground(forces: dict[Spatial, np.ndarray], at: dict[Spatial, np.ndarray]) -> bool:
     arms = {e: np.cross(at[e], f) for e, f in forces.items()}
     for parts in ([f for e, f in forces.items() if isinstance(e, Point)], list(arms.values())):
         if parts and np.max(np.abs(sum(parts))) > BALANCED * max(np.max(np.abs(part)) for part in parts):
@@ -107,7 +107,7 @@ def loads_between(
     body: str,
     beside: str,
     meet: bool = False,
-) -> list[tuple[Point | Vector, np.ndarray]]:
+) -> list[tuple[Spatial, np.ndarray]]:
     """What a body feels of its neighbour: (element, (K, 3) generalised force) for every element of it that they act through.
 
     loads: {coordinate: (K,)} of the body; meet: whether they have something else in common
@@ -118,7 +118,7 @@ def loads_between(
     for element in shared:
         if third := sorted(_owners(bodies, element, ground) - {body, beside}):
             raise _unknown(element.name, body, beside, third[0])
-    felt: list[tuple[Point | Vector, np.ndarray]] = [(e, np.stack([loads[c.name] for c in e.components], axis=-1)) for e in shared]
+    felt: list[tuple[Spatial, np.ndarray]] = [(e, np.stack([loads[c.name] for c in e.components], axis=-1)) for e in shared]
     for row in rows:
         own = [e for e in row.forces if body in _bearers(row, bodies, e)]
         if not own:
@@ -139,11 +139,11 @@ def loads_between(
     return felt
 
 
-def _owners(bodies: Mapping[str, Body], element: Point | Vector, ground: str) -> set[str]:
+def _owners(bodies: Mapping[str, Body], element: Spatial, ground: str) -> set[str]:
     return {name for name, body in bodies.items() if element in body.elements} | ({ground} if element.fixed else set())
 
 
-def _bearers(row: RowLoad, bodies: Mapping[str, Body], element: Point | Vector) -> set[str]:
+def _bearers(row: RowLoad, bodies: Mapping[str, Body], element: Spatial) -> set[str]:
     """The bodies that a row's force on an element may act on: those of the joint that the row belongs to, where they have the element."""
     having = {name for name, body in bodies.items() if element in body.elements}
     return having & set(row.bodies) or having
