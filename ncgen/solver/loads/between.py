@@ -14,10 +14,12 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.model.bodies import Body
-from ncgen.model.elements import Point, Vector
+from ncgen.model.elements import Angle, Combination, Point, Spatial
+from ncgen.model.rows import Owner
 from ncgen.solver import geometry
 
 if TYPE_CHECKING:
+    from ncgen.model.model import Model
     from ncgen.solver.trajectories.trajectory import Trajectory
 
 BALANCED = 1e-9
@@ -31,12 +33,12 @@ NOTHING = 1e-11
 class RowLoad:
     """What a row does to movable elements: {element: (K, 3)} generalised forces; needs_ground: they do not cancel.
 
-    bodies: of the joint that it belongs to, where that says it
+    bodies: the two of the joint or angle that it belongs to, where that says it
     """
 
     label: str
     bodies: tuple[str, ...]
-    forces: dict[Point | Vector, np.ndarray]
+    forces: dict[Spatial, np.ndarray]
     needs_ground: bool
 
 
@@ -49,10 +51,8 @@ def row_loads(run: Trajectory, largest: float) -> list[RowLoad]:
     places = {
         element: [(axis, kernels.index[c.name]) for axis, c in enumerate(element.components) if c.name in kernels.index]
         for element in model.elements.values()
-        if isinstance(element, Point | Vector)
+        if isinstance(element, Spatial)
     }
-    names = [model.ground.name, *model.bodies]
-    joints = {f"{a}-{b}": (a, b) for a in names for b in names if a != b}
     numbers = [i for i, row in enumerate(kernels.rows) if row.owner.kind != "body"]
     history = np.zeros((len(run.t), len(numbers), kernels.n))
     for k, (t, q, lam) in enumerate(zip(run.t, run.q, run.lam, strict=True)):
@@ -69,12 +69,29 @@ def row_loads(run: Trajectory, largest: float) -> list[RowLoad]:
                 forces[element] = force
         if forces:
             row = kernels.rows[number]
-            said = joints.get(row.owner.name.partition(" ")[2], ()) if row.owner.kind == "joint" else ()
-            found.append(RowLoad(row.label, said, forces, _needs_ground(forces, at)))
+            found.append(RowLoad(row.label, _said(model, row.owner), forces, _needs_ground(forces, at)))
     return found
 
 
-def _needs_ground(forces: dict[Point | Vector, np.ndarray], at: dict[Point | Vector, np.ndarray]) -> bool:
+def body_of(model: Model, direction: Combination) -> str | None:
+    """The one body that has all elements of a direction; the ground where all are fixed."""
+    elements = [element for _, element in direction.terms]
+    if all(element.fixed for element in elements):
+        return model.ground.name
+    having = [name for name, body in model.bodies.items() if all(element in body.elements for element in elements)]
+    return having[0] if len(having) == 1 else None
+
+
+def _said(model: Model, owner: Owner) -> tuple[str, ...]:
+    """The two bodies that a row is between, where its joint or its angle says it."""
+    if isinstance(angle := model.elements.get(owner.name), Angle):
+        ends = body_of(model, angle.start), body_of(model, angle.end)
+        return (ends[0], ends[1]) if ends[0] and ends[1] and ends[0] != ends[1] else ()
+    names, said = (model.ground.name, *model.bodies), owner.name.partition(" ")[2]
+    return next(((a, b) for a in names for b in names if a != b and said == f"{a}-{b}"), ()) if owner.kind == "joint" else ()
+
+
+def _needs_ground(forces: dict[Spatial, np.ndarray], at: dict[Spatial, np.ndarray]) -> bool:
     arms = {e: np.cross(at[e], f) for e, f in forces.items()}
     for parts in ([f for e, f in forces.items() if isinstance(e, Point)], list(arms.values())):
         if parts and np.max(np.abs(sum(parts))) > BALANCED * max(np.max(np.abs(part)) for part in parts):
@@ -83,11 +100,17 @@ def _needs_ground(forces: dict[Point | Vector, np.ndarray], at: dict[Point | Vec
 
 
 def loads_between(
-    rows: list[RowLoad], loads: Mapping[str, np.ndarray], bodies: Mapping[str, Body], ground: str, body: str, beside: str
-) -> list[tuple[Point | Vector, np.ndarray]]:
+    rows: list[RowLoad],
+    loads: Mapping[str, np.ndarray],
+    bodies: Mapping[str, Body],
+    ground: str,
+    body: str,
+    beside: str,
+    meet: bool = False,
+) -> list[tuple[Spatial, np.ndarray]]:
     """What a body feels of its neighbour: (element, (K, 3) generalised force) for every element of it that they act through.
 
-    loads: {coordinate: (K,)} of the body
+    loads: {coordinate: (K,)} of the body; meet: whether they have something else in common
     Raises ModelError where both have nothing in common, or where a third one has a part in it that cannot be told from theirs.
     """
     mine = bodies[body].elements
@@ -95,7 +118,7 @@ def loads_between(
     for element in shared:
         if third := sorted(_owners(bodies, element, ground) - {body, beside}):
             raise _unknown(element.name, body, beside, third[0])
-    felt: list[tuple[Point | Vector, np.ndarray]] = [(e, np.stack([loads[c.name] for c in e.components], axis=-1)) for e in shared]
+    felt: list[tuple[Spatial, np.ndarray]] = [(e, np.stack([loads[c.name] for c in e.components], axis=-1)) for e in shared]
     for row in rows:
         own = [e for e in row.forces if body in _bearers(row, bodies, e)]
         if not own:
@@ -111,16 +134,16 @@ def loads_between(
         if held := [e for e in unsure if e not in shared]:
             raise _unknown(f"{row.label} ({held[0].name})", body, beside, min(_bearers(row, bodies, held[0]) - {body}))
         felt += [(e, row.forces[e]) for e in own if e not in shared]
-    if not felt:
+    if not (felt or meet):
         raise ModelError(f"body {body} shares no point and no vector with {beside}, and no row ties them")
     return felt
 
 
-def _owners(bodies: Mapping[str, Body], element: Point | Vector, ground: str) -> set[str]:
+def _owners(bodies: Mapping[str, Body], element: Spatial, ground: str) -> set[str]:
     return {name for name, body in bodies.items() if element in body.elements} | ({ground} if element.fixed else set())
 
 
-def _bearers(row: RowLoad, bodies: Mapping[str, Body], element: Point | Vector) -> set[str]:
+def _bearers(row: RowLoad, bodies: Mapping[str, Body], element: Spatial) -> set[str]:
     """The bodies that a row's force on an element may act on: those of the joint that the row belongs to, where they have the element."""
     having = {name for name, body in bodies.items() if element in body.elements}
     return having & set(row.bodies) or having

@@ -17,13 +17,17 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.model.elements import Element, Point, Vector
 from ncgen.solver import geometry
-from ncgen.solver.given import offer
+from ncgen.solver.given import finite, offer
 from ncgen.solver.loads.between import RowLoad, loads_between, row_loads
 from ncgen.solver.loads.sharing import Share, find_shared, kernels_of
+from ncgen.solver.loads.teeth import Mesh, meshes
 from ncgen.symbolic.equations import build_springs
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
+
+PRESSURE_ANGLE = np.pi / 9
+"""20 degrees, of nearly all gears (rad)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,8 @@ class Reactions:
         of the moment through a vector. Where it is False, one of many possible distributions is given
     shared: a sentence for every load whose share is arbitrary, such as "door: A.z and B.z share 98.1 N"
     changes: {instant: (loads, k)}: what can be added at some instants to all forces (N) and moments (N m), as of `felt`
+    meshes: tooth forces of gears, which wrenches between wheels and their carrier have; couples: labels of the rows of gears and racks
+        that are felt as couples alone. The loads on elements have all of them as couples between a wheel and its carrier
     """
 
     run: Trajectory
@@ -42,9 +48,12 @@ class Reactions:
     determinate: dict[str, dict[str, bool]]
     shared: tuple[str, ...]
     changes: dict[int, np.ndarray]
+    meshes: tuple[Mesh, ...] = ()
+    couples: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         what = f"{len(self.shared)} shared arbitrarily" if self.shared else "all unique"
+        what += f"; {', '.join(self.couples)} as couples" if self.couples else ""
         return f"<Reactions {self.run.name}: loads on {', '.join(self.loads)}; {what}>"
 
     @property
@@ -88,6 +97,10 @@ class Reactions:
             else:
                 force += load
                 moment += np.cross(at - place, load)
+        for mesh in self.meshes:
+            push = mesh.felt(body, beside or "") * mesh.force
+            force += push
+            moment += np.cross(mesh.point - place, push)
         return force, moment
 
     def _felt_from(self, body: str, beside: str | None) -> list[tuple[Element, np.ndarray]]:
@@ -99,7 +112,8 @@ class Reactions:
             return [(e, self._load(body, e)) for e in bodies[body].elements]
         if beside not in (ground, *bodies):
             raise ModelError(f"beside: there is no body {beside}; {offer(beside, (ground, *bodies), 'the bodies are')}")
-        return list(loads_between(self._rows, self.loads[body], bodies, ground, body, beside))
+        meet = any({body, beside} == {mesh.first, mesh.second} for mesh in self.meshes)
+        return list(loads_between(self._rows, self.loads[body], bodies, ground, body, beside, meet))
 
     @cached_property
     def _rows(self) -> list[RowLoad]:
@@ -125,12 +139,16 @@ class Reactions:
         return mine[name]
 
 
-def reactions(run: Trajectory) -> Reactions:
+def reactions(run: Trajectory, pressure_angle: float = PRESSURE_ANGLE) -> Reactions:
     """The loads on every body at every instant of a trajectory.
+
+    pressure_angle: of the teeth of gears (rad)
 
     Where the balances leave a load open, one of many possible distributions is given (rows that are not kept carry nothing);
     `determinate` and `shared` say so.
     """
+    if not 0 <= finite(pressure_angle, "pressure_angle") < np.pi / 2:
+        raise ModelError(f"pressure_angle: {pressure_angle:g} rad given; it is from 0 on and below a quarter of a turn")
     shares = [Share(run, body) for body in run.model.bodies.values()]
     pulls, loads, felt = _pulls(run), {}, {}
     for share in shares:
@@ -140,7 +158,7 @@ def reactions(run: Trajectory) -> Reactions:
         loads[share.body.name] = dict(zip(share.coordinates, history.T, strict=True))
         felt[share.body.name] = _felt(run, share, history)
     found = find_shared(run, shares, felt)
-    return Reactions(run, loads, found.unique, found.shared, found.changes)
+    return Reactions(run, loads, found.unique, found.shared, found.changes, *meshes(run, pressure_angle))
 
 
 def _pulls(run: Trajectory) -> dict[str, dict[str, np.ndarray]]:
