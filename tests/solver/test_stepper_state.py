@@ -82,3 +82,23 @@ def test_a_second_thread_is_refused(sim):
     assert "another thread" in str(seen[0])
     assert sim.t == before
     assert sim.step(0.01).t > before
+
+
+@pytest.mark.parametrize("name", ["q", "qd", "p", "t", "work"])
+def test_arrays_of_many_stay(sim, name):
+    sims = ncgen.start_batch(sim.kernels, 3)
+    with pytest.raises(ModelError, match=rf"write sims\.{name}\[:\] = array"):
+        setattr(sims, name, getattr(sims, name))
+    with pytest.raises(ModelError, match="simulations are not copied"):
+        copy.copy(sims)
+
+
+@pytest.mark.parametrize("change", [{"q": np.zeros((2, 1))}, {"qd": None}, {"next_step": -np.ones(3)}, {"p": np.full((3, 1), math.nan)},
+                                    {"t": np.zeros(3) + 1j}, {"mechanism": "another"}])  # fmt: skip
+def test_reset_of_many_changes_nothing_where_it_refuses(sim, change):
+    sims = ncgen.start_batch(sim.kernels, 3)
+    kept, moved = sims.states, sims.step(0.01).states
+    with pytest.raises(ModelError, match="reset: "):
+        sims.reset(states=dataclasses.replace(kept, **change))
+    for field in dataclasses.fields(moved):
+        assert np.array_equal(getattr(sims.states, field.name), getattr(moved, field.name))

@@ -22,11 +22,15 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.methods.table import AUTO
 from ncgen.model.elements import coordinate_of
+from ncgen.solver.engines.compiled import checked_compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import checked_kernels, count, known_name, offer, positive
+from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, offer, positive
 from ncgen.solver.motions.simulation import explicit, outputs_at, prepared
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial, InitialArguments
 from ncgen.solver.trajectories.outputs import uses_accelerations
+
+HELD = ("t", "work", "q", "qd", "p")
+"""Arrays of `Simulations` that C works on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +43,7 @@ class States:
     work: np.ndarray
     p: np.ndarray
     next_step: np.ndarray
+    mechanism: str
 
     def __repr__(self) -> str:
         return f"<States of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
@@ -81,6 +86,12 @@ class Simulations:
     `sims["psi"]` is a coordinate of all, `sims["rate(psi)"]` its velocity, `sims["tip height"]` an output, `sims["tau"]` an input, (N,).
     """
 
+    t: np.ndarray
+    work: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    p: np.ndarray
+
     def __init__(
         self,
         kernels: Kernels,
@@ -97,7 +108,8 @@ class Simulations:
         self.kernels, self.integrator, self.size = kernels, explicit(integrator), size
         stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
         self._now = now = MovingRows([stepping() for _ in range(threads)], size)
-        self.t, self.work, self.q, self.qd, self.p = now.t, now.work, now.q, now.qd, now.p
+        vars(self).update({name: getattr(now, name) for name in HELD})
+        self._mechanism = checked_compiled(kernels).fingerprint
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
         self.t[:], self.q[:], self.qd[:], self.p[:] = at.t, here.q, here.qd, here.p
         self.drive(**inputs)
@@ -105,6 +117,18 @@ class Simulations:
 
     def __repr__(self) -> str:
         return f"<Simulations {self.kernels.name}: {self.size}, {self.integrator}>"
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Arrays that C works on stay where they are. Raises ModelError with what to write instead."""
+        if name in HELD:
+            raise ModelError(f"sims.{name} cannot be replaced: C works on the array it has; write sims.{name}[:] = array")
+        super().__setattr__(name, value)
+
+    def __copy__(self) -> Simulations:
+        raise ModelError("simulations are not copied: C works on their memory; start others with ncgen.start_batch and reset them")
+
+    def __deepcopy__(self, memo: object) -> Simulations:
+        return self.__copy__()
 
     def __len__(self) -> int:
         return self.size
@@ -160,16 +184,25 @@ class Simulations:
     def states(self) -> States:
         """Where all are, as a copy."""
         now = self._now
-        return States(*(x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step)))
+        return States(*(x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step)), self._mechanism)
 
     def reset(self, rows: ArrayLike | None = None, states: States | None = None) -> Simulations:
         """Some of them back to their start, or to those rows of `states`. From there the same steps give the same bits.
 
-        rows: numbers, or a mask (N,); None for all. Raises ModelError for rows that there are not.
+        rows: numbers, or a mask (N,); None for all. Raises ModelError for rows that there are not, and for states of another mechanism, of
+        another number of simulations or with numbers that are not finite; then nothing has changed.
         """
-        chosen, source, now = self._rows(rows), states or self._began, self._now
-        for name in ("t", "q", "qd", "work", "p", "next_step"):
-            getattr(now, name)[chosen] = getattr(source, name)[chosen]
+        chosen, source, now = self._rows(rows), self._began if states is None else states, self._now
+        if not isinstance(source, States):
+            raise ModelError(f"reset: {echo(source)} given; give states that were kept, such as kept = sims.states")
+        if source.mechanism != self._mechanism:
+            raise ModelError(f"reset: the states are those of another mechanism than {self.kernels.name}; give states that this one had")
+        names = ("t", "q", "qd", "work", "p", "next_step")
+        values = {name: array_of(getattr(source, name), getattr(now, name).shape, f"reset: {name}") for name in names}
+        if np.any(values["next_step"] < 0):
+            raise ModelError(f"reset: next_step is {np.min(values['next_step']):g} s; it must be positive, or 0 for a step that is found")
+        for name, array in values.items():
+            getattr(now, name)[chosen] = array[chosen]
         now.statuses[chosen] = 0
         return self
 
