@@ -22,7 +22,9 @@ from ncgen.cli import files, measuring, models, studies, watching  # noqa: E402
 from ncgen.cli.terminal import err, out  # noqa: E402
 from ncgen.errors import CompileError, NcgenError  # noqa: E402
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, help=(__doc__ or "").partition("\n")[0])
+app = typer.Typer(
+    no_args_is_help=True, rich_markup_mode="markdown", pretty_exceptions_enable=False, help=(__doc__ or "").partition("\n")[0]
+)
 app.command("list")(models.list_examples)
 for command in (files.new, models.run, watching.watch, models.inspect, models.generate, studies.study):
     app.command()(command)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from math import inf
 from types import TracebackType
 
+from ncgen.errors import ConvergenceError
 from ncgen.toolchain.abi import InC, Interface, runtime_abi
 from ncgen.toolchain.once import once
 
@@ -23,20 +24,42 @@ WORK = 5e7
 """Operations before the first call, where a stage takes the cube of a mechanism's size."""
 
 
+STAGES = 4_000_000
+"""Stages of a run between two looks at its pace: seconds, for a small mechanism."""
+
+MOST_STAGES = 2e9
+"""Stages that a run may still have before it: about an hour of the smallest mechanism. What takes longer is asked for in parts."""
+
+
 class Progress:
-    """Tells how far a simulation has come, forward only and not more often than anybody can see.
+    """Tells how far a simulation has come, forward only and not more often than anybody can see, and ends one that would never arrive.
 
     A simulation may be many runs, where it changes its coordinates, or some of it be done again.
+    name: of the mechanism; end: where the simulation is to arrive (s), None where nobody can say, as where an event ends it
     """
 
-    def __init__(self, tell: Callable[[float], None] | None) -> None:
+    def __init__(self, tell: Callable[[float], None] | None, name: str = "", end: float | None = None) -> None:
         self._tell, self._last, self._clock = tell, -inf, -inf
+        self._name, self._end, self._stages, self._mark = name, end, 0, -inf
 
     def __call__(self, t: float) -> None:
         if self._tell and t > self._last and time.perf_counter() - self._clock >= REACTION / 2:
             self._last = t
             self._tell(t)
             self._clock = time.perf_counter()
+
+    def spend(self, t: float, stages: int) -> None:
+        """Count stages that ended at t. Raises ConvergenceError where, at the pace of the last STAGES, MOST_STAGES do not arrive."""
+        self._stages += stages
+        if self._end is None or (self._stages < STAGES and self._mark > -inf):
+            return
+        if self._mark > -inf and (self._end - t) * self._stages > MOST_STAGES * (t - self._mark):
+            raise ConvergenceError(
+                f"{self._name}: {self._stages:.1e} evaluations came from t = {self._mark:.6g} s to {t:.6g} s, so more than "
+                f"{MOST_STAGES:.0e} are left until {self._end:.6g} s; look for a stiffness that is too large, ask for less (rtol), or "
+                "simulate in parts"
+            )
+        self._stages, self._mark = 0, t
 
 
 class Listener:
@@ -55,6 +78,8 @@ class Listener:
     def hear(self, t: float) -> int:
         """How many stages the run may go on before it asks again, at most twice as many as last time."""
         passed = time.perf_counter() - self._clock
+        if isinstance(self.progress, Progress):
+            self.progress.spend(t, self.patience)
         self.patience = max(1, min(2 * self.patience, int(self.patience * REACTION / max(passed, 1e-9)), 2**30))
         if self.progress:
             self.progress(t)

@@ -108,14 +108,23 @@ class Joints(Structure):
 
     @fact
     def gear(self, first: Relative, second: Relative, radius_first: Value, radius_second: Value) -> Row:
-        """Two angles that turn together: radius_first·ψ1 + radius_second·ψ2 stays constant (radii of opposite sign: same sense)."""
+        """Two angles that turn together: radius_first·ψ1 + radius_second·ψ2 stays constant (radii of opposite sign: same sense).
+
+        Raises ModelError for a radius of 0. `run.reactions()` has the tooth force where both angles are between a carrier and a wheel.
+        """
+        for what, radius in (("radius_first", radius_first), ("radius_second", radius_second)):
+            self._check_radius(f"gear {first.name}, {second.name}: {what}", radius)
         balance = radius_first * first.symbol + radius_second * second.symbol
         start = radius_first * first.given[0] + radius_second * second.given[0]
         return self._turn_together("gear", first, second, balance - start)
 
     @fact
     def rack(self, slide: Relative, angle: Relative, radius: Value) -> Row:
-        """A rack driven by a pinion: s − radius·ψ stays constant."""
+        """A rack driven by a pinion: s − radius·ψ stays constant.
+
+        Raises ModelError for a radius of 0. Loads have a couple on the pinion and a force along the slide, no tooth force.
+        """
+        self._check_radius(f"rack {slide.name}, {angle.name}: radius", radius)
         balance = slide.symbol - as_sympy(radius) * angle.symbol
         start = slide.given[0] - as_sympy(radius) * angle.given[0]
         return self._turn_together("rack", slide, angle, balance - start)
@@ -166,6 +175,10 @@ class Joints(Structure):
             raise ModelError(
                 f"{where}: the disc lies flat, its axle {axle.name} is along the normal; a rim has no lowest point then, tilt it"
             )
+
+    def _check_radius(self, where: str, radius: Value) -> None:
+        if self._number(radius, where) == 0.0:
+            raise ModelError(f"{where} is 0 m; give another number, negative for teeth on the other side")
 
     def _turn_together(self, kind: str, first: Relative, second: Relative, balance: sympy.Expr) -> Row:
         if first is second:

@@ -10,6 +10,7 @@ import re
 import warnings
 from functools import lru_cache
 from importlib import import_module
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,12 @@ LARGEST = 50_000_000
 
 MOST = 400
 """Triangles that are kept of a mesh."""
+
+FARTHEST = 1e9
+"""Coordinates of corners (m) beyond which a file has lost its unit, or its numbers."""
+
+FLAT = 1e-12
+"""Triangles of less area than this, over the square of the mesh's extent, have none."""
 
 KINDS = (".stl", ".obj", ".dae")
 
@@ -66,7 +73,9 @@ def _read(path: Path, changed: int, size: int) -> Mesh:
         raise Unreadable("document types and entities are not read")
     found = _parsed(data, kind)
     unit = UNIT.search(data) if kind == "dae" else None
-    return simplified(Mesh(found.vertices * float(unit[1]), found.triangles) if unit else found)
+    found = Mesh(found.vertices * float(unit[1]), found.triangles) if unit else found
+    _check(found)
+    return simplified(found)
 
 
 def _parsed(data: bytes, kind: str) -> Mesh:
@@ -74,6 +83,8 @@ def _parsed(data: bytes, kind: str) -> Mesh:
         trimesh: Any = import_module("trimesh")
     except ImportError:
         raise Unreadable("trimesh, which reads it, is missing: pip install 'ncgen[robots]'") from None
+    if kind == "dae" and find_spec("collada") is None:
+        raise Unreadable("pycollada, which reads DAE, is missing: pip install 'ncgen[robots]'")
     try:
         found = trimesh.load(BytesIO(data), file_type=kind, force="mesh", process=False, skip_materials=True)
         vertices, triangles = np.asarray(found.vertices, dtype=float), np.asarray(found.faces, dtype=np.int64)
@@ -82,6 +93,16 @@ def _parsed(data: bytes, kind: str) -> Mesh:
     if not len(triangles) or not np.isfinite(vertices).all():
         raise Unreadable("it has no triangles" if not len(triangles) else "it has numbers that are not finite")
     return Mesh(vertices, triangles)
+
+
+def _check(mesh: Mesh) -> None:
+    """Raise Unreadable where no triangle has an area, or a corner is beyond all sense."""
+    if not (most := float(np.max(np.abs(mesh.vertices)))) <= FARTHEST:
+        raise Unreadable(f"it has a corner at {most:.3g} m, and {FARTHEST:.0e} are shown; correct its unit")
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    if not (area > FLAT * np.ptp(mesh.vertices, axis=0).max() ** 2).any():
+        raise Unreadable("no triangle in it has an area")
 
 
 def simplified(mesh: Mesh, most: int = MOST) -> Mesh:

@@ -1,5 +1,6 @@
 """Joint space of mechanisms with loops, beside a closed form, beside natural coordinates, and its slopes beside complex steps."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -163,3 +164,15 @@ def test_what_does_not_close_is_told():
 def test_a_mechanism_that_cannot_move_by_itself():
     with pytest.raises(ModelError, match="jansen: joint space needs a joint that moves freely, and there is none"):
         ncgen.joint_space(ncgen.compile(ncgen.load("jansen"), "numpy"))
+
+
+@pytest.mark.parametrize("value", [1e6, -1e300])
+def test_a_value_of_many_turns_is_refused_at_once(value):
+    """Loops are closed on the way from the start, and a long way has an end."""
+    space = parallelogram("numpy")
+    began = time.process_time()
+    with pytest.raises(ConvergenceError, match="psi = .* natural sizes from the start; loops are followed for 5000 at most"):
+        space.position({"psi": value})
+    with pytest.raises(ConvergenceError, match="B does not get there"):
+        space.inverse_kinematics("B", (0.8, 0, 0), start={"psi": 1e6})
+    assert time.process_time() - began < 10

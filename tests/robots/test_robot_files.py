@@ -395,3 +395,13 @@ def test_a_link_called_like_a_keyword(write):
     assert "in_" in model.bodies
     model.output("load", model.bodies["in_"].force(model.bodies["in_"].points[0]).x, "N")
     assert ncgen.simulate(ncgen.compile(model), 0.01, points=2).outputs["load"].shape == (2,)
+
+
+def test_a_mass_without_moments_means_what_its_format_says(write):
+    """URDF has moments of 0 then, SDF those of 1 kg m2 on the diagonal; a body of a model would have to say it."""
+    urdf = '<robot name="r"><link name="a"/><link name="b"><inertial><mass value="2"/></inertial></link>'
+    urdf += '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>'
+    sdf = '<sdf version="1.9"><model name="r"><link name="b"><inertial><mass>2</mass></inertial></link>'
+    sdf += '<joint name="j" type="revolute"><parent>world</parent><child>b</child><axis><xyz>0 0 1</xyz></axis></joint></model></sdf>'
+    for text, name, moment in ((urdf, "r.urdf", 0.0), (sdf, "r.sdf", 1.0)):
+        assert np.array_equal(ncgen.load(write(text, name)).bodies["b"].inertia.tensor, moment * np.eye(3))

@@ -37,8 +37,9 @@ static int correct_exactly(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
     return status;
 }
 
-/* Near singular positions the rest of a violation is multiplied by much, so it is brought down to rounding if it can be. */
-int ncgen_project_position(ncgen_run *r, ncgen_scalar t, int fresh)
+/* r->q onto the constraints with the factors that are there; fresh: they are those of this position.
+ * Near singular positions the rest of a violation is multiplied by much, so it is brought down to rounding if it can be. */
+static int project_position(ncgen_run *r, ncgen_scalar t, int fresh)
 {
     ncgen_constrained *w = r->constrained;
     const ncgen_scalar wanted = 100 * r->rounding;
@@ -229,7 +230,7 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
         ncgen_copy(r->n, y + r->n, r->q);
         status = factors_are_near ? NCGEN_OK : refresh(r, t);
         if (status == NCGEN_OK)
-            status = ncgen_project_position(r, t, !factors_are_near);
+            status = project_position(r, t, !factors_are_near);
         if (status == NCGEN_OK)
             status = ncgen_project_velocity(r, t);
     }

@@ -6,12 +6,10 @@
 
 enum { NCGEN_ALONG_LIMIT = 30 };
 
-/* r->q and r->qd onto the constraints, with the factors that are there; fresh: they are those of this position. */
-int ncgen_project_position(ncgen_run *r, ncgen_scalar t, int fresh);
 /* r->q onto the constraints along M^-1 Phi_q' of the place of the factors, whatever Phi_q is on the way: of methods that owe what they
  * keep to that direction. steps: NCGEN_ALONG_LIMIT x n */
 int ncgen_project_along(ncgen_run *r, ncgen_scalar t, ncgen_real *steps);
-int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t);
+int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t); /* r->qd onto their rates, with the factors that are there */
 /* The velocity likewise, in the direction of M and Phi_q' without what stands in for missing inertia; kept: n, for accelerations meanwhile */
 int ncgen_project_velocity_along(ncgen_run *r, ncgen_scalar t, ncgen_real *kept);
 

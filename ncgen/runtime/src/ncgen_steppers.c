@@ -46,6 +46,14 @@ static int interpolate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_sc
     return NCGEN_OK;
 }
 
+/* A row that does not count has no multiplier: that of a step in which it did would push against the others. */
+static void let_rows_go(ncgen_run *r)
+{
+    for (int i = 0; i < r->m; ++i)
+        if (r->constrained->let_go[i])
+            r->slopes->lam[i] = 0;
+}
+
 /* Accelerations, multipliers and power where steps begin: at the start, and where something that depends on time changes its formula. */
 static int begin(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 {
@@ -53,7 +61,7 @@ static int begin(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
     c->is_corrected = 0;
     ncgen_copy(r->n, r->y, r->qd);
     if (!ncgen_uses_tangents(r->model, r->dynamics, r->options))
-        return NCGEN_OK;
+        return r->statistics->steps ? NCGEN_OK : ncgen_constrained_matrices(r, t); /* which redundant rows count is a matter of the start */
     const int status = ncgen_constrained_accelerations(r, t);
     ncgen_copy(r->n, r->constrained->solution, r->slopes->qdd);
     ncgen_copy(r->n, r->constrained->solution, c->auxiliary);
@@ -85,6 +93,8 @@ static int step_through(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, nc
             status = NCGEN_DOMAIN;
         if (status == NCGEN_OK && !(ncgen_constrained_size(r, r->q) < R(1.0e30) && ncgen_constrained_size(r, r->qd) < R(1.0e30)))
             status = NCGEN_NOT_CONVERGED;
+        if (ncgen_uses_tangents(r->model, r->dynamics, r->options) && r->options->formalism != NCGEN_ALI3P)
+            let_rows_go(r);
         if (status == NCGEN_OK)
             status = ncgen_grid_step(r, w, start + i * h, i + 1 < count ? start + (i + 1) * h : end);
     }
@@ -97,8 +107,9 @@ int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     ncgen_scalar t = r->times[0];
     w->interpolate = interpolate;
     (void)ncgen_cross_break(r, &t, end);
-    int status = begin(r, c, t);
+    ncgen_copy(r->n, r->y, r->qd);
     ncgen_keep_state(r, r->times[0], 0);
+    int status = begin(r, c, t);
     if (status == NCGEN_OK)
         status = ncgen_grid_begin(r, w);
     while (t < end && status == NCGEN_OK && !r->statistics->stopped) {

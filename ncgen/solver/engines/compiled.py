@@ -203,7 +203,8 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom_at(kernels, q, times[0], p).rank, event=task.stop, max_step=task.max_step, progress=Progress(task.progress),
+        rank=freedom_at(kernels, q, times[0], p).rank, event=task.stop, max_step=task.max_step,
+        progress=Progress(task.progress, kernels.name, task.arrival),
         looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
         **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
@@ -218,6 +219,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
         path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
     reason = _ended(path, kernels, grid, done, work, p)
     if done.status in FINAL and task.step:
+        path.break_off(grid, done.reached, done.last[0], done.last[1], work + done.last[2])
         raise ConvergenceError(unsolved_step(kernels.name, done.reached, task.step))
     if done.status in FINAL:
         raise ConvergenceError(
@@ -364,7 +366,7 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> 
         q, qd, work = path.take_last()
         zd = qd[partitions.velocity.independent]
     times, looks = grid[len(path.q) :], task.looks_from(len(path.q))
-    t, progress = float(times[0]), Progress(task.progress)
+    t, progress = float(times[0]), Progress(task.progress, kernels.name, task.arrival)
     try:
         while True:
             progress(t)

@@ -144,7 +144,7 @@ class _Run:
 
     def _choose_rows(self, q: np.ndarray, t: float) -> None:
         """Of redundant rows those farthest from dependent: off the constraints, where a method's stages are, the others contradict them."""
-        if self.rank < self.kernels.m:
+        if self.rank < self.kernels.m and self.method.formalism.name != "penalty":  # which needs all of them, as in C
             self.rows = best_rows(scaled_jacobian(self.kernels, q, t, self.p), self.rank)
 
     def _step(self, solver: OdeSolver, make: Callable[..., OdeSolver], start: float, y: np.ndarray) -> OdeSolver:

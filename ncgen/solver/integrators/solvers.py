@@ -96,9 +96,10 @@ class Pace:
     """Steps with error control that come no farther, as beside a singular position or where a rate becomes infinite.
 
     span: of the run (s)
+    At the pace of STEPS that come no farther than SHARE of it a run takes a billion steps, as many as fixed steps may be.
     """
 
-    STEPS, SHARE = 200, 1e-9
+    STEPS, SHARE = 400, 4e-7
 
     def __init__(self, start: float, span: float) -> None:
         self.mark, self.least, self.steps = start, self.SHARE * span, 0

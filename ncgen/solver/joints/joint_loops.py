@@ -31,7 +31,10 @@ LONGEST = 0.2
 """How far an independent joint goes before loops are closed again, in its natural size (a rad, or the mechanism's length)."""
 
 SHORTEST = 1e-4
-"""The same where loops do not close at first; they are told not to close where it would have to be shorter."""
+"""Share of the first step to which steps are cut where loops do not close; they are told not to close where it would have to be shorter."""
+
+FARTHEST = 5000.0
+"""How far an independent joint may be from its start, in its natural size: 796 turns, a few seconds of closing loops on the way."""
 
 STEPS = 12
 """Of Newton's method at one place."""
@@ -73,7 +76,14 @@ class JointsInLoops(JointSpace):
         x, q = self.begin
         start = x[self.free].copy()
         way = (wanted - start) / self.sizes[self.free]
-        step = min(1.0, LONGEST / max(float(np.max(np.abs(way), initial=0.0)), 1e-300))
+        far = float(np.max(np.abs(way), initial=0.0))
+        if not far <= FARTHEST:
+            k = int(np.argmax(np.abs(way)))
+            raise ConvergenceError(
+                f"{self.kernels.name}: {self.rates[k]} = {wanted[k]:.6g} is {abs(way[k]):.3g} natural sizes from the start; loops are "
+                f"followed for {FARTHEST:g} at most; leave out whole turns"
+            )
+        step = first = min(1.0, LONGEST / max(far, 1e-300))
         done = 0.0
         while done < 1.0:
             share = min(1.0, done + step)
@@ -81,7 +91,7 @@ class JointsInLoops(JointSpace):
             ahead[self.free] = wanted if share == 1.0 else start + share * (wanted - start)
             if (found := self._newton(ahead)) is not None:
                 (x, q), done = found, share
-            elif step < SHORTEST:
+            elif step < SHORTEST * first:
                 values = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.rates, ahead[self.free], strict=True))
                 raise ConvergenceError(f"{self.kernels.name}: loops do not close where {values[:200]}; choose other values")
             else:

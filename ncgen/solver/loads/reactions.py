@@ -9,6 +9,7 @@ moment u × f.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,12 +17,17 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.model.elements import Element, Point, Vector
 from ncgen.solver import geometry
-from ncgen.solver.given import offer
+from ncgen.solver.given import finite, offer
+from ncgen.solver.loads.between import RowLoad, loads_between, row_loads
 from ncgen.solver.loads.sharing import Share, find_shared, kernels_of
+from ncgen.solver.loads.teeth import Mesh, meshes
 from ncgen.symbolic.equations import build_springs
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
+
+PRESSURE_ANGLE = np.pi / 9
+"""20 degrees, of nearly all gears (rad)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +39,8 @@ class Reactions:
         of the moment through a vector. Where it is False, one of many possible distributions is given
     shared: a sentence for every load whose share is arbitrary, such as "door: A.z and B.z share 98.1 N"
     changes: {instant: (loads, k)}: what can be added at some instants to all forces (N) and moments (N m), as of `felt`
+    meshes: tooth forces of gears, which wrenches between wheels and their carrier have; couples: labels of the rows of gears and racks
+        that are felt as couples alone. The loads on elements have all of them as couples between a wheel and its carrier
     """
 
     run: Trajectory
@@ -40,9 +48,12 @@ class Reactions:
     determinate: dict[str, dict[str, bool]]
     shared: tuple[str, ...]
     changes: dict[int, np.ndarray]
+    meshes: tuple[Mesh, ...] = ()
+    couples: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         what = f"{len(self.shared)} shared arbitrarily" if self.shared else "all unique"
+        what += f"; {', '.join(self.couples)} as couples" if self.couples else ""
         return f"<Reactions {self.run.name}: loads on {', '.join(self.loads)}; {what}>"
 
     @property
@@ -72,43 +83,42 @@ class Reactions:
     def wrench(self, body: str, about: str, beside: str | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Force (N) and moment (N m) about a named point of joint loads on a body, global axes, (K, 3) each.
 
-        about: any point of the model; beside: the body on the other side of the joint, or "ground"; None for all joints of the body
-        Raises ModelError where both share nothing, or something with a third body, whose load cannot be told from theirs.
+        about: any point of the model; beside: the body on the other side of the joint, or "ground"; None for all joints of the body. What
+            joints made of rows, coordinates that are driven and the user's own rows do to the body is among it
+        Raises ModelError where both have nothing in common, or something with a third body, whose load cannot be told from theirs.
         """
-        run, elements = self.run, self._shared(body, beside)
+        run = self.run
         place = geometry.element(run.kernels, self._point(about), run.q, run.p)
         force, moment = np.zeros_like(place), np.zeros_like(place)
-        for element in elements:
+        for element, load in self._felt_from(body, beside):
+            at = geometry.element(run.kernels, element, run.q, run.p)
             if isinstance(element, Vector):
-                moment += self.moment(body, element.name)
+                moment += np.cross(at, load)
             else:
-                load = self.force(body, element.name)
                 force += load
-                moment += np.cross(geometry.element(run.kernels, element, run.q, run.p) - place, load)
+                moment += np.cross(at - place, load)
+        for mesh in self.meshes:
+            push = mesh.felt(body, beside or "") * mesh.force
+            force += push
+            moment += np.cross(mesh.point - place, push)
         return force, moment
 
-    def _shared(self, body: str, beside: str | None) -> list[Element]:
-        """What a body shares with another one; all of its elements without one."""
+    def _felt_from(self, body: str, beside: str | None) -> list[tuple[Element, np.ndarray]]:
+        """The elements through which a body feels another one, and the loads; all of its elements without one."""
         if body not in self.loads:
             raise ModelError(f"there is no body {body}; {offer(body, tuple(self.loads), 'the bodies are')}")
-        mine: list[Element] = list(self.run.model.bodies[body].elements)
-        if beside is None:
-            return mine
         bodies, ground = self.run.model.bodies, self.run.model.ground.name
+        if beside is None:
+            return [(e, self._load(body, e)) for e in bodies[body].elements]
         if beside not in (ground, *bodies):
             raise ModelError(f"beside: there is no body {beside}; {offer(beside, (ground, *bodies), 'the bodies are')}")
-        theirs = [e for e in mine if (e.fixed if beside == ground else e in bodies[beside].elements)]
-        if not theirs:
-            raise ModelError(f"body {body} shares no point and no vector with {beside}")
-        for element in theirs:
-            others = [name for name, other in bodies.items() if name not in (body, beside) and element in other.elements]
-            others += [ground] if element.fixed and beside != ground else []
-            if others:
-                raise ModelError(
-                    f"{element.name} joins {body} and {beside} with {others[0]}, too, so the wrench between two of them is not known; "
-                    "leave beside out for that of all joints"
-                )
-        return theirs
+        meet = any({body, beside} == {mesh.first, mesh.second} for mesh in self.meshes)
+        return list(loads_between(self._rows, self.loads[body], bodies, ground, body, beside, meet))
+
+    @cached_property
+    def _rows(self) -> list[RowLoad]:
+        largest = max((float(np.max(np.abs(load))) for loads in self.loads.values() for load in loads.values()), default=0.0)
+        return row_loads(self.run, largest)
 
     def _point(self, name: str) -> Point:
         found = self.run.model.elements.get(name)
@@ -129,12 +139,16 @@ class Reactions:
         return mine[name]
 
 
-def reactions(run: Trajectory) -> Reactions:
+def reactions(run: Trajectory, pressure_angle: float = PRESSURE_ANGLE) -> Reactions:
     """The loads on every body at every instant of a trajectory.
+
+    pressure_angle: of the teeth of gears (rad)
 
     Where the balances leave a load open, one of many possible distributions is given (rows that are not kept carry nothing);
     `determinate` and `shared` say so.
     """
+    if not 0 <= finite(pressure_angle, "pressure_angle") < np.pi / 2:
+        raise ModelError(f"pressure_angle: {pressure_angle:g} rad given; it is from 0 on and below a quarter of a turn")
     shares = [Share(run, body) for body in run.model.bodies.values()]
     pulls, loads, felt = _pulls(run), {}, {}
     for share in shares:
@@ -144,7 +158,7 @@ def reactions(run: Trajectory) -> Reactions:
         loads[share.body.name] = dict(zip(share.coordinates, history.T, strict=True))
         felt[share.body.name] = _felt(run, share, history)
     found = find_shared(run, shares, felt)
-    return Reactions(run, loads, found.unique, found.shared, found.changes)
+    return Reactions(run, loads, found.unique, found.shared, found.changes, *meshes(run, pressure_angle))
 
 
 def _pulls(run: Trajectory) -> dict[str, dict[str, np.ndarray]]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularError
+from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError
 from ncgen.mechanism.break_times import NO_BREAKS, break_times
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
@@ -22,6 +22,7 @@ from ncgen.solver.positions.position import CONSISTENT
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.alarms import doubts, looks
 from ncgen.solver.runs.choice import IMPLICIT, Choice, choose, stiff_choice
+from ncgen.solver.runs.divergence import divergence
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.run import EMITTED, Form, Run
 from ncgen.solver.runs.signals import Signal
@@ -146,6 +147,10 @@ def _carry_out(
         if len(motion.path.q) < 2:
             raise
         raise Interrupted(motion.trajectory(time.perf_counter() - clock)) from stopped
+    except (SingularError, ConvergenceError, DomainError) as error:
+        if found := motion.diverged():
+            raise found from error
+        raise
     found = motion.trajectory(time.perf_counter() - clock)
     if choice.method.is_constrained and (here := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
         _warn(singular_message(kernels, here))
@@ -209,6 +214,12 @@ class _Motion:
                 self.path = Path.empty(kernels.n, self.start.partitions)  # what C has left of it is done again
             self._in_python()
         self.engine = f"python: {refused}" if refused else "c" if form == "dense" else form
+
+    def diverged(self) -> ConvergenceError | None:
+        """What to say where the path's end shows that its fixed steps were too long for the motion; None otherwise."""
+        method, run = self.choice.method, self.run
+        step = run.max_step if method.has_fixed_step else None
+        return divergence(self.kernels, self.path, float(self.times[0]), method, step, self.start.p)
 
     def _form(self) -> Form:
         """What state derivative C is given: as named, else one that is written out where there is one over all coordinates."""

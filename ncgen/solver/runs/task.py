@@ -71,6 +71,11 @@ class Task:
         return float(self.grid[-1] - self.grid[0]) / self.steps if self.method.is_stepper else self.max_step
 
     @property
+    def arrival(self) -> float | None:
+        """Where steps with error control are to arrive (s); None where a stop may end the run before."""
+        return None if self.stop or self.method.has_fixed_step else float(self.grid[-1])
+
+    @property
     def driven(self) -> tuple[Pieces | Function | None, ...]:
         """What C is given for every input, () where nothing drives the mechanism."""
         return self.signals.functions if self.signals else ()

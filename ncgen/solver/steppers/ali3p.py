@@ -24,6 +24,8 @@ PROJECTIONS = 6
 class Ali3p(Stepper):
     """options: alpha, the penalty α h²/4 over the largest entry that P has had."""
 
+    takes_all_rows = True
+
     _unit = 0.0
     """That entry. It never falls: a P made of nothing but rounded multipliers would make the penalty nothing, too."""
 

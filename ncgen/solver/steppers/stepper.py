@@ -18,6 +18,7 @@ from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.positions.position import check_mirror_roots
+from ncgen.solver.positions.rank import best_rows, freedom_at, scaled_jacobian
 
 LIMIT = 25
 ENOUGH = 1e-14
@@ -35,14 +36,20 @@ class Stepper(ABC):
     newton: Newton steps taken so far; work: of drivers and forces without a potential since the start (J)
     """
 
+    takes_all_rows = False
+    """Whether redundant rows count: those of a penalty do."""
+
     def __init__(self, kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, p: np.ndarray, h: float, **options: Any) -> None:
         self.kernels, self.p, self.h = kernels, p, h
         self.start, self.t, self.q, self.qd, self.work = t, t, q, qd, 0.0
         self.taken = self.newton = 0
         self.settings = options
+        self._rank = freedom_at(kernels, q, t, p).rank
+        self._choose_rows()
         first = self._instant(t, q, qd)
         self.qdd, self.lam, self.power = first.qdd, first.lam, first.power
         self.columns, self.rows = kernels.column_sizes, kernels.row_sizes
+        self.lam = np.where(self._kept, self.lam, 0.0)
 
     def step(self) -> None:
         """Advance by h. Raises ConvergenceError with the time where Newton's method fails, or naming an angle that jumped."""
@@ -51,6 +58,15 @@ class Stepper(ABC):
         self._advance(end)
         self.t = end
         check_mirror_roots(self.kernels, self.q, self.p)
+        self._choose_rows()
+        self.lam = np.where(self._kept, self.lam, 0.0)
+
+    def _choose_rows(self) -> None:
+        """Of redundant rows those farthest from dependent, as in C: off the constraints the others contradict them."""
+        self._kept = np.ones(self.kernels.m, dtype=bool)
+        if self._rank < self.kernels.m and not self.takes_all_rows:
+            self._kept[:] = False
+            self._kept[best_rows(scaled_jacobian(self.kernels, self.q, self.t, self.p), self._rank)] = True
 
     @abstractmethod
     def _advance(self, end: float) -> None:
@@ -61,15 +77,18 @@ class Stepper(ABC):
     def solve(
         self, weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, force: np.ndarray, gap: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """x (n,), y (m,) of [weight left; jacobian 0][x; y] = [force; gap], solved without units.
+        """x (n,), y (m,) of [weight left; jacobian 0][x; y] = [force; gap], solved without units; y is 0 for rows that are not kept.
 
         weight (n, n) in units of mass, left (n, m), jacobian (m, n)
         """
         weight = self.columns[:, None] * weight * self.columns
         unit = float(np.max(np.abs(np.diag(weight)), initial=0.0)) or 1.0
-        rows, left = jacobian * self.columns / self.rows[:, None], self.columns[:, None] * left / self.rows
-        x, y = KKT(weight / unit, rows, self.kernels, left).solve(self.columns * force / unit, gap / self.rows)
-        return self.columns * x, unit * y / self.rows
+        kept = self._kept
+        rows, left = (jacobian * self.columns / self.rows[:, None])[kept], (self.columns[:, None] * left / self.rows)[:, kept]
+        x, y = KKT(weight / unit, rows, self.kernels, left).solve(self.columns * force / unit, (gap / self.rows)[kept])
+        push = np.zeros(len(kept))
+        push[kept] = y
+        return self.columns * x, unit * push / self.rows
 
     def closure(self, q: np.ndarray, end: float) -> np.ndarray:
         """Φ at the end of a step; of a rolling condition, which is none of positions, its integral by the midpoint rule."""

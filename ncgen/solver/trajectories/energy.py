@@ -12,6 +12,9 @@ ROUNDING = 64 * np.finfo(float).eps
 REST = 1e-10
 """Speeds below this, in natural sizes a second, are rest."""
 
+STILL = 1e-11
+"""Displacements up to this, in natural sizes, are rounding: positions are closed to a tenth of it (`ncgen.solver.positions.position`)."""
+
 NOTHING = 1e-300
 """An energy that does no harm as a divisor where nothing has mass."""
 
@@ -24,9 +27,11 @@ def energies(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, p: 
 def drift(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: np.ndarray, p: np.ndarray) -> float:
     """The largest |T + V − W − its start| over K instants, relative to the energy that moves: the largest T or W or change of V.
 
-    0 where that is rounding. A mechanism at rest moves at least the kinetic energy of speeds that count as rest, so that
-    the noise of its velocities is no drift.
+    0 where that is rounding, and where nothing leaves its place by more than rounding. A mechanism at rest moves at least the kinetic
+    energy of speeds that count as rest, so that the noise of its velocities is no drift.
     """
+    if _is_still(kernels, q):
+        return 0.0
     found = energies(kernels, t, q, qd, p)
     return float(_relative(found[:, 0], found[:, 1], work, _least(kernels, t[0], q[0], p)))
 
@@ -38,7 +43,12 @@ def drifts(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work:
     found = kernels.batch.energy(*flat, np.tile(t, count), np.repeat(p, instants, axis=0)).reshape(count, instants, 3)
     at_rest = np.tile(REST * kernels.column_sizes, (count, 1))
     least = np.maximum(kernels.batch.energy(q[:, 0], at_rest, np.full(count, t[0]), p)[:, 0], NOTHING)
-    return _relative(found[..., 0], found[..., 1], work, least)
+    return np.where(_is_still(kernels, q), 0.0, _relative(found[..., 0], found[..., 1], work, least))
+
+
+def _is_still(kernels: Kernels, q: np.ndarray) -> np.ndarray | np.bool_:
+    """Whether motions (…, K, n) stay where they start but for rounding, (…)."""
+    return (np.abs(q - q[..., :1, :]) <= STILL * kernels.column_sizes).all(axis=(-2, -1))
 
 
 def _relative(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray, least: np.ndarray | float) -> np.ndarray:

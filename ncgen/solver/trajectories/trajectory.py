@@ -261,11 +261,11 @@ class Trajectory:
             [residual(self.kernels, q, t, refresh_branches(self.kernels, q, self.p)) for t, q in zip(self.t, self.q, strict=True)]
         )
 
-    def reactions(self) -> Reactions:
-        """Loads between bodies, see `ncgen.solver.loads.reactions.reactions`."""
+    def reactions(self, pressure_angle: float = np.pi / 9) -> Reactions:
+        """Loads between bodies, see `ncgen.solver.loads.reactions.reactions`; pressure_angle: of gears (rad, default 20 degrees)."""
         from ncgen.solver.loads.reactions import reactions
 
-        return reactions(self)
+        return reactions(self, pressure_angle)
 
     def driver_forces(self) -> dict[str, np.ndarray]:
         """Forces and couples of the model's drivers by coordinate, see `ncgen.solver.loads.inverse_dynamics.driver_forces`."""

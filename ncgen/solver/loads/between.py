@@ -1,0 +1,165 @@
+"""What one body does to another: the part of a body's loads that comes through the elements both share and through rows between them.
+
+A row is no body's: what it does to an element of one body alone is that body's load, −λ ∂Φ/∂e. Who is on its other side its elements tell;
+the ground is where the forces and moments on them do not cancel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Angle, Combination, Point, Spatial
+from ncgen.model.rows import Owner
+from ncgen.solver import geometry
+
+if TYPE_CHECKING:
+    from ncgen.model.model import Model
+    from ncgen.solver.trajectories.trajectory import Trajectory
+
+BALANCED = 1e-9
+"""Forces and moments of a row that cancel to this part of their size need no ground."""
+
+NOTHING = 1e-11
+"""Forces below this part of the largest load on a body are rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class RowLoad:
+    """What a row does to movable elements: {element: (K, 3)} generalised forces; needs_ground: they do not cancel.
+
+    bodies: the two of the joint or angle that it belongs to, where that says it
+    """
+
+    label: str
+    bodies: tuple[str, ...]
+    forces: dict[Spatial, np.ndarray]
+    needs_ground: bool
+
+
+def row_loads(run: Trajectory, largest: float) -> list[RowLoad]:
+    """The loads of all rows that no body owns; rows between coordinates alone have none.
+
+    largest: load on any body, beside which rounding is nothing
+    """
+    kernels, model = run.kernels, run.model
+    places = {
+        element: [(axis, kernels.index[c.name]) for axis, c in enumerate(element.components) if c.name in kernels.index]
+        for element in model.elements.values()
+        if isinstance(element, Spatial)
+    }
+    numbers = [i for i, row in enumerate(kernels.rows) if row.owner.kind != "body"]
+    history = np.zeros((len(run.t), len(numbers), kernels.n))
+    for k, (t, q, lam) in enumerate(zip(run.t, run.q, run.lam, strict=True)):
+        history[k] = -lam[numbers, None] * kernels.phi_q(q, t, kernels.present(t, run.p))[numbers].toarray()
+    at = {element: geometry.element(kernels, element, run.q, run.p) for element, own in places.items() if own}
+    found = []
+    for i, number in enumerate(numbers):
+        forces = {}
+        for element, own in places.items():
+            force = np.zeros((len(run.t), 3))
+            for axis, column in own:
+                force[:, axis] = history[:, i, column]
+            if np.max(np.abs(force), initial=0.0) > NOTHING * largest:
+                forces[element] = force
+        if forces:
+            row = kernels.rows[number]
+            found.append(RowLoad(row.label, _said(model, row.owner), forces, _needs_ground(forces, at)))
+    return found
+
+
+def body_of(model: Model, direction: Combination) -> str | None:
+    """The one body that has all elements of a direction; the ground where all are fixed."""
+    elements = [element for _, element in direction.terms]
+    if all(element.fixed for element in elements):
+        return model.ground.name
+    having = [name for name, body in model.bodies.items() if all(element in body.elements for element in elements)]
+    return having[0] if len(having) == 1 else None
+
+
+def _said(model: Model, owner: Owner) -> tuple[str, ...]:
+    """The two bodies that a row is between, where its joint or its angle says it."""
+    if isinstance(angle := model.elements.get(owner.name), Angle):
+        ends = body_of(model, angle.start), body_of(model, angle.end)
+        return (ends[0], ends[1]) if ends[0] and ends[1] and ends[0] != ends[1] else ()
+    names, said = (model.ground.name, *model.bodies), owner.name.partition(" ")[2]
+    return next(((a, b) for a in names for b in names if a != b and said == f"{a}-{b}"), ()) if owner.kind == "joint" else ()
+
+
+def _needs_ground(forces: dict[Spatial, np.ndarray], at: dict[Spatial, np.ndarray]) -> bool:
+    arms = {e: np.cross(at[e], f) for e, f in forces.items()}
+    for parts in ([f for e, f in forces.items() if isinstance(e, Point)], list(arms.values())):
+        if parts and np.max(np.abs(sum(parts))) > BALANCED * max(np.max(np.abs(part)) for part in parts):
+            return True
+    return False
+
+
+def loads_between(
+    rows: list[RowLoad],
+    loads: Mapping[str, np.ndarray],
+    bodies: Mapping[str, Body],
+    ground: str,
+    body: str,
+    beside: str,
+    meet: bool = False,
+) -> list[tuple[Spatial, np.ndarray]]:
+    """What a body feels of its neighbour: (element, (K, 3) generalised force) for every element of it that they act through.
+
+    loads: {coordinate: (K,)} of the body; meet: whether they have something else in common
+    Raises ModelError where both have nothing in common, or where a third one has a part in it that cannot be told from theirs.
+    """
+    mine = bodies[body].elements
+    shared = [e for e in mine if (e.fixed if beside == ground else e in bodies[beside].elements)]
+    for element in shared:
+        if third := sorted(_owners(bodies, element, ground) - {body, beside}):
+            raise _unknown(element.name, body, beside, third[0])
+    felt: list[tuple[Spatial, np.ndarray]] = [(e, np.stack([loads[c.name] for c in e.components], axis=-1)) for e in shared]
+    for row in rows:
+        own = [e for e in row.forces if body in _bearers(row, bodies, e)]
+        if not own:
+            continue
+        partners, unsure = _partners(row, bodies, ground, body), [e for e in own if len(_bearers(row, bodies, e)) > 1]
+        if beside not in partners:
+            if any(e in shared for e in unsure):
+                raise _unknown(row.label, body, beside, min(partners))
+            felt += [(e, -row.forces[e]) for e in own if e in shared]  # that comes from another one
+            continue
+        if len(partners) > 1:
+            raise _unknown(row.label, body, beside, min(partners - {beside}))
+        if held := [e for e in unsure if e not in shared]:
+            raise _unknown(f"{row.label} ({held[0].name})", body, beside, min(_bearers(row, bodies, held[0]) - {body}))
+        felt += [(e, row.forces[e]) for e in own if e not in shared]
+    if not (felt or meet):
+        raise ModelError(f"body {body} shares no point and no vector with {beside}, and no row ties them")
+    return felt
+
+
+def _owners(bodies: Mapping[str, Body], element: Spatial, ground: str) -> set[str]:
+    return {name for name, body in bodies.items() if element in body.elements} | ({ground} if element.fixed else set())
+
+
+def _bearers(row: RowLoad, bodies: Mapping[str, Body], element: Spatial) -> set[str]:
+    """The bodies that a row's force on an element may act on: those of the joint that the row belongs to, where they have the element."""
+    having = {name for name, body in bodies.items() if element in body.elements}
+    return having & set(row.bodies) or having
+
+
+def _partners(row: RowLoad, bodies: Mapping[str, Body], ground: str, body: str) -> set[str]:
+    """Who is on the other side of a row that acts on a body."""
+    if body in row.bodies:
+        return set(row.bodies) - {body}
+    found = {name for e in row.forces if body not in _bearers(row, bodies, e) for name in _bearers(row, bodies, e)}
+    found |= {ground} if row.needs_ground else set()
+    return found or {name for e in row.forces for name in _bearers(row, bodies, e)} - {body}
+
+
+def _unknown(what: str, body: str, beside: str, third: str) -> ModelError:
+    return ModelError(
+        f"{what} joins {body} and {beside} with {third}, too, so the wrench between two of them is not known; "
+        "leave beside out for that of all joints"
+    )

@@ -1,0 +1,37 @@
+"""A motion that grew beyond bounds because its fixed steps were too long: told so, whatever failed at the numbers that it left."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
+from ncgen.model.elements import rate_name
+from ncgen.solver.runs.path import Path
+from ncgen.solver.trajectories.energy import drift
+
+FROM_NOTHING = 0.5
+"""Share of all energy that moves which must have come from nothing."""
+
+
+def divergence(kernels: Kernels, path: Path, start: float, method: Method, step: float | None, p: np.ndarray) -> ConvergenceError | None:
+    """What to say of a run that failed at the end of a path, if steps of a fixed length (s) made its energy; None for any other.
+
+    start: of the run (s); p (n_p,): its parameters
+    """
+    if step is None or len(path.q) < 2 or path.stopped is None:
+        return None
+    ends = [0, -1]
+    q, qd, work = path.q[ends], path.qd[ends], path.work[ends]
+    sizes = np.abs(qd[-1]) / kernels.column_sizes
+    with np.errstate(all="ignore"):
+        share = drift(kernels, np.array([start, path.stopped]), q, qd, work, p)
+    if np.isfinite(share) and share < FROM_NOTHING:
+        return None
+    largest = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
+    return ConvergenceError(
+        f"{kernels.name}: the motion has diverged: {rate_name(kernels.coordinates[largest])} is {qd[-1, largest]:.3g} a second at "
+        f"t = {path.stopped:.6g} s; steps of {step:g} s are too long for {method.integrator.name} here, take smaller ones (max_step) or a "
+        "method with error control"
+    )
