@@ -38,9 +38,23 @@ def numbers(given: ArrayLike | None, what: str, complex_too: bool = False) -> np
         said = repr(given).replace("\n", " ")
         raise NcgenError(f"{what} has something that is no number: {said if len(said) <= ECHOED else said[:ECHOED] + '…'}")
     if array.dtype.kind == "O":
-        array = array.astype(complex if any(np.iscomplexobj(x) for x in array.flat) else float)
+        try:
+            array = array.astype(complex if any(np.iscomplexobj(x) for x in array.flat) else float)
+        except OverflowError:
+            raise NcgenError(f"{what} has a number beyond 1.8e308; give one that a double can hold") from None
     dtype = np.result_type(float, array.dtype) if complex_too else np.dtype(float)
     return np.require(array, dtype, ["C", "A"]).reshape(array.shape)
+
+
+def sized(values: ArrayLike | None, count: int, what: str, complex_too: bool = False) -> np.ndarray:
+    """Real numbers (…, count) as `numbers` gives them.
+
+    Raises NcgenError for another last axis, with both shapes, and what `numbers` raises.
+    """
+    array = numbers(values, what, complex_too)
+    if array.shape[-1:] != (count,):
+        raise NcgenError(f"{what} has the shape {array.shape}; give (…, {count})")
+    return array
 
 
 def place(array: object, shape: tuple[int, ...], what: str, beside: Iterable[np.ndarray] = ()) -> np.ndarray:

@@ -14,6 +14,7 @@ from ncgen.emit.numpy import files as in_numpy
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism import recall
+from ncgen.mechanism.arguments import sized
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.ir.blocks import Program
@@ -25,33 +26,52 @@ Made = Callable[[], Mapping[str, Program]]
 Inputs = Mapping[str, tuple[str, ...]]
 """{function: names of what it takes}."""
 
+Counts = Mapping[str, int]
+"""{input: how many numbers it has}."""
+
 
 class Functions(ABC):
-    """Functions of numbers and arrays by name; sizes: of their outputs."""
+    """Functions of numbers and arrays by name; inputs: what they take; sizes: of their outputs; counts: of the numbers of every input."""
 
-    def __init__(self, sizes: Mapping[str, int]) -> None:
-        self.sizes = sizes
+    complex_too = False
+    """Whether they take complex numbers."""
+
+    def __init__(self, owner: str, inputs: Inputs, sizes: Mapping[str, int], counts: Counts) -> None:
+        self.owner, self.sizes = owner, sizes
+        self._expected = {name: tuple((f"{owner}.{name}: {a}", counts[a]) for a in taken if a != "t") for name, taken in inputs.items()}
+
+    def __call__(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
+        """The output of a function, (…, sizes[name]), for arrays (…, counts[input]). Raises NcgenError for arrays of other sizes."""
+        expected = self._expected[name]
+        if len(arrays) != len(expected):
+            raise NcgenError(f"{self.owner}.{name}: {len(arrays)} arrays given, {len(expected)} needed")
+        checked = (sized(a, count, what, self.complex_too) for a, (what, count) in zip(arrays, expected, strict=True))
+        return self._evaluate(name, t, *checked)
 
     @abstractmethod
-    def __call__(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
-        """The output of a function."""
+    def _evaluate(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
+        """The output of a function for arrays that were checked."""
 
 
-def functions(kernels: Kernels, kind: str, inputs: Inputs, sizes: Mapping[str, int], make: Made) -> Functions:
-    """In the language of the kernels. kind: a word for all of them; make: called for the programs if they are not in the cache."""
-    if isinstance(kernels, CompiledKernels):
-        return CompiledFunctions(kernels, kind, inputs, sizes, make)
-    return NumPyFunctions(kernels, kind, sizes, make)
+def functions(kernels: Kernels, kind: str, inputs: Inputs, sizes: Mapping[str, int], counts: Counts, make: Made) -> Functions:
+    """In the language of the kernels. kind: a word for all of them; make: called for the programs if they are not in the cache.
+
+    sizes: {function: numbers of its output}; counts: {input: its numbers}
+    """
+    made = CompiledFunctions if isinstance(kernels, CompiledKernels) else NumPyFunctions
+    return made(kernels, kind, inputs, sizes, counts, make)
 
 
 class NumPyFunctions(Functions):
     """Leading axes of arrays are batches."""
 
-    def __init__(self, kernels: Kernels, kind: str, sizes: Mapping[str, int], make: Made) -> None:
-        super().__init__(sizes)
+    complex_too = True
+
+    def __init__(self, kernels: Kernels, kind: str, inputs: Inputs, sizes: Mapping[str, int], counts: Counts, make: Made) -> None:
+        super().__init__(kernels.name, inputs, sizes, counts)
         self._functions = executed(in_numpy.function_files(make().values(), kernels.programs.equations, kind))
 
-    def __call__(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
+    def _evaluate(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
         with np.errstate(all="ignore"):  # as in C, what is no number says so by itself
             return self._functions[name](t, *arrays)
 
@@ -59,8 +79,8 @@ class NumPyFunctions(Functions):
 class CompiledFunctions(Functions):
     """One state at a call; batches go through one after the other."""
 
-    def __init__(self, kernels: CompiledKernels, kind: str, inputs: Inputs, sizes: Mapping[str, int], make: Made) -> None:
-        super().__init__(sizes)
+    def __init__(self, kernels: Kernels, kind: str, inputs: Inputs, sizes: Mapping[str, int], counts: Counts, make: Made) -> None:
+        super().__init__(kernels.name, inputs, sizes, counts)
         equations, prefix = kernels.programs.equations, prefix_of(kernels.name)
         files = recall.derived(kernels.programs, kind, lambda: in_c.function_files(make().values(), equations, kind))
         heads = ", ".join
@@ -70,9 +90,8 @@ class CompiledFunctions(Functions):
         ]
         self._ffi, self._library = load(files | runtime_files(*HEADERS), "\n".join(declared), abi())
         self._functions = {name: getattr(self._library, f"{prefix}_{name}") for name in inputs}
-        self._owner = kernels.name
 
-    def __call__(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
+    def _evaluate(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
         shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
         if not shape:
             return self._one(name, t, arrays)
@@ -82,8 +101,8 @@ class CompiledFunctions(Functions):
 
     def _one(self, name: str, t: float, arrays: tuple[np.ndarray, ...]) -> np.ndarray:
         out = np.empty(self.sizes[name])
-        given = [np.ascontiguousarray(a, dtype=float) for a in arrays]
+        given = [np.ascontiguousarray(a, dtype=float) for a in arrays]  # rows of arrays that `__call__` has checked
         pointers = [self._ffi.from_buffer("double[]", a, require_writable=a is out) for a in (*given, out)]
         if self._functions[name](t, *pointers):
-            raise NcgenError(f"{self._owner}.{name}: a function left its domain")
+            raise NcgenError(f"{self.owner}.{name}: a function left its domain")
         return out

@@ -14,7 +14,8 @@ from typing import Protocol, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, NcgenError, shown
+from ncgen.mechanism.arguments import numbers
 from ncgen.methods.table import is_real
 from ncgen.model import Model
 
@@ -55,6 +56,9 @@ class Outline(Protocol):
 
 
 Mechanism = TypeVar("Mechanism", bound=Outline)
+
+ORTHOGONAL = 1e-6
+"""How far an entry of Rᵀ R of a rotation may be off the unit matrix: rotations written with seven digits pass, sheared ones do not."""
 
 LISTED = 100
 """Characters that a list of names may take in a message."""
@@ -175,6 +179,41 @@ def several(values: ArrayLike | Iterator[float], what: str) -> np.ndarray:
         raise ModelError(f"{what}: {echo(values)} given; a list of numbers is needed")
     for k in np.flatnonzero(~np.isfinite(array))[:1]:
         finite(array[k], f"{what}[{k}]")
+    return array
+
+
+def numbers_of(values: ArrayLike, what: str) -> np.ndarray:
+    """Finite real numbers as contiguous doubles, of the shape they were given in.
+
+    Raises ModelError for complex, masked and non-finite numbers, texts, objects and rows of different lengths, naming the place from 0.
+    """
+    try:
+        array = numbers(values, what)
+    except NcgenError as error:
+        raise ModelError(str(error)) from None
+    if not np.isfinite(array).all():
+        place = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
+        raise ModelError(f"{what}{list(place) if place else ''} is {array[place]}; it must be a finite number")
+    return array
+
+
+def array_of(values: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray:
+    """Finite real numbers of one shape. Raises ModelError for another shape, with both, and what `numbers_of` raises."""
+    array = numbers_of(values, what)
+    if array.shape != shape:
+        raise ModelError(f"{what} has the shape {array.shape}; give {shape}")
+    return array
+
+
+def rotation_of(values: ArrayLike, what: str) -> np.ndarray:
+    """A rotation matrix R (3, 3). Raises ModelError where an entry of Rᵀ R is off the unit matrix by more than 1e-6, or det R < 0."""
+    array = array_of(values, (3, 3), what)
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = float(np.max(np.abs(array.T @ array - np.eye(3))))
+    if not off <= ORTHOGONAL:
+        raise ModelError(f"{what}: Rᵀ R is off the unit matrix by {off:.3g}, {ORTHOGONAL:g} is allowed; give an orthogonal matrix")
+    if np.linalg.det(array) < 0:
+        raise ModelError(f"{what}: its determinant is -1, a reflection; give a rotation, of determinant 1")
     return array
 
 

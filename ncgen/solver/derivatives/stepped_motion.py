@@ -21,7 +21,7 @@ from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.method import Method
-from ncgen.program.motions.step_equations import INPUTS, INSTANTS, StepEquations, assemble_step
+from ncgen.program.motions.step_equations import INPUTS, INSTANTS, StepEquations, assemble_step, extra
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import rate_slope
 from ncgen.solver.positions.branches import refresh_branches
@@ -76,7 +76,9 @@ class _Equations:
         self.layout = layout = made.layout
         inputs, sizes = {"step": INPUTS}, {"step": made.program.size}
         kind = f"{method.replace('-', '_')}_step"
-        self._functions: Functions = functions(kernels, kind, inputs, sizes, lambda: {"step": made.program})
+        n_p, instants = len(kernels.p0), len(INSTANTS) * len(kernels.inputs)
+        counts = {"h": 1 + extra(method, kernels.n), "x": layout.state, "u": layout.unknowns, "w": instants, "p": n_p}
+        self._functions: Functions = functions(kernels, kind, inputs, sizes, counts, lambda: {"step": made.program})
         used = np.ones(layout.unknowns, dtype=bool)
         for first, count in layout.multipliers:
             used[first : first + count] = np.isin(np.arange(count), kept)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError
 from ncgen.solver.frames import transformation
+from ncgen.solver.given import array_of, rotation_of
 
 if TYPE_CHECKING:
     from ncgen.solver.joints.joint_space import JointSpace
@@ -28,7 +29,8 @@ def values_for(
     space: JointSpace, point: str, place: ArrayLike, rotation: ArrayLike | None, body: str | None, start: np.ndarray
 ) -> dict[str, float]:
     """As `JointSpace.inverse_kinematics`; start: values of all joints (n,)."""
-    aim = _Aim(space, point, body, np.asarray(place, dtype=float), None if rotation is None else np.asarray(rotation, dtype=float))
+    target = array_of(place, (3,), "place")
+    aim = _Aim(space, point, body, target, None if rotation is None else rotation_of(rotation, "rotation"))
     jacobian: Any = aim.slope  # a function may stand there, though its type says a word
     best: Any = None
     for k in range(STARTS):  # from the start itself, then from beside it

@@ -157,6 +157,9 @@ class JointsInLoops(JointSpace):
         wanted = [kernels.index[name] for name in kernels.model.chosen_independent]
         return JointLoops(kernels.programs.equations, samples(kernels, q, kernels.p0), kernels.column_sizes, wanted)
 
+    def _counts(self) -> dict[str, int]:
+        return super()._counts() | {"x": len(self.sizes)}
+
     def _sizes(self) -> dict[str, int]:
         rates = len(self.sizes)
         return super()._sizes() | {"joint_position": self.kernels.n + rates, "joint_spread": rates * (self.n + 1)}

@@ -124,7 +124,11 @@ class JointSpace(ABC):
         do not close.
         """
         q = self.placed(self._joint_values(values, "values"))
-        return q if base is None else self._displaced(q, *base)
+        if base is None:
+            return q
+        if not (isinstance(base, (tuple, list)) and len(base) == 2):
+            raise ModelError(f"base: {given.echo(base)} given; give (rotation (3, 3), translation (3,) in m)")
+        return self._displaced(q, given.rotation_of(base[0], "base: rotation"), given.array_of(base[1], (3,), "base: translation"))
 
     @abstractmethod
     def placed(self, x: np.ndarray) -> np.ndarray:
@@ -133,9 +137,8 @@ class JointSpace(ABC):
     def _joint_values(self, values: Mapping[str, float] | None, what: str) -> np.ndarray:
         """Values of all joints (n,): those given by name, else the initial ones."""
         found = self.values(self.kernels.q0)
-        for name, value in (values or {}).items():
-            given.known_name(name, self.rates, what, "joint")
-            found[self.rates.index(name)] = given.finite(value, f"{what}: {name}")
+        for name, value in given.numbers_by_name({} if values is None else values, self.rates, what, "joint").items():
+            found[self.rates.index(name)] = value
         return found
 
     def values(self, q: ArrayLike) -> np.ndarray:
@@ -146,13 +149,12 @@ class JointSpace(ABC):
             found[..., self.rates.index(name)] = q[..., self.kernels.index[name]]
         return found
 
-    def _displaced(self, q: np.ndarray, rotation: ArrayLike, shift: ArrayLike) -> np.ndarray:
+    def _displaced(self, q: np.ndarray, rotation: np.ndarray, shift: np.ndarray) -> np.ndarray:
         """The one body that moves freely, and all that it carries, turned about the origin and shifted."""
         links = self.tree.links
         free = [number for number, link in enumerate(links) if len(link.screws) == 6]
         if len(free) != 1:
             raise ModelError(f"{self.kernels.name}: base given, but {len(free)} bodies move freely; it needs one")
-        rotation, shift = np.asarray(rotation, dtype=float), np.asarray(shift, dtype=float)
         together = set(free)
         for number, link in enumerate(links):
             together |= {number} if link.parent in together else set()
@@ -227,7 +229,7 @@ class JointSpace(ABC):
         frame: "global": of the point, along the global axes; "local": along axes that turn with the body and are the global ones
             initially; "spatial": of what of the body is at the origin, along the global axes
         """
-        if frame not in FRAMES:
+        if not (isinstance(frame, str) and frame in FRAMES):
             raise ModelError(f"frame: {str(frame)[:40]!r} is none of {', '.join(FRAMES)}")
         q, element, link = self._array(q), self.point(point), self.link(point, body)
         path = self.tree.paths[link]
@@ -282,7 +284,7 @@ class JointSpace(ABC):
     def _about(self, q: ArrayLike, about: ArrayLike | None) -> np.ndarray:
         """Momenta of the tree's rates about a point (…, -, 6)."""
         mass, first, matrix = self._momenta(q)
-        point = first / mass if about is None else np.asarray(about, dtype=float)
+        point = first / mass if about is None else given.array_of(about, (3,), "about")
         linear = matrix[..., :3]
         return np.concatenate([linear, matrix[..., 3:] - np.cross(point[..., None, :], linear)], axis=-1)
 
@@ -371,12 +373,17 @@ class JointSpace(ABC):
 
     @cached_property
     def _functions(self) -> Functions:
-        return functions(self.kernels, f"{self.kind}_basics", self.inputs, self._sizes(), partial(self.made, "basics"))
+        return functions(self.kernels, f"{self.kind}_basics", self.inputs, self._sizes(), self._counts(), partial(self.made, "basics"))
 
     @cached_property
     def _slope_functions(self) -> Functions:
         """Made when they are first asked for: they are longer than all others together."""
-        return functions(self.kernels, f"{self.kind}_slopes", SLOPES, dict.fromkeys(SLOPES, self.n), partial(self.made, "slopes"))
+        sizes = dict.fromkeys(SLOPES, self.n)
+        return functions(self.kernels, f"{self.kind}_slopes", SLOPES, sizes, self._counts(), partial(self.made, "slopes"))
+
+    def _counts(self) -> dict[str, int]:
+        """{input of a function: how many numbers it has}."""
+        return dict.fromkeys(("x", "v", "a", "dx", "dv"), self.n) | {"q": self.kernels.n, "p": len(self.kernels.p0)}
 
     def _sizes(self) -> dict[str, int]:
         """Of the outputs of all functions but slopes."""
@@ -399,7 +406,7 @@ class JointSpace(ABC):
         return np.zeros(self.n) if values is None else self._checked(values, self.n, name, "rates")
 
     def _checked(self, values: ArrayLike, count: int, name: str, what: str) -> np.ndarray:
-        found = np.asarray(values, dtype=float)
+        found = given.numbers_of(values, name)
         if found.shape[-1:] != (count,):
             raise ModelError(f"{name}: its shape is {found.shape}, and {self.kernels.name} has {count} {what}; give (…, {count})")
         return found
@@ -415,10 +422,10 @@ class JointSpace(ABC):
         return np.stack(parts, axis=-1)
 
     def point(self, name: str) -> Point:
-        found = self.kernels.model.elements.get(name)
+        found = self.kernels.model.elements.get(name) if isinstance(name, str) else None
         if not isinstance(found, Point):
             points = [e.name for e in self.kernels.model.elements.values() if isinstance(e, Point)]
-            raise ModelError(f"point: there is no {name}; the points are {', '.join(points)}")
+            raise ModelError(f"point: there is no {given.echo(name)}; {given.offer(name, points)}")
         return found
 
     def link(self, point: str, body: str | None) -> int:
@@ -443,7 +450,7 @@ class JointsOfTree(JointSpace):
         super().__init__(kernels, tree, names_of(kernels, tree, followed))
 
     def placed(self, x: np.ndarray) -> np.ndarray:
-        return self._functions("joint_position", 0.0, x, self.kernels.p0)
+        return self._functions("joint_position", 0.0, self._over_rates(x, "x"), self.kernels.p0)
 
     def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.eye(self.n), np.zeros(self.n)

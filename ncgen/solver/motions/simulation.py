@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from threading import Lock
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -22,7 +23,7 @@ from ncgen.methods.table import AUTO, INTEGRATORS, find_integrator
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import checked_kernels, echo, finite, known_name, offer, positive
+from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.choice import ALL, EXPLICIT
 from ncgen.solver.runs.run import Initial, InitialArguments
@@ -34,11 +35,25 @@ if TYPE_CHECKING:
     from ncgen.mechanism.moving import Stepping
 
 
+REPLACED = {
+    "q": "sim.q[:] = array and then sim.settle(), or sim.reset(state)",
+    "qd": "sim.qd[:] = array and then sim.settle(), or sim.reset(state)",
+    "p": "sim.drive(name=value) for an input, or start again with p={name: value} for a parameter",
+    "t": "sim.reset(dataclasses.replace(sim.state, t=seconds))",
+    "work": "sim.reset(dataclasses.replace(sim.state, work=joules))",
+    "qdd": "an input or a state: accelerations follow from them",
+}
+"""{member of a simulation: what to write in place of an assignment to it}."""
+
+UNCOPIED = "a simulation is not copied: C works on its memory; start another one with ncgen.start and reset it to sim.state"
+
+
 @dataclass(frozen=True, eq=False)
 class State:
     """A simulation at an instant: all that `reset` needs to go back to it.
 
-    t: s; q, qd (n,): m and rad, and per second; work: J; p (n_p,): parameters and inputs; next_step: s, of error control
+    t: s; q, qd (n,): m and rad, and per second; work: J; p (n_p,): parameters and inputs; next_step: s, of error control, 0 where it has
+    to find one; mechanism: the fingerprint of its code, so that it is not taken for a state of another one
     """
 
     t: float
@@ -47,6 +62,7 @@ class State:
     work: float
     p: np.ndarray
     next_step: float
+    mechanism: str
 
     def __repr__(self) -> str:
         return f"<State of {len(self.q)} coordinates at t = {self.t:g} s>"
@@ -79,7 +95,7 @@ class Simulation:
     """A mechanism at an instant, which goes on as it is told; `start` makes one.
 
     t: s; q, qd (n,): position and velocities, in the order of `kernels.coordinates`; work: J of drivers, inputs and other forces without
-    a potential. They are what C works on: copy them to keep them, or take `state`.
+    a potential. q and qd are what C works on: `sim.q[:] = array` moves the mechanism, copy them to keep them, or take `state`.
     `sim["psi"]` is a coordinate, `sim["rate(psi)"]` its velocity, `sim["tip height"]` an output, `sim["tau"]` an input.
     """
 
@@ -91,13 +107,36 @@ class Simulation:
 
         stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
         self._now = Moving(stepping())
-        self.q, self.qd = self._now.q, self._now.qd
+        self._alone = Lock()
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
         self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, here.q, here.qd, here.p
+        self._mechanism = compiled.checked_compiled(kernels).fingerprint
         self.drive(**inputs)
 
     def __repr__(self) -> str:
         return f"<Simulation {self.kernels.name}: t = {self.t:g} s, {self.integrator}>"
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Members that C works on stay where they are. Raises ModelError with what to write instead."""
+        if refused := REPLACED.get(name):
+            raise ModelError(f"sim.{name} cannot be replaced: C works on the array it has; write {refused}")
+        super().__setattr__(name, value)
+
+    def __copy__(self) -> Simulation:
+        raise ModelError(UNCOPIED)
+
+    def __deepcopy__(self, memo: object) -> Simulation:
+        raise ModelError(UNCOPIED)
+
+    @property
+    def q(self) -> np.ndarray:
+        """Position (n,) in m and rad: the array that C works on. After writing to it call `settle`."""
+        return self._now.q
+
+    @property
+    def qd(self) -> np.ndarray:
+        """Velocities (n,) in m/s and rad/s: the array that C works on."""
+        return self._now.qd
 
     @property
     def t(self) -> float:
@@ -135,13 +174,17 @@ class Simulation:
 
         Raises ConvergenceError or DomainError where it cannot go on; then it stays where it was.
         """
-        if inputs:
-            self.drive(**inputs)
+        if not self._alone.acquire(blocking=False):
+            raise ModelError(f"{self.kernels.name}: another thread steps this simulation now; start one for every thread")
         try:
+            if inputs:
+                self.drive(**inputs)
             status = self._now.go_on(h)
         except TypeError:
             positive(h, "h")
             raise
+        finally:
+            self._alone.release()
         if status != "ok":
             raise self._refused(status, h)
         return self
@@ -161,15 +204,24 @@ class Simulation:
     def state(self) -> State:
         """Where it is, as a copy."""
         now = self._now
-        return State(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step)
+        return State(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step, self._mechanism)
 
     def reset(self, state: State) -> Simulation:
-        """Back to a state. From there the same steps give the same bits. Raises ModelError for what is no state."""
+        """Back to a state. From there the same steps give the same bits.
+
+        Raises ModelError for what is no state, a state of another mechanism, and numbers that are not finite; then nothing has changed.
+        """
         if not isinstance(state, State):
             raise ModelError(f"reset: {echo(state)} given; give a state that was kept, such as kept = sim.state")
+        if state.mechanism != self._mechanism:
+            raise ModelError(f"reset: the state is one of another mechanism than {self.kernels.name}; give a state that this one had")
         now = self._now
-        now.t, now.work, now.next_step = state.t, state.work, state.next_step
-        now.q[:], now.qd[:], now.p[:] = state.q, state.qd, state.p
+        numbers = [finite(getattr(state, name), f"reset: {name}") for name in ("t", "work", "next_step")]
+        if numbers[2] < 0:
+            raise ModelError(f"reset: next_step is {numbers[2]:g} s; it must be positive, or 0 for a step that is found")
+        arrays = [array_of(getattr(state, name), getattr(now, name).shape, f"reset: {name}") for name in ("q", "qd", "p")]
+        now.t, now.work, now.next_step = numbers
+        now.q[:], now.qd[:], now.p[:] = arrays
         return self
 
     def settle(self) -> Simulation:

@@ -13,6 +13,7 @@ from ncgen.model import Model
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import is_symbolic, symbols_in
 from ncgen.model.outputs import Output, is_load
+from ncgen.program.ir.blocks import Program
 
 INPUTS = {"outputs": ("t", "q", "qd", "qdd", "lam", "p"), "outputs_tangent": ("t", "q", "qd", "qdd", "lam", "p", "seed")}
 """The programs of `ncgen.program.motions.outputs`, and what they take."""
@@ -46,10 +47,21 @@ def load_slopes(kernels: Kernels, t: float, state: Sequence[np.ndarray], p: np.n
 
 
 def _slopes_made(kernels: Kernels) -> Functions:
+    from ncgen.program.motions.full_loads import loaded_elements
     from ncgen.program.motions.outputs import LOAD_INPUTS, assemble_load_slopes
 
     inputs, sizes = {"load_slopes": LOAD_INPUTS}, {"load_slopes": len(kernels.model.outputs)}
-    return functions(kernels, "load_slopes", inputs, sizes, lambda: {"load_slopes": assemble_load_slopes(kernels.programs.equations)})
+    felt = 3 * len(loaded_elements(kernels.programs.equations))
+    counts = _counts(kernels) | {"felt": felt, "seed": felt}
+    return functions(
+        kernels, "load_slopes", inputs, sizes, counts, lambda: {"load_slopes": assemble_load_slopes(kernels.programs.equations)}
+    )
+
+
+def _counts(kernels: Kernels) -> dict[str, int]:
+    """{input: how many numbers it has}."""
+    counts = dict.fromkeys(("q", "qd", "qdd"), kernels.n) | {"lam": kernels.m, "p": len(kernels.p0)}
+    return counts | {"seed": sum(counts.values())}
 
 
 def _function(kernels: Kernels) -> Functions:
@@ -59,10 +71,12 @@ def _function(kernels: Kernels) -> Functions:
 def _made(kernels: Kernels) -> Functions:
     from ncgen.program.motions.outputs import assemble_outputs
 
-    sizes = dict.fromkeys(INPUTS, len(kernels.model.outputs))
-    return functions(
-        kernels, "outputs", INPUTS, sizes, lambda: dict(zip(INPUTS, assemble_outputs(kernels.programs.equations), strict=True))
-    )
+    sizes, counts = dict.fromkeys(INPUTS, len(kernels.model.outputs)), _counts(kernels)
+
+    def programs() -> dict[str, Program]:
+        return dict(zip(INPUTS, assemble_outputs(kernels.programs.equations), strict=True))
+
+    return functions(kernels, "outputs", INPUTS, sizes, counts, programs)
 
 
 def uses_accelerations(model: Model) -> bool:
