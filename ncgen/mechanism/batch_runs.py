@@ -87,6 +87,7 @@ class LaneDynamics:
         p: np.ndarray,
         threads: int | None = None,
         progress: Callable[[float], None] | None = None,
+        breaks: Sequence[np.ndarray] | None = None,
         **options: InC,
     ) -> LaneOutcome:
         """Run all states over the times (s) of a grid.
@@ -95,6 +96,7 @@ class LaneDynamics:
         threads: None for one on every processor that this process may use
         progress: called now and then with the share of the states that have arrived. What it raises, or a handler of a signal
             such as that of Ctrl-C, ends the call: it is in the outcome, and the states that were on their way are "interrupted"
+        breaks: of every state those of its laws in time, (…, 2), as `break_times` finds them; None where there are none
         options: the members of `ncgen_options`, by their names
         Raises NcgenError for a method, times or fixed steps that there cannot be.
         """
@@ -109,9 +111,16 @@ class LaneDynamics:
         if sizes is not None:
             sizes = np.ascontiguousarray(sizes, dtype=float)
             options["sizes"] = pointer(self._ffi, sizes)
+        ends: tuple[InC, ...] = (self._ffi.NULL, self._ffi.NULL)
+        if breaks is not None:
+            starts = np.cumsum([1, *(each.size for each in breaks)]).astype(np.intc)
+            flat = np.concatenate([np.zeros(1), *(each.ravel() for each in breaks)])
+            ends = pointer(self._ffi, starts, "int[]"), pointer(self._ffi, flat)
         context = self._ffi.new_handle(listener)
         options |= {"method": number_in_c(INTEGRATORS[method]), "watch": watch("double"), "context": context, "patience": listener.patience}
-        ended = self._call(self._library.ncgen_batch_simulate, options, (q, zd, p), (len(times), pointer(self._ffi, times)), out, threads)
+        ended = self._call(
+            self._library.ncgen_batch_simulate, options, (q, zd, p), (*ends, len(times), pointer(self._ffi, times)), out, threads
+        )
         if STATUS[ended] == "argument":
             remedy = "let them ascend, and give rk4 a max_step that is not tiny"
             raise NcgenError(f"{self.kernels.name}: {method} cannot step over these times; {remedy}")

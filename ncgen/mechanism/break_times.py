@@ -330,6 +330,22 @@ def _between(
     return high
 
 
+def break_times_of_each(kernels: Kernels, p: np.ndarray, start: float, end: float) -> list[np.ndarray] | None:
+    """The breaks of runs with parameters p (N, n_p), as of `break_times`; None where no law changes its formula. Equal parameters share one
+    search."""
+    laws = time_laws(kernels)
+    if not laws.switches:
+        return None
+    known: dict[bytes, np.ndarray] = {}
+    reads, found = list(laws.parameters), []
+    for row in p:
+        key = row[reads].tobytes()
+        if key not in known:
+            known[key] = break_times(kernels, row, start, end)
+        found.append(known[key])
+    return found
+
+
 def smooth_parts(breaks: np.ndarray, start: float, end: float) -> Iterator[tuple[float, float]]:
     """The parts of a run (s) in which no law changes its formula, from the end of one break to the beginning of the next."""
     inside = breaks[(breaks[:, 1] > start) & (breaks[:, 0] < end)]

@@ -61,6 +61,7 @@ class Driver:
     def __init__(self, told: Sequence[Pieces | Function | None], number: Number, breaks: ArrayLike = ()) -> None:
         self._ffi: Interface = runtime_abi(number.name)
         self.raised: BaseException | None = None
+        self._is_told = any(told)
         self.functions = {i: each for i, each in enumerate(told) if callable(each) and not isinstance(each, Pieces)}
         pieces = [each if isinstance(each, Pieces) else None for each in told]
         self._arrays = [
@@ -79,7 +80,12 @@ class Driver:
 
     def signals(self, function: InC) -> InC:
         """The struct for a run; function: `ncgen_piecewise_inputs` of the runtime."""
-        told = {"inputs": function, "context": self._piecewise, "n_breaks": self.n_breaks, "breaks": self.breaks}
+        told = {
+            "inputs": function if self._is_told else self._ffi.NULL,
+            "context": self._piecewise,
+            "n_breaks": self.n_breaks,
+            "breaks": self.breaks,
+        }
         return self._ffi.new("ncgen_signals *", told)
 
 

@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ncgen.mechanism.break_times import break_times, time_laws
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime import ConstrainedDynamics
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC
+
+AHEAD = 50
+"""Steps for which breaks are found at a time."""
 
 ANY_STEP = 1e30
 """s; a longest step that is none."""
@@ -42,6 +46,20 @@ class Stepping:
         self.driven.workspace = self.pointer(self.workspace)
         self.driven.integers = ffi.from_buffer("int[]", self._integers)
         self.statistics = ffi.new("ncgen_statistics *")
+        self._laws = time_laws(self.kernels)
+        self.has_breaks = bool(self._laws.switches)
+        self._known: tuple[float, float, bytes] = 0.0, 0.0, b""
+
+    def look_ahead(self, p: np.ndarray, t: float, t_end: float) -> None:
+        """Let steps from t to t_end (s) end at the breaks of parameters p (n_p,), which are found for many steps at a time."""
+        reads = p[list(self._laws.parameters)].tobytes()
+        first, last, known = self._known
+        if first <= t and t_end <= last and known == reads:
+            return
+        last = t + AHEAD * (t_end - t)
+        self._breaks = break_times(self.kernels, np.asarray(p, dtype=float), t, last).ravel().astype(self.number.dtype)
+        self._signals = self.ffi.new("ncgen_signals *", {"n_breaks": len(self._breaks), "breaks": self.pointer(self._breaks)})
+        self._options.signals, self._known = self._signals, (t, last, reads)
 
     def pointer(self, array: np.ndarray) -> InC:
         return self.ffi.from_buffer(self.number.array, array)
@@ -66,7 +84,7 @@ class Moving:
         self.q, self.qd, self.qdd, self.p = (np.zeros(size, dtype) for size in (n, n, n, len(kernels.p0)))
         self._moment = self._ffi.new("ncgen_moment *", {name: stepping.pointer(getattr(self, name)) for name in ("q", "qd", "qdd")})
         self._p, self._driven, self._statistics = stepping.pointer(self.p), stepping.driven, stepping.statistics
-        self._go_on = self._library.ncgen_go_on
+        self._go_on, self._has_breaks = self._library.ncgen_go_on, stepping.has_breaks
 
     t, work, next_step = _member("t"), _member("work"), _member("h")
 
@@ -81,6 +99,8 @@ class Moving:
 
     def go_on(self, h: float) -> str:
         """On by h seconds: "ok", or why not; then nothing has moved."""
+        if self._has_breaks:
+            self._stepping.look_ahead(self.p, self._moment.t, self._moment.t + h)
         return STATUS[self._go_on(self._driven, self._p, self._moment, self._moment.t + h, self._statistics)]
 
     def settle(self) -> str:
@@ -136,7 +156,17 @@ class MovingRows:
         p = stepping.pointer(self.p[first:last])
         statuses = stepping.ffi.from_buffer("int[]", self.statuses[first:last])
         moments = self._moments + first
+        if stepping.has_breaks:
+            self._one_after_the_other(h, stepping, first, last)
+            return
         stepping.library.ncgen_go_on_each(stepping.driven, last - first, self.p.shape[1], p, moments, h, statuses, stepping.statistics)
+
+    def _one_after_the_other(self, h: float, stepping: Stepping, first: int, last: int) -> None:
+        """The same, each with the breaks of its own parameters."""
+        for row in range(first, last):
+            stepping.look_ahead(self.p[row], self.t[row], self.t[row] + h)
+            p = stepping.pointer(self.p[row : row + 1])
+            self.statuses[row] = stepping.library.ncgen_go_on(stepping.driven, p, self._moments + row, self.t[row] + h, stepping.statistics)
 
     def settle(self, row: int) -> str:
         """One row's position and velocities onto the constraints: "ok", or why not."""

@@ -78,21 +78,25 @@ static int check(long count)
     const ncgen_states states = {count, t, q, qd, p, 0, 0};
     wrong |= ncgen_batch_kernel(model, model->phi, NULL, &states, (int)m, out, 1, kernel_space) || differ(out, count, m);
     wrong |= ncgen_batch_kernel(model, NULL, model->gamma, &states, (int)m, out, 1, kernel_space) || differ(out, count, m);
-    ncgen_batch_simulate(model, dynamics, &options, count, q, zd, p, 0, 2, t, rows_q, rows_qd, work, status, steps, reached, 1, run_space);
+    ncgen_batch_simulate(model, dynamics, &options, count, q, zd, p, 0, NULL, NULL, 2, t,
+        rows_q, rows_qd, work, status, steps, reached, 1, run_space);
     wrong |= differ(rows_q, count, 2 * n) || differ(rows_qd, count, 2 * n) || differ(work, count, 2) || status[b - 1];
     int asked = 0;
     ncgen_options other = options;
     other.watch = enough, other.context = &asked, other.patience = 1;
-    wrong |= ncgen_batch_simulate(model, dynamics, &other, count, q, zd, p, 0, 2, t, rows_q, rows_qd, work, status, steps, reached, 1,
+    wrong |= ncgen_batch_simulate(model, dynamics, &other, count, q, zd, p, 0, NULL, NULL, 2, t,
+        rows_q, rows_qd, work, status, steps, reached, 1,
                                   run_space) != NCGEN_INTERRUPTED;
     wrong |= asked != 1 || status[0] != NCGEN_INTERRUPTED || status[b - 1] != NCGEN_INTERRUPTED || steps[b - 1] || reached[b - 1] > t[0];
     other = options;
     other.max_steps = 1, other.max_step = 1e-3;
-    wrong |= ncgen_batch_simulate(model, dynamics, &other, count, q, zd, p, 0, 2, t, rows_q, rows_qd, work, status, steps, reached, 1,
+    wrong |= ncgen_batch_simulate(model, dynamics, &other, count, q, zd, p, 0, NULL, NULL, 2, t,
+        rows_q, rows_qd, work, status, steps, reached, 1,
                                   run_space) != NCGEN_OK;
     wrong |= steps[b - 1] != 1 || status[b - 1] != NCGEN_NOT_CONVERGED;
     other.method = NCGEN_RK4, other.max_step = 0;
-    wrong |= ncgen_batch_simulate(model, dynamics, &other, count, q, zd, p, 0, 2, t, NULL, NULL, NULL, NULL, NULL, NULL, 1, run_space) !=
+    wrong |= ncgen_batch_simulate(model, dynamics, &other, count, q, zd, p, 0, NULL, NULL, 2, t,
+        NULL, NULL, NULL, NULL, NULL, NULL, 1, run_space) !=
              NCGEN_ARGUMENT;
     ncgen_batch_accelerate(model, dynamics, &options, count, q, zd, p, 0, 0.0, out_q, out_qd, zdd, status, 1, run_space);
     wrong |= differ(out_q, count, n) || differ(out_qd, count, n) || differ(zdd, count, nz) || status[b - 1];

@@ -138,7 +138,7 @@ typedef int ncgen_inputs(void *context, ncgen_scalar from, ncgen_scalar t, ncgen
 /* What drives a run; without it inputs keep the values that p has. The breaks are pairs: where a step ends before something that depends
  * on time alone changes its formula, and where the next one begins after it; both are the same where it does not jump. */
 typedef struct ncgen_signals {
-    ncgen_inputs *inputs;
+    ncgen_inputs *inputs;       /* NULL: they keep their values */
     void *context;
     int n_breaks;               /* even */
     const ncgen_scalar *breaks; /* ascending */

@@ -76,9 +76,9 @@ static void wait_for_others(ncgen_common *shared)
 }
 
 int ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
-                         const double *q, const double *zd, const double *p, int p_stride, int n_times, const double *times,
-                         double *out_q, double *out_qd, double *out_work, int *status, long *steps, double *reached,
-                         int threads, double *workspace)
+                         const double *q, const double *zd, const double *p, int p_stride, const int *break_start,
+                         const double *breaks, int n_times, const double *times, double *out_q, double *out_qd, double *out_work,
+                         int *status, long *steps, double *reached, int threads, double *workspace)
 {
     const long n = model->n_coordinates, nz = dynamics->n_independent, blocks = (count + NCGEN_LANES - 1) / NCGEN_LANES;
     ncgen_common shared = {.options = options, .count = count, .patience = options->patience};
@@ -98,7 +98,8 @@ int ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamic
         for (long b = 0; b < blocks; ++b) {
             const long first = b * NCGEN_LANES, left = count - first;
             r.to = (ncgen_output){n_times, times, out_q + first * n_times * n, out_qd + first * n_times * n,
-                            out_work + first * n_times, status + first, steps + first, reached + first};
+                            out_work + first * n_times, status + first, steps + first, reached + first,
+                            break_start ? break_start + first : NULL, breaks};
             simulate_block(&r, left < NCGEN_LANES ? (int)left : NCGEN_LANES, q + first * n, zd + first * nz, p + first * p_stride, p_stride);
         }
         ATOMIC(update)

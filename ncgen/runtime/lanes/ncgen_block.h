@@ -40,6 +40,8 @@ typedef struct ncgen_output {
     int *status;
     long *steps;
     double *reached;
+    const int *break_start; /* of each state and behind the last one: where its breaks begin; NULL: there are none */
+    const double *breaks;   /* as of ncgen_signals */
 } ncgen_output;
 
 /* A block of states. Masks say which lanes a function is asked about, and which of them succeeded. */
@@ -58,6 +60,7 @@ typedef struct ncgen_block {
     ncgen_mask senseless;    /* lanes in which the last evaluation met what is not a number */
     ncgen_mask singular;     /* lanes in which it met a singular position */
     int row[NCGEN_LANES];    /* how many rows are written */
+    int ahead[NCGEN_LANES];  /* the next of its breaks */
     ncgen_real *p, *q, *out; /* out = qd, zdd, power, amplification of the last evaluation */
     ncgen_real *step, *phi;  /* one behind the other: an emitted Newton step writes both */
     ncgen_real *per_size;    /* one over the rows' sizes: vectors divide slowly */

@@ -173,6 +173,24 @@ static ncgen_mask exhausted(const ncgen_block *r)
     return lanes;
 }
 
+/* Where the next steps of the lanes have to end at the latest, at a break or at the end; t does not go back from call to call. */
+static ncgen_real next_breaks(ncgen_block *r, ncgen_real t, double end)
+{
+    ncgen_real goal = ncgen_splat(end);
+    if (!r->to.break_start)
+        return goal;
+    for (int lane = 0; lane < NCGEN_LANES; ++lane) {
+        if (!r->running[lane])
+            continue;
+        const int stop = r->to.break_start[lane + 1];
+        while (r->ahead[lane] < stop && !(r->to.breaks[r->ahead[lane]] > t[lane]))
+            ++r->ahead[lane];
+        if (r->ahead[lane] < stop && r->to.breaks[r->ahead[lane]] < end)
+            goal[lane] = r->to.breaks[r->ahead[lane]];
+    }
+    return goal;
+}
+
 static void run_adaptive(ncgen_block *r, const tableau *method)
 {
     const double stop = r->to.times[r->to.n_times - 1], longest = r->options->max_step, span = stop - r->to.times[0];
@@ -182,8 +200,9 @@ static void run_adaptive(ncgen_block *r, const tableau *method)
     for (ncgen_block_listen(r); ncgen_any(r->running); ncgen_block_listen(r)) {
         if (longest > 0)
             h = at_most(h, longest);
-        const ncgen_mask last = t + h >= stop;
-        h = ncgen_select(last, stop - t, h);
+        const ncgen_real goal = next_breaks(r, t, stop), wanted = h;
+        const ncgen_mask last = t + h >= goal;
+        h = ncgen_select(last, goal - t, h);
         ncgen_block_fail(r, ~((t + h > t) & (h > shortest * span))); /* as ncgen_is_step */
         const ncgen_mask stepped = trial_step(r, method, t, h);
         const ncgen_real error = error_of(r, method, h);
@@ -200,7 +219,7 @@ static void run_adaptive(ncgen_block *r, const tableau *method)
         factor = ncgen_select(failed, ncgen_splat(0.25), factor);
         rejected &= ~accepted;
 
-        const ncgen_real t_new = ncgen_select(last, ncgen_splat(stop), t + h);
+        const ncgen_real t_new = ncgen_select(last, goal, t + h);
         if (ncgen_any(accepted)) {
             const ncgen_mask bad = degraded(r, accepted) & (t_new < stop);
             accept_step(r, method, accepted, t, h, t_new);
@@ -208,18 +227,40 @@ static void run_adaptive(ncgen_block *r, const tableau *method)
             ncgen_block_end(r, exhausted(r), NCGEN_NOT_CONVERGED);
         }
         t = ncgen_select(accepted, t_new, t);
-        h *= factor;
+        const ncgen_mask shortened = accepted & last & (factor >= 1.0) & (h * factor < wanted); /* what cut it short is behind */
+        h = ncgen_select(shortened, wanted, h * factor);
     }
 }
 
-static void fixed_step(ncgen_block *r, const tableau *method, ncgen_real t, ncgen_real h)
+/* A step of some lanes, which ends at t_new. */
+static void fixed_step(ncgen_block *r, const tableau *method, ncgen_real t, ncgen_real h, ncgen_real t_new, ncgen_mask lanes)
 {
     ncgen_block_listen(r);
-    ncgen_block_fail(r, ~trial_step(r, method, t, h));
-    ncgen_block_accept(r, r->running, t + h, r->new_y, r->k[method->stages]);
+    ncgen_block_fail(r, lanes & ~trial_step(r, method, t, h));
+    lanes &= r->running;
+    ncgen_block_accept(r, lanes, t_new, r->new_y, r->k[method->stages]);
     for (int lane = 0; lane < NCGEN_LANES; ++lane)
-        if (r->running[lane])
+        if (lanes[lane])
             r->to.steps[lane] += 1;
+}
+
+/* From one row to the next where there are breaks: what is left up to the next of them is divided into equal steps. */
+static void fixed_steps_between_breaks(ncgen_block *r, const tableau *method, double from, double to)
+{
+    ncgen_real t = ncgen_splat(from);
+    for (ncgen_mask lanes = r->running; ncgen_any(lanes); lanes = r->running & (t < to)) {
+        const ncgen_real goal = next_breaks(r, t, to);
+        ncgen_real h = ncgen_select(lanes, goal - t, ncgen_splat(0.0)), t_new = ncgen_select(lanes, goal, t);
+        for (int lane = 0; lane < NCGEN_LANES; ++lane) {
+            const long long count = (long long)(h[lane] / r->options->max_step + 0.999999);
+            if (count > 1) {
+                h[lane] /= (double)count;
+                t_new[lane] = t[lane] + h[lane];
+            }
+        }
+        fixed_step(r, method, t, h, t_new, lanes);
+        t = t_new;
+    }
 }
 
 static void run_fixed(ncgen_block *r, const tableau *method)
@@ -227,12 +268,20 @@ static void run_fixed(ncgen_block *r, const tableau *method)
     const double longest = r->options->max_step, *times = r->to.times;
     for (int row = 1; row < r->to.n_times && ncgen_any(r->running); ++row) {
         const double span = times[row] - times[row - 1];
+        if (r->to.break_start) {
+            fixed_steps_between_breaks(r, method, times[row - 1], times[row]);
+            ncgen_block_write(r, r->running, r->start_q, r->start_qd, r->y[2 * r->nz]);
+            if (row + 1 < r->to.n_times)
+                ncgen_block_end(r, degraded(r, r->running), NCGEN_PIVOT);
+            continue;
+        }
         long long count = (long long)(span / longest + 0.999999);
         if (count < 1)
             count = 1;
         for (long long i = 0; i < count && ncgen_any(r->running); ++i) {
             const double t = times[row - 1] + (double)i * (span / (double)count);
-            fixed_step(r, method, ncgen_splat(t), ncgen_splat(i + 1 == count ? times[row] - t : span / (double)count));
+            const double h = i + 1 == count ? times[row] - t : span / (double)count;
+            fixed_step(r, method, ncgen_splat(t), ncgen_splat(h), ncgen_splat(t + h), r->running);
             if (i + 1 == count)
                 ncgen_block_write(r, r->running, r->start_q, r->start_qd, r->y[2 * r->nz]);
             if (i + 1 < count || row + 1 < r->to.n_times)
@@ -244,6 +293,8 @@ static void run_fixed(ncgen_block *r, const tableau *method)
 
 void ncgen_block_run(ncgen_block *r, const tableau *method)
 {
+    for (int lane = 0; lane < NCGEN_LANES && r->to.break_start; ++lane)
+        r->ahead[lane] = r->running[lane] ? r->to.break_start[lane] : 0;
     if (method->n_errors == 0)
         run_fixed(r, method);
     else

@@ -80,7 +80,7 @@ void ncgen_state_layout(ncgen_run *r)
 {
     r->start_q = ncgen_take(&r->space, r->n);
     r->start_qd = ncgen_take(&r->space, r->n);
-    r->is_driven = r->options->signals && r->model->n_inputs > 0;
+    r->is_driven = r->options->signals && r->options->signals->inputs && r->model->n_inputs > 0;
     const int prepared = r->dynamics->motion ? r->dynamics->motion->n_prepared : 0;
     r->own_p = r->is_driven || prepared ? ncgen_take(&r->space, r->model->n_parameters + prepared) : NULL;
 }

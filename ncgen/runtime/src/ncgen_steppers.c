@@ -54,53 +54,72 @@ static void let_rows_go(ncgen_run *r)
             r->slopes->lam[i] = 0;
 }
 
-/* Accelerations, multipliers and power at the start. */
-static int begin(ncgen_run *r, ncgen_correction *c)
+/* Accelerations, multipliers and power where steps begin: at the start, and where something that depends on time changes its formula. */
+static int begin(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 {
     r->constrained->kept = 0;
     c->is_corrected = 0;
     ncgen_copy(r->n, r->y, r->qd);
-    ncgen_keep_state(r, r->times[0], 0);
     if (!ncgen_uses_tangents(r->model, r->dynamics, r->options))
-        return ncgen_constrained_matrices(r, r->times[0]); /* which of redundant rows count is a matter of the start */
-    const int status = ncgen_constrained_accelerations(r, r->times[0]);
+        return r->statistics->steps ? NCGEN_OK : ncgen_constrained_matrices(r, t); /* which redundant rows count is a matter of the start */
+    const int status = ncgen_constrained_accelerations(r, t);
     ncgen_copy(r->n, r->constrained->solution, r->slopes->qdd);
     ncgen_copy(r->n, r->constrained->solution, c->auxiliary);
     ncgen_copy(r->m, r->constrained->solution + r->n, r->slopes->lam);
-    return status == NCGEN_OK ? ncgen_constrained_power(r, r->times[0], &c->power) : status;
+    return status == NCGEN_OK ? ncgen_constrained_power(r, t, &c->power) : status;
 }
 
-int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
+static ncgen_stepper *stepper_of(const ncgen_run *r)
 {
     const int tangents = ncgen_uses_tangents(r->model, r->dynamics, r->options);
-    ncgen_stepper *step = ncgen_ali3p;
     if (r->options->method == NCGEN_RATTLE)
-        step = tangents ? ncgen_rattle_with_damping : ncgen_rattle;
-    else if (r->options->method == NCGEN_ENERGY_MOMENTUM)
-        step = tangents ? ncgen_energy_momentum_corrected : ncgen_energy_momentum;
-    else if (r->options->method == NCGEN_GENERALIZED_ALPHA)
-        step = ncgen_generalized_alpha;
-    const ncgen_scalar start = r->times[0], end = r->times[r->n_times - 1];
+        return tangents ? ncgen_rattle_with_damping : ncgen_rattle;
+    if (r->options->method == NCGEN_ENERGY_MOMENTUM)
+        return tangents ? ncgen_energy_momentum_corrected : ncgen_energy_momentum;
+    return r->options->method == NCGEN_GENERALIZED_ALPHA ? ncgen_generalized_alpha : ncgen_ali3p;
+}
+
+/* Equal steps from one break, or the start, to the next, or the end. */
+static int step_through(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar start, ncgen_scalar end)
+{
     const ncgen_scalar count = ncgen_step_count(r, end - start), h = (end - start) / count;
-    if (!(count > 0 && start + h > start && end - h < end))
-        return NCGEN_ARGUMENT;
-    w->interpolate = interpolate;
-    int status = begin(r, c);
-    if (status == NCGEN_OK)
-        status = ncgen_grid_begin(r, w);
+    int status = count > 0 && start + h > start && end - h < end ? NCGEN_OK : NCGEN_ARGUMENT;
     for (ncgen_scalar i = 0; i < count && status == NCGEN_OK && !r->statistics->stopped; i += 1) {
         w->new_y[2 * r->n] = 0;
-        status = step(r, w, c, start + i * h, h);
+        status = stepper_of(r)(r, w, c, start + i * h, h);
         ncgen_copy(r->n, r->qd, w->new_y);
         ncgen_copy(r->n, r->q, w->new_y + r->n);
         if (status == NCGEN_OK && !ncgen_is_finite(2 * r->n + 1, w->new_y))
             status = NCGEN_DOMAIN;
         if (status == NCGEN_OK && !(ncgen_constrained_size(r, r->q) < R(1.0e30) && ncgen_constrained_size(r, r->qd) < R(1.0e30)))
             status = NCGEN_NOT_CONVERGED;
-        if (tangents && r->options->formalism != NCGEN_ALI3P)
+        if (ncgen_uses_tangents(r->model, r->dynamics, r->options) && r->options->formalism != NCGEN_ALI3P)
             let_rows_go(r);
         if (status == NCGEN_OK)
             status = ncgen_grid_step(r, w, start + i * h, i + 1 < count ? start + (i + 1) * h : end);
+    }
+    return status;
+}
+
+int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
+{
+    const ncgen_scalar end = r->times[r->n_times - 1];
+    ncgen_scalar t = r->times[0];
+    w->interpolate = interpolate;
+    (void)ncgen_cross_break(r, &t, end);
+    ncgen_copy(r->n, r->y, r->qd);
+    ncgen_keep_state(r, r->times[0], 0);
+    int status = begin(r, c, t);
+    if (status == NCGEN_OK)
+        status = ncgen_grid_begin(r, w);
+    while (t < end && status == NCGEN_OK && !r->statistics->stopped) {
+        const ncgen_scalar goal = ncgen_next_break(r, t, end);
+        status = step_through(r, w, c, t, goal);
+        t = goal;
+        if (status == NCGEN_OK && !r->statistics->stopped)
+            (void)ncgen_cross_break(r, &t, end);
+        if (status == NCGEN_OK && t < end && !r->statistics->stopped)
+            status = begin(r, c, t);
     }
     return status;
 }

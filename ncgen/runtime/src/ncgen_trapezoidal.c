@@ -75,19 +75,22 @@ int ncgen_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
     const ncgen_scalar end = r->times[r->n_times - 1];
     ncgen_scalar t = r->times[0];
-    const int begun = ncgen_implicit_begin(r, w, m);
+    int begun = ncgen_implicit_begin(r, w, m);
     if (begun != NCGEN_OK)
         return begun;
     w->interpolate = interpolate_fixed;
     m->last_step = 0;
     if (!(ncgen_step_count(r, end - t) > 0))
         return NCGEN_ARGUMENT;
+    if (ncgen_cross_break(r, &t, end) && (begun = r->derivative(r, t, r->y, w->slopes)) != NCGEN_OK)
+        return begun;
     while (t < end) {
-        const int last = t + r->options->max_step >= end;
-        const ncgen_scalar t_new = last ? end : t + r->options->max_step;
+        const ncgen_scalar goal = ncgen_next_break(r, t, end);
+        const int last = t + r->options->max_step >= goal;
+        const ncgen_scalar t_new = last ? goal : t + r->options->max_step;
         if (!(t_new > t))
             return NCGEN_ARGUMENT;
-        int status = trapezoidal_step(r, w, m, t, last ? end - t : r->options->max_step);
+        int status = trapezoidal_step(r, w, m, t, last ? goal - t : r->options->max_step);
         if (status != NCGEN_OK)
             return status;
         status = ncgen_grid_step(r, w, t, t_new);
@@ -95,6 +98,10 @@ int ncgen_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             return status;
         ncgen_copy(r->ny, w->slopes + r->ny, w->slopes);
         t = t_new;
+        if (last)
+            (void)ncgen_cross_break(r, &t, end);
+        if (last && t < end && (status = r->derivative(r, t, r->y, w->slopes)) != NCGEN_OK)
+            return status;
     }
     return NCGEN_OK;
 }

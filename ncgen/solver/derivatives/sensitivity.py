@@ -22,7 +22,7 @@ from ncgen.solver.derivatives.stepped_motion import SteppedMotion
 from ncgen.solver.derivatives.taped_motion import TapedMotion
 from ncgen.solver.engines.compiled import checked_compiled, is_written_out
 from ncgen.solver.given import checked_kernels, names_of
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.simulate import simulate_equal_steps
 from ncgen.solver.runs.run import Initial, InitialArguments, count, positive
 from ncgen.solver.runs.signals import Signal, Signals, signals_of
 from ncgen.solver.runs.tolerances import Tolerances
@@ -257,7 +257,7 @@ def _implicit_motion(
         raise ModelError(f"inputs: derivatives of driven motions do not go through steps of {entry.name}; take {others}")
     method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
     step = float(times[-1] - times[0]) / (len(times) - 1)
-    run = simulate(
+    run = simulate_equal_steps(
         kernels, float(times[-1] - times[0]), formalism=method.formalism.name, integrator=entry.name, max_step=step * WHOLE, points=times,
         options=options, inputs=inputs, **start,
     )  # fmt: skip

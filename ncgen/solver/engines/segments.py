@@ -18,7 +18,7 @@ Engine: TypeAlias = Callable[[Path, Kernels, Task], None]
 
 def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task) -> None:
     """Complete a path as an engine would, which is asked once a segment. Raises what it raises, the path holding what it reached."""
-    if not len(task.breaks) or task.method.is_stepper:
+    if not len(task.breaks):
         engine(path, kernels, task)
         return
     grid = beside(task.breaks, task.grid)

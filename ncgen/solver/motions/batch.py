@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError, NcgenError
+from ncgen.mechanism.break_times import break_times_of_each
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.engines.compiled import GROWTH
@@ -248,8 +249,9 @@ def _in_lanes(
 ) -> LaneOutcome:
     sizes = kernels.column_sizes[states.choice.places]
     tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
+    breaks = break_times_of_each(kernels, states.p, run.times[0], run.times[-1])
     return states.choice.lanes.simulate(
-        method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, tolerance=TOLERANCE, growth=GROWTH,
+        method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, breaks, tolerance=TOLERANCE, growth=GROWTH,
         max_step=0.0 if np.isinf(run.max_step) else run.max_step, max_steps=MOST_STEPS, **tolerances,
     )  # fmt: skip
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError
-from ncgen.mechanism.break_times import break_times
+from ncgen.mechanism.break_times import NO_BREAKS, break_times
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
@@ -126,9 +126,20 @@ def simulate(
         return _carry_out(kernels, run, choice, start, told)
 
 
-def _carry_out(kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None) -> Trajectory:
+def simulate_equal_steps(kernels: Kernels, duration: float, **options: Any) -> Trajectory:
+    """As `simulate` by a method with a fixed step, whose steps are all of that length: none is split where a law in time breaks, since
+    derivatives go from each point of the grid to the next."""
+    run = Run.asked(checked_kernels(kernels), duration, **options)
+    kernels, choice = kernels.driven_by(run.signals), choose(run)
+    start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
+    return _carry_out(kernels, run, choice, start, None, is_split=False)
+
+
+def _carry_out(
+    kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None, is_split: bool = True
+) -> Trajectory:
     """The motion of a run on its grid, with warnings where something speaks against it. Raises Interrupted with what was reached."""
-    motion = _Motion(kernels, run, choice, start, *_with_looks(run.times, looks(run, choice.method)), progress)
+    motion = _Motion(kernels, run, choice, start, *_with_looks(run.times, looks(run, choice.method)), progress, is_split)
     clock = time.perf_counter()
     try:
         motion.advance()
@@ -160,6 +171,7 @@ def _with_looks(times: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.nd
 class _Motion:
     """One run on its way: the path so far, and which engine makes it.
 
+    is_split: whether steps end at the breaks of laws in time
     times: its own instants and those at which it is looked at, of which `looks` is a mask; C moves these to where its steps end
     """
 
@@ -170,12 +182,15 @@ class _Motion:
     times: np.ndarray
     looks: np.ndarray
     progress: Callable[[float], None] | None
+    is_split: bool = True
     engine: str = "c"
 
     def __post_init__(self) -> None:
         self.path = Path.empty(self.kernels.n, self.start.partitions)
         told = self.run.signals.told if self.run.signals else ()
-        self.breaks = break_times(self.kernels, self.start.p, self.times[0], self.times[-1], told, compiled.rounding(self.run.number))
+        rounding = compiled.rounding(self.run.number)
+        ends = float(self.times[0]), float(self.times[-1])
+        self.breaks = break_times(self.kernels, self.start.p, *ends, told, rounding) if self.is_split else NO_BREAKS
         self.tolerances = Tolerances.of(self.run, self.kernels.length, compiled.rounding(self.run.number))
 
     def advance(self) -> None:
