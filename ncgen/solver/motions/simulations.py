@@ -184,7 +184,8 @@ class Simulations:
     def states(self) -> States:
         """Where all are, as a copy."""
         now = self._now
-        return States(*(x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step)), self._mechanism)
+        t, q, qd, work, p, next_step = (x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step))
+        return States(t, q, qd, work, p, next_step, self._mechanism)
 
     def reset(self, rows: ArrayLike | None = None, states: States | None = None) -> Simulations:
         """Some of them back to their start, or to those rows of `states`. From there the same steps give the same bits.
