@@ -64,13 +64,19 @@ def _momentum(work: Recursion) -> Column:
 
 
 def _growth(work: Recursion) -> int:
-    """How much worse than in the samples the order of elimination is: ‖R‖², and pivots that become small. They do so beside a singular
-    position, and where rows that represent redundant ones degenerate, though R does not grow."""
+    """Return how much worse than in the samples the order of elimination is: ‖R‖², and pivots that become small.
+
+    Pivots become small at singular positions, and where rows that represent redundant ones degenerate, though R does not grow. What is
+    constant cannot: it stands for joints that are measured, and on an open tree nothing else is eliminated but a positive definite mass
+    matrix, for which no order is a bad one. So the result does not depend on how many joints a mechanism has.
+    """
     graph = work.graph
-    parts = [_relative(work, work.amplification(), 1.0)]
+    amplification = work.amplification()
+    parts = [_relative(work, amplification, 1.0)] if graph.value(amplification) is None else []
     for reciprocal in work.factors.reciprocal:
-        small = _relative(work, graph.mul(reciprocal, reciprocal), ORDINARY)
-        parts.append(graph.mul(small, small))
+        if graph.value(reciprocal) is None:
+            small = _relative(work, graph.mul(reciprocal, reciprocal), ORDINARY)
+            parts.append(graph.mul(small, small))
     return graph.sum(parts)
 
 
