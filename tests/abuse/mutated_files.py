@@ -277,6 +277,7 @@ def _argument(chance, kind: str, names: dict[str, list[str]]) -> str:
         "Tensor": [value, "[1, 1, 1]", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", f"[[{value}, 0, 0], [0, 1, 0], [0, 0, 1]]", f"[{value}, 1, 1]"],
         "Expression": [moving],
         "Driven": [moving],
+        "Moment": [moving, f"[0, {number}, {moving}]"],
         "Expressions": [f"[{number}, {moving}, 0]", f"[{value}, 0, 1]"],
         "Law": ['"2*x - v"', moving, value],
         "Point": [f'"{one}"'],

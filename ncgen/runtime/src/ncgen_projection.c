@@ -85,7 +85,7 @@ static void learn(const ncgen_run *r, const ncgen_real *steps, int count, ncgen_
 {
     const int n = r->n;
     for (int j = 0; j < count; ++j) {
-        const ncgen_real *before = steps + (size_t)j * n, *after = before + n;
+        const ncgen_real *before = steps + (size_t)j * (size_t)n, *after = before + n;
         const ncgen_real share = share_along(r, before, step);
         for (int i = 0; i < n; ++i)
             step[i] = j + 1 < count ? step[i] + share * after[i] : step[i] / (1 - share);
@@ -98,7 +98,7 @@ int ncgen_project_along(ncgen_run *r, ncgen_scalar t, ncgen_real *steps)
     ncgen_constrained *w = r->constrained;
     ncgen_real before = R(1.0e30);
     for (int k = 0; k < NCGEN_ALONG_LIMIT; ++k) {
-        ncgen_real *step = steps + (size_t)k * n;
+        ncgen_real *step = steps + (size_t)k * (size_t)n;
         int status = ncgen_phi(r, t, r->q, w->residual + n);
         const ncgen_real size = ncgen_constrained_violation(r, w->residual + n);
         if (status != NCGEN_OK)

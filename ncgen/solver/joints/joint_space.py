@@ -425,7 +425,7 @@ class JointSpace(ABC):
         found = self.kernels.model.elements.get(name) if isinstance(name, str) else None
         if not isinstance(found, Point):
             points = [e.name for e in self.kernels.model.elements.values() if isinstance(e, Point)]
-            raise ModelError(f"point: there is no {given.echo(name)}; {given.offer(name, points)}")
+            raise ModelError(f"point: there is no {given.echo(name)}; {given.offer(name, points, 'the points are')}")
         return found
 
     def link(self, point: str, body: str | None) -> int:
