@@ -15,6 +15,9 @@ REST = 1e-10
 STILL = 1e-11
 """Displacements up to this, in natural sizes, are rounding: positions are closed to a tenth of it (`ncgen.solver.positions.position`)."""
 
+UNSEEN = 1e-8
+"""A drift below this raises no alarm at any tolerance (√rtol), so nobody needs to know whether anything moved."""
+
 NOTHING = 1e-300
 """An energy that does no harm as a divisor where nothing has mass."""
 
@@ -30,10 +33,9 @@ def drift(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: 
     0 where that is rounding, and where nothing leaves its place by more than rounding. A mechanism at rest moves at least the kinetic
     energy of speeds that count as rest, so that the noise of its velocities is no drift.
     """
-    if _is_still(kernels, q):
-        return 0.0
     found = energies(kernels, t, q, qd, p)
-    return float(_relative(found[:, 0], found[:, 1], work, _least(kernels, t[0], q[0], p)))
+    share = float(_relative(found[:, 0], found[:, 1], work, _least(kernels, t[0], q[0], p)))
+    return 0.0 if not share < UNSEEN and _is_still(kernels, q) else share
 
 
 def drifts(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: np.ndarray, p: np.ndarray) -> np.ndarray:
