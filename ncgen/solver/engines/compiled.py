@@ -31,11 +31,11 @@ from ncgen.solver.positions.partition import (
 )
 from ncgen.solver.positions.position import TOLERANCE, solve_position
 from ncgen.solver.positions.rank import closeness_at, freedom_at, trial_positions
+from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.run import EMITTED, Form, Partitioned
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
-from ncgen.solver.steppers.stepper import unsolved_step
 from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:

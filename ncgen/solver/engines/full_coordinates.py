@@ -24,10 +24,10 @@ from ncgen.solver.integrators.shared_tolerance import sharing
 from ncgen.solver.integrators.solvers import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.rank import best_rows, freedom_at, scaled_jacobian
+from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.stop import Stop
 from ncgen.solver.runs.task import Task
-from ncgen.solver.steppers.stepper import unsolved_step
 
 
 def run(path: Path, kernels: Kernels, task: Task) -> None:

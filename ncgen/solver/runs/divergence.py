@@ -1,4 +1,4 @@
-"""A motion that grew beyond bounds because its fixed steps were too long: told so, whatever failed at the numbers that it left."""
+"""What to say of runs whose fixed steps were too long: a step that cannot be solved, or a motion that grew beyond bounds."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ from ncgen.solver.trajectories.energy import drift
 
 FROM_NOTHING = 0.5
 """Share of all energy that moves which must have come from nothing."""
+
+
+def unsolved_step(name: str, t: float, h: float) -> str:
+    """One line about a fixed step of h (s) from t (s) on whose equations are not solved."""
+    return f"{name}: the step of {h:.6g} s from t = {t:.6g} s does not converge; take smaller steps (max_step)"
 
 
 def divergence(kernels: Kernels, path: Path, start: float, method: Method, step: float | None, p: np.ndarray) -> ConvergenceError | None:

@@ -19,15 +19,11 @@ from ncgen.solver.formalisms.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.positions.position import check_mirror_roots
 from ncgen.solver.positions.rank import best_rows, freedom_at, scaled_jacobian
+from ncgen.solver.runs.divergence import unsolved_step
 
 LIMIT = 25
 ENOUGH = 1e-14
 """Newton steps below this, in natural sizes, end the iteration."""
-
-
-def unsolved_step(name: str, t: float, h: float) -> str:
-    """One line about a fixed step of h (s) from t (s) on whose equations are not solved."""
-    return f"{name}: the step of {h:.6g} s from t = {t:.6g} s does not converge; take smaller steps (max_step)"
 
 
 class Stepper(ABC):
