@@ -31,6 +31,10 @@ COMPARISONS: dict[type[ast.cmpop], str] = {
 MOST_JOINED = 50
 """Levels of conditions within conditions."""
 
+MOST_COMPARED = 64
+"""Comparisons in a choice. Each becomes a factor, of which a product may have no more (`ncgen.model.expressions.MOST_FACTORS`), and sympy
+takes time with the square of their number."""
+
 
 def compared(call: ast.Call) -> list[ast.expr]:
     """The expressions in a choice: its values, and the sides of its comparisons."""
@@ -55,6 +59,9 @@ def piecewise(call: ast.Call, read: Read, where: str) -> Expr:
     cases = [each.elts for each in call.args[:-1] if isinstance(each, ast.Tuple) and len(each.elts) == 2]
     if not cases or len(cases) < len(call.args) - 1 or isinstance(call.args[-1], ast.Tuple):
         raise ModelError(f"{where}: write a choice as {PIECEWISE}((value, condition), …, otherwise)")
+    comparisons = sum(isinstance(node, ast.Compare) for node in ast.walk(call))
+    if comparisons > MOST_COMPARED:
+        raise ModelError(f"{where}: {comparisons} comparisons in a choice; {MOST_COMPARED} are allowed, take a table instead")
     pairs = [(read(value), _condition(condition, read, where)) for value, condition in cases]
     return without_kinks(sympy.Piecewise(*pairs, (read(call.args[-1]), True)), where)
 
