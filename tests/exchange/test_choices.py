@@ -39,7 +39,9 @@ REFUSED = {
     "t > 1": "is not allowed in an expression",
     "(t > 1) & (x > 1)": "is not allowed in an expression",
     f"piecewise((t, {'not ' * 60}(x > 1)), 1)": "conditions stand more than 50 deep",
-    "piecewise(" + ", ".join(f"(t, x > {k})" for k in range(900)) + ", 1)": "900 comparisons in a choice; 64 are allowed, take a table instead",
+    "piecewise(" + ", ".join(f"(t, x > {k})" for k in range(900)) + ", 1)": (
+        "900 comparisons in a choice; 64 are allowed, take a table instead"
+    ),
 }
 
 
