@@ -14,6 +14,7 @@ from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
+from ncgen.solver.conditions import refused_parameters
 from ncgen.solver.engines.compiled import checked_compiled, dynamics, refusal, refusal_of_size
 from ncgen.solver.geometry import angles, arms_have_parameters, measured_angles
 from ncgen.solver.given import known_name
@@ -131,6 +132,8 @@ class States:
             raise ModelError(f"{kernels.name}: a batch of no states; give at least one row")
         q, p = _rows(kernels, "q0", q, size, kernels.n), _rows(kernels, "p", p, size, len(kernels.p0), np.asarray)
         q, faults = closed(kernels, q, t, p) if assembled else (q, {})
+        if not assembled and (refused := refused_parameters(kernels, p)):
+            raise ModelError(f"p of state {min(refused)}: {refused[min(refused)]}")
         if len(faults) == size:
             raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
         choice = choice or Choice.at_first(kernels, q, t, p, z, method, rates or ())
@@ -197,11 +200,14 @@ def _rows(
 
 
 def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, dict[int, str]]:
-    """Positions that close: those that do not are assembled, one after the other. Those that have none become NaN: {state: why}."""
+    """Positions that close: those that do not are assembled, one after the other. Those that have none become NaN: {state: why}, as do
+    those with parameters that the model could not have been made with."""
     with np.errstate(invalid="ignore"):
         relative = np.abs(kernels.batch.phi(q, t, p) / kernels.row_sizes)[:, kernels.holonomic]
     open_ = np.max(relative, axis=1, initial=0.0) > TOLERANCE
-    q, faults = q.copy(), {}
+    q, faults = q.copy(), refused_parameters(kernels, p)
+    q[list(faults)] = np.nan
+    open_[list(faults)] = False
     found: dict[bytes, np.ndarray | str] = {}
     for i in np.flatnonzero(open_ | _may_be_mirrored(kernels, q, p)):
         here = q[i].tobytes() + p[i].tobytes()
