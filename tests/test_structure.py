@@ -25,7 +25,7 @@ ROOMS = {
     ),
 }  # fmt: skip
 """Packages in rooms, each of which loads only those before it; "" are the modules beside them."""
-FOR_ALL = {"errors", "resources", "__version__"}
+FOR_ALL = {"errors", "files", "archives", "resources", "__version__"}
 DOORS = {"__init__", "__main__"}
 """What a user imports: it leads everywhere."""
 TOP = {

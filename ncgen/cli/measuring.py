@@ -115,7 +115,7 @@ def _precision(model: Model, html: Path | None, plot: Path | None, json_output: 
     """Every method from loose to tight; the front in words."""
     from ncgen.comparisons import precision
     from ncgen.comparisons.bench import aligned
-    from ncgen.emit.sources import write_text
+    from ncgen.files import write_text
     from ncgen.report.document import Section, page
     from ncgen.report.machine import machine
 
@@ -154,8 +154,8 @@ def compare(
 ) -> None:
     """Compare generated derivatives with hand-written ones, differences and automatic differentiation: error beside time."""
     from ncgen.comparisons.comparison import Comparison
-    from ncgen.emit.sources import write_text
     from ncgen.exchange.examples import load
+    from ncgen.files import write_text
 
     for option, path, suffixes in (("--html", html, ()), ("--plot", plot, PICTURES), ("--csv", csv, ())):
         writable(option, path, suffixes)

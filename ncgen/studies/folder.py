@@ -13,13 +13,13 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 from ncgen import __version__
-from ncgen.emit.sources import write_bytes, write_text
 from ncgen.errors import NcgenError
+from ncgen.files import locked, write_bytes, write_text
 from ncgen.report.along import UNREADABLE as BROKEN
 from ncgen.studies.definition import Study
 from ncgen.studies.variants import Part
@@ -137,22 +137,15 @@ class Folder:
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
         """Held by this process alone. Raises NcgenError where another one is at work in it; a process that died holds nothing."""
-        with open(self.path / LOCK, "w", encoding="utf-8") as file:
-            if not _lock(file):
+        with contextlib.ExitStack() as stack:
+            try:
+                ours = stack.enter_context(locked(self.path / LOCK))
+            except OSError as error:
+                why = error.strerror or error
+                raise NcgenError(f"{self.path / LOCK}: it cannot be locked: {why}; remove it, or give another folder") from error
+            if not ours:
                 raise NcgenError(f"{self.path}: another process is at work in it; wait for that one, or give another folder")
             yield
-
-
-def _lock(file: IO[str]) -> bool:
-    try:
-        import fcntl
-    except ImportError:  # Windows: nothing is held there
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 def manifest(study: Study, made_with: str) -> dict[str, Any]:

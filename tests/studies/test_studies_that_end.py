@@ -233,3 +233,15 @@ def test_folders_are_guarded(tmp_path):
         small_study.run(str(tmp_path / "other"), 100)
     with pytest.raises(ncgen.NcgenError, match="there is no such"):
         ncgen.read(tmp_path / "nothing")
+
+
+def test_the_lock_of_a_folder_is_no_link(tmp_path):
+    """A link in a folder from elsewhere does not empty what it leads to."""
+    folder, letter = tmp_path / "swing", tmp_path / "letter.txt"
+    small_study.run(str(folder), 10)
+    letter.write_text("dear")
+    (folder / ".lock").unlink()
+    (folder / ".lock").symlink_to(letter)
+    with pytest.raises(ncgen.NcgenError, match=r"\.lock: it cannot be locked: it is a symbolic link; remove it"):
+        small_study.run(str(folder), 10)
+    assert letter.read_text() == "dear"

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
-from ncgen.emit.sources import path_of, write_bytes, write_text
 from ncgen.errors import ModelError
+from ncgen.files import path_of, write_bytes, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
 from ncgen.model.elements import Element, Point, Vector, coordinate_of
