@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ncgen.cli.completion import words_of
+from ncgen.cli.completion import models, words_of
 from ncgen.cli.terminal import PICTURES, Json, ModelName, out, progress, show, tell, writable
 from ncgen.errors import ModelError
 
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 
 def bench(
-    model: ModelName,
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL", help="an example's name, a path to a model's file, or `robots`", autocompletion=models)
+    ],
+    files: Annotated[list[Path] | None, typer.Argument(help="after `robots`: robots' files, or folders that hold some")] = None,
     precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
     instructions: Annotated[bool, typer.Option("--instructions", help="instructions of a call, counted by valgrind")] = False,
     gradients: Annotated[bool, typer.Option("--gradients", help="derivatives of a motion by all its data, beside differences")] = False,
@@ -29,7 +32,9 @@ def bench(
         bool, typer.Option("--growth", help="of the chain or the arm: generation and steps of longer and longer ones")
     ] = False,
     peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
-    limit: Annotated[float, typer.Option(help="with --peers: seconds after which a run is stopped")] = 20.0,
+    limit: Annotated[
+        float | None, typer.Option(help="seconds after which a run (--peers, default 20) or a file (robots, default 120) is stopped")
+    ] = None,
     html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
     plot: Annotated[Path | None, typer.Option(help="with --precision: write the plot into this .svg or .png file")] = None,
     json_output: Json = False,
@@ -42,6 +47,11 @@ def bench(
 
     writable("--html", html)
     writable("--plot", plot, PICTURES)
+    if model == "robots":
+        _robots(files or [], limit, json_output)
+        return
+    if files:
+        raise ModelError(f"bench {model} {files[0]}: only `robots` takes files; name one model")
     if peers:
         _peers(load(model), limit, json_output)
         return
@@ -70,6 +80,22 @@ def bench(
         print(json.dumps(records, indent=1))
 
 
+def _robots(paths: list[Path], limit: float | None, json_output: bool) -> None:
+    """Robots from files, a line a file."""
+    from ncgen.comparisons import robots
+
+    files, records = robots.robot_files(paths), []
+    with progress("measuring robots", len(files)) as advance:
+        for record in robots.robot_records(files, limit or robots.LIMIT):
+            if not (records or json_output):
+                show([robots.titles()])
+            records.append(record)
+            advance(len(records))
+            if not json_output:
+                show([robots.robot_line(record)])
+    tell(records, robots.summary, json_output)
+
+
 def _growth(model: Model, json_output: bool) -> None:
     """Seconds and bytes of longer and longer chains and arms."""
     from ncgen.comparisons.bench import aligned, generation_rows
@@ -95,7 +121,7 @@ def _instructions(model: Model, json_output: bool) -> None:
     tell(records, lambda found: aligned(table(found)), json_output)
 
 
-def _peers(model: Model, limit: float, json_output: bool) -> None:
+def _peers(model: Model, limit: float | None, json_output: bool) -> None:
     """Other simulators beside ncgen."""
     from ncgen.comparisons import peers
 
@@ -104,7 +130,7 @@ def _peers(model: Model, limit: float, json_output: bool) -> None:
     records = []
     for count in peers.COUNTS:
         with progress(f"measuring {count} four-bars", None):
-            found = list(peers.peer_records([count], limit=limit))
+            found = list(peers.peer_records([count], limit=limit or peers.LIMIT))
         records += found
         show(() if json_output else peers.lines(found))
     if json_output:

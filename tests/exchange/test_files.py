@@ -21,7 +21,12 @@ def special(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # the name of a socket is short
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind("socket")
-        yield {"a pipe": tmp_path / "pipe", "a folder": tmp_path / "folder", "a device": Path("/dev/zero"), "a socket|No such device": tmp_path / "socket"}
+        yield {
+            "a pipe": tmp_path / "pipe",
+            "a folder": tmp_path / "folder",
+            "a device": Path("/dev/zero"),
+            "a socket|No such device": tmp_path / "socket",
+        }
 
 
 def test_only_ordinary_files_are_opened(special, tmp_path):

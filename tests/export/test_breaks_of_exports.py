@@ -1,0 +1,179 @@
+"""Exported motions end a step where a law of time changes its formula, whatever the parameters are and however far they go."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+import pytest
+import scipy.integrate
+import sympy
+from exported import STRICT, shell
+
+import ncgen
+from ncgen.exchange.export import export
+
+
+def begun(m: ncgen.Model) -> object:
+    return m.numbers.get("begin") or m.parameter("begin", 5.0)
+
+
+def hat(m: ncgen.Model):
+    """Above 0 from 40 to 42, and again every 60."""
+    return m.table("hat", (0, 39, 41, 43, 60), (-1, -1, 1, -1, -1), periodic=True)
+
+
+PULSES = {
+    "Heaviside": lambda t, m: sympy.Heaviside(t - begun(m)) - sympy.Heaviside(t - begun(m) - 1),
+    "Piecewise": lambda t, m: sympy.Piecewise((0.0, t < begun(m)), (1.0, t < begun(m) + 1), (0.0, True)),
+    "falling": lambda t, m: sympy.Heaviside(2 * begun(m) + 2 - 2 * t) - sympy.Heaviside(begun(m) - t),
+    "sign of a corner": lambda t, m: (sympy.sign(sympy.Max(0, t - begun(m)) - 1e-9) - sympy.sign(sympy.Max(0, t - begun(m)) - 1)) / 2,
+    "smooth steps": lambda t, m: ncgen.smooth_step(t - begun(m), 0, 1e-6) - ncgen.smooth_step(t - begun(m), 1, 1.000001),
+    "periodic table": lambda t, m: sympy.Heaviside(hat(m)(t + 40 - begun(m)))
+    * sympy.Heaviside(1 - t + begun(m)),
+    "square": lambda t, m: sympy.Heaviside((t - begun(m)) * (begun(m) + 1 - t)),
+    "sine": lambda t, m: sympy.Heaviside(sympy.sin(sympy.pi * (t - begun(m)) / 40)) - sympy.Heaviside(t - begun(m) - 1),
+}  # fmt: skip
+
+
+def hanging(pulse: str) -> ncgen.Model:
+    """2 kg on a massless rod of 1 m, at rest, pushed along x by 1 N for 1 s."""
+    m = ncgen.Model("hanging")
+    m.gravity((0, -9.81, 0))
+    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, -1))
+    m.body("mass", [A], mass=2.0)
+    m.distance(O, A)
+    m.force(A, (PULSES[pulse](m.time, m), 0, 0))
+    m.simulation(duration=10.0)
+    return m
+
+
+def swung(t: float) -> float:
+    """x (m) t seconds after the push began, by SciPy from break to break."""
+    y = np.zeros(2)
+    for force, a, b in ((1.0, 0.0, 1.0), (0.0, 1.0, t)):
+        y = scipy.integrate.solve_ivp(
+            lambda t, y, f=force: [y[1], -9.81 * np.sin(y[0]) + f / 2 * np.cos(y[0])], (a, b), y, "DOP853", rtol=1e-12, atol=1e-14
+        ).y[:, -1]
+    return float(np.sin(y[0]))
+
+
+class Moved:
+    """An exported motion in C; state: t, work, power, h, q, qd, qdd."""
+
+    def __init__(self, model: ncgen.Model, folder, flags: str = "-O0") -> None:
+        self.name, self.size = model.name, 4 + 3 * ncgen.compile(model, "numpy").n
+        export(model, "c", folder)
+        shell(f"cc -std=c99 {STRICT} {flags} -fPIC -shared -Iinclude -Isrc src/*.c -lm -o lib.so", folder)
+        self.library = ctypes.CDLL(str(folder / "lib.so"))
+        self.call("next_break").restype = ctypes.c_double
+        self.state, self.p = (ctypes.c_double * self.size)(), (ctypes.c_double * 8)()
+        self.call("defaults")(self.p)
+        self.start()
+
+    def call(self, function: str):
+        return getattr(self.library, f"{self.name}_{function}")
+
+    def start(self, **p: float) -> Moved:
+        for k, value in enumerate(p.values()):
+            self.p[k] = value
+        assert self.call("start")(self.state, self.p) == 0
+        return self
+
+    def advance(self, t: float, tolerance: float = 1e-9) -> Moved:
+        assert self.call("advance")(self.state, self.p, *map(ctypes.c_double, (t, tolerance, tolerance))) == 0
+        assert self.state[0] == t
+        return self
+
+    def step(self, h: float) -> Moved:
+        assert self.call("step")(self.state, self.p, ctypes.c_double(h)) == 0
+        return self
+
+    def next_break(self, end: float) -> float:
+        return self.call("next_break")(self.state, self.p, ctypes.c_double(end))
+
+
+@pytest.mark.parametrize("pulse", PULSES)
+def test_a_pendulum_at_rest_feels_a_push(pulse, tmp_path):
+    """In one long step, in many short ones, by the step of fixed length, and with another parameter."""
+    moved = Moved(hanging(pulse), tmp_path)
+    late = 5e-7 if pulse == "smooth steps" else 0.0  # the middle of its ramps
+    assert moved.advance(10.0).state[4] == pytest.approx(swung(5.0 - late), abs=1e-8)
+    moved.start()
+    for t in np.linspace(0.0, 10.0, 41)[1:]:  # some of which end at a break
+        moved.advance(t)
+    assert moved.state[4] == pytest.approx(swung(5.0 - late), abs=1e-8)
+    moved.start()
+    for _ in range(769):
+        moved.step(0.013)
+    assert moved.state[4] == pytest.approx(swung(moved.state[0] - 5.0 - late), abs=1e-8)
+    assert moved.start(begin=21.7).advance(28.0).state[4] == pytest.approx(swung(6.3 - late), abs=1e-8)
+
+
+def test_the_next_break(tmp_path):
+    moved = Moved(hanging("Heaviside"), tmp_path)
+    assert [moved.next_break(end) for end in (4.9, 10.0)] == [4.9, 5.0]
+    assert moved.advance(5.0).next_break(10.0) == 6.0
+    assert moved.advance(6.0).next_break(10.0) == 10.0
+    moved.p[0] = 7.25
+    assert moved.next_break(10.0) == 7.25
+
+
+def sliding(law) -> ncgen.Model:
+    """1 kg on a slide, pushed by law(t, begin, width) in N."""
+    m = ncgen.Model("sliding")
+    axis = m.vector("axis", (1, 0, 0), fixed=True)
+    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y")
+    s = m.slide("s", O, A, axis)
+    m.body("block", [A], mass=1.0)
+    m.independent(s)
+    m.torque(s, law(m.time, m.parameter("begin", 1.0), m.parameter("width", 1.0)))
+    m.simulation(duration=10.0)
+    return m
+
+
+def test_no_push_is_missed(tmp_path):
+    """Two thousand random ones, the shortest 1e-9 of the run: the velocity is their impulse, from steps of all lengths."""
+    moved = Moved(sliding(lambda t, b, w: (sympy.Heaviside(t - b) - sympy.Heaviside(t - b - w)) / w), tmp_path)
+    random = np.random.default_rng(7)
+    for _ in range(2000):
+        begin, width = random.uniform(0.1, 9.0), 10.0 ** random.uniform(-8, -0.1)
+        moved.start(begin=begin, width=width)
+        for t in (*sorted(random.uniform(0.0, 10.0, random.integers(3))), 10.0):
+            moved.advance(t)
+        speed = moved.state[4 + (moved.size - 4) // 3]
+        assert speed == pytest.approx(1.0, abs=1e-13 / width + 1e-7)
+
+
+def test_a_law_that_switches_too_often_is_left_to_error_control(tmp_path):
+    """1e9 teeth in a second would be as many steps; a few are."""
+    law = lambda t, b, w: w + 0 * b  # noqa: E731
+    m = sliding(law)
+    saw = m.table("saw", (0, 0.5, 1), (0, 1, 0), periodic=True)
+    m.torque(m.elements["s"], 1e-9 * saw(m.numbers["begin"] * m.time))
+    moved = Moved(m, tmp_path)
+    assert moved.start(begin=8.0, width=0.0).next_break(10.0) == 0.0625
+    assert moved.start(begin=1e9, width=0.0).next_break(10.0) == 10.0
+
+
+def test_a_step_that_fails_behind_a_break_leaves_the_state(tmp_path):
+    moved = Moved(sliding(lambda t, b, w: sympy.Heaviside(t - b) * sympy.sqrt(w - t)), tmp_path)
+    moved.start(begin=1.0, width=2.0)
+    before = list(moved.state)
+    assert moved.call("advance")(moved.state, moved.p, *map(ctypes.c_double, (3.0, 1e-9, 1e-9))) != 0
+    assert list(moved.state) == before
+    assert moved.call("step")(moved.state, moved.p, ctypes.c_double(3.0)) != 0
+    assert list(moved.state) == before
+
+
+@pytest.mark.parametrize("flags, tolerance", [("-DHANGING_NCGEN_SINGLE", 1e-3), ("-DHANGING_NCGEN_LONG_DOUBLE", 1e-6)])
+def test_every_number_type_compiles(flags, tolerance, tmp_path):
+    export(hanging("sine"), "c", tmp_path)
+    shell(f"cc -std=c99 {STRICT} -O0 {flags} -Iinclude -Isrc examples/main.c src/*.c -lm -o main", tmp_path)
+    last = shell("./main 10 11", tmp_path).splitlines()[-1].split(",")
+    assert float(last[1]) == pytest.approx(swung(5.0), abs=tolerance)
+
+
+def test_a_mechanism_without_laws_of_time_has_nothing_of_this(exports):
+    text = "".join(path.read_text() for path in exports("robot").rglob("*.[ch]"))
+    assert "robot_switches" not in text and "robot_next_break" not in text
