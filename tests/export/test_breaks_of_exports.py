@@ -58,6 +58,26 @@ def swung(t: float) -> float:
     return float(np.sin(y[0]))
 
 
+def towed() -> ncgen.Model:
+    """2 kg hanging 1 m below a slide that begins to move at 1 m/s after 1 s."""
+    m = ncgen.Model("towed")
+    m.gravity((0, -9.81, 0))
+    axis = m.vector("axis", (1, 0, 0), fixed=True)
+    O, C, A = m.point("O", (0, 0), fixed=True), m.point("C", (0, 0), fixed="y"), m.point("A", (0, -1))
+    m.body("carriage", [C], mass=1.0)
+    m.body("mass", [A], mass=2.0)
+    m.distance(C, A)
+    m.drive(m.slide("s", O, C, axis), sympy.Max(0, m.time - 1))
+    m.simulation(duration=3.0)
+    return m
+
+
+def after_the_jerk(t: float) -> float:
+    """x (m) of that mass, by SciPy: the jerk has no part along the slide on what hangs, which so begins to swing at -1 rad/s."""
+    y = scipy.integrate.solve_ivp(lambda t, y: [y[1], -9.81 * np.sin(y[0])], (1.0, t), (0.0, -1.0), "DOP853", rtol=1e-12, atol=1e-14).y
+    return float(t - 1 + np.sin(y[0, -1]))
+
+
 class Moved:
     """An exported motion in C; state: t, work, power, h, q, qd, qdd."""
 
@@ -164,6 +184,17 @@ def test_a_step_that_fails_behind_a_break_leaves_the_state(tmp_path):
     assert list(moved.state) == before
     assert moved.call("step")(moved.state, moved.p, ctypes.c_double(3.0)) != 0
     assert list(moved.state) == before
+
+
+def test_a_driver_whose_velocity_jumps(tmp_path):
+    """The smallest change of velocities in the sense of kinetic energy is the impulse that the driver gives."""
+    moved = Moved(towed(), tmp_path)
+    names = ncgen.compile(towed(), "numpy").coordinates
+    assert moved.advance(3.0).state[4 + names.index("A.x")] == pytest.approx(after_the_jerk(3.0), abs=1e-7)
+    moved.start()
+    for _ in range(230):
+        moved.step(0.013)
+    assert moved.state[4 + names.index("A.x")] == pytest.approx(after_the_jerk(2.99), abs=1e-6)
 
 
 @pytest.mark.parametrize("flags, tolerance", [("-DHANGING_NCGEN_SINGLE", 1e-3), ("-DHANGING_NCGEN_LONG_DOUBLE", 1e-6)])

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.emit.c.spelling import number
 from ncgen.mechanism.break_times import MOST_BREAKS, TIME, TimeLaws, break_times, time_laws
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.pieces import Pieces
@@ -41,7 +40,7 @@ class Switching:
     @property
     def described(self) -> dict[str, object]:
         """What templates are told."""
-        return {"lines": self.lines, "curves": self.curves, "size": self.program.size, "interval": number(self.interval)}
+        return {"lines": self.lines, "curves": self.curves, "size": self.program.size, "interval": repr(self.interval)}
 
 
 def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Switching | None:
