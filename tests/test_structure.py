@@ -144,6 +144,31 @@ def test_models_are_described_without_sympy(path):
     assert "sympy" not in {name.split(".")[0] for name in eager(ast.parse(path.read_text(encoding="utf-8")))}
 
 
+ADDRESSES = {
+    "mechanism/arguments.py": "the one function that hands an array to compiled code, after looking at it",
+    "mechanism/batch.py": "aligned: where memory of its own begins, to choose a part of it",
+    "mechanism/moving.py": "MovingRows: addresses of rows of arrays that it makes, which go into structs of its own",
+    "mechanism/direct.py": "arrays on memory that C has made, of the size that it was made with",
+    "archives.py": "arrays on bytes of a file, which know their length",
+    "exchange/xla.py": "arrays on memory of JAX, which has checked their shapes",
+    "solver/motions/batch.py": "whether two arrays lie in one place; goes nowhere",
+}
+"""Modules in which an array's address occurs, each with what makes that safe."""
+
+
+def addresses(source: str) -> list[int]:
+    """Lines in which an array becomes an address: from_buffer, frombuffer, ctypes and addresses of an array's interface."""
+    words = ("from_buffer", "frombuffer", "ctypes", "__array_interface__", "__cuda_array_interface__")
+    return [node.lineno for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Attribute) and node.attr in words]
+
+
+def test_arrays_reach_c_through_one_function():
+    """C believes what it is told about arrays: `ncgen.mechanism.arguments.pointer` looks at their type, layout and count."""
+    found = {str(path.relative_to(PACKAGE)) for path in modules() if addresses(path.read_text(encoding="utf-8"))}
+    assert found == set(ADDRESSES)
+    assert sorted(addresses("ffi.cast('double *', a.ctypes.data)\nffi.from_buffer('double[]', a)")) == [1, 2]
+
+
 def test_the_check_tells_eager_from_late():
     """A module-level import counts, one in a function or for type checkers does not, in methods neither."""
     source = "import a\nclass C:\n import b\n def f(self):\n  import c\nif TYPE_CHECKING:\n import d\ntry:\n import e\nfinally:\n pass"

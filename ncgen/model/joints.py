@@ -123,7 +123,8 @@ class Joints(Structure):
     def rack(self, slide: Relative, angle: Relative, radius: Value) -> Row:
         """A rack driven by a pinion: s − radius·ψ stays constant.
 
-        Raises ModelError for a radius of 0. Loads have a couple on the pinion and a force along the slide, no tooth force.
+        Raises ModelError for a radius of 0. `run.reactions()` has the tooth force where one body carries both: the angle is between it and
+        the pinion, the slide between it and the rack.
         """
         self._check_radius(f"rack {slide.name}, {angle.name}: radius", radius)
         balance = slide.symbol - as_sympy(radius) * angle.symbol

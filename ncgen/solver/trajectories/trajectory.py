@@ -262,7 +262,8 @@ class Trajectory:
         )
 
     def reactions(self, pressure_angle: float = np.pi / 9) -> Reactions:
-        """Loads between bodies, see `ncgen.solver.loads.reactions.reactions`; pressure_angle: of gears (rad, default 20 degrees)."""
+        """Loads between bodies, see `ncgen.solver.loads.reactions.reactions`; pressure_angle: of gears and racks (rad,
+        default 20 degrees)."""
         from ncgen.solver.loads.reactions import reactions
 
         return reactions(self, pressure_angle)
