@@ -178,7 +178,7 @@ ALWAYS = ("phi", "phi_q", "gamma")
 """Kernels that are made for every mechanism that has rows; "constraints" is all of them at once."""
 
 MOST_FUSED = 4000
-"""Statements of these up to which "constraints" is made: it compiles as long as they do, 5 s for a humanoid, and saves a sixth of a call."""
+"""Statements of these up to which "constraints" is made: it compiles as long as they do, a humanoid 5 s, and saves a sixth of a call."""
 
 
 def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Terms) -> Program:
