@@ -254,7 +254,7 @@ class Kernels(ABC):
         self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
     ) -> tuple[np.ndarray, csr_array, np.ndarray]:
         """Φ, Φ_q and γ at once, which is quicker than one by one: they have much in common."""
-        if "constraints" not in self.programs.programs:  # no row has a coordinate in it: they have nothing in common
+        if "constraints" not in self.programs.programs:  # no row has a coordinate in it, or they are long (MOST_FUSED)
             return self.phi(q, t, p), self.phi_q(q, t, p), self.gamma(q, qd, t, p)
         values = self.values("constraints", t, q, qd, p)
         phi_q = self._sparse(self.phi_q_pattern, values[self.m : len(values) - self.m])
