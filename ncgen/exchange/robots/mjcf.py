@@ -20,7 +20,7 @@ from ncgen.exchange.robots.mjcf_compiled import Compiled, compiled, family
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Mimic, Robot, hung
 from ncgen.exchange.robots.written import document, element
-from ncgen.exchange.text import is_file
+from ncgen.files import is_file
 from ncgen.model.arithmetic import unit
 
 WORLD = "world"
