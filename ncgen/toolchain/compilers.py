@@ -25,6 +25,7 @@ from pathlib import Path
 from cffi import FFI
 
 from ncgen.errors import CompileError
+from ncgen.files import opened
 
 ALIGNED = ("-falign-functions=64", "-falign-loops=64")
 """Functions and loops begin with a line of the cache: the same code runs up to a tenth slower where other code moves it."""
@@ -267,7 +268,7 @@ def unloadable(library: Path) -> str | None:
 def _is_cut(library: Path) -> bool:
     """True for a library in the format ELF that ends before its table of sections, as a full disk leaves it: loading it would
     end this process, where a file of any other kind is refused by the system."""
-    with library.open("rb") as file:
+    with opened(library) as file:
         head = file.read(64)
     if head[:4] != b"\x7fELF" or len(head) < 64:
         return False

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ncgen.files import contents, is_file
 from ncgen.view.triangles import Mesh
 
 LARGEST = 50_000_000
@@ -63,11 +64,11 @@ def mesh_of(path: Path) -> Mesh | None:
 def _read(path: Path, changed: int, size: int) -> Mesh:
     if path.suffix.lower() not in KINDS:
         raise Unreadable(f"files of meshes end with {', '.join(KINDS)}")
-    if not path.is_file():
+    if not is_file(path):
         raise Unreadable("it is no ordinary file")
     if size > LARGEST:
         raise Unreadable(f"it has {size} bytes, and {LARGEST} are read")
-    data = path.read_bytes()
+    data = contents(path, LARGEST)
     kind = path.suffix.lower()[1:]
     if kind == "dae" and any(word in data for word in FORBIDDEN):
         raise Unreadable("document types and entities are not read")

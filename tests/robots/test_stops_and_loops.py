@@ -123,7 +123,7 @@ def test_a_table_closes_the_loop_of_a_urdf(fourbar, named):
     [
         ("[[revolute]]", "[[rope]]", "other.toml: there is no kind of loop 'rope'; known are connect, revolute, prismatic, weld"),
         ("[[revolute]]", "[revolute]", "other.toml: revolute is no list of tables; write [[revolute]]"),
-        ("[[revolute]]", "[[revolute", "other.toml: "),
+        ("[[revolute]]", "[[revolute", "other.toml, line 2: not TOML"),
         ('"rocker"', '"roker"', "other.toml: revolute 1: its child 'roker' is no link of fourbar"),
         ('"rocker"', '"coupler"', "revolute 1: it joins link coupler to itself; name two links"),
         ("axis = [0.0, -1.0, 0.0]", "axis = [0, 0, 0]", "revolute 1: its axis is 0 0 0; give a direction"),

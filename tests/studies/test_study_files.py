@@ -110,6 +110,15 @@ def test_pandas_and_xarray(found, tmp_path):
     assert read["max(psi)"].tolist() == found["max(psi)"].tolist()
 
 
+def test_tables_follow_no_link(found, tmp_path):
+    """A Parquet file is written under a name that nobody can guess: not into a link that waits under that of before."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    (tmp_path / "letter.txt").write_text("dear")
+    (tmp_path / ".t.parquet.part").symlink_to("letter.txt")
+    assert parquet.read_table(found.to_parquet(tmp_path / "t.parquet"))["psi"].to_pylist() == found["psi"].tolist()
+    assert (tmp_path / "letter.txt").read_text() == "dear"
+
+
 def test_packages_that_are_not_there(found, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pandas", None)
     with pytest.raises(ncgen.NcgenError, match=r"pandas is not installed; pip install 'ncgen\[tables\]'"):

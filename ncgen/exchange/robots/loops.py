@@ -18,7 +18,6 @@ Loops close where all joints are at 0: the point of the child is what stands the
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +28,8 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Robot
-from ncgen.exchange.text import is_file, placed, text_of
+from ncgen.exchange.text import NotToml, placed, text_of, toml
+from ncgen.files import is_file
 from ncgen.model.arithmetic import norm, unit
 
 KINDS = {"connect": "spherical", "revolute": "revolute", "prismatic": "prismatic", "weld": "fixed"}
@@ -49,9 +49,9 @@ def beside(path: Path) -> Path | None:
 def closed(robot: Robot, path: Path) -> Robot:
     """The robot with the loops of a table. Raises ModelError with the file, and the loop by its kind and number."""
     try:
-        said = tomllib.loads(text_of(path))
-    except tomllib.TOMLDecodeError as error:
-        raise ModelError(placed(path.name, None, str(error))) from None
+        said = toml(text_of(path))
+    except NotToml as error:
+        raise ModelError(placed(path.name, error.line, str(error))) from None
     reader = _Reader(robot, robot.frames(Placement()), path)
     loops = [
         reader.loop(kind, number, table) for kind, tables in said.items() for number, table in enumerate(reader.tables(kind, tables), 1)

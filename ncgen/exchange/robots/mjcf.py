@@ -6,26 +6,22 @@ armatures are rotors. Coordinates are 0 in the position that the file describes.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from ncgen.errors import ModelError, NcgenError
+from ncgen.errors import ModelError
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
+from ncgen.exchange.robots.mjcf_compiled import Compiled, compiled, family
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Mimic, Robot, hung
 from ncgen.exchange.robots.written import document, element
-from ncgen.exchange.text import is_file, placed
+from ncgen.files import is_file
 from ncgen.model.arithmetic import unit
-
-Compiled: TypeAlias = Any
-"""mujoco.MjModel, of a package that need not be there."""
 
 WORLD = "world"
 
@@ -62,36 +58,25 @@ BODY = 1
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file. Raises ModelError with what MuJoCo says of it, NcgenError without MuJoCo."""
-    try:
-        mujoco: Any = import_module("mujoco")
-    except ImportError:
-        raise NcgenError(f"{path.name}: MJCF is read by MuJoCo, which is missing; run pip install 'ncgen[robots]'") from None
-    said: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)  # else it writes a file where Python happens to run
-    try:
-        compiled = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(placed(path.name, None, " ".join(str(error).split()))) from None
-    finally:
-        mujoco.set_mju_user_warning(before)
-    for text in said:
-        warnings.warn(placed(path.name, None, " ".join(text.split())), stacklevel=2)
-    return _Reader(compiled, root, path).robot()
+    files = family(root, path)
+    return _Reader(compiled(path), files, path).robot()
 
 
 class _Reader:
-    def __init__(self, compiled: Compiled, root: Markup, path: Path) -> None:
-        self.m, self.where, self.path = compiled, path.name, path
-        meshes = (each.attributes for each in root.walk() if each.tag == "mesh")
+    def __init__(self, model: Compiled, files: Sequence[Markup], path: Path) -> None:
+        self.m, self.where, self.path = model, path.name, path
+        meshes = (each.attributes for root in files for each in root.walk() if each.tag == "mesh")
         self.shifted = {said.get("name") or Path(said.get("file", "")).stem for said in meshes if {"refpos", "refquat"} & said.keys()}
-        self.looks = [self._look(g) for g in range(compiled.ngeom)]
-        self.name = root.attributes.get("model") or path.stem
-        self.bodies = [WORLD, *(compiled.body(i).name or f"body{i}" for i in range(1, compiled.nbody))]
+        self.looks = [self._look(g) for g in range(model.ngeom)]
+        self.geoms: dict[int, list[int]] = {}
+        for g, body in enumerate(model.geom_bodyid):
+            self.geoms.setdefault(int(body), []).append(g)
+        self.name = files[0].attributes.get("model") or path.stem
+        self.bodies = [WORLD, *(model.body(i).name or f"body{i}" for i in range(1, model.nbody))]
         self.places: dict[str, Placement] = {WORLD: Placement()}
         self.links: dict[str, Link] = {WORLD: Link(WORLD, None, shapes=self._seen(0))}
         self.joints: list[Joint] = []
-        self.joint_names: list[str] = [compiled.joint(j).name or f"joint{j}" for j in range(compiled.njnt)]
+        self.joint_names: list[str] = [model.joint(j).name or f"joint{j}" for j in range(model.njnt)]
 
     def robot(self) -> Robot:
         for i in range(1, self.m.nbody):
@@ -121,7 +106,7 @@ class _Reader:
 
     def _seen(self, i: int) -> tuple[Shape, ...]:
         """The shapes of a body."""
-        return seen(look for look, body in zip(self.looks, self.m.geom_bodyid, strict=True) if body == i and look)
+        return seen(look for g in self.geoms.get(i, ()) if (look := self.looks[g]))
 
     def _look(self, g: int) -> Shape | Unseen | None:
         """A shape in its body's frame; None for those that MuJoCo's viewer does not show either, and for planes, which are the ground."""
