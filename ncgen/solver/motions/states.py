@@ -281,4 +281,5 @@ def _may_be_mirrored(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> np.ndarr
     else:
         measured = measured_angles(kernels, q, p[0])
     errors = q[:, [kernels.index[angle.name] for angle in known]] - measured
-    return np.min(np.cos(errors), axis=1) < NEAR_HALF_A_TURN
+    with np.errstate(invalid="ignore"):  # an angle that is no number is reported by its run
+        return np.min(np.cos(errors), axis=1) < NEAR_HALF_A_TURN
