@@ -31,7 +31,7 @@ MANIFEST, LOCK = "study.json", ".lock"
 NAME = "variants-{:016d}-{:016d}.npz"
 FILES = re.compile(r"variants-(\d{16})-(\d{16})\.npz")
 UNFINISHED = ".variants-*"
-SAID_OF, SAID = "said of", "said"
+SAID_OF, SAID = "said of", "what was said"
 """Arrays of a file beside the columns: variants of which something was said, and what. (No column has a blank in a name like these.)"""
 
 MOST = 10**16 - 1

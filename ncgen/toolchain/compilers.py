@@ -50,7 +50,10 @@ LONGEST = 6 * 3600.0
 """… but never more than this."""
 
 FEW_SOURCES = 8
-"""A compiler is given at least as many where there are several."""
+"""A compiler is given at least as many where there are several …"""
+
+LONG_SOURCE = 100_000
+"""… or one of at least so many characters, which takes it half a second: more than it takes to start."""
 
 PROBE = {"probe.c": "int ncgen_probe(void) { return 1; }\n"}
 
@@ -187,8 +190,9 @@ def make_library(
 
 
 def _groups(sizes: dict[str, int]) -> list[list[str]]:
-    """Sources for as many compilers at a time as there are processors, about as much text for each; few sources go together."""
-    count = min(os.cpu_count() or 1, len(sizes) // FEW_SOURCES) or 1
+    """Sources for as many compilers at a time as there are processors, about as much text for each; few short sources go together."""
+    long = sum(size >= LONG_SOURCE for size in sizes.values())
+    count = min(os.cpu_count() or 1, max(len(sizes) // FEW_SOURCES, long)) or 1
     groups: list[list[str]] = [[] for _ in range(count)]
     for name in sorted(sizes, key=lambda name: (-sizes[name], name)):
         min(groups, key=lambda group: sum(sizes[each] for each in group)).append(name)

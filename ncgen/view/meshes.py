@@ -6,6 +6,7 @@ is not opened. What cannot be read is told in one line, and the picture goes wit
 
 from __future__ import annotations
 
+import logging
 import re
 import warnings
 from functools import lru_cache
@@ -86,11 +87,17 @@ def _parsed(data: bytes, kind: str) -> Mesh:
         raise Unreadable("trimesh, which reads it, is missing: pip install 'ncgen[robots]'") from None
     if kind == "dae" and find_spec("collada") is None:
         raise Unreadable("pycollada, which reads DAE, is missing: pip install 'ncgen[robots]'")
+    logger = logging.getLogger("trimesh.util")  # it logs tracebacks
+    quiet, logger.disabled = logger.disabled, True
     try:
-        found = trimesh.load(BytesIO(data), file_type=kind, force="mesh", process=False, skip_materials=True)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            found = trimesh.load(BytesIO(data), file_type=kind, force="mesh", process=False, skip_materials=True)
         vertices, triangles = np.asarray(found.vertices, dtype=float), np.asarray(found.faces, dtype=np.int64)
     except Exception as error:  # a parser of others fails in its own ways on what is no mesh
         raise Unreadable(f"it cannot be read ({type(error).__name__})") from None
+    finally:
+        logger.disabled = quiet
     if not len(triangles) or not np.isfinite(vertices).all():
         raise Unreadable("it has no triangles" if not len(triangles) else "it has numbers that are not finite")
     return Mesh(vertices, triangles)

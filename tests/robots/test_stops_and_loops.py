@@ -129,6 +129,7 @@ def test_a_table_closes_the_loop_of_a_urdf(fourbar, named):
         ("axis = [0.0, -1.0, 0.0]", "axis = [0, 0, 0]", "revolute 1: its axis is 0 0 0; give a direction"),
         ("axis = [0.0, -1.0, 0.0]", "", "revolute 1: axis is None; give three numbers"),
         ("axis = [0.0, -1.0, 0.0]", "axis = [0.0, nan, 0.0]", "revolute 1: axis is [0.0, nan, 0.0]; give three numbers"),
+        ("axis = [0.0, -1.0, 0.0]", f"axis = [0.0, 1{'0' * 400}, 0.0]", "give three numbers of at most 1e+100"),
         ("axis = [0.0, -1.0, 0.0]", "axes = [0.0, -1.0, 0.0]", "revolute 1: 'axes' is not known; give name, parent, child, point, axis"),
         ('"closing"', '"elbow"', "there are two joints 'elbow'; rename the loop"),
         ('"closing"', "3", "revolute 1: its name is 3; give a text"),

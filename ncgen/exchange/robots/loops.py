@@ -17,7 +17,6 @@ Loops close where all joints are at 0: the point of the child is what stands the
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +30,7 @@ from ncgen.exchange.robots.robot import Joint, Robot
 from ncgen.exchange.text import NotToml, placed, text_of, toml
 from ncgen.files import is_file
 from ncgen.model.arithmetic import norm, unit
+from ncgen.model.values import LARGEST
 
 KINDS = {"connect": "spherical", "revolute": "revolute", "prismatic": "prismatic", "weld": "fixed"}
 """{word: kind of joint}."""
@@ -100,9 +100,9 @@ class _Reader:
         if (
             not isinstance(given, list)
             or len(given) != 3
-            or not all(isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in given)
+            or not all(isinstance(x, (int, float)) and not isinstance(x, bool) and abs(x) <= LARGEST for x in given)
         ):
-            self.refuse(f"{what} is {shown(given)}; give three numbers")
+            self.refuse(f"{what} is {shown(given)}; give three numbers of at most {LARGEST:g}")
         return np.array(given, dtype=float)
 
     def refuse(self, problem: str) -> NoReturn:

@@ -254,10 +254,11 @@ def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np
         here = q[i].tobytes() + p[i].tobytes()
         if here not in found:
             found[here] = _assembled(kernels, q[i], t, p[i])
-        if isinstance(found[here], str):
-            faults[int(i)], q[i] = found[here], np.nan
+        place = found[here]
+        if isinstance(place, str):
+            faults[int(i)], q[i] = place, np.nan
         else:
-            q[i] = found[here]
+            q[i] = place
     return q, faults
 
 

@@ -6,6 +6,7 @@ build it like `simulate` does, and refuse in the same words.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
@@ -358,13 +359,9 @@ def simulation_of(model: Model, **more: Any) -> dict[str, Any]:
 
 def positive(value: object, name: str, what: str = "number") -> float:
     """A positive, finite number. Raises ModelError naming the argument."""
-    try:
-        number = float(value) if is_real(value) and not isinstance(value, (bool, np.bool_)) else np.nan
-    except OverflowError:
-        number = np.inf
-    if not 0 < number < np.inf:
+    if isinstance(value, (bool, np.bool_)) or not is_real(value) or not 0 < value <= sys.float_info.max:
         raise ModelError(f"{name}: {echo(value)} given; it must be a positive {what}")
-    return number
+    return float(value)
 
 
 def relative_tolerance(value: object) -> float:
