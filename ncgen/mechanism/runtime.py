@@ -269,7 +269,7 @@ class Dynamics:
         if event:
             stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
             settings.event = stop
-        if newton or uses_tangents(self.kernels, method):
+        if newton or self._uses_tangents(method, options):
             self._take_tangents()
         else:
             self._dynamics.tangents = ffi.NULL
@@ -335,10 +335,14 @@ class Dynamics:
         """How many unknowns a stage may have to eliminate; 0 where all that is written out."""
         return self.kernels.n + self.kernels.m
 
+    def _uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
+        """True if a method takes stiffness and damping; options: as of `simulate`."""
+        return uses_tangents(self.kernels, method)
+
     def _space(self, library: InC, settings: InC) -> tuple[np.ndarray, np.ndarray]:
         """Workspace: numbers and integers."""
         numbers = library.ncgen_workspace(self._model, self._dynamics, settings)
-        integers = (7 if self.has_rolling else 4) * self.kernels.n + 3 * self.kernels.m
+        integers = 7 * self.kernels.n + 3 * self.kernels.m
         return np.empty(numbers, self.number.dtype), np.empty(integers, dtype=np.intc)
 
     def _jacobian_shape(self, velocities: int) -> tuple[int, int]:
@@ -404,6 +408,7 @@ class ConstrainedDynamics(Dynamics):
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
         self._seen = seen
         self.is_emitted = motion is not None
+        self.is_recursive = self.is_emitted or tables is not None
         if motion is not None:
             function, self._motion = motion
             self._dynamics.motion = self._ffi.cast("const ncgen_motion *", function())
@@ -412,6 +417,11 @@ class ConstrainedDynamics(Dynamics):
             self._keep(tables.indices, self._tree, np.intc)
             self._keep(tables.numbers, self._tree, self.number.dtype)
             self._dynamics.tree = self._tree
+
+    def _uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
+        """Radau's Newton steps take place in the degrees of freedom where a recursion gives the accelerations: `ncgen_is_reduced`."""
+        recurs = options["formalism"] == number_in_c(FORMALISMS["lagrange"]) and not options.get("frequency") and self.is_recursive
+        return not (method == "radau" and recurs and not self.has_rolling) and super()._uses_tangents(method, options)
 
     @staticmethod
     def _written_out(kernels: CompiledKernels, number: str, seen: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:

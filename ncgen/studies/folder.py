@@ -22,7 +22,7 @@ import numpy as np
 from ncgen import __version__
 from ncgen.archives import arrays, packed
 from ncgen.errors import NcgenError, shown
-from ncgen.files import contents, locked, write_bytes, write_text
+from ncgen.files import contents, is_folder, is_there, locked, write_bytes, write_text
 from ncgen.studies.definition import Study
 from ncgen.studies.variants import Part
 
@@ -31,7 +31,7 @@ MANIFEST, LOCK = "study.json", ".lock"
 NAME = "variants-{:016d}-{:016d}.npz"
 FILES = re.compile(r"variants-(\d{16})-(\d{16})\.npz")
 UNFINISHED = ".variants-*"
-SAID_OF, SAID = "said of", "said"
+SAID_OF, SAID = "said of", "what was said"
 """Arrays of a file beside the columns: variants of which something was said, and what. (No column has a blank in a name like these.)"""
 
 MOST = 10**16 - 1
@@ -64,12 +64,12 @@ class Folder:
     def of(cls, path: Path, study: Study, made_with: str) -> Folder:
         """The folder of a study, new or to go on with. Raises NcgenError where another study lies in it, or where it cannot be written."""
         mine = manifest(study, made_with)
-        if _is_there(path / MANIFEST):
+        if is_there(path / MANIFEST):
             folder = cls.at(path)
             folder._check(mine)
             return folder
         try:
-            strange = path.exists() and (not path.is_dir() or any(entry.name != LOCK for entry in path.iterdir()))
+            strange = is_there(path) and (not is_folder(path) or any(entry.name != LOCK for entry in path.iterdir()))
         except OSError as error:
             raise NcgenError(f"{path}: {error.strerror or error}; give another folder") from error
         if strange:
@@ -232,14 +232,6 @@ class Folder:
 
 def _told(found: Mapping[str, np.ndarray]) -> dict[int, str]:
     return dict(zip(found[SAID_OF].tolist(), found[SAID].tolist(), strict=True))
-
-
-def _is_there(path: Path) -> bool:
-    """Whether something has a name; False for names that nothing can have."""
-    try:
-        return path.exists()
-    except (OSError, ValueError):
-        return False
 
 
 def _remove(path: Path) -> None:

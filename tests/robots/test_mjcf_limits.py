@@ -117,3 +117,18 @@ def test_what_comes_back_is_what_mujoco_reads(tmp_path):
     for name in ("body_pos", "body_quat", "body_inertia", "body_mass", "jnt_axis", "dof_armature", "geom_pos", "qpos0", "jnt_range"):
         np.testing.assert_array_equal(getattr(mine, name), getattr(theirs, name), err_msg=name)
     assert mine.paths == theirs.paths and mine.names == theirs.names
+
+
+@pytest.mark.parametrize(
+    "old, new, said",
+    [
+        ('quat="0.9 0.1 -0.2 0.3"', 'quat="0.9 1e300 -0.2 0.3"', "body wrist has no direction (quat)"),
+        ('pos="0.1 0.2 -0.1"', 'pos="0.1 1e300 -0.1"', "body wrist has the number 1e+300 (pos); the largest number is 1e+100"),
+        ('gravity="0 0.5 -9.7"', 'gravity="1e300 0 0"', "gravity is not finite, or larger than 1e+100"),
+    ],
+)  # fmt: skip
+def test_numbers_that_mujoco_takes(tmp_path, old, new, said):
+    """As those of other formats, they are refused with their owner."""
+    text = (Path(__file__).parent / "gantry.xml").read_text()
+    assert old in text
+    assert said in refused(tmp_path / "g.xml", text.replace(old, new, 1))

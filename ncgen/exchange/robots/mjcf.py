@@ -20,8 +20,10 @@ from ncgen.exchange.robots.mjcf_compiled import Compiled, compiled, family
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Mimic, Robot, hung
 from ncgen.exchange.robots.written import document, element
-from ncgen.exchange.text import is_file
+from ncgen.exchange.text import placed
+from ncgen.files import is_file
 from ncgen.model.arithmetic import unit
+from ncgen.model.values import LARGEST
 
 WORLD = "world"
 
@@ -49,6 +51,18 @@ MESHES = (".stl", ".obj", ".msh")
 LEAST = 1e-15
 """MuJoCo's smallest mass and moment of inertia."""
 
+NUMBERS = (
+    "body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness",
+    "dof_armature", "dof_damping", "dof_frictionloss", "eq_data",
+)  # fmt: skip
+"""Arrays of a compiled model that become numbers of ncgen's."""
+
+DIRECTIONS = ("quat", "iquat", "axis")
+"""Arrays that MuJoCo gives the length 1, but for those whose length it could not compute."""
+
+WHOSE = {"body": "body", "jnt": "joint", "dof": "joint", "eq": "equality"}
+"""{what an array's name begins with: whose its rows are}."""
+
 OVER_JOINT = 1
 """MuJoCo's number of what a fixed tendon goes over."""
 
@@ -58,8 +72,29 @@ BODY = 1
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file. Raises ModelError with what MuJoCo says of it, NcgenError without MuJoCo."""
-    files = family(root, path)
-    return _Reader(compiled(path), files, path).robot()
+    files, model = family(root, path), compiled(path)
+    _check_numbers(model, path.name)
+    return _Reader(model, files, path).robot()
+
+
+def _check_numbers(model: Compiled, where: str) -> None:
+    """Raise ModelError where a number that is read is not finite, or larger than a model's numbers are: MuJoCo takes such ones."""
+    owners = {"body": model.nbody, "jnt": model.njnt, "dof": model.nv, "eq": model.neq}
+    kinds = {"body": model.body, "jnt": model.joint, "dof": lambda i: model.joint(int(model.dof_jntid[i])), "eq": model.equality}
+    for name in NUMBERS:
+        kind, _, what = name.partition("_")
+        values = np.array(getattr(model, name), dtype=float)
+        values = values.reshape(owners[kind], values.size // max(1, owners[kind]))
+        large = ~(np.abs(values) <= LARGEST)
+        wrong = np.flatnonzero(large.any(axis=1) | ((what in DIRECTIONS) & ~(np.abs(values).max(axis=1, initial=0.0) > 0.4)))
+        if len(wrong):
+            i = int(wrong[0])
+            owner = f"{WHOSE[kind]} {kinds[kind](i).name or f'number {i}'}"
+            number = f"the number {values[i][large[i]][0]:g} ({what})" if large[i].any() else f"no direction ({what})"
+            raise ModelError(placed(where, None, f"{owner} has {number}; the largest number is {LARGEST:g}, check the unit"))
+    for what, values in (("gravity", model.opt.gravity), ("a joint's reference", model.qpos0), ("a tendon's coefficient", model.wrap_prm)):
+        if not np.all(np.abs(values) <= LARGEST):
+            raise ModelError(placed(where, None, f"{what} is not finite, or larger than {LARGEST:g}; check the unit"))
 
 
 class _Reader:

@@ -20,8 +20,8 @@ from typing import Any, TypeAlias
 
 from ncgen.errors import ModelError, NcgenError, shown
 from ncgen.exchange.robots.markup import Markup, read_markup
-from ncgen.exchange.text import is_file, placed
-from ncgen.files import contents
+from ncgen.exchange.text import placed
+from ncgen.files import contents, is_file, is_there
 
 Compiled: TypeAlias = Any
 """mujoco.MjModel, of a package that need not be there."""
@@ -66,7 +66,7 @@ def family(root: Markup, path: Path) -> list[Markup]:
         folders = _folders((root, each), (path.parent, place.parent))
         for element, name in _named(each):
             for file in dict.fromkeys(folder / name for folder in folders):
-                if not _exists(file) or _real(file) in seen:
+                if not is_there(file) or _real(file) in seen:
                     continue
                 if not is_file(file):
                     element.refuse(f"{shown(name)} is no ordinary file; a model is made of ordinary files")
@@ -102,13 +102,6 @@ def _folders(roots: Iterable[Markup], places: Iterable[Path]) -> list[Path]:
     compilers = [each.attributes for root in roots for each in root.walk() if each.tag == "compiler"]
     said = [compiler[key] for compiler in compilers for key in FOLDERS if key in compiler]
     return [place / inner for place in places for inner in ("", *said)]
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except (OSError, ValueError):
-        return False
 
 
 def _real(path: Path) -> str:
