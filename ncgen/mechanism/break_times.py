@@ -96,7 +96,7 @@ def break_times(
     tables = [signal.knots for signal in told if isinstance(signal, Signal)]
     if not laws.switches and not tables:
         return NO_BREAKS
-    gap = UNCERTAINTY * rounding * max(abs(start), abs(end))
+    gap = UNCERTAINTY * max(rounding, DOUBLE) * max(abs(start), abs(end))  # the times are doubles
     driven = [len(p) - len(told) + i for i, signal in enumerate(told) if signal is not None]
     found = [np.column_stack([knots, knots]) for knots in tables]
     for switch, times in _by_switch(laws, p, start, end, gap, driven):
@@ -129,7 +129,7 @@ def _laws(kernels: Kernels) -> TimeLaws:
     graph, known = Graph(), {}
     sizes = {"t": 1, "p": len(kernels.p0), "q": kernels.n, "qd": kernels.n}
     for program in kernels.programs.programs.values():
-        if _may_switch(program):
+        if may_switch(program):
             inputs = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
             inlined(graph, program, inputs)
     over_time: dict[int, int] = {}  # node -> the same among the laws' own
@@ -158,7 +158,7 @@ def _laws(kernels: Kernels) -> TimeLaws:
     return TimeLaws(tuple(own.ops), found, tuple(op.input.position for op in own.ops if op.code == "load" and op.input.array == "p"))
 
 
-def _may_switch(program: Program) -> bool:
+def may_switch(program: Program) -> bool:
     """True if a program reads the time and has an operation that changes its formula."""
     if not any(op.code in ("sign", "abs", PIECES) for block in program.blocks for op in block.ops):
         return False
