@@ -229,7 +229,9 @@ def options_of(formalism: Formalism, integrator: Integrator, given: dict[str, An
     for name, value in (given or {}).items():
         if name not in defaults:
             method = f"{formalism.name} with {integrator.name}"
-            raise ModelError(f"option {shown(name)}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
+            raise ModelError(
+                f"option {name if isinstance(name, str) else shown(name)}: {method} has no such option; it has {', '.join(defaults) or 'none'}"
+            )
         _check_option(name, value, defaults[name])
     return {**defaults, **(given or {})}
 
