@@ -14,9 +14,10 @@ from typing import TypeVar
 
 from ncgen.errors import SHOWN, ModelError, NcgenError, shortened
 from ncgen.exchange import robots
-from ncgen.exchange.text import as_path, is_file, why_no_file
+from ncgen.exchange.text import as_path, why_no_file
 from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.words import is_required
+from ncgen.files import is_file, opened
 from ncgen.model import Model
 from ncgen.resources import folder
 
@@ -81,6 +82,10 @@ def example_text(name: str) -> str:
 
 class _Reader(SourceFileLoader):
     """Reads a module from its source and leaves no bytecode beside it."""
+
+    def get_data(self, path: str) -> bytes:
+        with opened(path) as file:
+            return file.read()
 
     def get_code(self, fullname: str) -> CodeType:
         return self.source_to_code(self.get_data(self.path), self.path)

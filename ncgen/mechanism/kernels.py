@@ -26,8 +26,7 @@ from ncgen.model.elements import Length, Point
 from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate, is_number
 from ncgen.program.ir.blocks import Pattern, Program, Slot
-from ncgen.program.ir.evaluate import evaluate as evaluate_program
-from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.evaluate import evaluate_rows
 from ncgen.program.programs import Programs
 
 if TYPE_CHECKING:
@@ -231,12 +230,7 @@ class Kernels(ABC):
         p = np.asarray(p, dtype=np.result_type(float, np.asarray(p).dtype))
         if p.shape[-1:] != (len(self.p0),):
             raise NcgenError(f"{self.name}.{program.name}: p has shape {p.shape}; the model has {len(self.p0)} parameters")
-        functions = {name: getattr(np, function.numpy) for name, function in FUNCTIONS.items()}
-        columns = evaluate_program(program, {"p": np.moveaxis(p, -1, 0)}, functions)
-        if p.ndim == 1:
-            return np.array(columns, dtype=p.dtype).reshape(shape)
-        values = np.stack(np.broadcast_arrays(*columns, p[..., 0])[:-1], axis=-1)
-        return values.reshape(*p.shape[:-1], *shape)
+        return evaluate_rows(program, p).reshape(*p.shape[:-1], *shape)
 
     # -- kernels -------------------------------------------------------------------------------
 
@@ -260,7 +254,7 @@ class Kernels(ABC):
         self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
     ) -> tuple[np.ndarray, csr_array, np.ndarray]:
         """Φ, Φ_q and γ at once, which is quicker than one by one: they have much in common."""
-        if "constraints" not in self.programs.programs:  # no row has a coordinate in it: they have nothing in common
+        if "constraints" not in self.programs.programs:  # no row has a coordinate in it, or they are long (MOST_FUSED)
             return self.phi(q, t, p), self.phi_q(q, t, p), self.gamma(q, qd, t, p)
         values = self.values("constraints", t, q, qd, p)
         phi_q = self._sparse(self.phi_q_pattern, values[self.m : len(values) - self.m])

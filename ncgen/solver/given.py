@@ -18,6 +18,7 @@ from ncgen.errors import ModelError, NcgenError, shown
 from ncgen.mechanism.arguments import numbers
 from ncgen.methods.table import is_real
 from ncgen.model import Model
+from ncgen.solver.conditions import check_parameters
 
 Given: TypeAlias = "ArrayLike | Mapping[str, float]"
 """In signatures: numbers in their order, or some of them by name."""
@@ -78,10 +79,14 @@ def parameters(kernels: Outline, p: Given | None = None) -> np.ndarray:
     """Parameters as an array of one's own, shape (n_p,).
 
     p: None for the defaults, numbers in the order of `kernels.parameters`, or {name: number}; those not named keep their defaults
-    Raises ModelError where numbers are missing, too many or not finite, and for an unknown name.
+    Raises ModelError where numbers are missing, too many or not finite, for an unknown name, and for what the model refuses as a number
+    in the place of the parameter, such as a negative mass.
     """
     kernels = checked_kernels(kernels)
-    return _numbers(kernels.parameters, kernels.p0, p, "p", "parameter")
+    found = _numbers(kernels.parameters, kernels.p0, p, "p", "parameter")
+    if p is not None:
+        check_parameters(kernels, found)
+    return found
 
 
 def position(kernels: Outline, q: Given | None = None, p: ArrayLike | None = None, what: str = "q") -> np.ndarray:

@@ -206,7 +206,7 @@ class _Motion:
         if refused is None:
             refused = self._in_c(form)
             if refused == compiled.STIFF:
-                refused = self._go_on_implicit()
+                refused = self._go_on_implicit(form)
             if refused and needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it goes on in Python")
         if refused is not None:
@@ -228,16 +228,21 @@ class _Motion:
         is_open = self.run.engine == AUTO and self.run.number == "double"
         return compiled.form_of(self.kernels, self.choice.method) if is_open else "dense"
 
-    def _go_on_implicit(self) -> str | None:
-        """Take the implicit method, with independent coordinates for where the path has come to: why that cannot be done in C, or None."""
+    def _go_on_implicit(self, form: Form) -> str | None:
+        """Take the implicit method from where the path has come to: why that cannot be done in C, or None.
+
+        form: of the accelerations so far
+        """
         path, before = self.path, self.choice.method
         t = self.times[len(path.q) - 1]
         try:
-            path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.start.p, self.run.initial.z)
-            other = stiff_choice(self.run, self.choice)
+            other = stiff_choice(self.run, self.choice, form != "dense")
             if other is None:
                 return compiled.STIFF
             self.choice = other
+            if other.method.is_constrained:
+                return self._in_c(form)
+            path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.start.p, self.run.initial.z)
             return self._refusal() or self._in_c("dense")
         except (SingularError, ModelError, ConvergenceError) as error:
             raise ConvergenceError(
@@ -270,7 +275,7 @@ class _Motion:
         """What is asked of an engine."""
         start, run, method = self.start, self.run, self.choice.method
         velocities = start.qd if method.is_constrained else self._rates()
-        gives_way = stiff_choice(run, self.choice) is not None
+        gives_way = stiff_choice(run, self.choice, recurs=True) is not None
         return Task(
             method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
             run.signals, self.breaks, self.looks,

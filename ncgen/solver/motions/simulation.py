@@ -21,6 +21,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO, INTEGRATORS, find_integrator
 from ncgen.model.elements import coordinate_of
+from ncgen.solver.conditions import check_parameters
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive
@@ -220,6 +221,8 @@ class Simulation:
         if numbers[2] < 0:
             raise ModelError(f"reset: next_step is {numbers[2]:g} s; it must be positive, or 0 for a step that is found")
         arrays = [array_of(getattr(state, name), getattr(now, name).shape, f"reset: {name}") for name in ("q", "qd", "p")]
+        if not np.array_equal(arrays[2], now.p):
+            check_parameters(self.kernels, arrays[2])
         now.t, now.work, now.next_step = numbers
         now.q[:], now.qd[:], now.p[:] = arrays
         return self

@@ -22,6 +22,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.methods.table import AUTO
 from ncgen.model.elements import coordinate_of
+from ncgen.solver.conditions import refused_parameters
 from ncgen.solver.engines.compiled import checked_compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, offer, positive
@@ -202,6 +203,8 @@ class Simulations:
         values = {name: array_of(getattr(source, name), getattr(now, name).shape, f"reset: {name}") for name in names}
         if np.any(values["next_step"] < 0):
             raise ModelError(f"reset: next_step is {np.min(values['next_step']):g} s; it must be positive, or 0 for a step that is found")
+        if refused := {} if np.array_equal(values["p"], now.p) else refused_parameters(self.kernels, values["p"]):
+            raise ModelError(f"reset: p of simulation {min(refused)}: {refused[min(refused)]}")
         for name, array in values.items():
             getattr(now, name)[chosen] = array[chosen]
         now.statuses[chosen] = 0

@@ -6,6 +6,7 @@ build it like `simulate` does, and refuse in the same words.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
@@ -342,7 +343,7 @@ def simulation_of(model: Model, **more: Any) -> dict[str, Any]:
 
 def positive(value: object, name: str, what: str = "number") -> float:
     """A positive, finite number. Raises ModelError naming the argument."""
-    if isinstance(value, (bool, np.bool_)) or not is_real(value) or not 0 < value < np.inf:
+    if isinstance(value, (bool, np.bool_)) or not is_real(value) or not 0 < value <= sys.float_info.max:
         raise ModelError(f"{name}: {echo(value)} given; it must be a positive {what}")
     return float(value)
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
-from ncgen.emit.sources import path_of, write_bytes, write_text
 from ncgen.errors import ModelError
+from ncgen.files import path_of, write_bytes, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
 from ncgen.model.elements import Element, Point, Vector, coordinate_of
@@ -262,7 +262,8 @@ class Trajectory:
         )
 
     def reactions(self, pressure_angle: float = np.pi / 9) -> Reactions:
-        """Loads between bodies, see `ncgen.solver.loads.reactions.reactions`; pressure_angle: of gears (rad, default 20 degrees)."""
+        """Loads between bodies, see `ncgen.solver.loads.reactions.reactions`; pressure_angle: of gears and racks (rad,
+        default 20 degrees)."""
         from ncgen.solver.loads.reactions import reactions
 
         return reactions(self, pressure_angle)
