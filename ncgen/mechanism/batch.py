@@ -116,12 +116,14 @@ class Batch(ABC):
         count = len(q)
         q = self._checked(q, kernel, "q", (count, kernels.n))
         program = kernels.programs.programs.get(kernel)
-        if program is None:
-            return np.zeros((count, len(kernels.values(kernel, 0.0, kernels.q0, kernels.q0, None))))
-        qd = self._checked(qd, kernel, "qd", (count, kernels.n)) if "qd" in program.inputs else None
+        reads_qd = program is not None and "qd" in program.inputs
+        qd = self._checked(qd, kernel, "qd", (count, kernels.n)) if reads_qd or qd is not None else None
         t = self._checked(t, kernel, "t", (), (count,))
         size = len(kernels.p0)
         p = self._checked(kernels.p0 if p is None else p, kernel, "p", (size,), (count, size))
+        if program is None:
+            return np.zeros((count, len(kernels.values(kernel, 0.0, kernels.q0, kernels.q0, None))))
+        qd = qd if reads_qd else None
         if out is None:
             out = np.empty((count, program.size))
         else:

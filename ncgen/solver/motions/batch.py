@@ -15,7 +15,7 @@ from ncgen.mechanism.break_times import break_times_of_each
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.engines.compiled import GROWTH
-from ncgen.solver.given import checked_kernels, finite, names_of
+from ncgen.solver.given import checked_kernels, finite, names_of, truth
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import BatchGiven, Choice, States, those_in_lanes
 from ncgen.solver.positions.position import TOLERANCE
@@ -125,6 +125,7 @@ def accelerations_batch(
     """
     checked_kernels(kernels)
     t, z, threads = finite(t, "t"), names_of(z, "z", kernels.coordinates), asked_threads(threads)
+    velocities = truth(velocities, "velocities")
     if out is not None and (z or out.choice.kernels is not kernels):
         raise ModelError(f"{kernels.name}: out has results of {out.choice.kernels.name} with its own z; leave z or out out")
     if out is None:
