@@ -9,11 +9,12 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from ncgen.mechanism.arguments import laid, pointer
-from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, break_times, time_laws
+from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime import ConstrainedDynamics
+from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC
 
@@ -68,7 +69,7 @@ class Stepping:
         self.driven.integers = pointer(ffi, self._integers, "int[]")
         self.statistics = ffi.new("ncgen_statistics *")
         self._laws = time_laws(self.kernels)
-        self.has_breaks = bool(self._laws.switches)
+        self.has_breaks = self._laws.has_breaks
         self._known: tuple[float, float, bytes] = 0.0, 0.0, b""
         self._cross, self._jumps = cross, NO_BREAKS
         self.impulses: list[Any] = []
