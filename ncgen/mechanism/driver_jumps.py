@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, UNCERTAINTY, break_times, may_switch
+from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, UNCERTAINTY, break_times
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.time_laws import may_switch
 
 SMALLEST_RATE = 1e-10
 """Jump of a driver's velocity, relative to that velocity, below which it is rounding of the law."""

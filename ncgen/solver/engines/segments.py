@@ -37,7 +37,8 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task, ends: 
     for before, after in [*ends[(ends[:, 1] > t) & (ends[:, 0] < end)].tolist(), [end, end]]:
         if t < before:
             part = Path.empty(kernels.n, path.partitions)
-            reason = _one(engine, part, path, kernels, replace(task, q=q, velocities=velocities), grid, (t, before), work)
+            here = replace(task, q=q, velocities=velocities, before=(float(grid[0]), int(path.counts[0])))
+            reason = _one(engine, part, path, kernels, here, grid, (t, before), work)
             if reason or part.stopped is not None:
                 return reason
             q, qd, work = part.q[-1], part.qd[-1], work + float(part.work[-1])
