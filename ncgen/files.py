@@ -31,6 +31,28 @@ def kind_of(mode: int) -> str:
     return "" if stat.S_ISREG(mode) else KINDS.get(stat.S_IFMT(mode), "something else")
 
 
+def is_there(path: Path) -> bool:
+    """Whether something has a name; False for names that nothing can have."""
+    return _mode(path) is not None
+
+
+def is_file(path: Path) -> bool:
+    """True for what can be read to an end: no folder, no device, no pipe; False for names that no file can have."""
+    return stat.S_ISREG(_mode(path) or 0)
+
+
+def is_folder(path: Path) -> bool:
+    """Whether a name is that of a folder; False for names that no folder can have."""
+    return stat.S_ISDIR(_mode(path) or 0)
+
+
+def _mode(path: Path) -> int | None:
+    try:
+        return os.stat(path).st_mode
+    except (OSError, ValueError):
+        return None
+
+
 # -- reading ---------------------------------------------------------------------------------------------------------------
 
 

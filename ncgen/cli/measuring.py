@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,6 +33,7 @@ def bench(
         bool, typer.Option("--growth", help="of the chain or the arm: generation and steps of longer and longer ones")
     ] = False,
     peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
+    seed: Annotated[int, typer.Option(help="of the random arms that `bench arm` sets beside the example")] = 1,
     limit: Annotated[
         float | None, typer.Option(help="seconds after which a run (--peers, default 20) or a file (robots, default 120) is stopped")
     ] = None,
@@ -67,7 +69,7 @@ def bench(
     if data:
         sections = data_section(map(load, example_names()) if model == "all" else [load(model)])
     else:
-        section = library_section if libraries else gradient_section if gradients else measurements
+        section = library_section if libraries else gradient_section if gradients else partial(measurements, seed=seed)
         sections = section(load(model))
     records = []
     with progress(f"measuring {model}", 3.0) as advance:

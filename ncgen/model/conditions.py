@@ -136,6 +136,6 @@ class Moments(Condition):
 def _principal(numbers: np.ndarray) -> np.ndarray:
     """Principal moments (…, 3), increasing, of tensors (…, 9); NaN where an entry is not finite."""
     tensors = numbers.reshape(*numbers.shape[:-1], 3, 3)
-    finite = np.isfinite(tensors).all(axis=(-2, -1), keepdims=True)
+    finite = np.asarray(np.isfinite(tensors).all(axis=(-2, -1), keepdims=True))
     moments = np.linalg.eigvalsh(np.where(finite, (tensors + tensors.swapaxes(-1, -2)) / 2, 0.0))
     return np.where(finite[..., 0], moments, np.nan)

@@ -92,10 +92,10 @@ class StudyResult:
         """Which variants arrived, (B,)."""
         return self[OK]
 
-    @property
+    @cached_property
     def complete(self) -> bool:
-        """Whether all variants are done."""
-        return len(self) == self.about["variants"]
+        """Whether all variants are done: in a folder every file is read, and one that is not whole does not count."""
+        return len(self) == self.about["variants"] and (self.folder is None or self.folder.is_whole())
 
     @cached_property
     def said(self) -> dict[int, str]:
@@ -174,7 +174,7 @@ class StudyResult:
     def _part(self, first: int, at: Any) -> Part:
         if self.folder is None:
             return at
-        return Part(first, {name: self.folder.column(at, name) for name in self.keys()}, self.folder.said(at))
+        return self.folder.part(first, at)
 
     # -- what it says ----------------------------------------------------------------------------------------------------------------------
 

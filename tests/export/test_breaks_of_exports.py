@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import json
+import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -56,6 +59,26 @@ def swung(t: float) -> float:
             lambda t, y, f=force: [y[1], -9.81 * np.sin(y[0]) + f / 2 * np.cos(y[0])], (a, b), y, "DOP853", rtol=1e-12, atol=1e-14
         ).y[:, -1]
     return float(np.sin(y[0]))
+
+
+def towed() -> ncgen.Model:
+    """2 kg hanging 1 m below a slide that begins to move at 1 m/s after 1 s."""
+    m = ncgen.Model("towed")
+    m.gravity((0, -9.81, 0))
+    axis = m.vector("axis", (1, 0, 0), fixed=True)
+    O, C, A = m.point("O", (0, 0), fixed=True), m.point("C", (0, 0), fixed="y"), m.point("A", (0, -1))
+    m.body("carriage", [C], mass=1.0)
+    m.body("mass", [A], mass=2.0)
+    m.distance(C, A)
+    m.drive(m.slide("s", O, C, axis), sympy.Max(0, m.time - 1))
+    m.simulation(duration=3.0)
+    return m
+
+
+def after_the_jerk(t: float) -> float:
+    """x (m) of that mass, by SciPy: the jerk has no part along the slide on what hangs, which so begins to swing at -1 rad/s."""
+    y = scipy.integrate.solve_ivp(lambda t, y: [y[1], -9.81 * np.sin(y[0])], (1.0, t), (0.0, -1.0), "DOP853", rtol=1e-12, atol=1e-14).y
+    return float(t - 1 + np.sin(y[0, -1]))
 
 
 class Moved:
@@ -166,6 +189,17 @@ def test_a_step_that_fails_behind_a_break_leaves_the_state(tmp_path):
     assert list(moved.state) == before
 
 
+def test_a_driver_whose_velocity_jumps(tmp_path):
+    """The smallest change of velocities in the sense of kinetic energy is the impulse that the driver gives."""
+    moved = Moved(towed(), tmp_path)
+    names = ncgen.compile(towed(), "numpy").coordinates
+    assert moved.advance(3.0).state[4 + names.index("A.x")] == pytest.approx(after_the_jerk(3.0), abs=1e-7)
+    moved.start()
+    for _ in range(230):
+        moved.step(0.013)
+    assert moved.state[4 + names.index("A.x")] == pytest.approx(after_the_jerk(2.99), abs=1e-6)
+
+
 @pytest.mark.parametrize("flags, tolerance", [("-DHANGING_NCGEN_SINGLE", 1e-3), ("-DHANGING_NCGEN_LONG_DOUBLE", 1e-6)])
 def test_every_number_type_compiles(flags, tolerance, tmp_path):
     export(hanging("sine"), "c", tmp_path)
@@ -177,3 +211,70 @@ def test_every_number_type_compiles(flags, tolerance, tmp_path):
 def test_a_mechanism_without_laws_of_time_has_nothing_of_this(exports):
     text = "".join(path.read_text() for path in exports("robot").rglob("*.[ch]"))
     assert "robot_switches" not in text and "robot_next_break" not in text
+
+
+NODE = """
+import { readFileSync } from "node:fs";
+import { %s as Mechanism, coordinates } from "./%s.js";
+const m = await Mechanism.load(readFileSync(new URL("./%s.wasm", import.meta.url)));
+const x = () => m.q[coordinates.indexOf("A.x")], found = [], [end, ...p] = %s;
+p.forEach((value, k) => { m.p[k] = value; });
+found.push(m.start().advance(end, 1e-9, 1e-9) && x());
+m.start();
+for (let k = 1; k <= 20; ++k) m.advance((end * k) / 20, 1e-9, 1e-9);
+found.push(x());
+m.start();
+while (m.t + 0.013 < end) m.step(0.013);
+found.push(m.t, x());
+console.log(JSON.stringify(found));
+"""
+
+
+def by_node(model: ncgen.Model, folder, end: float, *p: float) -> list[float]:
+    """x at the end of one long step, of twenty, and [time, x] of steps of 13 ms."""
+    if not shutil.which("node"):
+        pytest.skip("node is not installed")
+    export(model, "wasm", folder)
+    (folder / "x.mjs").write_text(NODE % (model.name.title(), model.name, model.name, json.dumps([end, *p])))
+    return json.loads(shell("node x.mjs", folder))
+
+
+def by_numpy(model: ncgen.Model, folder, end: float, *p: float) -> list[float]:
+    """The same by a package in NumPy."""
+    export(model, "numpy", folder)
+    lines = [
+        f"from {model.name} import Motion",
+        f"from {model.name}.common import COORDINATES",
+        f"m, x, end = Motion({list(p) or None}), COORDINATES.index('A.x'), {end}",
+        "found = [m.advance(end).q[x]]",
+        "m.start()",
+        "for k in range(1, 21): m.advance(end * k / 20)",
+        "found.append(m.q[x])",
+        "m.start()",
+        "while m.t + 0.013 < end: m.step(0.013)",
+        "print([*map(float, (*found, m.t, m.q[x]))])",
+    ]
+    (folder / "x.py").write_text("\n".join(lines))
+    return json.loads(shell(f"{sys.executable} x.py", folder))
+
+
+OTHERS = pytest.mark.parametrize("moved_by", [by_node, by_numpy])
+
+
+@OTHERS
+@pytest.mark.parametrize("pulse", PULSES)
+def test_others_feel_a_push(pulse, moved_by, tmp_path):
+    """In WebAssembly and NumPy, with the parameter of the description and, in what is quick, with another one."""
+    late = 5e-7 if pulse == "smooth steps" else 0.0
+    long, many, t, steps = moved_by(hanging(pulse), tmp_path, 10.0)
+    assert [long, many] == pytest.approx([swung(5.0 - late)] * 2, abs=5e-8)
+    assert steps == pytest.approx(swung(t - 5.0 - late), abs=5e-8)
+    if moved_by is by_node:
+        assert by_node(hanging(pulse), tmp_path, 28.0, 21.7)[0] == pytest.approx(swung(6.3 - late), abs=5e-8)
+
+
+@OTHERS
+def test_others_feel_a_jerk(moved_by, tmp_path):
+    long, many, t, steps = moved_by(towed(), tmp_path, 3.0)
+    assert [long, many] == pytest.approx([after_the_jerk(3.0)] * 2, abs=2e-7)
+    assert steps == pytest.approx(after_the_jerk(t), abs=1e-6)

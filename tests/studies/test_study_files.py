@@ -144,3 +144,31 @@ def test_pictures(found):
     assert len(lines) == 30
     with pytest.raises(ncgen.NcgenError, match="nothing to draw"):
         picture("t", {"a": b}, {"x": np.full(30, np.nan)}, np.empty(0), None)
+
+
+def named(name: str) -> ncgen.Model:
+    m = ncgen.Model("named")
+    A, B = m.point("A", (0, 0), fixed=True), m.point("B", (0, -1))
+    m.body("bob", [B], mass=m.parameter(name, 1.0))
+    m.distance(A, B)
+    m.gravity((1, -9.81, 0))
+    return m
+
+
+@pytest.mark.parametrize("name", ["file", "said", "allow_pickle"])
+def test_parameters_of_any_name_are_written(tmp_path, name):
+    """Also those that NumPy's own writer takes for its arguments."""
+    found = ncgen.study(named(name), {name: [1.0, 2.0]}, keep="B.x", duration=0.1, folder=tmp_path / "study")
+    assert ncgen.read(tmp_path / "study")[name].tolist() == found[name].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("name", ["ok", "steps"])
+def test_columns_have_names_of_their_own(name):
+    """What varies is not replaced in silence by what the results call so."""
+    with pytest.raises(ncgen.ModelError, match=f"vary, {name}: the results have another column of that name; rename the parameter"):
+        ncgen.study(named(name), {name: [1.0, 2.0]}, keep="steps", duration=0.1)
+
+
+def test_durations_that_no_double_holds():
+    with pytest.raises(ncgen.ModelError, match="duration: a number of 401 digits given; it must be a positive number of seconds"):
+        ncgen.study(named("m"), {"m": [1.0]}, keep="B.x", duration=10**400)

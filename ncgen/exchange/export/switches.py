@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.emit.c.spelling import number
-from ncgen.mechanism.break_times import MOST_BREAKS, TIME, TimeLaws, break_times, time_laws
+from ncgen.mechanism.break_times import MOST_BREAKS, break_times
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.narrow_laws import TIME
+from ncgen.mechanism.time_laws import TimeLaws, time_laws
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient, tangent
@@ -41,7 +42,7 @@ class Switching:
     @property
     def described(self) -> dict[str, object]:
         """What templates are told."""
-        return {"lines": self.lines, "curves": self.curves, "size": self.program.size, "interval": number(self.interval)}
+        return {"lines": self.lines, "curves": self.curves, "size": self.program.size, "interval": repr(self.interval)}
 
 
 def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Switching | None:

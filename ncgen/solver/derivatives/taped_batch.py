@@ -16,6 +16,7 @@ import numpy as np
 
 from ncgen.errors import NcgenError
 from ncgen.mechanism.batch import thread_count
+from ncgen.mechanism.driver_jumps import may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motions import LaneRuns, Motions
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion
@@ -90,8 +91,8 @@ class TapedBatch:
 
     @cached_property
     def _motions(self) -> Motions | None:
-        """In lanes, None where the motion is not written out or too long for them."""
-        if not is_taped(self.kernels, self.method):
+        """In lanes, None where the motion is not written out or too long for them, or where drivers may ask for impulses."""
+        if not is_taped(self.kernels, self.method) or may_jump(self.kernels):
             return None
         motions = Motions(all_coordinates(checked_compiled(self.kernels), form="emitted"), self.method, self.times)
         return motions if motions.may_run else None
@@ -143,7 +144,8 @@ class TapedBatch:
             positions = velocities if same else kinematics_of_many(kernels, partitions.position, q, t, p, nu)[0]
         except np.linalg.LinAlgError:
             return part
-        qd = (velocities @ zd[:, :, None])[:, :, 0] + driven
+        with np.errstate(invalid="ignore", over="ignore"):  # a state that is no number is reported by its run
+            qd = (velocities @ zd[:, :, None])[:, :, 0] + driven
         runs = motions.run(q, qd, p, asked.weigh is not None, asked.of(part))
         fine = part.start + np.flatnonzero(~runs.other)
         if asked.weigh is not None and len(fine):

@@ -254,10 +254,11 @@ def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np
         here = q[i].tobytes() + p[i].tobytes()
         if here not in found:
             found[here] = _assembled(kernels, q[i], t, p[i])
-        if isinstance(found[here], str):
-            faults[int(i)], q[i] = found[here], np.nan
+        place = found[here]
+        if isinstance(place, str):
+            faults[int(i)], q[i] = place, np.nan
         else:
-            q[i] = found[here]
+            q[i] = place
     return q, faults
 
 
@@ -281,4 +282,5 @@ def _may_be_mirrored(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> np.ndarr
     else:
         measured = measured_angles(kernels, q, p[0])
     errors = q[:, [kernels.index[angle.name] for angle in known]] - measured
-    return np.min(np.cos(errors), axis=1) < NEAR_HALF_A_TURN
+    with np.errstate(invalid="ignore"):  # an angle that is no number is reported by its run
+        return np.min(np.cos(errors), axis=1) < NEAR_HALF_A_TURN
