@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.mechanism.break_times import break_times, time_laws
+from ncgen.mechanism.break_times import break_times
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime import ConstrainedDynamics
+from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC
 
@@ -47,7 +48,7 @@ class Stepping:
         self.driven.integers = ffi.from_buffer("int[]", self._integers)
         self.statistics = ffi.new("ncgen_statistics *")
         self._laws = time_laws(self.kernels)
-        self.has_breaks = bool(self._laws.switches)
+        self.has_breaks = self._laws.has_breaks
         self._known: tuple[float, float, bytes] = 0.0, 0.0, b""
 
     def look_ahead(self, p: np.ndarray, t: float, t_end: float) -> None:

@@ -29,7 +29,7 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task) -> Non
     for start, end in smooth_parts(task.breaks, float(grid[len(path.q)]), float(grid[-1])):
         part = Path.empty(kernels.n, path.partitions)
         times = np.unique(np.concatenate([[start], grid[(grid > start) & (grid < end)], [end]]))
-        here = replace(task, grid=times, q=q, velocities=velocities)
+        here = replace(task, grid=times, q=q, velocities=velocities, before=(float(grid[0]), int(path.counts[0])))
         try:
             engine(part, kernels.driven_by(task.signals.begun_at(float(start))) if task.signals else kernels, here)
         finally:

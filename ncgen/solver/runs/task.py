@@ -32,6 +32,7 @@ class Task:
         reached
     signals: what drives the mechanism, if anything does
     breaks (B, 2): the breaks of the laws in time (s), as `break_times` finds them
+    before: when the run began (s), of which this is a part, and how many steps it has taken so far
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -49,6 +50,7 @@ class Task:
     signals: Signals | None = None
     breaks: np.ndarray = field(default_factory=lambda: NO_BREAKS)
     looks: np.ndarray | None = None
+    before: tuple[float, int] = (0.0, 0)
 
     def looks_from(self, row: int) -> np.ndarray:
         """The mask from a row on."""
