@@ -69,7 +69,7 @@ def break_times(
     laws = time_laws(kernels)
     if not laws.has_breaks and not any(told):
         return NO_BREAKS
-    gap = UNCERTAINTY * rounding * max(abs(start), abs(end))
+    gap = UNCERTAINTY * max(rounding, DOUBLE) * max(abs(start), abs(end))  # the times are doubles
     found = []
     if laws.has_breaks:
         driven = tuple(len(p) - len(told) + i for i, signal in enumerate(told) if signal is not None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,9 @@ from ncgen.program.ir.inlined import inlined
 
 ZERO = Pieces((0.0,), ((0.0, -1.0), (0.0, 1.0)))
 """What sign is, as pieces."""
+
+SWITCHING = frozenset({"sign", "abs", PIECES})
+"""Codes of operations that change their formula."""
 
 BREAKING = frozenset({"div", PIECES, *FUNCTIONS})
 """Codes of operations that a law with breaks has."""
@@ -73,7 +76,7 @@ def _laws(kernels: Kernels) -> TimeLaws:
     graph, known, outputs = Graph(), {}, []
     sizes = {"t": 1, "p": len(kernels.p0), "q": kernels.n, "qd": kernels.n}
     for program in kernels.programs.programs.values():
-        if _may_break(program):
+        if _reads_time(program, BREAKING):
             inputs = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
             outputs += inlined(graph, program, inputs)
     over_time: dict[int, int] = {}  # node -> the same among the laws' own
@@ -83,7 +86,7 @@ def _laws(kernels: Kernels) -> TimeLaws:
             over_time[node] = own.copied(op, ())
         elif op.args and all(a in over_time for a in op.args):
             over_time[node] = made = own.copied(op, [over_time[a] for a in op.args])
-            if op.code in ("sign", "abs", PIECES) and made not in known and own.ops[made].args:
+            if op.code in SWITCHING and made not in known and own.ops[made].args:
                 known[made] = own.ops[made]
     t = own.load(*TIME)
     used = {*outputs, *(a for node, op in enumerate(graph.ops) if node not in over_time for a in op.args)}
@@ -123,7 +126,7 @@ def _narrow_nodes(graph: Graph, roots: Iterable[int]) -> tuple[int, ...]:
             degree = below[0]
         else:
             degree = np.inf if any(below) else 0.0
-            is_narrow = degree > 0.0 and op.code not in ("sign", "abs", PIECES) and (op.code not in SLOW or below[0] > 1.0)
+            is_narrow = degree > 0.0 and op.code not in SWITCHING and (op.code not in SLOW or below[0] > 1.0)
         degrees[node] = degree if degree <= HIGHEST_DEGREE else np.inf
         if is_narrow:
             found.append(node)
@@ -140,9 +143,14 @@ def _without_others(graph: Graph, switches: Sequence[Switch], narrow: Sequence[i
     return TimeLaws(ops, tuple(renumbered), tuple(new[node] for node in narrow), read)
 
 
-def _may_break(program: Program) -> bool:
-    """True if a program reads the time and has an operation that changes its formula, or may change quickly."""
-    if not any(op.code in BREAKING for block in program.blocks for op in block.ops):
+def may_switch(program: Program) -> bool:
+    """True if a program reads the time and has an operation that changes its formula."""
+    return _reads_time(program, SWITCHING)
+
+
+def _reads_time(program: Program, codes: Container[str]) -> bool:
+    """True if a program reads the time and has an operation of these codes."""
+    if not any(op.code in codes for block in program.blocks for op in block.ops):
         return False
     loads = any(op.code == "load" and op.input == TIME for block in program.blocks for op in block.ops)
     return loads or any(slot.array == "t" for block in program.blocks for slot in block.slots)

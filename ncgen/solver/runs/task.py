@@ -31,7 +31,7 @@ class Task:
     progress: called now and then with the time reached. What is raised meanwhile ends the run and is raised, the path holding what was
         reached
     signals: what drives the mechanism, if anything does
-    breaks (B, 2): the breaks of the laws in time (s), as `break_times` finds them
+    breaks (B, 2): the breaks of the laws in time (s), as `break_times` finds them; jumps (J, 2): those at which a driver's velocity jumps
     before: when the run began (s), of which this is a part, and how many steps it has taken so far
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
@@ -51,6 +51,7 @@ class Task:
     breaks: np.ndarray = field(default_factory=lambda: NO_BREAKS)
     looks: np.ndarray | None = None
     before: tuple[float, int] = (0.0, 0)
+    jumps: np.ndarray = field(default_factory=lambda: NO_BREAKS)
 
     def looks_from(self, row: int) -> np.ndarray:
         """The mask from a row on."""
