@@ -37,7 +37,8 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task, ends: 
     for before, after in [*ends[(ends[:, 1] > t) & (ends[:, 0] < end)].tolist(), [end, end]]:
         if t < before:
             part = Path.empty(kernels.n, path.partitions)
-            reason = _one(engine, part, path, kernels, replace(task, q=q, velocities=velocities), grid, (t, before), work)
+            here = replace(task, q=q, velocities=velocities, before=(float(grid[0]), int(path.counts[0])))
+            reason = _one(engine, part, path, kernels, here, grid, (t, before), work)
             if reason or part.stopped is not None:
                 return reason
             q, qd, work = part.q[-1], part.qd[-1], work + float(part.work[-1])
@@ -65,9 +66,8 @@ def _one(
     looks[places] = task.looks_from(first)[: last - first]
     looks[[0, -1]] = False  # the ends are what the run goes on from
     inside = task.breaks[(task.breaks[:, 0] > ends[0]) & (task.breaks[:, 1] < ends[1])]
-    before = float(grid[0]), int(path.counts[0])
     try:
-        return engine(part, kernels, replace(task, grid=times, looks=looks, breaks=inside, before=before))
+        return engine(part, kernels, replace(task, grid=times, looks=looks, breaks=inside))
     finally:
         _take_over(path, part, places, work, float(grid[first - 1]) if first else -np.inf)
         task.looked_at(first, times[places])

@@ -52,6 +52,7 @@ class Task:
     looks: np.ndarray | None = None
     before: tuple[float, int] = (0.0, 0)
     jumps: np.ndarray = field(default_factory=lambda: NO_BREAKS)
+    before: tuple[float, int] = (0.0, 0)
 
     def looks_from(self, row: int) -> np.ndarray:
         """The mask from a row on."""
