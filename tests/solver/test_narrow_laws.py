@@ -126,7 +126,7 @@ def test_batches_and_steppers_feel_it():
 
 @pytest.mark.parametrize("given", [("rk4", None), ("dop853", 1e-8)], ids=str)
 def test_a_pulse_has_a_gradient(given):
-    """A rod on a hinge, without weight, is pushed at its end and turns by rate (T − at), where the rate is the impulse over m L / 3. Ten steps
+    """A rod on a hinge, without weight, is pushed at its end and turns by rate (T − at), the rate being the impulse over m L / 3. Ten steps
     of rk4 with those between breaks are too coarse for the time of the pulse, by which forces change a thousand times as fast."""
     m = ncgen.Model("turned")
     O, A = m.point("O", (0, 0), fixed=True), m.point("A", (1, 0))
