@@ -147,6 +147,12 @@ def test_every_law(law, engine):
     assert drift(run.kernels, run.t, run.q, run.qd, run.work, run.p) < 1e-9
 
 
+def test_impulses_are_kept_in_files(tmp_path):
+    run = moved("table")
+    again = ncgen.read(run.to_npz(tmp_path / "trajectory.npz"))
+    assert again.impulses == run.impulses and len(run.impulses) == 2
+
+
 @pytest.mark.parametrize("engine", ["c", "python"])
 def test_rows_at_a_jump_are_before_it(engine):
     """Also at the end of a run, which is no contradiction."""
@@ -238,3 +244,86 @@ def test_which_breaks_are_jumps():
     kernels = ncgen.compile(spinner(law), "numpy")
     found = driver_jumps(kernels, kernels.p0, kernels.q0, break_times(kernels, kernels.p0, 0.0, 2.0))
     assert found.mean(axis=1) == pytest.approx([0.4, 1.0, 1.7], rel=1e-14)
+
+
+@pytest.mark.parametrize("integrator, h, within", [("auto", 0.1, 1e-7), ("auto", 0.3, 1e-7), ("auto", 2.0, 1e-7), ("rk4", 0.01, 1e-7)])
+def test_steps_from_outside_take_the_impulse(integrator, h, within):
+    """Steps that end at the jump, and such that pass it."""
+    kernels, impulses = kernels_of("Max"), []
+    given = dict(integrator=integrator, rtol=1e-9, zd0={"phi": TURNING})
+    one, many = ncgen.start(kernels, **given), ncgen.start_batch(kernels, 3, threads=2, **given)
+    before, total = one.state, sum(one.energy()[:2])
+    while one.t < 2.0 - 1e-9:
+        step = min(h, 2.0 - one.t)
+        one.step(step)
+        many.step(step)
+        impulses += one.impulses
+        assert sum(one.energy()[:2]) - one.work == pytest.approx(total, abs=1e-7)
+    phi, rate, sizes, work = exact("Max")
+    assert [one["phi"], one["rate(phi)"], one.work] == pytest.approx([phi, rate, work], abs=within)
+    assert [(each.driver, each.t) for each in impulses] == [("s", 1.0)] and impulses[0].size == pytest.approx(sizes[0], abs=within)
+    assert many["phi"] == pytest.approx(3 * [one["phi"]], abs=1e-14) and many.work == pytest.approx(3 * [one.work], abs=1e-14)
+    one.reset(before).step(2.0)
+    assert one["phi"] == pytest.approx(phi, abs=0.05 if integrator == "rk4" else within)  # one step of rk4 up to the jump, and one after
+
+
+def test_a_step_that_ends_at_a_jump_ends_before_it():
+    """However the steps' sum is rounded."""
+    for count in (1, 3, 7, 10, 49):
+        sim = ncgen.start(kernels_of("Max"), rtol=1e-9, zd0={"phi": TURNING})
+        for _ in range(count):
+            sim.step(1.0 / count)
+        assert sim["rate(s)"] == pytest.approx(0.0, abs=1e-12) and not sim.impulses
+        sim.step(1.0)
+        assert sim["rate(phi)"] == pytest.approx(exact("Max", sim.t)[1], abs=1e-7) and len(sim.impulses) == 1
+
+
+def test_a_stepper_refuses_positions_that_jump():
+    sim = ncgen.start(ncgen.compile(spinner(lambda m: PLACE + 0.1 * sympy.Heaviside(m.time - 1))))
+    with pytest.raises(ModelError, match="the driver of s jumps by 0.1 at t = 1 s"):
+        sim.step(1.5)
+    assert sim.t == 0.0
+
+
+@pytest.mark.parametrize("integrator", ["dopri5", "dop853", "rk4"])
+def test_states_of_a_batch_take_the_impulse(integrator):
+    """Each at a time of its own; those without a jump in the run go in lanes, with the bits that they have alone."""
+    begins = np.array([0.5, 1.0, 1.7, 2.5, 3.0])
+    step = {"max_step": 0.01} if integrator == "rk4" else {}
+    given = dict(zd0={"phi": TURNING}, rtol=1e-9, integrator=integrator, **step)
+    batch = ncgen.simulate_batch(kernels_of("parameter"), 2.0, p={"begin": begins}, **given)
+    assert batch.ok.all() and batch.alone.tolist() == [True, True, True, False, False]
+    index = kernels_of("parameter").index
+    for k, begin in enumerate(begins[:3]):
+        phi, rate, _, work = exact("parameter", begin=begin)
+        found = [batch.q[k, -1, index["phi"]], batch.qd[k, -1, index["phi"]], batch.work[k, -1]]
+        assert found == pytest.approx([phi, rate, work], abs=1e-7)
+    assert batch.q[3:, -1, index["phi"]] == pytest.approx(2 * TURNING, abs=1e-7)
+    alone = ncgen.simulate_batch(kernels_of("parameter"), 2.0, p={"begin": begins[3:4]}, **given)
+    assert np.array_equal(alone.q[0], batch.q[3])
+
+
+def test_a_batch_says_which_positions_jump():
+    def law(m):
+        return PLACE + 0.1 * sympy.Heaviside(m.time - m.parameter("begin", 1.0))
+
+    batch = ncgen.simulate_batch(ncgen.compile(spinner(law)), 2.0, p={"begin": np.array([1.0, 3.0])})
+    assert batch.status[1] == "ok" and "jumps by 0.1 at t = 1 s" in batch.status[0]
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "dop853", "rattle", "trapezoidal"])
+def test_derivatives_over_an_impulse_are_refused(integrator):
+    with pytest.raises(ModelError, match="the velocity of a driver jumps at t = 1 s, and derivatives do not go through that impulse"):
+        ncgen.sensitivities(kernels_of("parameter"), 2.0, 100, integrator=integrator, zd0={"phi": TURNING})
+    early = ncgen.sensitivities(kernels_of("parameter"), 0.9, 100, integrator=integrator, zd0={"phi": TURNING})
+    assert np.all(np.isfinite(early.qd))
+
+
+def test_derivatives_of_many_motions_over_an_impulse_are_refused():
+    def objective(q, qd):
+        slope = np.zeros_like(q)
+        slope[-1, 0] = 1.0
+        return q[-1, 0], slope, np.zeros_like(qd)
+
+    found = ncgen.gradient_batch(kernels_of("parameter"), 2.0, 100, objective, p={"begin": np.array([1.0, 3.0])})
+    assert found.status[1] == "ok" and "do not go through that impulse" in found.status[0]

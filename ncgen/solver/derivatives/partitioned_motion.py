@@ -16,6 +16,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.break_times import break_times
+from ncgen.mechanism.driver_jumps import refuse_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.table import INTEGRATORS
@@ -54,6 +56,7 @@ class PartitionedMotion:
         self.signals = signals
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self.t = watched(kernels), begun.p, times
+        refuse_jumps(kernels, begun.p, begun.q, break_times(kernels, begun.p, times[0], times[-1]), "derivatives")
         self.h = (times[-1] - times[0]) / (len(times) - 1)
         self.partition = determined(begun.partitions).position
         independent = self.partition.independent

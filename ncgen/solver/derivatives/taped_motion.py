@@ -19,6 +19,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.break_times import break_times
+from ncgen.mechanism.driver_jumps import refuse_jumps
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.sweep import SMALL, Sweep
 from ncgen.mechanism.taped import Driven, Segmented, taped
@@ -118,6 +119,7 @@ class TapedMotion:
         start = begun.q, begun.qd, begun.p
         told = signals.functions if signals else ()
         breaks = break_times(kernels, begun.p, times[0], times[-1], told)
+        refuse_jumps(kernels, begun.p, begun.q, breaks, "derivatives")
         self._run = taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"), inputs=told, breaks=breaks)
         self._check()
 
