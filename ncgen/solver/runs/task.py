@@ -50,7 +50,6 @@ class Task:
     signals: Signals | None = None
     breaks: np.ndarray = field(default_factory=lambda: NO_BREAKS)
     looks: np.ndarray | None = None
-    before: tuple[float, int] = (0.0, 0)
     jumps: np.ndarray = field(default_factory=lambda: NO_BREAKS)
     before: tuple[float, int] = (0.0, 0)
 
