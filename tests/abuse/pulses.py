@@ -233,7 +233,7 @@ def by_stepper(pulses: Sequence[Pulse], rtol: float) -> Iterator[End]:
 
 
 def by_gradient(pulses: Sequence[Pulse], rtol: float) -> Iterator[End]:
-    """The motion that is differentiated; its derivatives have to be there, too. What rests takes equal steps: where a push sets it in motion
+    """The motion that is differentiated; its derivatives have to be there, too. What rests takes equal steps: where a push moves it
     steps with error control are repeated until their stages are settled, and such steps have no derivatives."""
     for pulse in pulses:
         kernels, ends = compiled(pulse.mechanism), []
