@@ -11,10 +11,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ncgen.mechanism.driving import Function
+from ncgen.mechanism.time_laws import TIME
 from ncgen.program.ir.graph import Input, Op
 from ncgen.program.ir.ranges import ranges, values
-
-TIME = Input("t", 0)
 
 FIRST_INTERVALS = 32
 """Intervals of a run in which a law is enclosed at first."""

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.narrow_laws import TIME
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.functions import FUNCTIONS
-from ncgen.program.ir.graph import PIECES, Graph, Op
+from ncgen.program.ir.graph import PIECES, Graph, Input, Op
 from ncgen.program.ir.inlined import inlined
+
+TIME = Input("t", 0)
 
 ZERO = Pieces((0.0,), ((0.0, -1.0), (0.0, 1.0)))
 """What sign is, as pieces."""

@@ -18,7 +18,7 @@ from ncgen.errors import ModelError, NcgenError, shown, written
 from ncgen.mechanism.arguments import numbers
 from ncgen.methods.table import is_real
 from ncgen.model import Model
-from ncgen.solver.conditions import check_parameters
+from ncgen.solver.parameter_checks import check_parameters
 
 Given: TypeAlias = "ArrayLike | Mapping[str, float]"
 """In signatures: numbers in their order, or some of them by name."""

@@ -20,12 +20,12 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO, INTEGRATORS, find_integrator
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.conditions import check_parameters
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse, cross
 from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, values_by_name
 from ncgen.solver.motions.alone import Alone
+from ncgen.solver.parameter_checks import check_parameters
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.choice import ALL, EXPLICIT
 from ncgen.solver.runs.run import Initial, InitialArguments, relative_tolerance
