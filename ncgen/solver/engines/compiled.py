@@ -29,7 +29,7 @@ from ncgen.solver.positions.partition import (
     quality,
     stuck_message,
 )
-from ncgen.solver.positions.position import TOLERANCE, solve_position
+from ncgen.solver.positions.position import TOLERANCE, newton_position
 from ncgen.solver.positions.rank import closeness_at, freedom_at, trial_positions
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
@@ -341,7 +341,8 @@ def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
         other = p + ASIDE * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))
         t = float(ASIDE * generator.uniform())
         try:
-            close = solve_position(kernels, found[-1].q, t, refresh_branches(kernels, q, other), tolerance=closeness_at(kernels, q))
+            there, free = refresh_branches(kernels, q, other), np.arange(kernels.n)
+            close = newton_position(kernels, found[-1].q, t, there, free, closeness_at(kernels, q))
             found.append(Sample(t, close.q, other))
         except NcgenError:
             continue  # these parameters leave no position
