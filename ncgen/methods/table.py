@@ -14,7 +14,7 @@ from functools import cache, cached_property
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import SHOWN, ModelError, shortened, shown
 from ncgen.methods.explicit import EXPLICIT, Published
 
 if TYPE_CHECKING:
@@ -235,8 +235,8 @@ def options_of(formalism: Formalism, integrator: Integrator, given: dict[str, An
         raise ModelError(f"options: {shown(given)} given; give a dictionary {{name: value}}")
     for name, value in (given or {}).items():
         if name not in defaults:
-            called, method = name if isinstance(name, str) else shown(name), f"{formalism.name} with {integrator.name}"
-            raise ModelError(f"option {called}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
+            method = f"{formalism.name} with {integrator.name}"
+            raise ModelError(f"option {_text(name)}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
         _check_option(name, value, defaults[name])
     return {**defaults, **(given or {})}
 
@@ -252,4 +252,9 @@ def _check_option(name: str, value: object, default: object) -> None:
         return
     elif isinstance(value, bool) or not is_real(value) or not 0 <= value <= LIMITS.get(name, sys.float_info.max):
         wanted = f"from 0 to {LIMITS[name]:.3g}" if name in LIMITS else "from 0 on"
-        raise ModelError(f"option {name}: {shown(value)} given; it must be a number {wanted}")
+        raise ModelError(f"option {name}: {_text(value)} given; it must be a number {wanted}")
+
+
+def _text(value: object) -> str:
+    """What was given, a text without its quotation marks."""
+    return shortened(value, SHOWN) if isinstance(value, str) else shown(value)
