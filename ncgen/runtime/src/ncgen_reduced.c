@@ -123,6 +123,17 @@ void ncgen_reduced_measure(ncgen_run *r, const ncgen_reduced *w, const ncgen_rea
         chosen[k] = seen[w->chosen[k]] - w->driven[w->chosen[k]];
 }
 
+/* What is measured of no velocity at all, by the way in which joints are measured: not what costs the least kinetic energy. */
+static void measure_driven(ncgen_run *r, ncgen_reduced *w)
+{
+    for (int i = 0; i < r->n; ++i)
+        w->state[i] = w->driven[i] = 0;
+    if (!r->model->nu)
+        return;
+    ncgen_recursive_derivative(r, w->t, w->q, w->state, r->constrained->emitted);
+    ncgen_copy(r->n, r->constrained->emitted, w->driven);
+}
+
 /* Differences -------------------------------------------------------------------------------------------------- */
 
 /* Column k of the Jacobian: the change of accelerations where the part of y from `first` on moves along a column of the basis, over the length of
@@ -150,6 +161,7 @@ int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const
     ncgen_copy(n, y + n, w->q);
     find_allowed(r, w, t);
     eliminate(r, w);
+    measure_driven(r, w);
     ncgen_copy(r->ny, y, w->state);
     int status = r->derivative(r, t, w->state, w->base);
     /* Positions are of size 1; velocities change on the time scale that accelerations have at this size. */
