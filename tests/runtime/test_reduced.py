@@ -84,5 +84,5 @@ def test_a_driver_that_pushes_a_body_beside_its_hinge():
     assert runs[0].engine == "emitted"
     for run in runs:
         momentum = (1.8 + 2.0 * (0.4**2 + run["s"] ** 2)) * run["rate(phi)"] - 2.0 * 0.4 * run["rate(s)"]
-        assert momentum == pytest.approx(momentum[0], abs=1e-9)
+        assert momentum == pytest.approx(momentum[0], abs=1e-7)
     assert runs[0].statistics.steps < 1.2 * runs[1].statistics.steps
