@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -126,7 +126,7 @@ def _narrow_nodes(graph: Graph, roots: Iterable[int]) -> tuple[int, ...]:
             degree = below[0]
         else:
             degree = np.inf if any(below) else 0.0
-            is_narrow = degree > 0.0 and op.code not in ("sign", "abs", PIECES) and (op.code not in SLOW or below[0] > 1.0)
+            is_narrow = degree > 0.0 and op.code not in SWITCHING and (op.code not in SLOW or below[0] > 1.0)
         degrees[node] = degree if degree <= HIGHEST_DEGREE else np.inf
         if is_narrow:
             found.append(node)
@@ -148,8 +148,8 @@ def may_switch(program: Program) -> bool:
     return _reads_time(program, SWITCHING)
 
 
-def _reads_time(program: Program, codes: Collection[str]) -> bool:
-    """True if a program reads the time and has an operation of some codes."""
+def _reads_time(program: Program, codes: Container[str]) -> bool:
+    """True if a program reads the time and has an operation of these codes."""
     if not any(op.code in codes for block in program.blocks for op in block.ops):
         return False
     loads = any(op.code == "load" and op.input == TIME for block in program.blocks for op in block.ops)

@@ -228,8 +228,8 @@ def options_of(formalism: Formalism, integrator: Integrator, given: dict[str, An
         raise ModelError(f"options: {shown(given)} given; give a dictionary {{name: value}}")
     for name, value in (given or {}).items():
         if name not in defaults:
-            method = f"{formalism.name} with {integrator.name}"
-            raise ModelError(f"option {shown(name)}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
+            called, method = name if isinstance(name, str) else shown(name), f"{formalism.name} with {integrator.name}"
+            raise ModelError(f"option {called}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
         _check_option(name, value, defaults[name])
     return {**defaults, **(given or {})}
 
