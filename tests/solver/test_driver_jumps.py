@@ -17,6 +17,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.break_times import break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, goes_with
+from ncgen.solver.formalisms.impulse import cross
 from ncgen.solver.trajectories.energy import drift
 
 MASS, OFFSET, SPEED, PLACE, TURNING = 2.0, 0.4, 0.7, 0.5, 1.3
@@ -38,7 +39,8 @@ LAWS = {
 """{law: from a model to the place of the carriage, and the ends (s) of its parts with the velocity of each}."""
 
 
-def spinner(law) -> ncgen.Model:
+def spinner(law, drive=None) -> ncgen.Model:
+    """drive: what makes the carriage follow the law, from model, slide, angle and law; None for a driver."""
     m = ncgen.Model("spinner")
     O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, OFFSET))
     e = m.vector("e", (1, 0, 0), fixed="z")
@@ -47,8 +49,12 @@ def spinner(law) -> ncgen.Model:
     carriage = m.body("carriage", [C], [e], mass=MASS, com=(PLACE, OFFSET), inertia=0.3)
     m.prismatic(base, carriage, A, C, e)
     s = m.slide("s", A, C, e)
-    m.independent(m.angle("phi", m.vector("x", (1, 0, 0), fixed=True), e, m.vector("z", (0, 0, 1), fixed=True)))
-    m.drive(s, law(m))
+    phi = m.angle("phi", m.vector("x", (1, 0, 0), fixed=True), e, m.vector("z", (0, 0, 1), fixed=True))
+    m.independent(phi)
+    if drive:
+        drive(m, s, phi, law(m))
+    else:
+        m.drive(s, law(m))
     return m
 
 
@@ -145,6 +151,67 @@ def test_every_law(law, engine):
     run = moved(law, engine=engine, **formalism)
     check(run, law, 1e-8)
     assert drift(run.kernels, run.t, run.q, run.qd, run.work, run.p) < 1e-9
+
+
+def held(m, s, phi, law) -> None:
+    m.drive(s, law)
+    m.drive(phi, 0 * m.time)
+
+
+@pytest.mark.parametrize("engine", ["c", "python"])
+def test_a_driver_that_holds_a_coordinate_has_an_impulse_too(engine):
+    """m v along the slide, and m d v about the hinge against it."""
+    run = ncgen.simulate(ncgen.compile(spinner(LAWS["Max"][0], held)), 2.0, engine=engine)
+    assert [each.driver for each in run.impulses] == ["s", "phi"]
+    assert [each.size for each in run.impulses] == pytest.approx([MASS * SPEED, -MASS * OFFSET * SPEED], rel=1e-12)
+    assert run.work[-1] == pytest.approx(MASS * SPEED**2 / 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("options", [{}, {"engine": "python"}, {"formalism": "coordinate-partitioning"}, {"integrator": "radau"}], ids=str)
+def test_other_rows_that_depend_on_time_are_drivers(options):
+    """Equations of the user's own, of positions (whose impulse is half as large, since they are twice as long) and of velocities."""
+    by_position = lambda m, s, phi, law: m.constrain(2 * s.symbol - 2 * law)  # noqa: E731
+    by_velocity = lambda m, s, phi, law: m.constrain_velocity(s.rate - SPEED * sympy.Heaviside(m.time - 1))  # noqa: E731
+    phi, _, (size,), work = exact("Max")
+    for drive, name, scale in ((by_position, "constraint", 0.5), (by_velocity, "velocity constraint", 1.0)):
+        kernels = ncgen.compile(spinner(LAWS["Max"][0], drive))
+        run = ncgen.simulate(kernels, 2.0, rtol=1e-10, zd0={"phi": TURNING}, **options)
+        assert [run["phi"][-1], run.work[-1]] == pytest.approx([phi, work], abs=1e-8)
+        assert [(each.driver, each.t) for each in run.impulses] == [(name, 1.0)]
+        assert run.impulses[0].size == pytest.approx(scale * size, abs=1e-8)
+
+
+def test_a_table_of_many_knots_is_followed():
+    """Of a sine, so that the motion is nearly that of the sine, whose momentum stays, too."""
+    knots = np.linspace(0.0, 2.0, 201)
+    kernels = ncgen.compile(spinner(lambda m: m.table("law", knots, PLACE + 0.1 * np.sin(5 * knots))(m.time)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = ncgen.simulate(kernels, 2.0, zd0={"phi": TURNING}, points=41)
+    momentum = (INERTIA + MASS * run["s"] ** 2) * run["rate(phi)"] - MASS * OFFSET * run["rate(s)"]
+    assert len(run.impulses) == 199 and momentum == pytest.approx(momentum[0], rel=1e-8)
+
+
+def test_a_large_mechanism_is_carried_over_a_jump():
+    """A chain of 120 links that hangs from a driven slide: momentum and energy say the same of all its velocities, by sparse factors."""
+    m = ncgen.Model("chain")
+    first, P = m.vector("x", (1, 0, 0), fixed=True), m.point("O", (0, 0), fixed=True)
+    A = m.point("P0", (0, 0), fixed="y")
+    s = m.slide("s", P, A, first)
+    m.drive(s, sympy.Max(0, m.time - 1))
+    for k in range(1, 121):
+        B = m.point(f"P{k}", (0.1 * k, -0.1 * k))
+        m.body(f"link{k}", [A, B], mass=1.0, inertia="rod")
+        A = B
+    kernels = ncgen.compile(m, "numpy")
+    qd = np.zeros(kernels.n)
+    found = cross(kernels, kernels.q0, qd, 1.0 - 1e-12, 1.0 + 1e-12, kernels.p0)
+    assert np.abs(kernels.phi_q(kernels.q0, 2.0) @ found.qd - kernels.nu(kernels.q0, 2.0)).max() < 1e-10
+    along_x = np.array([c.endswith(".x") for c in kernels.coordinates])
+    momentum = (kernels.mass(kernels.q0) @ found.qd)[along_x].sum()
+    assert [each.driver for each in found.impulses] == ["s"]
+    assert found.impulses[0].size == pytest.approx(momentum, rel=1e-9)
+    assert found.work == pytest.approx(kernels.energy(kernels.q0, found.qd)[0], rel=1e-9)
 
 
 def test_impulses_are_kept_in_files(tmp_path):
