@@ -1,7 +1,7 @@
 """Where narrow smooth laws of time begin and cease to change quickly, for exported motions, whose parameters are not known here.
 
-A Gaussian, 1/cosh or tanh is a function of one argument u, which is linear in time, and parameters stand in u alone. It changes quickly at
-numbers u that are found once, at export; the times follow from them and the parameters, as those of a table's knots do.
+A Gaussian, 1/cosh or tanh is a function of one argument u, which is linear in time, and parameters stand in u alone, or in factors. It
+changes quickly at numbers u that are found once, at export; the times follow from them and the parameters, as those of a table's knots do.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ SAME = 1e-9
 
 
 class Argument(NamedTuple):
-    """u: a node that is linear in time; a polynomial of time is vertex + sign u², or u itself where the sign is 0."""
+    """u: a node that is linear in time. A polynomial g of time is vertex + sign u², or u itself where the sign is 0; where it has a scale
+    of parameters, which is a factor of the law, g over that."""
 
     u: int
     sign: float = 0.0
@@ -56,7 +57,7 @@ def narrow_arguments(graph: Graph, nodes: Iterable[int], defaults: Mapping[Input
         law = graph.div(graph.const(1.0), op.args[1]) if is_share else node
         degrees = degrees_in_time(graph, graph.below([node, law]))
         base = _base(graph, law, degrees)
-        argument = None if base is None else _argument(graph, base, defaults)
+        argument = None if base is None else _argument(graph, law, base, defaults)
         if base is not None and argument is not None:
             period = 2 * np.pi if not argument.sign and _is_periodic(graph, law, base) else 0.0
             knots[argument.u, period].update(_knots(graph, law, base, argument, period))
@@ -85,25 +86,38 @@ def _base(graph: Graph, node: int, degrees: Mapping[int, float]) -> int | None:
     return found.pop() if len(found) == 1 else None
 
 
-def _argument(graph: Graph, base: int, defaults: Mapping[Input, float]) -> Argument | None:
-    """The argument of a polynomial; None where its vertex depends on parameters."""
-    t = {graph.load(*TIME): graph.const(1.0)}
-    slope = tangent(graph, [base], t)[base]
-    curvature = tangent(graph, [slope], t).get(slope)
+def _argument(graph: Graph, law: int, base: int, defaults: Mapping[Input, float]) -> Argument | None:
+    """The argument of a polynomial g, which a law is a function of; None where its vertex is a parameter and no factor of the law."""
+    slope = tangent(graph, [base], {graph.load(*TIME): graph.const(1.0)})[base]
+    curvature = tangent(graph, [slope], {graph.load(*TIME): graph.const(1.0)}).get(slope)
     if curvature is None:
         return Argument(base)
-    signs, vertices = set(), []
-    for factor in FACTORS:
-        given = {each: (value or 1.0) * factor for each, value in defaults.items()}
-        at, bent = (float(values(graph.ops, node, {**given, TIME: 0.0})) for node in (slope, curvature))
-        signs.add(np.sign(bent))
-        with np.errstate(all="ignore"):
-            vertices.append(float(values(graph.ops, base, {**given, TIME: -np.divide(at, bent)})))
-    sign, vertex = signs.pop(), vertices[0]
-    if signs or not sign or not np.ptp(vertices) <= SAME * (1.0 + abs(vertex)):
+    top = graph.neg(graph.div(graph.replaced(slope, {TIME: graph.const(0.0)}), curvature))
+    peak = graph.replaced(base, {TIME: top})
+    bends, vertices = (np.array([_number(graph, node, defaults, factor) for factor in FACTORS]) for node in (curvature, peak))
+    if np.ptp(vertices) <= SAME * (1.0 + abs(vertices[0])):
+        scale, signs, vertex = graph.const(1.0), np.sign(bends), float(vertices[0])
+    elif graph.ops[law].code == "exp" and base in graph.ops[law].args:
+        scale, signs, vertex = graph.const(1.0), np.sign(bends), 0.0  # exp(vertex) is a factor
+    elif _is_power(graph, law, base):
+        scale, signs, vertex = peak, np.sign(bends * vertices), 1.0
+    else:
         return None
-    u = graph.div(slope, graph.call("sqrt", graph.mul(graph.const(2.0), graph.call("abs", curvature))))
-    return Argument(u, float(sign), vertex)
+    if not np.all(np.abs(signs) == 1.0) or np.ptp(signs):
+        return None
+    size = graph.call("abs", graph.mul(curvature, scale))
+    return Argument(graph.div(slope, graph.call("sqrt", graph.mul(graph.const(2.0), size))), float(signs[0]), vertex)
+
+
+def _number(graph: Graph, node: int, defaults: Mapping[Input, float], factor: float) -> float:
+    """The value of a node without time, at other parameters."""
+    return float(values(graph.ops, node, {each: (value or 1.0) * factor for each, value in defaults.items()} | {TIME: 0.0}))
+
+
+def _is_power(graph: Graph, node: int, base: int) -> bool:
+    """Whether a factor of the base is one of the node."""
+    between = graph.below([node], {base}) - {base}
+    return all(graph.ops[n].code in ("mul", "div", "neg", "sqrt", "const") for n in between)
 
 
 def _is_periodic(graph: Graph, node: int, base: int) -> bool:
