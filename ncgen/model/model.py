@@ -80,6 +80,7 @@ class Model(Joints, Loads, Pictures):
         self._related = {}
         self.facts = []
         self.left_out = ()
+        self.starts = {}
         self._telling = False
 
     def __repr__(self) -> str:
