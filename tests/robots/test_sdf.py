@@ -148,6 +148,19 @@ def test_several_free_bodies_fall(tmp_path):
     np.testing.assert_allclose(run["r_b.z"][-1], -0.5 * 9.81 * 0.04, rtol=1e-9)
 
 
+def test_a_link_without_gravity_has_no_weight(tmp_path):
+    """A bar that turns about y on a base that rests: of two links fixed to each other one has weight, m g l cos ψ over both inertias."""
+    arm = link("arm", "0.5 0 0 0 0 0") + link("tip", "1 0 0 0 0 0").replace("<inertial>", "<gravity>false</gravity><inertial>")
+    joint = HINGE.format("j", "world", "arm").replace("<parent>", "<pose>-0.5 0 0 0 0 0</pose><parent>")
+    text = model(arm + joint + '<joint name="f" type="fixed"><parent>arm</parent><child>tip</child></joint>')
+    (tmp_path / "m.sdf").write_text(f'<sdf version="1.7">{text}</sdf>')
+    space = ncgen.joint_space(ncgen.compile(ncgen.load(tmp_path / "m.sdf"), "numpy"))
+    inertia = 2 * 0.2 + 2 * (0.25 + 1.0)
+    for psi in (0.0, 0.4):
+        found = space.forward_dynamics(space.position({"j": psi}))
+        assert found == pytest.approx([2 * 9.81 * 0.5 * np.cos(psi) / inertia], rel=1e-12)
+
+
 def test_nothing_of_a_static_model_moves(read):
     robot = read(model("<static>1</static>" + link("a") + link("b") + HINGE.format("j", "a", "b")))
     assert [(joint.kind, joint.parent) for joint in robot.joints] == [("fixed", "world")] * 2
@@ -267,8 +280,7 @@ def test_the_pitch_of_a_screw(read, said, pitch):
 
 
 LEFT = [
-    ("<gravity>false</gravity>", "links without gravity, which have it here (1)"),
-    ("<gravity>1</gravity>", None),
+    ("<gravity>false</gravity>", None),
     ("<kinematic>true</kinematic>", "kinematic links, which move as others do (1)"),
     ("<velocity_decay><linear>0.1</linear><angular>0</angular></velocity_decay>", "decay of links' velocities (1)"),
     ("<velocity_decay/>", None),

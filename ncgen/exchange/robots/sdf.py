@@ -143,7 +143,9 @@ class _Reader:
         """A link with its mass and looks."""
         looks = [looked(lambda visual=visual: look_of(visual, entry), "visual") for visual in entry.element.all("visual")]
         self.looks += looks
-        return Link(entry.full, mass_of(entry), entry.element.place, seen(looks))
+        mass = mass_of(entry)
+        lifted = (mass,) if mass and flag(entry.element, "gravity") is False else ()
+        return Link(entry.full, mass, entry.element.place, seen(looks), lifted)
 
     def joint(self, entry: Entry) -> Joint | None:
         """A joint, its placement in the world; None where both links rest."""
