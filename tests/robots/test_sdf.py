@@ -348,3 +348,18 @@ def test_what_is_wrong_is_told(read, inside, said):
 def test_old_files_are_refused(read):
     with pytest.raises(ModelError, match="SDF 1.0 is not read; convert it to 1.4 or later"):
         read(model(link("a")), "1.0")
+
+
+@pytest.mark.parametrize("ends", [("world", "nut"), ("nut", "world")])
+def test_a_screw_has_the_name_and_the_zero_of_the_file(tmp_path, ends):
+    """A nut on a vertical screw of pitch p sinks: ψ̈ = −m g k / (I + m k²), k = p/2π m/rad; its coordinate begins at 0."""
+    screw = f'<joint name="lead" type="screw"><pose relative_to="nut"/><parent>{ends[0]}</parent><child>{ends[1]}</child>'
+    screw += "<axis><xyz>0 0 1</xyz></axis><screw_thread_pitch>0.5</screw_thread_pitch></joint>"
+    (tmp_path / "m.sdf").write_text(f'<sdf version="1.10">{model(link("nut", "0.3 0 1 0 0 0.7") + screw)}</sdf>')
+    kernels = ncgen.compile(ncgen.load(tmp_path / "m.sdf"), "numpy")
+    assert kernels.q0[kernels.index["lead"]] == pytest.approx(0.0, abs=1e-15)
+    run = ncgen.simulate(kernels, 0.8, rtol=1e-10, points=3)
+    k, sign = 0.5 / (2 * np.pi), 1 if ends[0] == "world" else -1
+    expected = -2 * 9.81 * k / (0.25 + 2 * k * k) * 0.8**2 / 2
+    assert run["lead"][-1] == pytest.approx(sign * expected, rel=1e-8)
+    assert run["lead_slide"][-1] == pytest.approx(sign * k * expected, rel=1e-8)
