@@ -11,7 +11,7 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
-from ncgen.exchange.robots.robot import Coupling, Mass, Robot, together
+from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import dot, unit
@@ -23,7 +23,7 @@ DURATION = 1.0
 """Of a run that says nothing else (s)."""
 
 NOTHING = 1e-15
-"""Moments of inertia below this share of the mass (m²) are rounding of whoever wrote the file."""
+"""Entries of a tensor below this, over mass · size² of the robot, are rounding of whoever wrote the file."""
 
 
 def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, friction: bool = False) -> Model:
@@ -100,7 +100,8 @@ class _Builder:
             if mass is None:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
-                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), _tensor(mass).tolist())
+                tensor = _tensor(mass, self.layout.size).tolist()
+                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor)
 
     def _show(self, solid: Solid, body: Body) -> None:
         """What a link looks like, on its body."""
@@ -135,7 +136,7 @@ class _Builder:
         elif joint.kind == "screw":
             self.coordinates[joint.name] = self._screw(hold, a, b)
         elif joint.kind == "fixed":
-            self.model.rigid(a, b)
+            self._weld(joint, a, b)
         if joint.armature and (coordinate := self.coordinates.get(joint.name)):
             self.model.rotor(coordinate, joint.armature)
         if joint.has_spring and (coordinate := self.coordinates.get(joint.name)):
@@ -155,6 +156,12 @@ class _Builder:
         slide = self.model.slide(self._free(f"{hold.joint.name}.slide"), start, end, hold.sign * axis)
         self.model.constrain(slide.symbol - hold.joint.pitch / (2 * np.pi) * angle.symbol, f"screw {angle.name}")
         return angle
+
+    def _weld(self, joint: Joint, a: Body, b: Body) -> None:
+        before = len(self.model.rows)
+        self.model.rigid(a, b)
+        if len(self.model.rows) == before:
+            raise ModelError(changes_nothing(joint, "its links move together already"))
 
     def _angle(self, hold: Hold, a: Body, b: Body) -> Relative:
         """A hinge's angle, measured from a direction of the parent to one of the child which are the same at 0."""
@@ -237,9 +244,10 @@ def word(name: str, what: str) -> str:
     return f"{kept}_" if keyword.iskeyword(kept) or (what == "joint" and kept in RESERVED) else kept
 
 
-def _tensor(mass: Mass) -> np.ndarray:
+def _tensor(mass: Mass, size: float) -> np.ndarray:
+    """The tensor about the centre of mass without what is rounding; size: of the robot (m)."""
     tensor = (mass.tensor + mass.tensor.T) / 2
-    return np.where(np.abs(tensor) < NOTHING * mass.mass, 0.0, tensor)
+    return np.where(np.abs(tensor) < NOTHING * mass.mass * size**2, 0.0, tensor)
 
 
 def _across(axis: np.ndarray, known: list[np.ndarray]) -> np.ndarray:

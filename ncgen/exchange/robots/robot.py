@@ -161,10 +161,10 @@ class Robot:
         carried = self._carried()
         roots = [name for name in self.links if name not in carried]
         if not roots:
-            raise self._refused(self.joints[0].where, f"every link hangs on another: joint {self.joints[0].name} is in a circle; cut it")
+            raise refused(self.joints[0].where, f"every link hangs on another: joint {self.joints[0].name} is in a circle; cut it")
         root, *others = roots
         if others:
-            raise self._refused(
+            raise refused(
                 self.links[others[0]].where, f"links {root} and {others[0]} both hang on nothing; join them, a robot has one root"
             )
         children: dict[str, list[Joint]] = {name: [] for name in self.links}
@@ -176,7 +176,7 @@ class Robot:
             waiting += reversed(children[joint.child])
         if len(order) < len(self.joints):
             left = next(joint for joint in self.joints if joint not in set(order))
-            raise self._refused(left.where, f"joint {left.name}: its links {left.parent} and {left.child} are in a circle; cut it")
+            raise refused(left.where, f"joint {left.name}: its links {left.parent} and {left.child} are in a circle; cut it")
         return replace(self, joints=tuple(order))
 
     def grounded(self) -> Robot:
@@ -208,16 +208,17 @@ class Robot:
         for joint in self.joints:
             for name in (joint.parent, joint.child):
                 if name not in self.links:
-                    raise self._refused(joint.where, f"joint {joint.name}: there is no link {shown(name)}")
+                    raise refused(joint.where, f"joint {joint.name}: there is no link {shown(name)}")
             if joint.child in carried:
                 other = carried[joint.child].name
-                raise self._refused(joint.where, f"joint {joint.name}: link {joint.child} hangs on joint {other} already; a tree has one")
+                raise refused(joint.where, f"joint {joint.name}: link {joint.child} hangs on joint {other} already; a tree has one")
             carried[joint.child] = joint
         return carried
 
-    @staticmethod
-    def _refused(where: str, problem: str) -> ModelError:
-        return ModelError(f"{where}: {problem}" if where else problem)
+
+def refused(where: str, problem: str) -> ModelError:
+    """What is wrong, and where it stands in the file if that is known."""
+    return ModelError(f"{where}: {problem}" if where else problem)
 
 
 def hung(robot: Robot, places: Mapping[str, Placement]) -> Robot:
@@ -263,5 +264,13 @@ def together(robot: Robot) -> Robot:
         own, more = links[body], links.pop(joint.child).seen_from(here)
         mass = own.mass.plus(more.mass) if own.mass and more.mass else own.mass or more.mass
         links[body] = replace(own, mass=mass, shapes=(*own.shapes, *more.shapes), lifted=(*own.lifted, *more.lifted))
+    for loop in robot.loops:
+        if home[loop.parent][0] == home[loop.child][0]:
+            raise refused(loop.where, changes_nothing(loop, f"links {loop.parent} and {loop.child} are fixed to each other"))
     loops = tuple(replace(loop, parent=home[loop.parent][0], child=home[loop.child][0]) for loop in robot.loops)
     return replace(robot, links=links, joints=tuple(joints), loops=loops)
+
+
+def changes_nothing(loop: Joint, why: str) -> str:
+    """What is wrong with a joint that closes a loop and holds nothing."""
+    return f"joint {loop.name} changes nothing: {why}; leave it out"
