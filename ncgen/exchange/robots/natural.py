@@ -148,11 +148,7 @@ class _Builder:
         elif joint.kind == "universal":
             self.model.universal(a, b, self._point(hold.start), self._vector(hold.axis), self._vector(hold.second))
         elif joint.kind == "screw":
-            axis = self._vector(hold.axis)
-            angle, _ = self.model.screw(
-                a, b, self._point(hold.start), self._point(hold.end), axis, hold.sign * joint.pitch, self._free(joint.name)
-            )
-            self.coordinates[joint.name] = angle
+            self.coordinates[joint.name] = self._screw(hold, a, b)
         elif joint.kind == "fixed":
             self._weld(joint, a, b)
         if joint.armature and (coordinate := self.coordinates.get(joint.name)):
@@ -165,6 +161,15 @@ class _Builder:
                 self.model.torsion_spring(coordinate, joint.stiffness, joint.damping, joint.rest, label=label)
         elif joint.has_spring and joint.kind in ("spherical", "floating"):
             spring_of_ball(self.model, a, b, joint, self.layout.frames[hold.child.name])
+
+    def _screw(self, hold: Hold, a: Body, b: Body) -> Relative:
+        """The angle of a screw, 0 as the file says it, and how far it goes with that."""
+        start, end, axis = self._point(hold.start), self._point(hold.end), self._vector(hold.axis)
+        self.model.cylindrical(a, b, start, end, axis)
+        angle = self._angle(hold, a, b)
+        slide = self.model.slide(self._free(f"{hold.joint.name}.slide"), start, end, hold.sign * axis)
+        self.model.constrain(slide.symbol - hold.joint.pitch / (2 * np.pi) * angle.symbol, f"screw {angle.name}")
+        return angle
 
     def _weld(self, joint: Joint, a: Body, b: Body) -> None:
         before = len(self.model.rows)
