@@ -67,11 +67,15 @@ class Switch:
 
 @dataclass(frozen=True, eq=False)
 class TimeLaws:
-    """The laws of time alone of one mechanism: ops, and the switches among them in an order in which inner ones come first."""
+    """The laws of time alone of one mechanism: ops, and the switches among them in an order in which inner ones come first.
+
+    parameters: numbers of those that ops read; constant: switches whose arguments depend on parameters alone, inputs among them
+    """
 
     ops: tuple[Op, ...] = ()
     switches: tuple[Switch, ...] = ()
     parameters: tuple[int, ...] = ()
+    constant: tuple[Switch, ...] = ()
 
 
 NO_BREAKS = np.empty((0, 2))
@@ -99,13 +103,13 @@ def break_times(
     gap = UNCERTAINTY * rounding * max(abs(start), abs(end))
     driven = [len(p) - len(told) + i for i, signal in enumerate(told) if signal is not None]
     found = [np.column_stack([knots, knots]) for knots in tables]
-    for switch, times in _by_switch(laws, p, start, end, gap, driven):
+    for switch, times in switch_times(laws, p, start, end, gap, driven):
         half = gap if switch.jumps else 0.0
-        found.append(np.column_stack([times - half, times + half]))
-    return _merged(np.concatenate(found) if found else NO_BREAKS, start, end, gap)
+        found.append(np.empty((0, 2)) if times is None else np.column_stack([times - half, times + half]))
+    return merged(np.concatenate(found) if found else NO_BREAKS, start, end, gap)
 
 
-def _merged(rows: np.ndarray, start: float, end: float, gap: float) -> np.ndarray:
+def merged(rows: np.ndarray, start: float, end: float, gap: float) -> np.ndarray:
     """Rows in order and inside the run; those that are next to each other are one."""
     rows = rows[(rows[:, 1] > start) & (rows[:, 0] < end)]
     rows = np.clip(rows[np.argsort(rows[:, 0], kind="stable")], start, end)
@@ -120,20 +124,21 @@ def _merged(rows: np.ndarray, start: float, end: float, gap: float) -> np.ndarra
 # -- which laws there are ------------------------------------------------------------------------------------------------------------------
 
 
-def time_laws(kernels: Kernels) -> TimeLaws:
-    """The switches of time in forces and constraints, found once for a mechanism."""
-    return kernels.remember("laws of time", (), lambda: _laws(kernels))
+def time_laws(kernels: Kernels, of_inputs: bool = False) -> TimeLaws:
+    """The switches of time in forces and constraints, found once for a mechanism; of_inputs: with those that depend on inputs alone."""
+    return kernels.remember("laws of time", of_inputs, lambda: _laws(kernels, len(kernels.inputs) if of_inputs else 0))
 
 
-def _laws(kernels: Kernels) -> TimeLaws:
+def _laws(kernels: Kernels, inputs: int) -> TimeLaws:
+    """inputs: how many of the last parameters change with time, too."""
     graph, known = Graph(), {}
     sizes = {"t": 1, "p": len(kernels.p0), "q": kernels.n, "qd": kernels.n}
     for program in kernels.programs.programs.values():
-        if _may_switch(program):
-            inputs = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
-            inlined(graph, program, inputs)
+        if _may_switch(program, {TIME, *(Input("p", len(kernels.p0) - 1 - k) for k in range(inputs))}):
+            arrays = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
+            inlined(graph, program, arrays)
     over_time: dict[int, int] = {}  # node -> the same among the laws' own
-    own, switches = Graph(), []
+    own, switches, constant = Graph(), [], list[Switch]()
     for node, op in enumerate(graph.ops):
         if op.code == "const" or (op.code == "load" and op.input.array in ("t", "p")):
             over_time[node] = own.copied(op, ())
@@ -146,24 +151,27 @@ def _laws(kernels: Kernels) -> TimeLaws:
     for node, op in known.items():
         (argument,) = op.args
         below = own.below([argument])
+        pieces = op.pieces if op.code == PIECES else ZERO
         if t not in below:
+            constant.append(Switch(argument, None, pieces, _jumps(op), ()))
             continue
         slope = tangent(own, [argument], {t: own.const(1.0)}).get(argument)
-        pieces = op.pieces if op.code == PIECES else ZERO
         switches.append((node, Switch(argument, slope, pieces, _jumps(op), tuple(numbers[b] for b in below if b in numbers))))
     place = {numbers[node]: k for k, (node, _) in enumerate(switches)}
     found = tuple(
         Switch(s.argument, s.slope, s.pieces, s.jumps, tuple(place[i] for i in sorted(s.inner) if i in place)) for _, s in switches
     )
-    return TimeLaws(tuple(own.ops), found, tuple(op.input.position for op in own.ops if op.code == "load" and op.input.array == "p"))
+    loaded = tuple(op.input.position for op in own.ops if op.code == "load" and op.input.array == "p")
+    return TimeLaws(tuple(own.ops), found, loaded, tuple(constant))
 
 
-def _may_switch(program: Program) -> bool:
-    """True if a program reads the time and has an operation that changes its formula."""
+def _may_switch(program: Program, changing: Collection[Input]) -> bool:
+    """True if a program reads what changes with time and has an operation that changes its formula."""
     if not any(op.code in ("sign", "abs", PIECES) for block in program.blocks for op in block.ops):
         return False
-    loads = any(op.code == "load" and op.input == TIME for block in program.blocks for op in block.ops)
-    return loads or any(slot.array == "t" for block in program.blocks for slot in block.slots)
+    loads = any(op.code == "load" and op.input in changing for block in program.blocks for op in block.ops)
+    arrays = {each.array for each in changing}
+    return loads or any(slot.array in arrays for block in program.blocks for slot in block.slots)
 
 
 def _jumps(op: Op) -> bool:
@@ -188,24 +196,27 @@ def _at(row: Sequence[float], x: float) -> float:
 # -- when their arguments pass knots -------------------------------------------------------------------------------------------------------
 
 
-def _by_switch(
+def switch_times(
     laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float, driven: Collection[int]
-) -> Iterator[tuple[Switch, np.ndarray]]:
-    """Every switch with the times at which it switches; one that depends on inputs that change, or switches too often, has none."""
+) -> Iterator[tuple[Switch, np.ndarray | None]]:
+    """Every switch with the times at which it switches, None where it depends on inputs that change, or switches too often."""
     given: dict[Input, float] = {Input("p", k): float(p[k]) for k in laws.parameters}
     lines = _straight_lines(laws.ops, given, driven)
     rounding = DOUBLE * max(abs(start), abs(end))
     found: list[np.ndarray] = []
     for switch in laws.switches:
+        times: np.ndarray | None
         if lines[switch.argument] is None:
-            times = np.empty(0)
+            times = None
         elif isinstance(line := lines[switch.argument], tuple):
             times = _on_a_line(*line, switch.pieces, start, end)
         else:
             inner = np.unique(np.concatenate([np.empty(0), *(found[k] for k in switch.inner)]))
             times = _on_a_curve(laws.ops, switch, given, _intervals(inner, start, end, gap), rounding)
-        found.append(times[(times >= start) & (times <= end)])
-        yield switch, found[-1]
+        if times is not None:
+            times = times[(times >= start) & (times <= end)]
+        found.append(np.empty(0) if times is None else times)
+        yield switch, times
 
 
 def _straight_lines(ops: Sequence[Op], given: Mapping[Input, float], driven: Collection[int]) -> list[tuple[float, float] | bool | None]:
@@ -249,14 +260,14 @@ def _line(op: Op, arguments: Sequence[tuple[float, float] | bool | None]) -> tup
     return line if np.all(np.isfinite(line)) else True
 
 
-def _on_a_line(a: float, b: float, pieces: Pieces, start: float, end: float) -> np.ndarray:
-    """When a t + b passes knots."""
+def _on_a_line(a: float, b: float, pieces: Pieces, start: float, end: float) -> np.ndarray | None:
+    """When a t + b passes knots; None where that is too often."""
     if a == 0.0:
         return np.empty(0)
     low, high = sorted((a * start + b, a * end + b))
     margin = 1e-9 * (high - low)
     numbers = _numbers(pieces, np.array([low - margin]), np.array([high + margin]))
-    return np.empty(0) if numbers is None else (level(pieces, numbers[1]) - b) / a
+    return None if numbers is None else (level(pieces, numbers[1]) - b) / a
 
 
 def _numbers(pieces: Pieces, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
@@ -280,9 +291,9 @@ def _intervals(breaks: np.ndarray, start: float, end: float, gap: float) -> tupl
 
 def _on_a_curve(
     ops: Sequence[Op], switch: Switch, given: Mapping[Input, float], intervals: tuple[np.ndarray, np.ndarray], rounding: float
-) -> np.ndarray:
-    """When any function of time passes knots: intervals are halved until none has a knot in its range, or the function rises or falls in
-    it. Where even the narrowest tell neither, or there are too many, the values at their ends decide."""
+) -> np.ndarray | None:
+    """When any function of time passes knots, None where that is too often: intervals are halved until none has a knot in its range, or
+    the function rises or falls in it. Where even the narrowest tell neither, or there are too many, the values at their ends decide."""
     if switch.slope is None:
         return np.empty(0)
     low, high = intervals
@@ -298,7 +309,7 @@ def _on_a_curve(
         decided = (falls > 0) | (rises < 0) | narrow | (np.count_nonzero(inside) > MOST_INTERVALS)
         times = _between(ops, switch, given, low[inside & decided], high[inside & decided], rounding)
         if times is None or sum(map(len, found)) + len(times) > MOST_BREAKS:
-            return np.empty(0)
+            return None
         found.append(times)
         low, high = low[inside & ~decided], high[inside & ~decided]
         middle = low + (high - low) / 2

@@ -34,6 +34,15 @@ ncgen_scalar ncgen_next_break(const ncgen_run *r, ncgen_scalar t, ncgen_scalar e
     return signals && k < signals->n_breaks && signals->breaks[k] < end ? signals->breaks[k] : end;
 }
 
+ncgen_scalar ncgen_next_goal(const ncgen_run *r, ncgen_scalar t, ncgen_scalar end)
+{
+    const ncgen_scalar goal = ncgen_next_break(r, t, end);
+    int row = r->rows;
+    while (r->options->max_step < 0 && row < r->n_times && !(r->times[row] > t))
+        ++row;
+    return r->options->max_step < 0 && row < r->n_times && r->times[row] < goal ? r->times[row] : goal;
+}
+
 /* q and qd at t + s h. */
 static int state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
 {

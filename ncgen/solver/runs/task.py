@@ -32,6 +32,7 @@ class Task:
         reached
     signals: what drives the mechanism, if anything does
     breaks (B, 2): the breaks of the laws in time (s), as `break_times` finds them
+    steps_to_rows: whether a method with a fixed step takes one from each time of the grid to the next, whatever max_step is
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -49,6 +50,7 @@ class Task:
     signals: Signals | None = None
     breaks: np.ndarray = field(default_factory=lambda: NO_BREAKS)
     looks: np.ndarray | None = None
+    steps_to_rows: bool = False
 
     def looks_from(self, row: int) -> np.ndarray:
         """The mask from a row on."""
@@ -59,16 +61,22 @@ class Task:
         np.copyto(self.grid[row : row + len(times)], times, where=self.looks_from(row)[: len(times)])
 
     @property
+    def step_in_c(self) -> float:
+        """`max_step` of `ncgen_options`."""
+        return -1.0 if self.steps_to_rows else self.max_step
+
+    @property
     def steps(self) -> int:
-        """How many equal steps of at most max_step a stepper takes: as in C, so that they end with the grid."""
-        return max(1, ceil((self.grid[-1] - self.grid[0]) / self.max_step - CLOSE))
+        """How many steps a stepper takes: one to each row, or equal ones of at most max_step, which as in C end with the grid."""
+        return len(self.grid) - 1 if self.steps_to_rows else max(1, ceil((self.grid[-1] - self.grid[0]) / self.max_step - CLOSE))
 
     @property
     def step(self) -> float | None:
         """The length (s) of the steps of a method that has a fixed one."""
         if not self.method.has_fixed_step:
             return None
-        return float(self.grid[-1] - self.grid[0]) / self.steps if self.method.is_stepper else self.max_step
+        equal = self.method.is_stepper and not self.steps_to_rows
+        return float(self.grid[-1] - self.grid[0]) / self.steps if equal else self.max_step
 
     @property
     def arrival(self) -> float | None:
