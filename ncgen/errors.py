@@ -27,13 +27,18 @@ def shortened(text: str, limit: int = LONGEST_LINE) -> str:
 
 def shown(value: object) -> str:
     """Anything in a message: one line, and not more of it than helps."""
+    return shortened(written(value), SHOWN)
+
+
+def written(value: object) -> str:
+    """Anything in one line, whatever it is; of numbers of more than 60 digits how many these are."""
     if isinstance(value, int) and abs(value) >= 10**SHOWN:
         return f"a number of {int(math.log10(abs(value))) + 1} digits"
     try:
         text = (str if hasattr(type(value), "free_symbols") else repr)(value)
     except (ValueError, RecursionError):  # numbers of more digits than Python writes, and what is too deep
         return f"a {type(value).__name__}"
-    return shortened(" ".join(text.split()), SHOWN)
+    return " ".join(text.split())
 
 
 class NcgenError(Exception):

@@ -25,7 +25,7 @@ ROOMS = {
     ),
 }  # fmt: skip
 """Packages in rooms, each of which loads only those before it; "" are the modules beside them."""
-FOR_ALL = {"errors", "resources", "__version__"}
+FOR_ALL = {"errors", "files", "archives", "resources", "__version__"}
 DOORS = {"__init__", "__main__"}
 """What a user imports: it leads everywhere."""
 TOP = {
@@ -122,6 +122,54 @@ def test_every_part_has_a_place():
     assert {part(path) for path in modules()} <= set(LAYERS) | DOORS | FOR_ALL
 
 
+OPENS = {"open", "read_text", "read_bytes", "write_text", "write_bytes", "touch", "loadtxt", "genfromtxt", "fromfile", "memmap"}
+"""Functions and methods that open a file by its name."""
+
+HARMLESS = ("os", "archive")
+"""Whose functions of such names open none."""
+
+OWN = {
+    "files.py": "opens files for all",
+    "resources.py": "files of the package", "emit/runtime.py": "files of the package", "mechanism/recall.py": "files of the package",
+    "mechanism/direct.py": "files of the package", "report/repeat.py": "files of the package", "view/still.py": "files of the package",
+    "exchange/xla.py": "files of packages", "exchange/examples.py": "the package's examples",
+    "report/machine.py": "/proc", "toolchain/compilers.py": "/proc, and folders that it has made",
+    "toolchain/cache.py": "folders that it has made", "exchange/export/fmu.py": "libraries that were just compiled",
+    "exchange/robots/mjcf_child.py": "a program that imports nothing of ncgen, in a folder that was made for it",
+    "exchange/start.py": "takes a name, which follows no link",
+}  # fmt: skip
+"""{module: what it opens by itself} of those that do."""
+
+
+def openings(source: str) -> list[str]:
+    """Calls by which a source opens files itself."""
+    calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+    found = []
+    for call in calls:
+        match call.func:
+            case ast.Name(id="open"):
+                found.append(f"line {call.lineno}: open")
+            case ast.Attribute(attr="load", value=ast.Name(id="np")):
+                found.append(f"line {call.lineno}: np.load")
+            case ast.Attribute(attr=name, value=whose) if name in OPENS and not ast.unparse(whose).startswith(HARMLESS):
+                found.append(f"line {call.lineno}: {ast.unparse(call.func)}")
+    return found
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_files_of_users_are_opened_in_one_place(path):
+    """By ncgen.files, which neither waits for a pipe nor follows a link where it writes. Comparisons run other programs in folders of
+    their own."""
+    own = path.relative_to(PACKAGE).as_posix()
+    if own not in OWN and not own.startswith("comparisons/"):
+        assert openings(path.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("source", ["open(path)", "path.open('w')", "Path(p).read_text()", "np.load(path)", "path.with_suffix('').touch()"])
+def test_the_check_sees_an_opening(source):
+    assert len(openings(source)) == 1
+
+
 @pytest.mark.parametrize(
     "own, source",
     [
@@ -142,6 +190,31 @@ def test_the_check_sees_a_breach(own, source):
 def test_models_are_described_without_sympy(path):
     """Describing a mechanism loads sympy only when an expression is written."""
     assert "sympy" not in {name.split(".")[0] for name in eager(ast.parse(path.read_text(encoding="utf-8")))}
+
+
+ADDRESSES = {
+    "mechanism/arguments.py": "the one function that hands an array to compiled code, after looking at it",
+    "mechanism/batch.py": "aligned: where memory of its own begins, to choose a part of it",
+    "mechanism/moving.py": "MovingRows: addresses of rows of arrays that it makes, which go into structs of its own",
+    "mechanism/direct.py": "arrays on memory that C has made, of the size that it was made with",
+    "archives.py": "arrays on bytes of a file, which know their length",
+    "exchange/xla.py": "arrays on memory of JAX, which has checked their shapes",
+    "solver/motions/batch.py": "whether two arrays lie in one place; goes nowhere",
+}
+"""Modules in which an array's address occurs, each with what makes that safe."""
+
+
+def addresses(source: str) -> list[int]:
+    """Lines in which an array becomes an address: from_buffer, frombuffer, ctypes and addresses of an array's interface."""
+    words = ("from_buffer", "frombuffer", "ctypes", "__array_interface__", "__cuda_array_interface__")
+    return [node.lineno for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Attribute) and node.attr in words]
+
+
+def test_arrays_reach_c_through_one_function():
+    """C believes what it is told about arrays: `ncgen.mechanism.arguments.pointer` looks at their type, layout and count."""
+    found = {str(path.relative_to(PACKAGE)) for path in modules() if addresses(path.read_text(encoding="utf-8"))}
+    assert found == set(ADDRESSES)
+    assert sorted(addresses("ffi.cast('double *', a.ctypes.data)\nffi.from_buffer('double[]', a)")) == [1, 2]
 
 
 def test_the_check_tells_eager_from_late():

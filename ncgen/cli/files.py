@@ -44,10 +44,10 @@ def convert(
     having: Having = None,
 ) -> None:
     """Write a model as a TOML file, or where the file's name ends with .sdf or .xml as a robot's, an open tree with .urdf, too."""
-    from ncgen.emit.sources import write_text
     from ncgen.exchange.examples import load
     from ncgen.exchange.robots import WRITTEN, robot_text
     from ncgen.exchange.toml_writer import to_toml
+    from ncgen.files import write_text
 
     loaded = load(model, **of_robots(floating, having))
     suffix = output.suffix.lower() if output else ""

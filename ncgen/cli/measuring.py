@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ncgen.cli.completion import words_of
+from ncgen.cli.completion import models, words_of
 from ncgen.cli.terminal import PICTURES, Json, ModelName, out, progress, show, tell, writable
 from ncgen.errors import ModelError
 
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
 
 
 def bench(
-    model: ModelName,
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL", help="an example's name, a path to a model's file, or `robots`", autocompletion=models)
+    ],
+    files: Annotated[list[Path] | None, typer.Argument(help="after `robots`: robots' files, or folders that hold some")] = None,
     precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
     instructions: Annotated[bool, typer.Option("--instructions", help="instructions of a call, counted by valgrind")] = False,
     gradients: Annotated[bool, typer.Option("--gradients", help="derivatives of a motion by all its data, beside differences")] = False,
@@ -29,7 +33,10 @@ def bench(
         bool, typer.Option("--growth", help="of the chain or the arm: generation and steps of longer and longer ones")
     ] = False,
     peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
-    limit: Annotated[float, typer.Option(help="with --peers: seconds after which a run is stopped")] = 20.0,
+    seed: Annotated[int, typer.Option(help="of the random arms that `bench arm` sets beside the example")] = 1,
+    limit: Annotated[
+        float | None, typer.Option(help="seconds after which a run (--peers, default 20) or a file (robots, default 120) is stopped")
+    ] = None,
     html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
     plot: Annotated[Path | None, typer.Option(help="with --precision: write the plot into this .svg or .png file")] = None,
     json_output: Json = False,
@@ -42,6 +49,11 @@ def bench(
 
     writable("--html", html)
     writable("--plot", plot, PICTURES)
+    if model == "robots":
+        _robots(files or [], limit, json_output)
+        return
+    if files:
+        raise ModelError(f"bench {model} {files[0]}: only `robots` takes files; name one model")
     if peers:
         _peers(load(model), limit, json_output)
         return
@@ -57,7 +69,7 @@ def bench(
     if data:
         sections = data_section(map(load, example_names()) if model == "all" else [load(model)])
     else:
-        section = library_section if libraries else gradient_section if gradients else measurements
+        section = library_section if libraries else gradient_section if gradients else partial(measurements, seed=seed)
         sections = section(load(model))
     records = []
     with progress(f"measuring {model}", 3.0) as advance:
@@ -68,6 +80,22 @@ def bench(
                 show_section(out, title, found)
     if json_output:
         print(json.dumps(records, indent=1))
+
+
+def _robots(paths: list[Path], limit: float | None, json_output: bool) -> None:
+    """Robots from files, a line a file."""
+    from ncgen.comparisons import robots
+
+    files, records = robots.robot_files(paths), []
+    with progress("measuring robots", len(files)) as advance:
+        for record in robots.robot_records(files, limit or robots.LIMIT):
+            if not (records or json_output):
+                show([robots.titles()])
+            records.append(record)
+            advance(len(records))
+            if not json_output:
+                show([robots.robot_line(record)])
+    tell(records, robots.summary, json_output)
 
 
 def _growth(model: Model, json_output: bool) -> None:
@@ -95,7 +123,7 @@ def _instructions(model: Model, json_output: bool) -> None:
     tell(records, lambda found: aligned(table(found)), json_output)
 
 
-def _peers(model: Model, limit: float, json_output: bool) -> None:
+def _peers(model: Model, limit: float | None, json_output: bool) -> None:
     """Other simulators beside ncgen."""
     from ncgen.comparisons import peers
 
@@ -104,7 +132,7 @@ def _peers(model: Model, limit: float, json_output: bool) -> None:
     records = []
     for count in peers.COUNTS:
         with progress(f"measuring {count} four-bars", None):
-            found = list(peers.peer_records([count], limit=limit))
+            found = list(peers.peer_records([count], limit=limit or peers.LIMIT))
         records += found
         show(() if json_output else peers.lines(found))
     if json_output:
@@ -115,7 +143,7 @@ def _precision(model: Model, html: Path | None, plot: Path | None, json_output: 
     """Every method from loose to tight; the front in words."""
     from ncgen.comparisons import precision
     from ncgen.comparisons.bench import aligned
-    from ncgen.emit.sources import write_text
+    from ncgen.files import write_text
     from ncgen.report.document import Section, page
     from ncgen.report.machine import machine
 
@@ -154,8 +182,8 @@ def compare(
 ) -> None:
     """Compare generated derivatives with hand-written ones, differences and automatic differentiation: error beside time."""
     from ncgen.comparisons.comparison import Comparison
-    from ncgen.emit.sources import write_text
     from ncgen.exchange.examples import load
+    from ncgen.files import write_text
 
     for option, path, suffixes in (("--html", html, ()), ("--plot", plot, PICTURES), ("--csv", csv, ())):
         writable(option, path, suffixes)

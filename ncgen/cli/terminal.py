@@ -13,6 +13,7 @@ from rich.console import Console
 
 from ncgen.cli.completion import models, words_of
 from ncgen.errors import ModelError
+from ncgen.files import is_file, is_folder, is_there
 from ncgen.report.bar import err, progress, timed
 
 __all__ = ["err", "of_robots", "out", "progress", "show", "tell", "timed", "writable"]
@@ -68,9 +69,11 @@ def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = ()) -> 
         return
     if suffixes and path.suffix.lower() not in suffixes:
         raise ModelError(f"{option} {path}: choose a name that ends in {' or '.join(suffixes)}")
-    if path.is_dir():
+    if is_folder(path):
         raise ModelError(f"{option} {path}: that is a folder; name a file in it")
-    if not path.parent.is_dir():
+    if is_there(path) and not is_file(path):
+        raise ModelError(f"{option} {path}: that is a device or a pipe; name an ordinary file")
+    if not is_folder(path.parent):
         raise ModelError(f"{option} {path}: there is no folder {path.parent}; make it, or choose another")
     if not os.access(path.parent, os.W_OK):
         raise ModelError(f"{option} {path}: the folder {path.parent} cannot be written to; choose another")

@@ -15,6 +15,9 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -26,8 +29,10 @@ from ncgen.comparisons.rivals.exact import DIGITS, exact_motion
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module
+from ncgen.exchange.robots import load_robot
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.runtime import EmittedDynamics
+from ncgen.model import Model
 from ncgen.model.values import evaluate as value_of
 from ncgen.program.ir.cost import cost
 from ncgen.program.programs import Split
@@ -36,6 +41,7 @@ from ncgen.report.derivative import motion
 from ncgen.report.repeat import Call, runner
 from ncgen.solver.engines.compiled import all_coordinates, dynamics, split_of
 from ncgen.solver.motions.batch import accelerations_batch
+from ncgen.solver.motions.simulate import simulate
 
 COUNTS = (7, 20, 50)
 """Joints."""
@@ -45,15 +51,24 @@ REACH, SPEED = 1.0, 1.0
 
 ROUNDS = 15
 
+SEED = 1
+"""Of the random arm that stands beside the example."""
+
+DURATION, STEP = 1.0, 1e-3
+"""Of whole runs, and of their steps by rk4 (s)."""
+
+RTOL, TIGHT = 1e-8, 1e-12
+"""Of whole runs that choose their steps, and of the one whose end theirs are held to."""
+
 FIRST = "ncgen: accelerations and positions"
 
 READY = """
 import json, sys, time
 import numpy, scipy.linalg, cffi.cparser, sympy, ncgen
 import ncgen.emit.sources, ncgen.mechanism.runtime, ncgen.program.assemble, ncgen.program.motions.dynamics, ncgen.solver.engines.compiled
-from ncgen.exchange.examples import example_module
+from ncgen.comparisons.arms import arm
 start = time.perf_counter()
-kernels = ncgen.compile(example_module("arm").build(int(sys.argv[1])), "c")
+kernels = ncgen.compile(arm(*json.loads(sys.argv[1])), "c")
 ncgen.start(kernels).step(1e-3)
 print(time.perf_counter() - start)
 """
@@ -61,8 +76,8 @@ print(time.perf_counter() - start)
 
 @dataclass(frozen=True)
 class Contender:
-    """values: the accelerations of the angles, after a run; operations, ready (seconds from the model): None where nobody knows;
-    states: how many of them one call of the run computes"""
+    """values: the accelerations of the angles after a run, or what else `expected` holds; operations, ready (seconds from the model): None
+    where nobody knows; states: how many of them one call of the run computes"""
 
     name: str
     run: Run
@@ -70,6 +85,7 @@ class Contender:
     operations: int | None = None
     ready: float | None = None
     states: int = 1
+    expected: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,15 +98,47 @@ class Posture:
     q: np.ndarray
     rates: np.ndarray
     expected: np.ndarray
+    arm: tuple[int, int | None]
 
     @property
     def angles(self) -> np.ndarray:
         return self.q[list(self.split.independent)]
 
 
-def posture(count: int) -> Posture:
-    """A random one."""
-    kernels = compile(example_module("arm").build(count), "c")
+LINK = """
+<link name="link{i}"><inertial><origin xyz="{half!r} 0 0" rpy="{turn}"/><mass value="{mass!r}"/>
+<inertia ixx="{ixx!r}" iyy="{iyy!r}" izz="{izz!r}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="psi{i}" type="continuous"><parent link="link{before}"/><child link="link{i}"/><axis xyz="{axis}"/>
+<origin xyz="{length!r} 0 0" rpy="{frame}"/></joint>"""
+
+
+def random_arm(count: int, seed: int) -> Model:
+    """An arm from a robot's file (URDF) whose links' frames are turned by chance: they have 0.3 to 3 kg and are 0.2 to 0.5 m long, and the
+    hinges turn about y and z in turns."""
+    rng, length, text = np.random.default_rng(seed), 0.0, '<link name="link0"/>'
+    for i in range(1, count + 1):
+        frame, turn = (" ".join(map(repr, rng.uniform(-np.pi, np.pi, 3).tolist())) for _ in range(2))
+        before, size, mass = length, float(rng.uniform(0.2, 0.5)), float(rng.uniform(0.3, 3.0))
+        ixx, iyy, izz = (part * mass * size**2 / 12 for part in (0.2, 0.9, 1.0))
+        text += LINK.format(
+            i=i, before=i - 1, length=before, half=size / 2, mass=mass, axis="0 1 0" if i % 2 else "0 0 1", frame=frame, turn=turn,
+            ixx=ixx, iyy=iyy, izz=izz,
+        )  # fmt: skip
+        length = size
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "arm.urdf"
+        path.write_text(f'<robot name="random_arm">{text}</robot>', encoding="utf-8")
+        return load_robot(path)
+
+
+def arm(count: int, seed: int | None = None) -> Model:
+    """The example, or with a seed a random arm."""
+    return example_module("arm").build(count) if seed is None else random_arm(count, seed)
+
+
+def posture(count: int, seed: int | None = None) -> Posture:
+    """A random one of an arm."""
+    kernels = compile(arm(count, seed), "c")
     assert isinstance(kernels, CompiledKernels), "compiled a line above"
     (start, partitions), rng = own_start(kernels), np.random.default_rng(count)
     split = split_of(partitions.velocity)
@@ -103,22 +151,30 @@ def posture(count: int) -> Posture:
         q, zd = ([mpmath.mpf(float(x)) for x in numbers] for numbers in (start, rates))
         found = exact_motion(programs, q, zd, kernels.p0)
         expected = np.array([float(x) for x in found[kernels.n : -2]])
-    return Posture(kernels, emitted, split, np.array([float(x) for x in q]), rates, expected)
+    return Posture(kernels, emitted, split, np.array([float(x) for x in q]), rates, expected, (count, seed))
 
 
-def arm_records(counts: Iterable[int] = COUNTS) -> Iterator[list[dict]]:
-    """The records of one number of joints after the other: count, tool, seconds (the least of several), low, high, ratio to the first,
-    operations, error, ready."""
-    for count in counts:
-        place = posture(count)
-        contenders = [*own(place), *others(place)]
+def arm_records(counts: Iterable[int] = COUNTS, seed: int = SEED) -> Iterator[list[dict]]:
+    """The records of one number of joints after the other, of the example and of a random arm: count, seed (None: the example), tool,
+    seconds (the least of several), low, high, ratio to the first, operations, error, ready."""
+    for count, own_seed in ((count, own_seed) for count in counts for own_seed in (None, seed)):
+        place = posture(count, own_seed)
+        contenders = [*own(place), *whole_runs(place), *others(place)]
         spent = measure({c.name: c.run for c in contenders}, ROUNDS)
         first = spent[FIRST].least
         records = []
         for c in contenders:
             times = spent[c.name].seconds(c.states) | {"seconds": spent[c.name].least / c.states}
-            error = relative_error(c.values(), place.expected)
-            record = {"case": "arm", "count": count, "tool": c.name, "error": error, "operations": c.operations, "ready": c.ready}
+            error = relative_error(c.values(), place.expected if c.expected is None else c.expected)
+            record = {
+                "case": "arm",
+                "count": count,
+                "seed": own_seed,
+                "tool": c.name,
+                "error": error,
+                "operations": c.operations,
+                "ready": c.ready,
+            }
             records.append(record | times | {"ratio": times["seconds"] / first})
         yield records
 
@@ -146,7 +202,7 @@ def own(place: Posture) -> Iterator[Contender]:
         alone(1)
         run = runner(0.0, q, qd.copy(), made.with_prepared(kernels.p0), [], stage)
         found = list(place.split.independent)
-        ready = _ready(len(found))
+        ready = _ready(*place.arm)
         yield Contender("ncgen: a stage of a default run", run, lambda: stage.out[n : 2 * n][found], counts["derivative"], ready)
 
 
@@ -158,10 +214,26 @@ def _side_by_side(place: Posture, operations: int) -> Contender:
     return Contender(f"ncgen: {STATES:,} states in one call", run, lambda: batch.zdd[-1], operations, states=STATES)
 
 
-def _ready(count: int) -> float | None:
+def whole_runs(place: Posture) -> Iterator[Contender]:
+    """Runs of DURATION from the posture, called from Python, by an evaluation; their errors are those of the position at the end."""
+    names = [place.kernels.coordinates[i] for i in place.split.independent]
+    start: dict[str, Any] = {"q0": place.q, "zd0": dict(zip(names, place.rates.tolist(), strict=True)), "points": 2}
+    tight = simulate(place.kernels, DURATION, rtol=TIGHT, **start)
+    ways: dict[str, dict[str, Any]] = {
+        "rk4, 1 ms": {"formalism": "lagrange", "integrator": "rk4", "max_step": STEP},
+        f"default, rtol {RTOL:g}": {"rtol": RTOL},
+    }
+    for name, options in ways.items():
+        run = partial(simulate, place.kernels, DURATION, **start, **options)
+        done = run()
+        evaluations = done.statistics.evaluations
+        yield Contender(f"ncgen: a run of {name}", repeated(run), partial(np.array, done.q[-1]), None, None, evaluations, tight.q[-1])
+
+
+def _ready(count: int, seed: int | None) -> float | None:
     """Seconds from the model to the first step, with an empty cache, in a process of its own."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-c", READY, json.dumps(count)]
+        command = [sys.executable, "-c", READY, json.dumps([count, seed])]
         done = subprocess.run(command, env=os.environ | {"NCGEN_CACHE_DIR": folder}, capture_output=True, text=True)
     return float(done.stdout) if done.returncode == 0 else None
 
@@ -193,8 +265,9 @@ def others(place: Posture) -> Iterator[Contender]:
 # -- for people --------------------------------------------------------------------------------------------------------
 
 
-def title(count: int) -> str:
-    return f"arm of {count} joints: accelerations in a random posture; least ns a state, operations, error against 50 digits"
+def title(record: dict) -> str:
+    which = "arm" if record["seed"] is None else f"random arm (seed {record['seed']})"
+    return f"{which} of {record['count']} joints: accelerations in a random posture; least ns a state, operations, error"
 
 
 def rows(records: list[dict]) -> list[tuple[str, ...]]:

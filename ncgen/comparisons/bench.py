@@ -27,9 +27,10 @@ from ncgen.report.clock import Spread, measure
 LETTERS = {"phi": "Φ", "phi_q": "Φ_q", "gamma": "γ", "all": "together"}
 
 
-def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
+def bench(model: Model, seed: int = arms.SEED) -> Iterator[tuple[str, list[dict]]]:
     """(title, records) of one measurement after the other.
 
+    seed: of the random arms beside the example
     A record has at least case, tool, error and seconds (per call); error None where there is nothing to compare with.
     """
     kernels = compile(model, "c")
@@ -43,7 +44,7 @@ def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
     title = f"batch of {STATES:,} states, of {RUNS:,} simulations: ns a state, gain over one at a time, relative difference"
     yield title, list(batch_records(kernels))
     if model.name == "arm":
-        yield from ((arms.title(records[0]["count"]), records) for records in arms.arm_records())
+        yield from ((arms.title(records[0]), records) for records in arms.arm_records(seed=seed))
 
 
 def gradient_section(model: Model) -> Iterator[tuple[str, list[dict]]]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ncgen.emit.environment import render
+from ncgen.files import write_text
 from ncgen.methods.table import FORMALISMS, INTEGRATORS
 
 FOLDER = Path(__file__).resolve().parent.parent / "runtime"
@@ -123,7 +124,7 @@ def _methods() -> dict[str, Any]:
 def write_printed(folder: Path) -> None:
     """Write the printed headers into a folder, for a build of the library without ncgen around it (see its Makefile)."""
     for name, text in runtime_files(*PRINTED).items():
-        (folder / name).write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
 
 
 if __name__ == "__main__":

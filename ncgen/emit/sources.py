@@ -1,15 +1,14 @@
-"""Generated source files, and writing them so that nobody ever sees half a file."""
+"""Generated source files."""
 
 from __future__ import annotations
 
 import os
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ncgen.emit.language import language, languages
-from ncgen.errors import NcgenError, shown
+from ncgen.files import path_of, write_text
 from ncgen.program.programs import Programs
 
 
@@ -54,40 +53,3 @@ class Sources:
         """
         place = path_of(folder, "folder")
         return [write_text(place / name, text) for name, text in self.files.items()]
-
-
-def path_of(given: str | os.PathLike[str], what: str = "path") -> Path:
-    """A path that something is to be written to. Raises NcgenError for what is none; what: the argument's name."""
-    if not isinstance(given, (str, os.PathLike)) or not str(given):
-        raise NcgenError(f"{what}: {shown(given)} given; name a {'folder' if what == 'folder' else 'file'}")
-    return Path(given)
-
-
-def write_text(path: Path, text: str) -> Path:
-    """Write a text file atomically: to a temporary name in the same folder, then renamed."""
-    return write_bytes(path, text.encode("utf-8"))
-
-
-def write_bytes(path: Path, data: bytes) -> Path:
-    """Write a file atomically, into a folder that is made if missing. Raises NcgenError naming the file if it cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return put(path, data, f".{path.name}.")
-    except OSError as error:
-        raise NcgenError(f"{path} cannot be written: {error.strerror or error}; choose another folder") from error
-
-
-def put(path: Path, data: bytes, prefix: str) -> Path:
-    """Write a file under a temporary name, which begins with prefix, in the same folder and rename it. Raises OSError."""
-    temporary = None
-    try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=prefix, delete=False) as file:
-            temporary = file.name
-            file.write(data)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
-        raise
-    return path

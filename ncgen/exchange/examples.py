@@ -12,11 +12,12 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import TypeVar
 
-from ncgen.errors import SHOWN, ModelError, NcgenError, shortened
+from ncgen.errors import SHOWN, ModelError, NcgenError, shortened, shown
 from ncgen.exchange import robots
-from ncgen.exchange.text import as_path, is_file, why_no_file
+from ncgen.exchange.text import as_path, why_no_file
 from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.words import is_required
+from ncgen.files import is_file, opened
 from ncgen.model import Model
 from ncgen.resources import folder
 
@@ -43,6 +44,9 @@ def load(
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
     path = as_path(name, "the name of an example or the path of a file")
+    for word, given in (("floating", False if floating is None else floating), ("limits", limits), ("friction", friction)):
+        if not isinstance(given, bool):
+            raise ModelError(f"{word}: {shown(given)} given; give True or False")
     suffix = path.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(path):
         return robots.load_robot(path, floating, limits, friction, loops)
@@ -81,6 +85,10 @@ def example_text(name: str) -> str:
 
 class _Reader(SourceFileLoader):
     """Reads a module from its source and leaves no bytecode beside it."""
+
+    def get_data(self, path: str) -> bytes:
+        with opened(path) as file:
+            return file.read()
 
     def get_code(self, fullname: str) -> CodeType:
         return self.source_to_code(self.get_data(self.path), self.path)

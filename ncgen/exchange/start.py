@@ -7,9 +7,9 @@ from pathlib import Path
 from textwrap import wrap
 
 from ncgen.emit.environment import render
-from ncgen.emit.sources import write_text
 from ncgen.errors import ModelError
 from ncgen.exchange.words import is_required, signature_of, words
+from ncgen.files import write_text
 from ncgen.model import Model
 
 WIDTH = 120

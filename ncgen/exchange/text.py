@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import re
+import tomllib
 from pathlib import Path
+from typing import Any
 
 from ncgen.errors import LONGEST_LINE, SHOWN, ModelError, shortened, shown
+from ncgen.files import contents, is_file, is_there
 
 LARGEST = 4_000_000
 """Bytes of a model file."""
@@ -24,20 +29,9 @@ def as_path(given: str | os.PathLike[str], what: str) -> Path:
     raise ModelError(f"{shown(given)} given; give {what}")
 
 
-def is_file(path: Path) -> bool:
-    """True for what can be read to an end: no folder, no device, no pipe; False for names that no file can have."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
 def why_no_file(path: Path, missing: str) -> str:
     """Why a path is no file, where `is_file` says so. missing: the words where nothing is there."""
-    try:
-        return "a model file is an ordinary file, not a folder, a device or a pipe" if path.exists() else missing
-    except (OSError, ValueError):
-        return missing
+    return "a model file is an ordinary file, not a folder, a device or a pipe" if is_there(path) else missing
 
 
 def text_of(path: Path) -> str:
@@ -48,14 +42,39 @@ def text_of(path: Path) -> str:
     if not is_file(path):
         raise ModelError(f"{path}: {why_no_file(path, 'there is no such file')}")
     try:
-        with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
+        data = contents(path, LARGEST)
     except OSError as error:
-        raise ModelError(f"{path}: {error.strerror}") from None
-    if len(data) > LARGEST:
-        raise ModelError(f"{path}: a model file has at most {LARGEST} bytes")
+        why = f"a model file has at most {LARGEST} bytes" if error.errno == errno.EFBIG else error.strerror
+        raise ModelError(f"{path}: {why}") from None
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise ModelError(f"{path}, line {line}: byte {data[error.start]:#04x} is no UTF-8 text; save the file as UTF-8") from None
+
+
+class NotToml(Exception):
+    """A text that is no TOML, or that Python cannot hold: why, and the line (1, …)."""
+
+    def __init__(self, line: int, why: str) -> None:
+        super().__init__(why)
+        self.line = line
+
+
+def toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text. Raises NotToml."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        line = re.search(r"line (\d+)", str(error))
+        raise NotToml(int(line[1]) if line else text.count("\n") + 1, f"not TOML: {error}") from None
+    except ValueError as error:  # a number or a date that Python cannot hold
+        raise NotToml(_line_of_number(text), f"a number or a date that cannot be read: {error}") from None
+    except RecursionError:
+        raise NotToml(1, "lists or tables stand too deep within each other") from None
+
+
+def _line_of_number(text: str) -> int:
+    """The line of the longest run of digits."""
+    longest = max(re.finditer(r"[0-9A-Fa-f_]+", text), key=lambda found: len(found[0]), default=None)
+    return text.count("\n", 0, longest.start()) + 1 if longest else 1

@@ -13,8 +13,6 @@ Mistakes are reported with the line they stand on; `check` goes on after one and
 from __future__ import annotations
 
 import inspect
-import re
-import tomllib
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -23,7 +21,7 @@ from pathlib import Path
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
 from ncgen.exchange.arguments import convert
 from ncgen.exchange.layout import Table, layout
-from ncgen.exchange.text import placed, text_of
+from ncgen.exchange.text import NotToml, placed, text_of, toml
 from ncgen.exchange.words import head, is_required, signature_of, suggestion, words
 from ncgen.model import Model
 from ncgen.model.names import normal
@@ -65,14 +63,9 @@ def read_toml(path: Path) -> tuple[Model | None, list[Problem]]:
 
 def _read(text: str) -> tuple[Model | None, list[Problem]]:
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        line = re.search(r"line (\d+)", str(error))
-        return None, [Problem(int(line[1]) if line else text.count("\n") + 1, f"not TOML: {error}")]
-    except ValueError as error:  # a number or a date that Python cannot hold
-        return None, [Problem(_line_of_number(text), f"a number or a date that cannot be read: {error}")]
-    except RecursionError:
-        return None, [Problem(1, "lists or tables stand too deep within each other")]
+        data = toml(text)
+    except NotToml as error:
+        return None, [Problem(error.line, str(error))]
     reading = _Reading(layout(text), data)
     return reading.model, sorted(reading.problems, key=lambda p: p.line)
 
@@ -90,12 +83,6 @@ def problems_of_run(path: Path, model: Model) -> list[Problem]:
     return sorted(
         (Problem(line_of(path, "simulation", option or ""), message) for option, message in refusals(model)), key=lambda p: p.line
     )
-
-
-def _line_of_number(text: str) -> int:
-    """The line of the longest run of digits."""
-    longest = max(re.finditer(r"[0-9A-Fa-f_]+", text), key=lambda found: len(found[0]), default=None)
-    return text.count("\n", 0, longest.start()) + 1 if longest else 1
 
 
 class _Reading:

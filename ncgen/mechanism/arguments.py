@@ -1,17 +1,26 @@
 """Arrays on their way to kernels: plain numbers, or one sentence that says what was given in their place.
 
-C believes what it is told about arrays, so whatever it reads and writes has gone through here or was made by ncgen itself.
+C believes what it is told about arrays, so whatever it reads and writes goes through `pointer`, and what a caller gave through `numbers`
+before that; tests/test_structure.py has the few other places, with their reasons.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 from numbers import Complex, Real
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike
 
 from ncgen.errors import NcgenError
+
+if TYPE_CHECKING:
+    from ncgen.toolchain.abi import InC, Interface
+
+DTYPES = {f"{name}[]": np.dtype(code) for name, code in {"int": "i", "long": "l", "float": "f", "double": "d", "long double": "g"}.items()}
+"""{array of C: NumPy's type of its numbers}; other ones are dual numbers, NumPy's complex ones."""
 
 ECHOED = 60
 """Characters of what was given that a message repeats."""
@@ -64,6 +73,37 @@ def place(array: object, shape: tuple[int, ...], what: str, beside: Iterable[np.
     if any(np.may_share_memory(array, other) for other in beside):
         raise NcgenError(f"{what} shares memory with an argument; give an array of its own")
     return array
+
+
+def laid(values: ArrayLike, dtype: DTypeLike, count: int, what: str) -> np.ndarray:
+    """Real numbers (…, count) as C reads them: contiguous, of its type. Raises NcgenError as `sized` does."""
+    return np.ascontiguousarray(sized(values, count, what), dtype=dtype)
+
+
+def pointer(ffi: Interface, array: np.ndarray | None, kind: str = "double[]", count: int | None = None, what: str = "an array") -> InC:
+    """An array as an argument in C, which keeps it alive; NULL for None.
+
+    kind: of an array in C; count: numbers that C reads or writes, None where ncgen has just made the array for this call
+    Raises NcgenError for an array of other numbers or of another count, one that is not contiguous, and a masked one.
+    """
+    if array is None:
+        return ffi.NULL
+    dtype = DTYPES.get(kind) or _dtype(ffi, kind)
+    if type(array) is not np.ndarray or not (array.dtype is dtype or array.dtype == dtype) or not _is_laid(array.flags):
+        said = f"{array.dtype}, strides {array.strides}" if isinstance(array, np.ndarray) else ""
+        raise NcgenError(f"{what}: {type(array).__name__} {said} on its way to C; a contiguous array of {dtype} is needed")
+    if count is not None and array.size != count:
+        raise NcgenError(f"{what}: {array.size} numbers on their way to C, which takes {count}")
+    return ffi.from_buffer(kind, array)
+
+
+@cache
+def _dtype(ffi: Interface, kind: str) -> np.dtype:
+    return DTYPES.get(f"{ffi.typeof(kind).item.cname}[]", np.dtype(complex))
+
+
+def _is_laid(flags: Any) -> bool:
+    return flags.carray or (flags.c_contiguous and flags.aligned)
 
 
 def constant(array: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
-from ncgen.mechanism.arguments import numbers, place
+from ncgen.mechanism.arguments import numbers, place, pointer
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.toolchain.abi import InC, Interface, abi, declared
@@ -116,12 +116,14 @@ class Batch(ABC):
         count = len(q)
         q = self._checked(q, kernel, "q", (count, kernels.n))
         program = kernels.programs.programs.get(kernel)
-        if program is None:
-            return np.zeros((count, len(kernels.values(kernel, 0.0, kernels.q0, kernels.q0, None))))
-        qd = self._checked(qd, kernel, "qd", (count, kernels.n)) if "qd" in program.inputs else None
+        reads_qd = program is not None and "qd" in program.inputs
+        qd = self._checked(qd, kernel, "qd", (count, kernels.n)) if reads_qd or qd is not None else None
         t = self._checked(t, kernel, "t", (), (count,))
         size = len(kernels.p0)
         p = self._checked(kernels.p0 if p is None else p, kernel, "p", (size,), (count, size))
+        if program is None:
+            return np.zeros((count, len(kernels.values(kernel, 0.0, kernels.q0, kernels.q0, None))))
+        qd = qd if reads_qd else None
         if out is None:
             out = np.empty((count, program.size))
         else:
@@ -196,13 +198,17 @@ class CompiledBatch(Batch):
     def _evaluate(self, kernel: str, t: np.ndarray, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, out: np.ndarray) -> None:
         loop = self._in_lanes if self.in_lanes(kernel) else self._in_turn
         ffi, library, size = loop.ffi, loop.library, out.shape[1]
-        arrays = {name: pointer(ffi, array) for name, array in {"t": t, "q": q, "qd": qd, "p": p}.items()}
+        counts = {"t": t.size, "q": len(q) * self.kernels.n, "qd": len(q) * self.kernels.n, "p": p.size}
+        given = {"t": t, "q": q, "qd": qd, "p": p}
+        arrays = {name: pointer(ffi, array, count=counts[name], what=f"{self.kernels.name}: {name}") for name, array in given.items()}
         states = ffi.new("ncgen_states *", arrays | {"count": len(q), "t_stride": int(t.ndim > 0), "p_stride": p.shape[-1] * (p.ndim - 1)})
         threads = self.threads if loop.has_threads else 1
         work = aligned(threads * library.ncgen_batch_workspace(loop.model, size))
         function = getattr(loop.model, kernel)
         either = (function, ffi.NULL) if qd is None else (ffi.NULL, function)
-        status = library.ncgen_batch_kernel(loop.model, *either, states, size, pointer(ffi, out), threads, pointer(ffi, work))
+        status = library.ncgen_batch_kernel(
+            loop.model, *either, states, size, pointer(ffi, out, count=len(q) * size), threads, pointer(ffi, work)
+        )
         if status:
             from ncgen.mechanism.library import STATUS
 
@@ -242,11 +248,6 @@ def load(names: tuple[str, ...], declarations: str, flags: tuple[str, ...], base
     declarations = declared("ncgen_batch.h", "cdef") + declared("ncgen_batch.h", "functions") + declarations
     ffi, library = loaded(runtime_files(*HEADERS, *SOURCES, *names), declarations, base, (*flags, "-fopenmp"))
     return ffi, library, bool(library.ncgen_batch_threads())
-
-
-def pointer(ffi: Interface, array: np.ndarray | None, kind: str = "double[]") -> InC:
-    """An array as an argument in C, NULL for none."""
-    return ffi.NULL if array is None else ffi.from_buffer(kind, array)
 
 
 def available() -> int:

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
-from ncgen.mechanism.batch import LANES, aligned, in_lanes, load, pointer, thread_count
+from ncgen.mechanism.arguments import laid, pointer
+from ncgen.mechanism.batch import LANES, aligned, in_lanes, load, thread_count
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.written import Written
@@ -109,7 +110,8 @@ class LaneDynamics:
         listener = _BatchListener(progress, self.kernels.n + self.kernels.m)
         sizes = options.pop("sizes", None)
         if sizes is not None:
-            sizes = np.ascontiguousarray(sizes, dtype=float)
+            nz = len(self.split.independent)
+            sizes = laid(sizes, float, 2 * nz + 1, f"{self.kernels.name}: sizes")
             options["sizes"] = pointer(self._ffi, sizes)
         ends: tuple[InC, ...] = (self._ffi.NULL, self._ffi.NULL)
         if breaks is not None:
@@ -149,6 +151,16 @@ class LaneDynamics:
                 array[status != 0] = np.nan
         return status
 
+    def _checked(self, q: np.ndarray, zd: np.ndarray, p: np.ndarray) -> list[np.ndarray]:
+        """States as C reads them: q (B, n), zd (B, nz) and p (B, n_p), or (n_p,) where it is the same row for all."""
+        kernels = self.kernels
+        p = p[0] if p.ndim == 2 and p.strides[0] == 0 else p
+        counts = {"q": (q, kernels.n), "zd": (zd, len(self.split.independent)), "p": (p, len(kernels.p0))}
+        laid_out = [laid(array, float, count, f"{kernels.name}: {name}") for name, (array, count) in counts.items()]
+        if len({len(array) for array in laid_out if array.ndim == 2}) != 1:
+            raise NcgenError(f"{kernels.name}: q, zd and p have {[array.shape for array in laid_out]}; a row a state is needed")
+        return laid_out
+
     def _call(
         self,
         function: InC,
@@ -159,11 +171,10 @@ class LaneDynamics:
         threads: int | None,
     ) -> int:
         """One call of the library for states q, zd, p at some instants; out: (array, kind) to be filled."""
-        q, zd, p = state
-        q, zd, p = (np.ascontiguousarray(a, dtype=float) for a in (q, zd, p[0] if p.ndim == 2 and p.strides[0] == 0 else p))
+        q, zd, p = self._checked(*state)
         threads = thread_count(threads, self.kernels.name) if self.has_threads else 1
         work = aligned(threads * self._library.ncgen_batch_run_workspace(self._model, self._dynamics))
-        place = partial(pointer, self._ffi)
+        place = partial(pointer, self._ffi)  # out was made here, or has gone through `arguments.place`
         return function(
             self._model, self._dynamics, self._ffi.new("ncgen_options *", options), len(q), place(q), place(zd), place(p),
             p.shape[-1] * (p.ndim - 1), *instants, *(place(array, kind) for array, kind in out), threads, place(work),

@@ -1,5 +1,5 @@
 """The times at which a law of time alone changes its formula: knots of tables and splines, ends of smooth steps, zeros of the arguments
-of sign and Abs, into which Heaviside, Min, Max and Piecewise are translated.
+of sign and Abs, into which Heaviside, Min, Max and Piecewise are translated; and those about its narrow changes (`narrow_laws`).
 
 Every algorithm that advances time takes this list: no step passes a break, so that errors are those of smooth motions. A law of
 coordinates is left to error control.
@@ -8,19 +8,18 @@ coordinates is left to error control.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
 from ncgen.mechanism.driving import Function
 from ncgen.mechanism.driving import Pieces as Signal
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.narrow_laws import TIME, quick_changes, quick_changes_of
+from ncgen.mechanism.time_laws import Switch, TimeLaws, time_laws
 from ncgen.model.pieces import Pieces
-from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.derivatives import tangent
-from ncgen.program.ir.graph import PIECES, Graph, Input, Op
-from ncgen.program.ir.inlined import inlined
+from ncgen.program.ir.graph import Input, Op
 from ncgen.program.ir.passes import compute
 from ncgen.program.ir.ranges import level, levels_below, ranges, values
 
@@ -43,42 +42,13 @@ NARROWEST = 16.0
 NEAREST = 16.0
 """Breaks are one that are no farther apart than this many times what one of them may be misplaced by: no step would fit between."""
 
-ZERO = Pieces((0.0,), ((0.0, -1.0), (0.0, 1.0)))
-"""What sign is, as pieces."""
-
-TIME = Input("t", 0)
-
-
-@dataclass(frozen=True, eq=False)
-class Switch:
-    """An operation that changes its formula where its argument, which depends on time and parameters alone, passes a knot.
-
-    argument, slope: nodes of it and of its derivative by time; slope None where the argument is constant in time between other breaks
-    pieces: the knots; jumps: True where the value jumps at one of them, or a value that this is the derivative of
-    inner: numbers of the switches that the argument depends on
-    """
-
-    argument: int
-    slope: int | None
-    pieces: Pieces
-    jumps: bool
-    inner: tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class TimeLaws:
-    """The laws of time alone of one mechanism: ops, and the switches among them in an order in which inner ones come first.
-
-    parameters: numbers of those that ops read; constant: switches whose arguments depend on parameters alone, inputs among them
-    """
-
-    ops: tuple[Op, ...] = ()
-    switches: tuple[Switch, ...] = ()
-    parameters: tuple[int, ...] = ()
-    constant: tuple[Switch, ...] = ()
-
+KEPT = 64
+"""Runs whose breaks are kept for when they come again."""
 
 NO_BREAKS = np.empty((0, 2))
+
+Line: TypeAlias = tuple[float, float] | bool | None
+"""What a node is over time: a and b of a t + b, True for another function, None where an input drives it."""
 
 
 def break_times(
@@ -97,16 +67,52 @@ def break_times(
     one to the other, `UNCERTAINTY` before and after the jump. A row may begin at the start or end at the end.
     """
     laws = time_laws(kernels)
-    tables = [signal.knots for signal in told if isinstance(signal, Signal)]
-    if not laws.switches and not tables:
+    if not laws.has_breaks and not any(told):
         return NO_BREAKS
-    gap = UNCERTAINTY * rounding * max(abs(start), abs(end))
-    driven = [len(p) - len(told) + i for i, signal in enumerate(told) if signal is not None]
-    found = [np.column_stack([knots, knots]) for knots in tables]
-    for switch, times in switch_times(laws, p, start, end, gap, driven):
+    gap = UNCERTAINTY * max(rounding, DOUBLE) * max(abs(start), abs(end))  # the times are doubles
+    found = []
+    if laws.has_breaks:
+        driven = tuple(len(p) - len(told) + i for i, signal in enumerate(told) if signal is not None)
+        key = p[list(laws.parameters)].tobytes(), start, end, gap, driven
+        found.append(kernels.remember("breaks in time", key, lambda: _of_laws(laws, p, start, end, gap, driven), KEPT))
+    for signal in told:
+        if signal is not None:
+            times = signal.knots if isinstance(signal, Signal) else quick_changes_of(signal, start, end)
+            found.append(np.column_stack([times, times]))
+    return merged(np.concatenate(found), start, end, gap)
+
+
+def _of_laws(laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float, driven: Collection[int]) -> np.ndarray:
+    """The breaks of the model's own laws, (K, 2) in no order. driven: positions in p of what changes otherwise"""
+    given: dict[Input, float] = {Input("p", k): float(p[k]) for k in laws.parameters}
+    lines = _straight_lines(laws.ops, given, driven)
+    found = [NO_BREAKS]
+    for switch, times in _by_switch(laws, lines, given, start, end, gap):
         half = gap if switch.jumps else 0.0
-        found.append(np.empty((0, 2)) if times is None else np.column_stack([times - half, times + half]))
-    return merged(np.concatenate(found) if found else NO_BREAKS, start, end, gap)
+        found.append(NO_BREAKS if times is None else np.column_stack([times - half, times + half]))
+    places = np.concatenate(found).ravel()
+    for node in laws.narrow:
+        if lines[node] is True:
+            times = quick_changes(*_cut(laws.ops, lines, node), given, start, end, places)
+            found.append(np.column_stack([times, times]))
+    return np.concatenate(found)
+
+
+def _cut(ops: Sequence[Op], lines: Sequence[Line], node: int) -> tuple[list[Op], int]:
+    """The operations that a node needs, those that are constant being numbers, and the node's number among them."""
+    needed, waiting = set(), [node]
+    while waiting:
+        if (each := waiting.pop()) not in needed:
+            needed.add(each)
+            waiting.extend(() if _constant(lines[each]) is not None else ops[each].args)
+    order = sorted(needed)
+    new = {old: k for k, old in enumerate(order)}
+    known = [_constant(lines[old]) for old in order]
+    return [ops[o].renumbered(new) if c is None else Op("const", (), c) for o, c in zip(order, known, strict=True)], len(order) - 1
+
+
+def _constant(line: Line) -> float | None:
+    return line[1] if isinstance(line, tuple) and line[0] == 0.0 else None
 
 
 def merged(rows: np.ndarray, start: float, end: float, gap: float) -> np.ndarray:
@@ -121,87 +127,24 @@ def merged(rows: np.ndarray, start: float, end: float, gap: float) -> np.ndarray
     return np.column_stack([rows[begins, 0], last[ends]])
 
 
-# -- which laws there are ------------------------------------------------------------------------------------------------------------------
-
-
-def time_laws(kernels: Kernels, of_inputs: bool = False) -> TimeLaws:
-    """The switches of time in forces and constraints, found once for a mechanism; of_inputs: with those that depend on inputs alone."""
-    return kernels.remember("laws of time", of_inputs, lambda: _laws(kernels, len(kernels.inputs) if of_inputs else 0))
-
-
-def _laws(kernels: Kernels, inputs: int) -> TimeLaws:
-    """inputs: how many of the last parameters change with time, too."""
-    graph, known = Graph(), {}
-    sizes = {"t": 1, "p": len(kernels.p0), "q": kernels.n, "qd": kernels.n}
-    for program in kernels.programs.programs.values():
-        if _may_switch(program, {TIME, *(Input("p", len(kernels.p0) - 1 - k) for k in range(inputs))}):
-            arrays = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
-            inlined(graph, program, arrays)
-    over_time: dict[int, int] = {}  # node -> the same among the laws' own
-    own, switches, constant = Graph(), [], list[Switch]()
-    for node, op in enumerate(graph.ops):
-        if op.code == "const" or (op.code == "load" and op.input.array in ("t", "p")):
-            over_time[node] = own.copied(op, ())
-        elif op.args and all(a in over_time for a in op.args):
-            over_time[node] = made = own.copied(op, [over_time[a] for a in op.args])
-            if op.code in ("sign", "abs", PIECES) and made not in known and own.ops[made].args:
-                known[made] = own.ops[made]
-    t = own.load(*TIME)
-    numbers = {node: k for k, node in enumerate(known)}
-    for node, op in known.items():
-        (argument,) = op.args
-        below = own.below([argument])
-        pieces = op.pieces if op.code == PIECES else ZERO
-        if t not in below:
-            constant.append(Switch(argument, None, pieces, _jumps(op), ()))
-            continue
-        slope = tangent(own, [argument], {t: own.const(1.0)}).get(argument)
-        switches.append((node, Switch(argument, slope, pieces, _jumps(op), tuple(numbers[b] for b in below if b in numbers))))
-    place = {numbers[node]: k for k, (node, _) in enumerate(switches)}
-    found = tuple(
-        Switch(s.argument, s.slope, s.pieces, s.jumps, tuple(place[i] for i in sorted(s.inner) if i in place)) for _, s in switches
-    )
-    loaded = tuple(op.input.position for op in own.ops if op.code == "load" and op.input.array == "p")
-    return TimeLaws(tuple(own.ops), found, loaded, tuple(constant))
-
-
-def _may_switch(program: Program, changing: Collection[Input]) -> bool:
-    """True if a program reads what changes with time and has an operation that changes its formula."""
-    if not any(op.code in ("sign", "abs", PIECES) for block in program.blocks for op in block.ops):
-        return False
-    loads = any(op.code == "load" and op.input in changing for block in program.blocks for op in block.ops)
-    arrays = {each.array for each in changing}
-    return loads or any(slot.array in arrays for block in program.blocks for slot in block.slots)
-
-
-def _jumps(op: Op) -> bool:
-    """True if the value of an operation jumps."""
-    if op.code != PIECES:
-        return op.code == "sign"
-    pieces = op.pieces
-    at = [*zip(pieces.knots, pieces.rows, pieces.rows[1:], strict=False)]
-    if pieces.period:  # the row before the first knot is never taken; before it comes the last but one
-        at = [(pieces.knots[-1], pieces.rows[-2], (pieces.rows[1][0] + pieces.period, *pieces.rows[1][1:])), *at[1:-1]]
-    size = max(abs(_at(row, knot)) for knot, *rows in at for row in rows)
-    return any(abs(_at(before, knot) - _at(after, knot)) > 1e-9 * size for knot, before, after in at)
-
-
-def _at(row: Sequence[float], x: float) -> float:
-    value = 0.0
-    for coefficient in reversed(row[1:]):
-        value = value * (x - row[0]) + coefficient
-    return value
-
-
 # -- when their arguments pass knots -------------------------------------------------------------------------------------------------------
 
 
 def switch_times(
     laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float, driven: Collection[int]
 ) -> Iterator[tuple[Switch, np.ndarray | None]]:
-    """Every switch with the times at which it switches, None where it depends on inputs that change, or switches too often."""
+    """Every switch with the times at which it switches, None where it depends on inputs that change, or switches too often.
+
+    gap (s): what is left out on both sides of other breaks; driven: positions in p of what changes otherwise
+    """
     given: dict[Input, float] = {Input("p", k): float(p[k]) for k in laws.parameters}
-    lines = _straight_lines(laws.ops, given, driven)
+    yield from _by_switch(laws, _straight_lines(laws.ops, given, driven), given, start, end, gap)
+
+
+def _by_switch(
+    laws: TimeLaws, lines: Sequence[Line], given: Mapping[Input, float], start: float, end: float, gap: float
+) -> Iterator[tuple[Switch, np.ndarray | None]]:
+    """As of `switch_times`; lines: what the nodes are over time."""
     rounding = DOUBLE * max(abs(start), abs(end))
     found: list[np.ndarray] = []
     for switch in laws.switches:
@@ -219,9 +162,9 @@ def switch_times(
         yield switch, times
 
 
-def _straight_lines(ops: Sequence[Op], given: Mapping[Input, float], driven: Collection[int]) -> list[tuple[float, float] | bool | None]:
+def _straight_lines(ops: Sequence[Op], given: Mapping[Input, float], driven: Collection[int]) -> list[Line]:
     """For every node a and b where it is a t + b, True where it is another function of time, None where an input drives it."""
-    lines: list[tuple[float, float] | bool | None] = []
+    lines: list[Line] = []
     for op in ops:
         arguments = [lines[a] for a in op.args]
         if op.code == "const":
@@ -236,7 +179,7 @@ def _straight_lines(ops: Sequence[Op], given: Mapping[Input, float], driven: Col
     return lines
 
 
-def _line(op: Op, arguments: Sequence[tuple[float, float] | bool | None]) -> tuple[float, float] | bool:
+def _line(op: Op, arguments: Sequence[Line]) -> tuple[float, float] | bool:
     """Of one operation on straight lines; one whose numbers are not finite is none."""
     pairs = [each for each in arguments if isinstance(each, tuple)]
     if len(pairs) < len(arguments):
@@ -345,7 +288,7 @@ def break_times_of_each(kernels: Kernels, p: np.ndarray, start: float, end: floa
     """The breaks of runs with parameters p (N, n_p), as of `break_times`; None where no law changes its formula. Equal parameters share one
     search."""
     laws = time_laws(kernels)
-    if not laws.switches:
+    if not laws.has_breaks:
         return None
     known: dict[bytes, np.ndarray] = {}
     reads, found = list(laws.parameters), []

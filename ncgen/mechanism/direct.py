@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ncgen.emit.runtime import runtime_files
-from ncgen.errors import NcgenError
+from ncgen.errors import NcgenError, shown
 from ncgen.mechanism.arguments import numbers
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.toolchain.abi import InC, Interface, abi, marked
@@ -98,8 +98,8 @@ class Direct:
     def t(self, value: float) -> None:
         try:
             self._frame.t = value
-        except TypeError:
-            raise NcgenError(f"{self._name}: t is {value!r}; a number is needed") from None
+        except (TypeError, OverflowError):
+            raise NcgenError(f"{self._name}: t is {shown(value)}; a number is needed") from None
 
     def __call__(self) -> None:
         """Evaluate the kernel into `out`."""

@@ -9,6 +9,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.library import STATUS
 from ncgen.toolchain.abi import InC, Interface, Number, runtime_abi
 from ncgen.toolchain.once import once
@@ -70,7 +71,8 @@ class Driver:
             np.concatenate([np.empty((0, 4)), *(each.coefficients for each in pieces if each)]).astype(number.dtype),
             np.ravel(breaks).astype(number.dtype),
         ]
-        start, knots, coefficients, ends = (self._ffi.from_buffer("int[]" if a.dtype == np.intc else number.array, a) for a in self._arrays)
+        kinds = "int[]", number.array, number.array, number.array
+        start, knots, coefficients, ends = (pointer(self._ffi, a, kind) for a, kind in zip(self._arrays, kinds, strict=True))
         self._handle = self._ffi.new_handle(self)
         self._piecewise: InC = self._ffi.new("ncgen_piecewise *", {"count": len(told), "start": start, "knots": knots})
         self._piecewise.coefficients = coefficients

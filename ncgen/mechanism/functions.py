@@ -14,7 +14,7 @@ from ncgen.emit.numpy import files as in_numpy
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism import recall
-from ncgen.mechanism.arguments import sized
+from ncgen.mechanism.arguments import pointer, sized
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.ir.blocks import Program
@@ -101,8 +101,8 @@ class CompiledFunctions(Functions):
 
     def _one(self, name: str, t: float, arrays: tuple[np.ndarray, ...]) -> np.ndarray:
         out = np.empty(self.sizes[name])
-        given = [np.ascontiguousarray(a, dtype=float) for a in arrays]  # rows of arrays that `__call__` has checked
-        pointers = [self._ffi.from_buffer("double[]", a, require_writable=a is out) for a in (*given, out)]
-        if self._functions[name](t, *pointers):
+        given = zip(arrays, self._expected[name], strict=True)
+        pointers = [pointer(self._ffi, np.ascontiguousarray(a), "double[]", count, what) for a, (what, count) in given]
+        if self._functions[name](t, *pointers, pointer(self._ffi, out)):
             raise NcgenError(f"{self.owner}.{name}: a function left its domain")
         return out

@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ncgen.errors import DomainError, ModelError, NcgenError
+from ncgen.errors import DomainError, ModelError, NcgenError, shown
 from ncgen.mechanism.arguments import constant, numbers
 from ncgen.mechanism.batch import Batch
 from ncgen.mechanism.tangents import Tangents
@@ -26,8 +26,7 @@ from ncgen.model.elements import Length, Point
 from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate, is_number
 from ncgen.program.ir.blocks import Pattern, Program, Slot
-from ncgen.program.ir.evaluate import evaluate as evaluate_program
-from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.evaluate import evaluate_rows
 from ncgen.program.programs import Programs
 
 if TYPE_CHECKING:
@@ -204,16 +203,24 @@ class Kernels(ABC):
 
     def start(self, p: ArrayLike | None = None) -> np.ndarray:
         """The initial position at parameters p (…, parameters), shape (…, n): q0 where positions have no parameters."""
-        if not self._has_moving_start and (p is None or np.ndim(p) == 1):
+        if p is None:
             return self.q0.copy()
-        if p is None or not self._has_moving_start:
-            return np.array(np.broadcast_to(self.q0, (*np.shape(self.p0 if p is None else p)[:-1], self.n)))
+        p = self._start_parameters(p, "start")
+        if not self._has_moving_start:
+            return np.array(np.broadcast_to(self.q0, (*p.shape[:-1], self.n)))
         return self._run_start(0, p, (self.n,))
 
     def start_p(self, p: ArrayLike | None = None) -> np.ndarray:
         """∂start/∂p at parameters p (…, parameters), shape (…, n, parameters)."""
-        p, shape = self.p0 if p is None else p, (self.n, len(self.p0))
-        return self._run_start(1, p, shape) if self._has_moving_start else np.zeros((*np.shape(p)[:-1], *shape))
+        p, shape = self.p0 if p is None else self._start_parameters(p, "start_p"), (self.n, len(self.p0))
+        return self._run_start(1, p, shape) if self._has_moving_start else np.zeros((*p.shape[:-1], *shape))
+
+    def _start_parameters(self, p: ArrayLike, program: str) -> np.ndarray:
+        """Parameters (…, n_p), real or complex. Raises NcgenError for others."""
+        p = numbers(p, f"{self.name}.{program}: p", complex_too=True)
+        if p.shape[-1:] != (len(self.p0),):
+            raise NcgenError(f"{self.name}.{program}: p has shape {p.shape}; the model has {len(self.p0)} parameters")
+        return p
 
     @cached_property
     def _has_moving_start(self) -> bool:
@@ -225,18 +232,10 @@ class Kernels(ABC):
 
         return assemble_start(self.programs.equations)
 
-    def _run_start(self, which: int, p: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+    def _run_start(self, which: int, p: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
         """One of the two programs on whole columns of parameters."""
         program = self._start_programs[which]
-        p = np.asarray(p, dtype=np.result_type(float, np.asarray(p).dtype))
-        if p.shape[-1:] != (len(self.p0),):
-            raise NcgenError(f"{self.name}.{program.name}: p has shape {p.shape}; the model has {len(self.p0)} parameters")
-        functions = {name: getattr(np, function.numpy) for name, function in FUNCTIONS.items()}
-        columns = evaluate_program(program, {"p": np.moveaxis(p, -1, 0)}, functions)
-        if p.ndim == 1:
-            return np.array(columns, dtype=p.dtype).reshape(shape)
-        values = np.stack(np.broadcast_arrays(*columns, p[..., 0])[:-1], axis=-1)
-        return values.reshape(*p.shape[:-1], *shape)
+        return evaluate_rows(program, p).reshape(*p.shape[:-1], *shape)
 
     # -- kernels -------------------------------------------------------------------------------
 
@@ -260,7 +259,7 @@ class Kernels(ABC):
         self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
     ) -> tuple[np.ndarray, csr_array, np.ndarray]:
         """Φ, Φ_q and γ at once, which is quicker than one by one: they have much in common."""
-        if "constraints" not in self.programs.programs:  # no row has a coordinate in it: they have nothing in common
+        if "constraints" not in self.programs.programs:  # no row has a coordinate in it, or they are long (MOST_FUSED)
             return self.phi(q, t, p), self.phi_q(q, t, p), self.gamma(q, qd, t, p)
         values = self.values("constraints", t, q, qd, p)
         phi_q = self._sparse(self.phi_q_pattern, values[self.m : len(values) - self.m])
@@ -371,6 +370,8 @@ class Kernels(ABC):
     def _tangent_values(self, name: str, given: dict[str, Any]) -> tuple[Pattern, np.ndarray]:
         sizes = {"q": self.n, "qd": self.n, "qdd": self.n, "lam": self.m, "p": len(self.p0)}
         given["p"] = self.p0 if given["p"] is None else given["p"]
+        if not isinstance(given.get("t", 0.0), float):
+            given["t"] = self._instant(given["t"], name)
         for array, size in sizes.items():
             if array in given and not _is_plain(given[array], size):
                 given[array] = self._checked(given[array], size, name, array, "of them")
@@ -399,20 +400,21 @@ class Kernels(ABC):
     def values(self, kernel: str, t: ArrayLike, q: ArrayLike, qd: ArrayLike | None, p: ArrayLike | None) -> np.ndarray:
         """The plain output of a kernel; matrices give their nonzeros."""
         program = self.programs.programs.get(kernel)
-        if program is None:
-            size = {"force": self.n, "energy": 3, "mass": 0, "phi_q": 0}.get(kernel, self.m)
-            return np.zeros((*np.shape(q)[:-1], size))
-        n = len(self.coordinates)
+        n, reads_qd = len(self.coordinates), program is not None and "qd" in program.inputs
         if not _is_plain(q, n):
             q = self._checked(q, n, kernel, "q", "free coordinates")
-        if "qd" not in program.inputs:
-            qd = None
-        elif not _is_plain(qd, n):
+        if not _is_plain(qd, n) and (reads_qd or qd is not None):
             qd = self._checked(qd, n, kernel, "qd", "free coordinates")
         if p is None:
             p = self.p0
         elif not _is_plain(p, len(self.p0)):
             p = self._checked(p, len(self.p0), kernel, "p", "parameters")
+        if not isinstance(t, float):
+            t = self._instant(t, kernel)
+        if program is None:
+            size = {"force": self.n, "energy": 3, "mass": 0, "phi_q": 0}.get(kernel, self.m)
+            return np.zeros((*q.shape[:-1], size))
+        qd = qd if reads_qd else None
         if self._drive is not None:
             p = self._drive(t, p)
         return self._call(kernel, t, q, qd, p, program.size)
@@ -432,8 +434,22 @@ class Kernels(ABC):
             raise NcgenError(f"{self.name}.{kernel}: {name} has shape {array.shape}; the model has {size} {what}")
         return array
 
+    def _instant(self, t: ArrayLike, kernel: str) -> float | complex | np.ndarray:
+        """A time, or many for kernels that take batches. Raises NcgenError for others."""
+        try:
+            found = numbers(t, f"{self.name}.{kernel}: t", complex_too=self.batches)
+        except NcgenError:
+            found = None
+        if found is None or (found.ndim and not self.batches):
+            wanted = "numbers are needed" if self.batches else "compiled kernels take one real number"
+            raise NcgenError(f"{self.name}.{kernel}: t is {shown(t)}; {wanted}")
+        return found if found.ndim else found.item()
+
     @staticmethod
     def _sparse(pattern: Pattern, values: np.ndarray) -> csr_array:
+        """Raises NcgenError for many states, which have no sparse matrix in common."""
+        if values.ndim != 1:
+            raise NcgenError("a batch has no sparse matrix; take kernels.batch for nonzeros, kernels.jacobian or kernels.mass_matrix")
         return scipy.sparse.csr_array((values, pattern.indices, pattern.indptr), shape=pattern.shape)
 
     @staticmethod

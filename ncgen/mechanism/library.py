@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
 from ncgen.errors import NcgenError
+from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.batch import CompiledBatch
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.tangents import CompiledTangents
@@ -101,5 +102,4 @@ class _Call(NamedTuple):
         program = kernels.programs.programs[name]
         arrays = ", ".join("double" if a == "t" else "const char *" for a in program.inputs)
         result = np.empty(program.size)
-        pointer = kernels._ffi.cast("double *", result.ctypes.data)
-        return cls(kernels._ffi.cast(f"int (*)({arrays}, double *)", kernels.function(name)), result, pointer)
+        return cls(kernels._ffi.cast(f"int (*)({arrays}, double *)", kernels.function(name)), result, pointer(kernels._ffi, result))

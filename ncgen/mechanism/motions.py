@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 
 import numpy as np
 
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
-from ncgen.mechanism.batch import aligned, in_lanes, pointer
+from ncgen.mechanism.arguments import laid, numbers, pointer
+from ncgen.mechanism.batch import aligned, in_lanes
 from ncgen.mechanism.runtime import ConstrainedDynamics
 from ncgen.mechanism.sweep import Sizes
 from ncgen.methods.table import INTEGRATORS, number_in_c
@@ -99,7 +101,7 @@ class Motions:
 
     def __init__(self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray) -> None:
         kernels = dynamics.kernels
-        self.kernels, self._times = kernels, np.ascontiguousarray(times)
+        self.kernels, self._times = kernels, np.ascontiguousarray(times, dtype=float)
         self._ffi, self._library = _library()
         self._emitted = kernels.remember("motions in lanes", (), lambda: _Emitted(dynamics))
         is_driven = "nu" in kernels.programs.programs
@@ -130,23 +132,28 @@ class Motions:
         other, taped = np.empty(count, dtype=np.intc), len(self._times) - 1 if back else 1
         size = self._library.ncgen_motions_tape(self._in_c, taped) * (-(-count // self.lanes) if back else 1)
         tape = aligned(size)
-        arrays = [np.ascontiguousarray(a, dtype=float) for a in (kernels.column_sizes, kernels.row_sizes, self._times, q, qd, p)]
-        column_sizes, row_sizes, times, *start = (pointer(ffi, a) for a in arrays)
+        start = [laid(a, float, size, f"{kernels.name}: {name}") for name, a, size in (
+            ("q", q, kernels.n), ("qd", qd, kernels.n), ("p", p, len(kernels.p0))
+        )]  # fmt: skip
+        places = [pointer(ffi, a, count=a.shape[-1] * count, what=kernels.name) for a in start]
+        column_sizes, row_sizes, times = (pointer(ffi, a) for a in (kernels.column_sizes, kernels.row_sizes, self._times))
         self._library.ncgen_motions(
-            self._emitted.motion[0], self._in_c, kernels.m, column_sizes, row_sizes, len(self._times) - 1, times, count, *start,
-            pointer(ffi, to_q), pointer(ffi, to_qd), pointer(ffi, other, "int[]"), taped, pointer(ffi, tape),
+            self._emitted.motion[0], self._in_c, kernels.m, column_sizes, row_sizes, len(self._times) - 1, times, count, *places,
+            *(pointer(ffi, a, count=prod(shape)) for a in (to_q, to_qd)), pointer(ffi, other, "int[]"), taped, pointer(ffi, tape),
             pointer(ffi, aligned(self._work)),
         )  # fmt: skip
         return LaneRuns(self, to_q, to_qd, other != 0, tape)
 
     def call(self, function: str, tape: np.ndarray, width: int, *weights: np.ndarray, which: tuple[int, ...] = ()) -> np.ndarray:
         """Slopes (states, width) of a function of the library that goes back; which: what it asks for besides."""
-        ffi, arrays = self._ffi, [np.ascontiguousarray(a, dtype=float) for a in weights]
+        ffi, size = self._ffi, self.kernels.n * (1 if which else len(self._times))
+        arrays = [np.ascontiguousarray(numbers(a, "weights")) for a in weights]
         slopes = np.empty((len(arrays[0]), width))
         when = self._times[0] if which else pointer(ffi, self._times)
         getattr(self._library, function)(
             self._emitted.transposed[0], self._in_c, *which, len(self._times) - 1, when, len(slopes),
-            *(pointer(ffi, a) for a in (*arrays, tape, slopes, aligned(self._work))),
+            *(pointer(ffi, a, count=len(slopes) * size, what="weights") for a in arrays),
+            *(pointer(ffi, a) for a in (tape, slopes, aligned(self._work))),
         )  # fmt: skip
         return slopes
 

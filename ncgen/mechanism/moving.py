@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.mechanism.break_times import break_times, time_laws
+from ncgen.mechanism.arguments import laid, pointer
+from ncgen.mechanism.break_times import break_times
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime import ConstrainedDynamics
+from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC
 
@@ -31,7 +33,7 @@ class Stepping:
         the position problem."""
         self.kernels, self.number, self._dynamics = dynamics.kernels, dynamics.number, dynamics  # which keeps its library
         self.ffi, self.library = ffi, library = dynamics.interface
-        self._sizes = None if sizes is None else np.ascontiguousarray(sizes, dtype=self.number.dtype)
+        self._sizes = None if sizes is None else laid(sizes, self.number.dtype, 2 * self.kernels.n + 1, "sizes")
         self._options = ffi.new("ncgen_options *", {
             "method": number_in_c(INTEGRATORS[method]), "formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1,
             "rtol": rtol, "atol": atol, "tolerance": tolerance, "max_step": ANY_STEP,
@@ -44,10 +46,10 @@ class Stepping:
         self.workspace = np.empty(library.ncgen_driven_workspace(self.driven), self.number.dtype)
         self._integers = np.empty(4 * self.kernels.n + 3 * self.kernels.m, np.intc)
         self.driven.workspace = self.pointer(self.workspace)
-        self.driven.integers = ffi.from_buffer("int[]", self._integers)
+        self.driven.integers = pointer(ffi, self._integers, "int[]")
         self.statistics = ffi.new("ncgen_statistics *")
         self._laws = time_laws(self.kernels)
-        self.has_breaks = bool(self._laws.switches)
+        self.has_breaks = self._laws.has_breaks
         self._known: tuple[float, float, bytes] = 0.0, 0.0, b""
 
     def look_ahead(self, p: np.ndarray, t: float, t_end: float) -> None:
@@ -62,7 +64,7 @@ class Stepping:
         self._options.signals, self._known = self._signals, (t, last, reads)
 
     def pointer(self, array: np.ndarray) -> InC:
-        return self.ffi.from_buffer(self.number.array, array)
+        return pointer(self.ffi, array, self.number.array)
 
 
 def _member(name: str) -> Any:
@@ -154,7 +156,7 @@ class MovingRows:
     def _share(self, h: float, stepping: Stepping, first: int, last: int) -> None:
         """Some of the rows, by one call of C."""
         p = stepping.pointer(self.p[first:last])
-        statuses = stepping.ffi.from_buffer("int[]", self.statuses[first:last])
+        statuses = pointer(stepping.ffi, self.statuses[first:last], "int[]")
         moments = self._moments + first
         if stepping.has_breaks:
             self._one_after_the_other(h, stepping, first, last)

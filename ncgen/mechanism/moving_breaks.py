@@ -12,20 +12,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ncgen.mechanism.break_times import (
-    DOUBLE,
-    NO_BREAKS,
-    TIME,
-    UNCERTAINTY,
-    Switch,
-    TimeLaws,
-    merged,
-    switch_times,
-    time_laws,
-)
+from ncgen.mechanism.break_times import DOUBLE, NO_BREAKS, UNCERTAINTY, break_times, merged, switch_times
 from ncgen.mechanism.driving import Function, told_at
 from ncgen.mechanism.driving import Pieces as Signal
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.narrow_laws import TIME
+from ncgen.mechanism.time_laws import Switch, TimeLaws, time_laws
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.graph import Graph, Input, Op
 from ncgen.program.ir.ranges import levels_below, values
@@ -108,17 +100,16 @@ def moving_breaks(kernels: Kernels, p: np.ndarray, times: np.ndarray, told: Sequ
     """
     laws, start, end = time_laws(kernels, any(told)), float(times[0]), float(times[-1])
     tables = [signal for signal in told if isinstance(signal, Signal)]
-    if not laws.switches and not any(told):
+    if not laws.has_breaks and not any(told):
         return MovingBreaks(NO_BREAKS, np.empty((0, len(p))), np.empty(0, dtype=int))
     derived = kernels.remember("laws of time by parameters", any(told), lambda: _derived(laws))
     given = {Input("p", k): float(p[k]) for k in laws.parameters}
     first = len(p) - len(told)
     driven = {first + i: signal for i, signal in enumerate(told) if signal is not None}
     gap = UNCERTAINTY * DOUBLE * max(abs(start), abs(end))
-    found, moving, movers, unknown = [NO_BREAKS], [np.empty(0)], set[int](), set[int]()
+    found, moving, movers, unknown = [break_times(kernels, p, start, end, told)], [np.empty(0)], set[int](), set[int]()
     jumps = [(np.empty(0), np.empty((0, len(p))))]
     for signal in tables:
-        found.append(np.column_stack([signal.knots, signal.knots]))
         at = signal.knots[_jumps(signal)]
         jumps.append((at, np.zeros((len(at), len(p)))))
     for switch, slopes, (_, at) in zip(
@@ -130,8 +121,7 @@ def moving_breaks(kernels: Kernels, p: np.ndarray, times: np.ndarray, told: Sequ
         if slopes.by_parameters and len(at):
             moving.append(at)
             movers |= set(slopes.by_parameters)
-        half = gap if switch.jumps or slopes.by_parameters else 0.0
-        found.append(np.column_stack([at - half, at + half]))
+            found.append(np.column_stack([at - gap, at + gap]))
         if switch.jumps:
             jumps.append((at, _rates(derived, slopes, given, at, len(p))))
     for switch, slopes in zip(laws.constant if driven else (), derived.slopes[len(laws.switches) :], strict=False):

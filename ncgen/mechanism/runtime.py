@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from threading import Thread
 from typing import Literal, Protocol, TypeAlias
 
@@ -22,6 +22,7 @@ from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import EXPLICIT_ONLY, HEADERS, RUNTIME_HEADERS, adjoint_names, explicit_names, runtime_files, runtime_names
 from ncgen.errors import NcgenError
+from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.driving import Driver, Function, Pieces
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
@@ -37,6 +38,9 @@ from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
+
+PARTITIONED = number_in_c(FORMALISMS["coordinate-partitioning"])
+"""The formalism that a run has where nothing else is said."""
 
 Part: TypeAlias = Literal["explicit", "whole", "adjoint"]
 """Of the runtime: with explicit methods alone, all of it, or what goes back over a run."""
@@ -200,7 +204,7 @@ class Dynamics:
             array = np.array(values if len(values) else (0,), dtype=dtype)
             kind = "int[]" if dtype == np.intc else self.number.array
             self._arrays.append(array)
-            setattr(struct, name, self._ffi.from_buffer(kind, array))
+            setattr(struct, name, pointer(self._ffi, array, kind))
 
     def _describe(self, split: Split, struct: InC) -> None:
         """Let a struct say a choice of independent coordinates."""
@@ -239,7 +243,8 @@ class Dynamics:
         breaks (B, 2): of the laws in time, as `break_times` finds them, those of the inputs' tables among them
         options: the other members of `ncgen_options`, by their names
         """
-        ffi, n, dtype = self._ffi, self.kernels.n, self.number.dtype
+        ffi, n, dtype, where = self._ffi, self.kernels.n, self.number.dtype, self.kernels.name
+        real = partial(pointer, ffi, kind=self.number.array)
         library = _runtime(self.number.name, part_for(method))
         times = np.ascontiguousarray(times, dtype=dtype)
         rows_and_last = len(times) + 1
@@ -248,12 +253,12 @@ class Dynamics:
         filled = {"method": number_in_c(INTEGRATORS[method]), "rtol": 1e-8, "atol": 1e-10, "max_step": longest, **options}
         settings = ffi.new("ncgen_options *", filled)
         if sizes is not None:
-            sizes = np.ascontiguousarray(sizes, dtype=dtype)
-            settings.sizes = ffi.from_buffer(self.number.array, sizes)
+            sizes = laid(sizes, dtype, sum(self._state(options.get("formalism", PARTITIONED))) + 1, f"{where}: sizes")
+            settings.sizes = real(sizes)
         looked = times
         if looks is not None:
             looks, looked = np.ascontiguousarray(looks, dtype=np.intc), times.copy()
-            settings.looks, settings.looked = ffi.from_buffer("int[]", looks), ffi.from_buffer(self.number.array, looked)
+            settings.looks, settings.looked = pointer(ffi, looks, "int[]", len(times), f"{where}: looks"), real(looked)
         listener = Listener(progress, self._eliminated)
         context = ffi.new_handle(listener)
         settings.watch, settings.context, settings.patience = watch(self.number.name), context, listener.patience
@@ -264,17 +269,17 @@ class Dynamics:
         if event:
             stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
             settings.event = stop
-        if newton or uses_tangents(self.kernels, method):
+        if newton or self._uses_tangents(method, options):
             self._take_tangents()
         else:
             self._dynamics.tangents = ffi.NULL
         work, integers = self._space(library, settings)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
-        start = [np.ascontiguousarray(a, dtype=dtype) for a in (p, q, velocities)]
-        pointers = [ffi.from_buffer(self.number.array, a) for a in (*start, times, out_q, out_qd, out_work, work)]
+        start = self._start(p, q, velocities, options.get("formalism", PARTITIONED))
+        pointers = [real(a) for a in (*start, times, out_q, out_qd, out_work, work)]
         status = library.ncgen_simulate(
             self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
-            ffi.from_buffer("int[]", integers),
+            pointer(ffi, integers, "int[]"),
         )  # fmt: skip
         done, s = rows[0], statistics
         return Outcome(
@@ -302,24 +307,42 @@ class Dynamics:
         self._take_tangents()
         settings = ffi.new("ncgen_options *", {"formalism": number_in_c(FORMALISMS[formalism]), "tolerance": 1e-12, **options})
         work, integers = self._space(library, settings)
-        inputs = [np.ascontiguousarray(a, dtype=self.number.dtype) for a in (p, q, velocities)]
+        inputs = self._start(p, q, velocities, number_in_c(FORMALISMS[formalism]))
         count = len(inputs[2])
         out = np.empty(self._jacobian_shape(count) if formalism == "coordinate-partitioning" else (count, 2 * count), self.number.dtype)
-        pointers = [ffi.from_buffer(self.number.array, a) for a in (*inputs, out, work)]
-        status = library.ncgen_dynamics_jacobian(self._model, self._dynamics, settings, t, *pointers, ffi.from_buffer("int[]", integers))
+        pointers = [pointer(ffi, a, self.number.array) for a in (*inputs, out, work)]
+        status = library.ncgen_dynamics_jacobian(self._model, self._dynamics, settings, t, *pointers, pointer(ffi, integers, "int[]"))
         if status:
             raise NcgenError(f"{self.kernels.name}: the Jacobian at t = {t:g} s ended with “{STATUS[status]}”")
         return out
+
+    def _state(self, formalism: int) -> tuple[int, int]:
+        """How many velocities and positions are integrated."""
+        n, chosen = self.kernels.n, self._dynamics.n_independent
+        return (chosen, self._positions or chosen) if formalism == PARTITIONED else (n, n)
+
+    _positions = 0
+    """Independent coordinates of the positions, where they are others than those of the velocities."""
+
+    def _start(self, p: ArrayLike, q: ArrayLike, velocities: ArrayLike, formalism: int) -> list[np.ndarray]:
+        """Parameters, position and velocities as C reads them."""
+        kernels = self.kernels
+        counts = {"p": (p, len(kernels.p0)), "q": (q, kernels.n), "velocities": (velocities, self._state(formalism)[0])}
+        return [laid(given, self.number.dtype, count, f"{kernels.name}: {name}") for name, (given, count) in counts.items()]
 
     @property
     def _eliminated(self) -> int:
         """How many unknowns a stage may have to eliminate; 0 where all that is written out."""
         return self.kernels.n + self.kernels.m
 
+    def _uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
+        """True if a method takes stiffness and damping; options: as of `simulate`."""
+        return uses_tangents(self.kernels, method)
+
     def _space(self, library: InC, settings: InC) -> tuple[np.ndarray, np.ndarray]:
         """Workspace: numbers and integers."""
         numbers = library.ncgen_workspace(self._model, self._dynamics, settings)
-        integers = (7 if self.has_rolling else 4) * self.kernels.n + 3 * self.kernels.m
+        integers = 7 * self.kernels.n + 3 * self.kernels.m
         return np.empty(numbers, self.number.dtype), np.empty(integers, dtype=np.intc)
 
     def _jacobian_shape(self, velocities: int) -> tuple[int, int]:
@@ -342,6 +365,7 @@ class DenseDynamics(Dynamics):
         self.positions = positions
         self._describe(split, self._dynamics)
         if positions is not None:
+            self._positions = len(positions.independent)
             self._partition = self._ffi.new("ncgen_partition *")
             self._describe(positions, self._partition)
             self._dynamics.positions = self._partition
@@ -384,6 +408,7 @@ class ConstrainedDynamics(Dynamics):
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
         self._seen = seen
         self.is_emitted = motion is not None
+        self.is_recursive = self.is_emitted or tables is not None
         if motion is not None:
             function, self._motion = motion
             self._dynamics.motion = self._ffi.cast("const ncgen_motion *", function())
@@ -392,6 +417,11 @@ class ConstrainedDynamics(Dynamics):
             self._keep(tables.indices, self._tree, np.intc)
             self._keep(tables.numbers, self._tree, self.number.dtype)
             self._dynamics.tree = self._tree
+
+    def _uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
+        """Radau's Newton steps take place in the degrees of freedom where a recursion gives the accelerations: `ncgen_is_reduced`."""
+        recurs = options["formalism"] == number_in_c(FORMALISMS["lagrange"]) and not options.get("frequency") and self.is_recursive
+        return not (method == "radau" and recurs and not self.has_rolling) and super()._uses_tangents(method, options)
 
     @staticmethod
     def _written_out(kernels: CompiledKernels, number: str, seen: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:
@@ -416,7 +446,7 @@ class ConstrainedDynamics(Dynamics):
         """p and what is prepared of it, as the parts of the emitted motion read it."""
         whole = np.concatenate([p, np.empty(self.prepared)])
         if self.prepared:
-            self._dynamics.motion.prepare(*(self._ffi.from_buffer(self.number.array, a) for a in (whole, whole[len(p) :])))
+            self._dynamics.motion.prepare(*(pointer(self._ffi, a, self.number.array) for a in (whole, whole[len(p) :])))
         return whole
 
     def source(self, kind: Literal["motion", "tangent", "adjoint"]) -> Files:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.emit.runtime import HEADERS, PRINTED, RUNTIME_HEADERS, runtime_files
+from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.recall import Files
 from ncgen.toolchain.abi import DUAL, InC, Interface, declared, runtime_abi
 from ncgen.toolchain.compilers import FLAGS
@@ -53,9 +54,9 @@ class Sweep:
     ) -> None:  # fmt: skip
         """inputs (steps, stages, n_inputs): what drives the run."""
         self.numbers, self._sizes, ffi = numbers, sizes, numbers.ffi
-        self._times = np.ascontiguousarray(times)  # C reads these three where they are
+        self._times = np.ascontiguousarray(times, dtype=float)  # C reads these three where they are
         self._states, self._p, self._inputs = (np.ascontiguousarray(a, dtype=numbers.dtype) for a in (states, p, inputs))
-        tape = {"steps": len(times) - 1, "times": ffi.from_buffer("ncgen_scalar[]", self._times), "states": self._real(self._states)}
+        tape = {"steps": len(times) - 1, "times": pointer(ffi, self._times, "ncgen_scalar[]"), "states": self._real(self._states)}
         self._tape = ffi.new("ncgen_tape *", tape)
         arrays = {"p": self._real(self._p), "inputs": self._real(self._inputs), "tape": self._tape}
         self._run = ffi.new("ncgen_taped *", vars(sizes) | arrays)
@@ -66,7 +67,9 @@ class Sweep:
         n, library = self._sizes.n_coordinates, self.numbers.library
         slopes = self._empty(2 * n + self._sizes.n_parameters)
         by_inputs, work = np.empty_like(self._inputs), self._empty(library.ncgen_adjoint_workspace(self._run))
-        library.ncgen_adjoint(self._run, self.numbers.transposed, *map(self._real, (weights, slopes, by_inputs, work)))
+        library.ncgen_adjoint(
+            self._run, self.numbers.transposed, self._real(weights, 2 * n * len(self._times)), *map(self._real, (slopes, by_inputs, work))
+        )
         return slopes[:n], slopes[n : 2 * n], slopes[2 * n :], by_inputs
 
     def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -84,7 +87,8 @@ class Sweep:
         """What a transposed part says at the start; state: what it reads besides time and p."""
         found = self._empty(sum(map(len, state)) + len(self._p))
         function = getattr(self.numbers.library, f"ncgen_{name}_back")
-        function(self.numbers.transposed, self._times[0], *map(self._real, (*state, self._p, weights, found)))
+        given = *map(self._real, (*state, self._p)), self._real(weights, self._sizes.n_coordinates), self._real(found)
+        function(self.numbers.transposed, self._times[0], *given)
         return found
 
     def _by_parameters(self, slopes: np.ndarray) -> np.ndarray:
@@ -99,8 +103,8 @@ class Sweep:
     def _empty(self, size: int) -> np.ndarray:
         return np.empty(size, dtype=self.numbers.dtype)
 
-    def _real(self, array: np.ndarray) -> InC:
-        return self.numbers.ffi.from_buffer("ncgen_real[]", np.ascontiguousarray(array, dtype=self.numbers.dtype))
+    def _real(self, array: np.ndarray, count: int | None = None) -> InC:
+        return pointer(self.numbers.ffi, np.ascontiguousarray(array, dtype=self.numbers.dtype), "ncgen_real[]", count)
 
 
 @once

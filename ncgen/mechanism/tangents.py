@@ -17,6 +17,7 @@ from ncgen.emit.naming import prefix_of
 from ncgen.emit.numpy import files as in_numpy
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
+from ncgen.mechanism.arguments import pointer
 from ncgen.program.ir.blocks import Program
 from ncgen.program.programs import Programs
 from ncgen.toolchain.abi import InC, abi
@@ -89,13 +90,15 @@ class CompiledTangents(Tangents):
         getter = f"{prefix_of(equations.model.name)}_{kind}"
         self._ffi, self._library = load(files, f"const ncgen_{kind} *{getter}(void);", abi())
         self.descriptor: InC = getattr(self._library, getter)()
+        n, rows, parameters = len(equations.free), len(equations.model.rows), len(equations.parameters)
+        self._counts = {"q": n, "qd": n, "qdd": n, "lam": rows, "p": parameters}
 
     def _call(self, name: str, program: Program, inputs: list[Any]) -> np.ndarray:
         out = np.empty(program.size)
-        arrays = [np.ascontiguousarray(a, dtype=float) for a in inputs[1:]]
-        pointers = [self._ffi.from_buffer("double[]", a, require_writable=a is out) for a in (*arrays, out)]
+        given = zip(program.inputs[1:], inputs[1:], strict=True)  # `Kernels` has laid them out
+        pointers = [pointer(self._ffi, array, "double[]", self._counts[of], of) for of, array in given]
         try:
-            getattr(self.descriptor, name)(inputs[0], *pointers)
+            getattr(self.descriptor, name)(inputs[0], *pointers, pointer(self._ffi, out))
         except TypeError:
             raise NcgenError(f"{self.equations.model.name}.{name}: t is {inputs[0]!r}; compiled kernels take one real number") from None
         return out

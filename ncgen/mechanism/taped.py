@@ -11,7 +11,8 @@ import numpy as np
 
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
-from ncgen.mechanism.batch import aligned, in_lanes, pointer
+from ncgen.mechanism.arguments import pointer
+from ncgen.mechanism.batch import aligned, in_lanes
 from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.driving import Function, Pieces, told_at
 from ncgen.mechanism.library import CompiledKernels
@@ -235,7 +236,7 @@ class Taped:
         return dual_numbers(self._dynamics.source("adjoint"), f"{prefix_of(self._kernels.name)}_adjoint")
 
     def _real(self, array: np.ndarray) -> InC:
-        return self._ffi.from_buffer("double[]", array)
+        return pointer(self._ffi, array)
 
 
 class Segmented:

@@ -14,7 +14,7 @@ from functools import cache, cached_property
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.methods.explicit import EXPLICIT, Published
 
 if TYPE_CHECKING:
@@ -179,17 +179,17 @@ def other_names() -> dict[str, str]:
 
 def find_integrator(name: object) -> Integrator:
     """The integrator of any of its names, upper or lower case. Raises ModelError listing the known ones."""
-    key = str(name).lower()
+    key = name.lower() if isinstance(name, str) else ""
     key = other_names().get(key, key)
     if key not in INTEGRATORS:
-        raise ModelError(f"integrator {str(name)[:40]!r} is unknown; choose one of {', '.join([AUTO, *INTEGRATORS, *other_names()])}")
+        raise ModelError(f"integrator {shown(name)} is unknown; choose one of {', '.join([AUTO, *INTEGRATORS, *other_names()])}")
     return INTEGRATORS[key]
 
 
 def find_formalism(name: object) -> Formalism:
     """The formalism of a name. Raises ModelError listing the known ones."""
     if not isinstance(name, str) or name not in FORMALISMS:
-        raise ModelError(f"formalism {str(name)[:40]!r} is unknown; choose one of {', '.join([AUTO, *FORMALISMS])}")
+        raise ModelError(f"formalism {shown(name)} is unknown; choose one of {', '.join([AUTO, *FORMALISMS])}")
     return FORMALISMS[name]
 
 
@@ -224,12 +224,12 @@ def steps_constraints(formalism: Formalism, integrator: Integrator) -> bool:
 def options_of(formalism: Formalism, integrator: Integrator, given: dict[str, Any] | None) -> dict[str, Any]:
     """The defaults of a method with the caller's options in their place. Raises ModelError for unknown or impossible ones."""
     defaults = integrator.options if steps_constraints(formalism, integrator) else formalism.options
-    if not isinstance(given or {}, dict):
-        raise ModelError(f"options: {str(given)[:40]!r} given; give a dictionary {{name: value}}")
+    if not isinstance(given, dict | None):
+        raise ModelError(f"options: {shown(given)} given; give a dictionary {{name: value}}")
     for name, value in (given or {}).items():
         if name not in defaults:
             method = f"{formalism.name} with {integrator.name}"
-            raise ModelError(f"option {str(name)[:40]}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
+            raise ModelError(f"option {shown(name)}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
         _check_option(name, value, defaults[name])
     return {**defaults, **(given or {})}
 
@@ -237,12 +237,12 @@ def options_of(formalism: Formalism, integrator: Integrator, given: dict[str, An
 def _check_option(name: str, value: object, default: object) -> None:
     if name == "stabilisation":
         if value not in STABILISATIONS:
-            raise ModelError(f"stabilisation {str(value)[:40]!r} is unknown; choose one of {', '.join(STABILISATIONS)}")
+            raise ModelError(f"stabilisation {shown(value)} is unknown; choose one of {', '.join(STABILISATIONS)}")
     elif isinstance(default, bool):
         if not isinstance(value, bool):
-            raise ModelError(f"option {name}: {str(value)[:40]!r} given; it must be True or False")
+            raise ModelError(f"option {name}: {shown(value)} given; it must be True or False")
     elif value is None and default is None:
         return
     elif isinstance(value, bool) or not is_real(value) or not 0 <= value <= LIMITS.get(name, sys.float_info.max):
         wanted = f"from 0 to {LIMITS[name]:.3g}" if name in LIMITS else "from 0 on"
-        raise ModelError(f"option {name}: {str(value)[:40]} given; it must be a number {wanted}")
+        raise ModelError(f"option {name}: {shown(value)} given; it must be a number {wanted}")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ncgen.errors import ModelError, shown
+from ncgen.model.conditions import Bound, Condition, Moments
 from ncgen.model.elements import AXES, Point, Spatial, Vector
 from ncgen.model.rigid import Frame
 from ncgen.model.values import Parameter, Scalar, Value, as_sympy, evaluate, is_number, mentioned, symbol_of, total, vanishes
@@ -28,9 +29,6 @@ LARGEST_BASIS = 4
 
 WORDS_OF_INERTIA = ("point", "rod")
 """What an inertia can be called instead of given in numbers: all mass at the centre, or a uniform rod between the body's two points."""
-
-TRIANGLE = 1e-12
-"""Slack, relative to the trace, in the triangle inequalities of an inertia tensor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,25 +148,20 @@ def load_names(body: Body, element: Spatial) -> tuple[str, ...]:
 
 
 def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -> None:
-    """A ModelError that says what makes an inertia (3, 3) impossible, if anything does.
-
-    A body's planar inertia tensor ½ tr(I) 1 − I = ∫ρ d dᵀ must be positive semidefinite; for the principal
-    moments these are the triangle inequalities.
-    """
+    """Raise ModelError with what makes an inertia (3, 3) impossible, if anything does."""
     if com.shape != (3,):
         raise ModelError(f"body {name}: the centre of mass has shape {com.shape}; give three numbers, or two for a body of the plane")
-    if not mass >= 0:
-        raise ModelError(f"body {name}: the mass is {mass:g} kg; give a positive number")
+    of_mass, of_moments = conditions(name, mass, tensor)
+    of_mass.check([mass])
     gap = np.max(np.abs(tensor - tensor.T))
     if gap > SYMMETRIC * np.max(np.abs(tensor)):
         raise ModelError(f"body {name}: the inertia tensor is not symmetric, by {gap:.3g}; its off-diagonal entries must be equal in pairs")
-    moments = np.linalg.eigvalsh((tensor + tensor.T) / 2)
-    if moments[0] < -TRIANGLE * abs(moments[2]) or moments[0] + moments[1] < moments[2] * (1 - TRIANGLE):
-        low, middle, high = moments
-        raise ModelError(
-            f"body {name}: no body has principal moments of inertia {low:g}, {middle:g}, {high:g} kg m2: "
-            f"the largest exceeds the sum of the others, {low + middle:g}; check units and the point they refer to"
-        )
+    of_moments.check(tensor.ravel())
+
+
+def conditions(name: str, mass: Value, tensor: np.ndarray) -> tuple[Condition, Condition]:
+    """What a body's mass (kg) and its inertia tensor (3, 3) (kg m²) must satisfy."""
+    return Bound(f"body {name}: the mass is", mass, ">=", "kg", "give a positive number"), Moments(name, tensor)
 
 
 def check_given(body: Body) -> None:

@@ -8,6 +8,7 @@ from ncgen.model.elements import AXES, Spatial
 
 if TYPE_CHECKING:
     from ncgen.model.bodies import Body
+    from ncgen.model.conditions import Condition
     from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
     from ncgen.model.elements import Component, Element
@@ -29,6 +30,7 @@ class Contents:
     gravity_field: three values
     branches: {angle: the run-time weights of its "paper" row}
     chosen_independent: names of coordinates
+    conditions: on values that depend on parameters and stand in no body and no row of the catalogue by themselves, such as radii
     facts: how the model was told
     left_out: what a robot's file says beside all this, in words
     """
@@ -49,6 +51,7 @@ class Contents:
     springs: list[Load]
     rotors: list[Rotor]
     callbacks: list[Callback]
+    conditions: list[Condition]
     gravity_field: tuple[Value, ...]
     branches: dict[str, tuple[Parameter, ...]]
     chosen_independent: tuple[str, ...]

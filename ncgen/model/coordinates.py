@@ -12,13 +12,14 @@ from ncgen.model import arithmetic, curves, measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import own_direction
 from ncgen.model.catalogue import BRANCH_WEIGHTS
+from ncgen.model.conditions import UNIT_LENGTH, Condition
 from ncgen.model.contents import Contents
 from ncgen.model.curves import Curve
 from ncgen.model.elements import AXES, Angle, Combination, Component, Direction, Length, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.names import LAW, check_scalar
 from ncgen.model.outputs import Output
-from ncgen.model.rows import SIX_DIGITS, UNIT_LENGTH, Row
+from ncgen.model.rows import SIX_DIGITS, Row
 from ncgen.model.values import Driven, Input, Number, Numbers, Parameter, Value, Values, as_sympy, evaluate, is_number, mentioned, vanishes
 
 if TYPE_CHECKING:
@@ -236,6 +237,12 @@ class Coordinates(Contents):
     def _number(self, value: Value, what: str) -> float:
         """The number of a value at the parameters' defaults."""
         return evaluate(value, self.parameters, what)
+
+    def _require(self, condition: Condition) -> None:
+        """Raise ModelError where a condition does not hold at the parameters' defaults; keep it where they have a say in it."""
+        condition.check([self._number(value, "") for value in condition.values])
+        if condition.is_parametric:
+            self.conditions.append(condition)
 
     def _check_unit(self, vector: Vector) -> None:
         """A direction that turns with parameters must keep its length, since nothing at run time corrects it."""

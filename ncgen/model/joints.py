@@ -16,9 +16,10 @@ from ncgen.errors import ModelError, shown
 from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.bodies import Body
+from ncgen.model.conditions import UNIT_LENGTH, Bound
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
-from ncgen.model.rows import UNIT_LENGTH, Owner, Row
+from ncgen.model.rows import Owner, Row
 from ncgen.model.structure import Structure
 from ncgen.model.values import Scalar, Value, Values, as_sympy, is_number
 
@@ -122,7 +123,8 @@ class Joints(Structure):
     def rack(self, slide: Relative, angle: Relative, radius: Value) -> Row:
         """A rack driven by a pinion: s − radius·ψ stays constant.
 
-        Raises ModelError for a radius of 0. Loads have a couple on the pinion and a force along the slide, no tooth force.
+        Raises ModelError for a radius of 0. `run.reactions()` has the tooth force where one body carries both: the angle is between it and
+        the pinion, the slide between it and the rack.
         """
         self._check_radius(f"rack {slide.name}, {angle.name}: radius", radius)
         balance = slide.symbol - as_sympy(radius) * angle.symbol
@@ -167,8 +169,7 @@ class Joints(Structure):
         where = f"rolling of {disc.name}"
         if len(normal) != 3 or not all(map(is_number, normal)) or abs(np.linalg.norm(np.asarray(normal)) - 1.0) > UNIT_LENGTH:
             raise ModelError(f"{where}: the normal of the plane is {shown(normal)}; give a unit vector of three numbers")
-        if not self._number(radius, where) > 0:
-            raise ModelError(f"{where}: the radius is {self._number(radius, where):g} m; give a positive one")
+        self._require(Bound(f"{where}: the radius is", radius, ">", "m", "give a positive one"))
         if abs(axle.initial @ across.initial) > 1e-9:
             raise ModelError(f"{where}: {across.name} must be perpendicular to the axle {axle.name}")
         if np.linalg.norm(np.cross(np.asarray(normal), axle.initial)) < FLAT:
@@ -177,8 +178,7 @@ class Joints(Structure):
             )
 
     def _check_radius(self, where: str, radius: Value) -> None:
-        if self._number(radius, where) == 0.0:
-            raise ModelError(f"{where} is 0 m; give another number, negative for teeth on the other side")
+        self._require(Bound(f"{where} is", radius, "!=", "m", "give another number, negative for teeth on the other side"))
 
     def _turn_together(self, kind: str, first: Relative, second: Relative, balance: sympy.Expr) -> Row:
         if first is second:

@@ -11,8 +11,9 @@ from ncgen.errors import ModelError, shown
 from ncgen.model import measures
 from ncgen.model.arguments import expression, sequence
 from ncgen.model.bodies import Body
+from ncgen.model.conditions import Bound
 from ncgen.model.coordinates import Coordinates
-from ncgen.model.elements import Component, Point, Relative, as_combination
+from ncgen.model.elements import Angle, Component, Point, Relative, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor, Spring, TorsionSpring
 from ncgen.model.values import Driven, Expression, Expressions, Moment, Value, Values, as_sympy, is_number
@@ -117,8 +118,8 @@ class Loads(Coordinates):
     def rotor(self, coordinate: Relative, inertia: Value) -> Rotor:
         """What turns with a relative angle, such as a motor's armature: its moment of inertia (kg m²; along a distance its mass, kg), times
         the square of the gear's ratio. Its own turning has no other effect."""
-        if not self._number(inertia, f"rotor of {coordinate.name}") >= 0:
-            raise ModelError(f"rotor of {coordinate.name}: its inertia is {shown(inertia)}; give a positive number")
+        unit = "kg m2" if isinstance(coordinate, Angle) else "kg"
+        self._require(Bound(f"rotor of {coordinate.name}: its inertia is", inertia, ">=", unit, "give a positive number"))
         self.rotors.append(Rotor(coordinate, inertia))
         return self.rotors[-1]
 

@@ -70,6 +70,7 @@ class Model(Joints, Loads, Pictures):
         self.springs = []
         self.rotors = []
         self.callbacks = []
+        self.conditions = []
         self.gravity_field = (0.0, 0.0, 0.0)
         self.branches = {}
         self.chosen_independent = ()

@@ -13,18 +13,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ncgen.errors import ModelError
 from ncgen.model import arithmetic, measures
 from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
+from ncgen.model.conditions import Bound, Condition, Cosine
 from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, Spatial, as_combination
 from ncgen.model.expressions import is_symbolic
 from ncgen.model.values import Parameter, Scalar, Value, is_number, told
-
-PARALLEL = 1e-6
-"""Rows 1002 and 1003 are refused within this angle (rad) of 0 and pi: their gradient repeats the unit norm's."""
-
-UNIT_LENGTH = 1e-9
-"""How far a unit vector's length may be from 1."""
 
 SIX_DIGITS = 1e-5
 """How far from 1 the length of a unit vector may be that was typed with six digits."""
@@ -114,9 +108,9 @@ def _short(value: Combination | Value | Component) -> str:
 def distance(start: Point, end: Point, length: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
     """Row 1000: |end − start| = length (m). `numeric` is the length's number."""
     label = f"distance {start.name}-{end.name}"
-    if not numeric > 0:
-        raise ModelError(f"{owner}, {label}: the length is {numeric:g} m; two points of a rigid body must be apart, give other points")
-    return Row(owner, label, PAPER_CODES["distance"], ROW_TYPES["distance"], {"a": start - end}, {"L": length}, scaled=scaled)
+    new = Row(owner, label, PAPER_CODES["distance"], ROW_TYPES["distance"], {"a": start - end}, {"L": length}, scaled=scaled)
+    _length_condition(new).check([numeric])
+    return new
 
 
 def unit(vector: Spatial, owner: Owner, scaled: bool) -> Row:
@@ -126,30 +120,36 @@ def unit(vector: Spatial, owner: Owner, scaled: bool) -> Row:
 
 def vector_segment(vector: Spatial, segment: Combination, length: Value, cosine: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
     """Row 1002: u·segment = length·cosine; refused where the two are parallel. `numeric` is the cosine's number."""
-    label = f"angle {vector.name}, {segment}"
-    _refuse_parallel(numeric, f"{owner}, {label}")
     data = {"L": length, "c": cosine}
     arguments = {"u": as_combination(vector), "a": segment}
-    return Row(owner, label, PAPER_CODES["vector-segment"], ROW_TYPES["vector-segment"], arguments, data, scaled=scaled)
+    label = f"angle {vector.name}, {segment}"
+    new = Row(owner, label, PAPER_CODES["vector-segment"], ROW_TYPES["vector-segment"], arguments, data, scaled=scaled)
+    _cosine_condition(new).check([numeric])
+    return new
 
 
 def vector_vector(u: Spatial, v: Spatial, cosine: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
     """Row 1003: u·v = cosine; refused where the two are parallel. `numeric` is the cosine's number."""
     label = f"angle {u.name}, {v.name}"
-    _refuse_parallel(numeric, f"{owner}, {label}")
     arguments = {"u": as_combination(u), "v": as_combination(v)}
-    return Row(owner, label, PAPER_CODES["vector-vector"], ROW_TYPES["vector-vector"], arguments, {"c": cosine}, scaled=scaled)
+    new = Row(owner, label, PAPER_CODES["vector-vector"], ROW_TYPES["vector-vector"], arguments, {"c": cosine}, scaled=scaled)
+    _cosine_condition(new).check([numeric])
+    return new
 
 
-def _refuse_parallel(cosine: float, where: str) -> None:
-    if abs(cosine) > 1 + UNIT_LENGTH:
-        raise ModelError(f"{where}: the cosine is {cosine:.12g}; give a number between -1 and 1")
-    if abs(cosine) > math.cos(PARALLEL):
-        angle = "0" if cosine > 0 else "pi"
-        raise ModelError(
-            f"{where}: the cosine is {cosine:.12g}, an angle of {angle}, where this row says no more than the unit length; "
-            "share the vector, or use a parallel row"
-        )
+def conditions(row: Row) -> list[Condition]:
+    """What the data of a row must satisfy. A cosine that was measured is no data of the user's: it says where elements are."""
+    key = row.type.key if row.type else ""
+    found: list[Condition] = [_length_condition(row)] if key in ("distance", "vector-segment") else []
+    return [*found, _cosine_condition(row)] if key in ("vector-segment", "vector-vector") and not row.measured else found
+
+
+def _length_condition(row: Row) -> Bound:
+    return Bound(f"{row.owner}, {row.label}: the length is", row.data["L"], ">", "m", "give points that are apart, or a positive length")
+
+
+def _cosine_condition(row: Row) -> Cosine:
+    return Cosine(f"{row.owner}, {row.label}", row.data["c"])
 
 
 def dot(a: Combination, b: Combination, value: Value, size: float, owner: Owner, label: str, scaled: bool) -> Row:

@@ -22,6 +22,7 @@ from ncgen.model.bodies import (
     rod_tensor,
     symmetric,
 )
+from ncgen.model.conditions import Bound
 from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Combination, Component, Constant, Direction, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
@@ -131,8 +132,7 @@ class Structure(Coordinates):
         segment = self._direction(segment, f"angle {vector.name}")
         measured = length is None or cosine is None
         length = measures.length(segment) if length is None else length
-        if not (number := self._number(length, label)) > 0:
-            raise ModelError(f"{label}: the segment has length {number:g} m; give points that are apart")
+        Bound(f"{label}: the length of the segment is", length, ">", "m", "give points that are apart").check([self._number(length, label)])
         cosine = measures.cosine(as_combination(vector), segment) if cosine is None else cosine
         numeric = self._number(cosine, f"{label}, cosine")
         return self._keep(row.vector_segment(vector, segment, length, cosine, _owner(owner), numeric, self.scale), measured)

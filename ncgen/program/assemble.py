@@ -166,14 +166,19 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     omitted += _folded(equations)
     programs = {name: program for name, (program, _) in built.items() if program is not None}
     pattern = built["phi_q"].matrix
-    if "phi_q" in programs:
+    if "phi_q" in programs and (length := sum(programs[name].length for name in ALWAYS)) <= MOST_FUSED:
         programs["constraints"] = _constraints(programs, pattern, equations)
+    elif "phi_q" in programs:
+        omitted.append(f"kernel constraints: {length} operations of phi, phi_q and gamma are written out once, not once more together")
     programs = {name: share_angles(program) for name, program in programs.items()}
     return Programs(equations, programs, pattern, built["mass"].matrix, emission, tuple(omitted))
 
 
 ALWAYS = ("phi", "phi_q", "gamma")
 """Kernels that are made for every mechanism that has rows; "constraints" is all of them at once."""
+
+MOST_FUSED = 4000
+"""Statements of these up to which "constraints" is made: it compiles as long as they do, a humanoid 5 s, and saves a sixth of a call."""
 
 
 def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Terms) -> Program:

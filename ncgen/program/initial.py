@@ -4,6 +4,7 @@ start(p)      q of the position that the user described with these parameters (n
 start_p(p)    its derivatives (n × parameters), row by row
 
 described(t, p)    the same of any components, fixed ones too
+values(p)          any values that depend on parameters alone
 """
 
 from __future__ import annotations
@@ -11,20 +12,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+from ncgen.model import Model
 from ncgen.model.elements import Component
-from ncgen.model.values import Value, as_sympy, is_number
+from ncgen.model.values import Parameter, Value, as_sympy, is_number
 from ncgen.program.ir.blocks import Program, written
 from ncgen.program.ir.derivatives import gradient
 from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
-from ncgen.program.ir.lower import lower_value
 from ncgen.symbolic.numbering import Numbering
 
 
 def assemble_start(numbering: Numbering) -> tuple[Program, Program]:
     """The two programs."""
     graph = Graph()
-    parameters, nodes = _nodes(graph, numbering, numbering.free)
+    parameters, nodes = _nodes(graph, numbering.model, [c.value for c in numbering.free])
     slopes = [gradient(graph, node, parameters.values()) for node in nodes]
     zero = graph.const(0.0)
     entries = [row.get(p, zero) for row in slopes for p in parameters.values()]
@@ -37,17 +38,29 @@ def assemble_start(numbering: Numbering) -> tuple[Program, Program]:
 def assemble_described(numbering: Numbering, components: Iterable[Component]) -> Program:
     """The program of these components; like every kernel it is given the time."""
     graph = Graph()
-    return _program("described", graph, _nodes(graph, numbering, components)[1], ("t", "p"))
+    return _program("described", graph, _nodes(graph, numbering.model, [c.value for c in components])[1], ("t", "p"))
 
 
-def _nodes(graph: Graph, numbering: Numbering, components: Iterable[Component]) -> tuple[dict[str, int], list[int]]:
-    """Nodes of the parameters by name, and of the components' values in the initial position."""
-    parameters = {p.name: graph.load("p", i) for i, p in enumerate(numbering.parameters)}
-    return parameters, [_node(graph, c.value, parameters) for c in components]
+def assemble_values(model: Model, values: Iterable[Value]) -> Program:
+    """The program of these values of a model."""
+    graph = Graph()
+    return _program("values", graph, _nodes(graph, model, values)[1])
+
+
+def _nodes(graph: Graph, model: Model, values: Iterable[Value]) -> tuple[dict[str, int], list[int]]:
+    """Nodes of the parameters by name, and of the values."""
+    parameters = {name: graph.load("p", i) for i, name in enumerate(model.numbers)}
+    return parameters, [_node(graph, value, parameters) for value in values]
 
 
 def _node(graph: Graph, value: Value, parameters: dict[str, int]) -> int:
-    return graph.const(float(value)) if is_number(value) else lower_value(graph, as_sympy(value), parameters)
+    if isinstance(value, Parameter):
+        return parameters[value.name]
+    if is_number(value):
+        return graph.const(float(value))
+    from ncgen.program.ir.lower import lower_value  # it loads sympy, which expressions have loaded
+
+    return lower_value(graph, as_sympy(value), parameters)
 
 
 def _program(name: str, graph: Graph, nodes: Sequence[int], inputs: tuple[str, ...] = ("p",)) -> Program:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from ncgen.archives import arrays
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
@@ -46,12 +45,6 @@ BEFORE: dict[str, Any] = {
 }  # fmt: skip
 """What stands for that in files of before."""
 
-MOST_TIMES = 100
-"""An archive that unpacks to more than so many times its size is none of ours, which are not packed."""
-
-UNREADABLE = (ValueError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, NotImplementedError, RecursionError)
-"""What NumPy raises for a file that is no archive, a broken one, or one with objects in it, which are never unpickled."""
-
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
@@ -70,25 +63,19 @@ class Recorded:
     def read(cls, path: Path) -> Recorded:
         """From a file written by `Trajectory.to_npz`. Raises NcgenError for a file of another kind, and for one that is broken."""
         try:
-            with open(path, "rb") as file:
-                archive = np.load(file, allow_pickle=False)
-                if not isinstance(archive, np.lib.npyio.NpzFile) or archive.zip is None:
-                    raise ValueError("a single array")
-                if sum(one.file_size for one in archive.zip.infolist()) > MOST_TIMES * path.stat().st_size:
-                    raise ValueError("an archive that unpacks to far more than it is")
-                found = {name: archive[name] for name in (*ARRAYS, *NAMES, *MORE, *TEXTS) if name in archive.files}
+            found = arrays(path, (*ARRAYS, *NAMES, *MORE, *TEXTS))
         except OSError as error:
             raise NcgenError(
                 f"{path}: it cannot be read: {error.strerror or error}; give a trajectory.npz that `ncgen run` has written"
             ) from error
-        except UNREADABLE as error:
-            raise _no_trajectory(path, "it is no readable archive of numbers and texts") from error
+        except ValueError as error:
+            raise _no_trajectory(path, f"it is no readable archive of numbers and texts: {error}") from error
         if missing := [name for name in (*ARRAYS, *NAMES) if name not in found]:
             raise _no_trajectory(path, f"it has no {missing[0]}")
         _check_sizes(path, found)
-        arrays = {name: found[name].astype(float) for name in (*ARRAYS, *MORE) if name in found}
+        numbers = {name: found[name].astype(float) for name in (*ARRAYS, *MORE) if name in found}
         names = {name: tuple(map(str, found[name])) for name in NAMES}
-        return cls(path, arrays, names, _about(path, str(found.get("about", ""))), str(found.get("model", "")))
+        return cls(path, numbers, names, _about(path, str(found.get("about", ""))), str(found.get("model", "")))
 
     def trajectory(self, kernels: Kernels) -> Trajectory:
         """The motion as it was when it was written; of files of before, which do not say how it was made, its numbers. Raises NcgenError
@@ -139,8 +126,6 @@ def _check_sizes(path: Path, found: dict[str, np.ndarray]) -> None:
         if name not in found:
             continue
         array = found[name]
-        if not isinstance(array, np.ndarray):  # NumPy gives the bytes of what it does not know
-            raise _no_trajectory(path, f"{name} is no array")
         if array.ndim != len(axes) or any(sizes.setdefault(axis, size) != size for axis, size in zip(axes, array.shape, strict=True)):
             raise _no_trajectory(path, f"{name} has shape {array.shape}, which does not fit the others")
         if array.dtype.kind not in ("biuf" if name in ARRAYS | MORE else "U"):

@@ -12,6 +12,7 @@ import numpy as np
 
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import runtime_files
+from ncgen.mechanism.arguments import numbers, pointer
 from ncgen.report.clock import Run
 from ncgen.toolchain.abi import NUMBERS, abi, marked
 from ncgen.toolchain.compilers import FLAGS
@@ -56,12 +57,12 @@ class Call:
 def runner(t: float, q: ArrayLike, v: ArrayLike, p: ArrayLike, positions: Sequence[Call], velocity: Call | None = None) -> Run:
     """A function run(times) that calls up to two kernels of the position and one of the velocity; it fills their `out`."""
     ffi, library = _repeater()
-    inputs = [np.ascontiguousarray(a, dtype=float) for a in (q, v, p)]
+    inputs = [np.ascontiguousarray(numbers(a, name)) for name, a in (("q", q), ("v", v), ("p", p))]
     first, second, *_ = [*positions, None, None]
     arguments = []
     for call in (first, second, velocity):
-        arguments += [ffi.NULL, ffi.NULL] if call is None else [call.function, ffi.cast("double *", call.out.ctypes.data)]
-    pointers = [ffi.cast("double *", a.ctypes.data) for a in inputs]
+        arguments += [ffi.NULL, ffi.NULL] if call is None else [call.function, pointer(ffi, call.out, count=call.size)]
+    pointers = [pointer(ffi, a) for a in inputs]
 
     def run(times: int, keep: object = (inputs, positions, velocity)) -> None:  # the pointers live as long as the buffers do
         library.ncgen_repeat(times, t, *pointers, *arguments)
@@ -72,13 +73,14 @@ def runner(t: float, q: ArrayLike, v: ArrayLike, p: ArrayLike, positions: Sequen
 def each(t: float, q: np.ndarray, v: np.ndarray, p: np.ndarray, function: object, moves: bool, out: np.ndarray) -> Run:
     """A function run(times) that calls a kernel, one of the velocity if it `moves`, for every row of q and v, and fills rows of out."""
     ffi, library = _repeater()
-    arrays = [np.ascontiguousarray(a, dtype=float) for a in (q, v, p, out)]
-    q_rows, v_rows, numbers, results = (ffi.from_buffer("double[]", a) for a in arrays)
+    arrays = [np.ascontiguousarray(numbers(a, "rows")) for a in (q, v, p)]
+    q_rows, v_rows, parameters = (pointer(ffi, a, count=count) for a, count in zip(arrays, (q.size, q.size, p.size), strict=True))
+    results = pointer(ffi, out, count=len(q) * out.shape[1])
     either = (ffi.NULL, function) if moves else (function, ffi.NULL)
 
     def run(times: int) -> None:
         for _ in range(times):
-            library.ncgen_each(len(q), t, q.shape[1], q_rows, v_rows, numbers, *either, out.shape[1], results)
+            library.ncgen_each(len(q), t, q.shape[1], q_rows, v_rows, parameters, *either, out.shape[1], results)
 
     return run
 
@@ -99,14 +101,11 @@ def typed_runner(
     programs = sources.programs.programs
     out = {name: np.empty(programs[name].size, dtype=number.dtype) for name in names}
 
-    def pointer(array: np.ndarray) -> object:
-        return ffi.cast("ncgen_real *", array.ctypes.data)
-
     def run(name: str) -> Run:
         empty = [ffi.NULL] * 4
-        call = [getattr(model, name), pointer(out[name])]
+        call = [getattr(model, name), pointer(ffi, out[name], "ncgen_real[]")]
         calls = [*empty, *call] if "qd" in programs[name].inputs else [*call, *empty]
-        state = [pointer(x) for x in arrays]
+        state = [pointer(ffi, x, "ncgen_real[]") for x in arrays]
 
         def turns(times: int, keep: object = (arrays, library)) -> None:
             library.ncgen_repeat(times, t, *state, *calls)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ncgen.emit.sources import Sources, write_text
+from ncgen.emit.sources import Sources
+from ncgen.files import write_text
 from ncgen.solver.positions.rank import Freedom
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.view.curves_of_motion import curves_of_motion

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from hashlib import sha256
 from pathlib import Path
 
+from ncgen.files import opened
+
 EVERY = 0.2
 """Seconds between two looks."""
 
@@ -37,6 +39,7 @@ def saves(path: Path, wait: Callable[[float], object] = time.sleep) -> Iterator[
 def digest(path: Path) -> bytes:
     """What tells one content of a file from another; b"" where there is no file that can be read."""
     try:
-        return sha256(path.read_bytes()).digest()
+        with opened(path) as file:
+            return sha256(file.read()).digest()
     except OSError:
         return b""

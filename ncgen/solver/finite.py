@@ -132,7 +132,9 @@ def on_the_way(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float, tried:
             check_instant(kernels, q, qd, t + h, p)
         qdd = _accelerations(kernels, q, qd, t, p)
         for h in ahead:
-            check_instant(kernels, q + h * (qd + h / 2 * qdd), qd + h * qdd, t + h, p)
+            with np.errstate(over="ignore", invalid="ignore"):
+                later = q + h * (qd + h / 2 * qdd), qd + h * qdd
+            check_instant(kernels, *later, t + h, p)
     except DomainError as found:
         return found
     except ModelError:  # of a callback that takes no such state

@@ -14,10 +14,11 @@ from typing import Protocol, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ModelError, NcgenError, shown
+from ncgen.errors import ModelError, NcgenError, shown, written
 from ncgen.mechanism.arguments import numbers
 from ncgen.methods.table import is_real
 from ncgen.model import Model
+from ncgen.solver.conditions import check_parameters
 
 Given: TypeAlias = "ArrayLike | Mapping[str, float]"
 """In signatures: numbers in their order, or some of them by name."""
@@ -56,6 +57,7 @@ class Outline(Protocol):
 
 
 Mechanism = TypeVar("Mechanism", bound=Outline)
+Value = TypeVar("Value")
 
 ORTHOGONAL = 1e-6
 """How far an entry of Rᵀ R of a rotation may be off the unit matrix: rotations written with seven digits pass, sheared ones do not."""
@@ -78,10 +80,14 @@ def parameters(kernels: Outline, p: Given | None = None) -> np.ndarray:
     """Parameters as an array of one's own, shape (n_p,).
 
     p: None for the defaults, numbers in the order of `kernels.parameters`, or {name: number}; those not named keep their defaults
-    Raises ModelError where numbers are missing, too many or not finite, and for an unknown name.
+    Raises ModelError where numbers are missing, too many or not finite, for an unknown name, and for what the model refuses as a number
+    in the place of the parameter, such as a negative mass.
     """
     kernels = checked_kernels(kernels)
-    return _numbers(kernels.parameters, kernels.p0, p, "p", "parameter")
+    found = _numbers(kernels.parameters, kernels.p0, p, "p", "parameter")
+    if p is not None:
+        check_parameters(kernels, found)
+    return found
 
 
 def position(kernels: Outline, q: Given | None = None, p: ArrayLike | None = None, what: str = "q") -> np.ndarray:
@@ -103,6 +109,21 @@ def closing(tolerance: object) -> float:
     return float(tolerance)
 
 
+def truth(value: object, what: str) -> bool:
+    """True or False. Raises ModelError for anything else."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ModelError(f"{what}: {echo(value)} given; give True or False")
+    return bool(value)
+
+
+def values_by_name(given: Mapping[str, Value] | None, what: str) -> dict[str, Value]:
+    """{name: value} whose names are texts, {} from None. Raises ModelError for anything else."""
+    if given is not None and not isinstance(given, Mapping):
+        raise ModelError(f"{what}: {echo(given)} given; give {{name: value}}")
+    names_of(None if given is None else tuple(given), what)
+    return dict(given or {})
+
+
 def names_of(
     given: str | Iterable[str] | None, what: str, known: Collection[str] | None = None, kind: str = "free coordinate"
 ) -> tuple[str, ...]:
@@ -113,7 +134,8 @@ def names_of(
     """
     if given is None:
         return ()
-    names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else (given,)
+    is_single = isinstance(given, str) or not isinstance(given, Iterable) or (isinstance(given, np.ndarray) and given.ndim == 0)
+    names = (given,) if is_single else tuple(given)
     if odd := [name for name in names if not isinstance(name, str)]:
         raise ModelError(f"{what}: {echo(odd[0])} is no name; give one name or a list of names")
     names = tuple(map(str, names))  # a text of NumPy's is one like others
@@ -127,7 +149,7 @@ def names_of(
 
 def known_name(name: str, known: Collection[str], what: str, kind: str = "free coordinate") -> str:
     """A name that is known. Raises ModelError for another one, with those there are or the nearest of them."""
-    if name not in known:
+    if not isinstance(name, str) or name not in known:
         raise ModelError(f"{what}: the mechanism has no {kind} {echo(name)}; {offer(name, tuple(known))}")
     return name
 
@@ -174,7 +196,7 @@ def count(value: object, what: str) -> int:
 
 def several(values: ArrayLike | Iterator[float], what: str) -> np.ndarray:
     """Finite numbers as an array (K,). Raises ModelError for anything else, naming the place from 0."""
-    array = _array(list(values) if isinstance(values, Iterator) else values)
+    array = real_numbers(list(values) if isinstance(values, Iterator) else values, what)
     if array is None or array.ndim != 1:
         raise ModelError(f"{what}: {echo(values)} given; a list of numbers is needed")
     for k in np.flatnonzero(~np.isfinite(array))[:1]:
@@ -231,7 +253,7 @@ def _numbers(names: tuple[str, ...], defaults: np.ndarray, given: Given | None, 
     if isinstance(given, Mapping):
         wanted = numbers_by_name(given, names, what, kind)
         return np.array([wanted.get(name, default) for name, default in zip(names, defaults, strict=True)], dtype=float)
-    array = _array(given)
+    array = real_numbers(given, what)
     if array is None or array.shape != (len(names),):
         said = echo(given) if array is None else _count(len(array)) if array.ndim == 1 else f"an array of shape {array.shape}"
         needed = f"{len(names)} needed: {shortened(names)}" if names else f"the mechanism has no {kind}"
@@ -241,13 +263,14 @@ def _numbers(names: tuple[str, ...], defaults: np.ndarray, given: Given | None, 
     return array
 
 
-def _array(given: ArrayLike) -> np.ndarray | None:
-    """Real numbers as an array of one's own; None for anything else, texts that look like numbers included."""
+def real_numbers(given: ArrayLike, what: str) -> np.ndarray | None:
+    """Real numbers as an array of one's own; None for anything else, texts that look like numbers included. Raises ModelError for masked
+    ones, which look like others."""
+    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+        raise ModelError(f"{what} has masked numbers; fill them")
     try:
-        if np.asarray(given).dtype.kind not in "biufO":
-            return None
-        return np.array(given, dtype=float)
-    except (TypeError, ValueError, OverflowError):
+        return np.array(numbers(given, what))
+    except NcgenError:
         return None
 
 
@@ -265,5 +288,5 @@ def shortened(names: Sequence[str]) -> str:
 
 def echo(given: object) -> str:
     """What was given, shortened."""
-    text = given if isinstance(given, str) and given.isprintable() and given else repr(given).replace("\n", " ")
+    text = given if isinstance(given, str) and given.isprintable() and given else written(given)
     return text if len(text) <= ECHOED else text[: ECHOED - 1] + "…"

@@ -103,6 +103,9 @@ class Study:
                 raise ModelError(f"vary, {name}: it is a coordinate, whose start varies; write start({name})")
             else:
                 known_name(name, known.parameters, "vary", "parameter")
+        columns = ["ok", *(column.word for column in self.kept)]
+        if twice := [name for name in self.design.names if name in columns]:
+            raise ModelError(f"vary, {twice[0]}: the results have another column of that name; rename the parameter")
         if "qd0" in self.simulation and any(coordinate_of(started(n) or "") != started(n) for n in self.design.names if started(n)):
             raise ModelError("vary: the start of a velocity varies, and qd0 is given; give the others by zd0")
         for name in ("q0", "zd0", "p"):

@@ -280,7 +280,10 @@ def table(path: str, text: str) -> dict[str, Sequence[float]]:
     """What varies from the text of a CSV file: a header line of names, then a line a variant. Raises ModelError with the line."""
     import csv
 
-    lines = [(number, line) for number, line in enumerate(csv.reader(text.splitlines()), 1) if line]
+    try:
+        lines = [(number, line) for number, line in enumerate(csv.reader(text.splitlines()), 1) if line]
+    except csv.Error as error:
+        raise ModelError(f"{path}: no table of comma-separated values ({error})") from None
     if len(lines) < 2:
         raise ModelError(f"{path}: a table has a line of names and at least one line of numbers")
     names = [name.strip() for name in lines[0][1]]

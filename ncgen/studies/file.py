@@ -15,15 +15,13 @@ duration = 2.0
 
 from __future__ import annotations
 
-import re
-import tomllib
 from pathlib import Path
 from typing import Any
 
 from ncgen.errors import ModelError, NcgenError
 from ncgen.exchange.examples import load
 from ncgen.exchange.layout import Table, layout
-from ncgen.exchange.text import placed, text_of
+from ncgen.exchange.text import NotToml, placed, text_of, toml
 from ncgen.exchange.words import suggestion
 from ncgen.studies.definition import Study
 from ncgen.studies.design import table
@@ -48,10 +46,9 @@ def read_study(path: Path) -> Study:
     """The study of a TOML file. Raises ModelError with file and line."""
     text = text_of(path)
     try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
-        line = re.search(r"line (\d+)", str(error))
-        raise ModelError(placed(path.name, int(line[1]) if line else None, f"not TOML: {error}")) from None
+        data = toml(text)
+    except NotToml as error:
+        raise ModelError(placed(path.name, error.line, str(error))) from None
     tables = layout(text)
     _check(path, data, tables)
     try:

@@ -1,26 +1,28 @@
 """The results of a study on disk: a manifest, and a file of NumPy arrays for every run of variants that is done.
 
-A file is complete from the moment at which it has its name, and its name says which variants it holds, so whatever ends a study, what
-is there can be read and the rest is known.
+A file has its name from the moment at which it is whole, and its name says which variants it holds, so whatever ends a study, what is
+there can be read and the rest is known. What happens to files later is seen: one counts only if every column is there, as long as it
+should be and with its checksum.
 """
 
 from __future__ import annotations
 
 import contextlib
-import io
 import json
 import re
-from collections.abc import Iterator
+import sys
+import warnings
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 from ncgen import __version__
-from ncgen.emit.sources import write_bytes, write_text
-from ncgen.errors import NcgenError
-from ncgen.report.along import UNREADABLE as BROKEN
+from ncgen.archives import arrays, packed
+from ncgen.errors import NcgenError, shown
+from ncgen.files import contents, is_folder, is_there, locked, write_bytes, write_text
 from ncgen.studies.definition import Study
 from ncgen.studies.variants import Part
 
@@ -28,9 +30,27 @@ FORMAT = 1
 MANIFEST, LOCK = "study.json", ".lock"
 NAME = "variants-{:016d}-{:016d}.npz"
 FILES = re.compile(r"variants-(\d{16})-(\d{16})\.npz")
-UNREADABLE = (*BROKEN, OSError, KeyError)
-SAID_OF, SAID = "said_of", "said"
-"""Arrays of a file beside the columns: variants of which something was said, and what."""
+UNFINISHED = ".variants-*"
+SAID_OF, SAID = "said of", "what was said"
+"""Arrays of a file beside the columns: variants of which something was said, and what. (No column has a blank in a name like these.)"""
+
+MOST = 10**16 - 1
+"""Variants of a study, as the names of files can say."""
+
+LARGEST = 200_000_000
+"""Bytes of a manifest, which has all times of histories."""
+
+KINDS: dict[str, type] = {
+    "format": int, "study": str, "ncgen": str, "model": str, "variants": int, "design": str, "shape": list, "names": list, "kept": list,
+    "times": list, "made_with": str,
+}  # fmt: skip
+"""{entry of a manifest: what it is}."""
+
+ENTRIES: dict[str, tuple[type, ...]] = {"shape": (int,), "names": (str,), "kept": (str,), "times": (int, float)}
+"""{entry that is a list: what is in it}."""
+
+MAY_DIFFER = ("numpy", "made_with")
+"""Entries in which another machine may differ: what they say is told and not used."""
 
 
 @dataclass(frozen=True)
@@ -43,38 +63,43 @@ class Folder:
     @classmethod
     def of(cls, path: Path, study: Study, made_with: str) -> Folder:
         """The folder of a study, new or to go on with. Raises NcgenError where another study lies in it, or where it cannot be written."""
-        there = path / MANIFEST
-        if there.exists():
+        mine = manifest(study, made_with)
+        if is_there(path / MANIFEST):
             folder = cls.at(path)
-            for what, value, mine in (("study", folder.manifest["study"], study.digest), ("ncgen", folder.manifest["ncgen"], __version__)):
-                if value != mine:
-                    which = "another study" if what == "study" else f"results of ncgen {value}, not {mine}"
-                    raise NcgenError(f"{path}: it holds {which}; give another folder, or remove this one")
-            for left in path.glob(".variants-*"):
-                left.unlink(missing_ok=True)
+            folder._check(mine)
             return folder
-        if path.exists() and (not path.is_dir() or any(entry.name != LOCK for entry in path.iterdir())):
+        try:
+            strange = is_there(path) and (not is_folder(path) or any(entry.name != LOCK for entry in path.iterdir()))
+        except OSError as error:
+            raise NcgenError(f"{path}: {error.strerror or error}; give another folder") from error
+        if strange:
             raise NcgenError(f"{path}: it is no folder of a study, and not empty; give another folder")
-        said = manifest(study, made_with)
-        write_text(there, json.dumps(said, indent=1) + "\n")
-        return cls(path, said)
+        write_text(path / MANIFEST, json.dumps(mine, indent=1) + "\n")
+        return cls(path, mine)
 
     @classmethod
     def at(cls, path: Path) -> Folder:
         """A folder that is there. Raises NcgenError for one of another kind."""
         try:
-            said = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
+            said = json.loads(contents(path / MANIFEST, LARGEST))
         except OSError as error:
             raise NcgenError(f"{path / MANIFEST}: {error.strerror or error}; give the folder of a study") from error
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise NcgenError(f"{path / MANIFEST}: it is no manifest of a study ({error})") from error
-        kinds = {"format": int, "study": str, "ncgen": str, "model": str, "variants": int, "design": str, "shape": list, "names": list,
-                 "kept": list, "times": list, "made_with": str}  # fmt: skip
-        if not isinstance(said, dict) or any(not isinstance(said.get(key), kind) for key, kind in kinds.items()):
-            raise NcgenError(f"{path / MANIFEST}: it is no manifest of a study")
+        if problem := _fault_of(said):
+            raise NcgenError(f"{path / MANIFEST}: it is no manifest of a study ({problem})")
         if said["format"] != FORMAT:
-            raise NcgenError(f"{path}: it has format {said['format']}; this ncgen reads {FORMAT}")
+            raise NcgenError(f"{path}: it has format {shown(said['format'])}; this ncgen reads {FORMAT}")
         return cls(path, said)
+
+    def _check(self, mine: Mapping[str, Any]) -> None:
+        """Raise NcgenError unless the folder's manifest is that of a study."""
+        for key, value in mine.items():
+            if key in MAY_DIFFER or (there := self.manifest.get(key)) == value:
+                continue
+            what = {"study": "another study", "ncgen": f"results of ncgen {shown(there)[1:-1]}, not {value}"}
+            which = what.get(key, f"a manifest in which {key} is {shown(there)} instead of {shown(value)}")
+            raise NcgenError(f"{self.path}: it holds {which}; give another folder, or remove this one")
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -82,35 +107,44 @@ class Folder:
         return (*self.manifest["names"], "ok", *self.manifest["kept"])
 
     def files(self) -> list[tuple[int, int, Path]]:
-        """(first, end, file) of the variants that are done, in order."""
-        found = [(int(m[1]), int(m[2]), path) for path in self.path.iterdir() if (m := FILES.fullmatch(path.name))]
-        return sorted(found)
+        """(first, end, file) of the variants that are done, in order. Raises NcgenError where two files hold the same variants."""
+        found, place = self._listed(), 0
+        for first, end, path in found:
+            if why := self._misplaced(first, end, place):
+                raise NcgenError(f"{path}: {why}; start the study again, which removes it")
+            place = end
+        return found
 
     def missing(self) -> list[tuple[int, int]]:
-        """(first, end) of the variants that are still to be computed; files that cannot be read are removed."""
-        gaps, place = [], 0
-        for first, end, path in self.files():
-            if not self._is_whole(path, end - first):
-                path.unlink()
+        """(first, end) of the variants that are still to be computed.
+
+        Files that are not whole, which is told in one line, and those that a killed process left are removed: the folder must be held.
+        """
+        for path in self.path.glob(UNFINISHED):
+            _remove(path)
+        gaps, place, broken = list[tuple[int, int]](), 0, list[str]()
+        for first, end, path in self._listed():
+            if why := self._misplaced(first, end, place) or self._fault(path):
+                broken.append(f"{path.name} ({why})")
+                _remove(path)
                 continue
             if first > place:
                 gaps.append((place, first))
-            place = max(place, end)
+            place = end
+        if broken:
+            count = f"{len(broken)} files are not whole, the first is" if len(broken) > 1 else "a file is not whole,"
+            warnings.warn(f"{self.path}: {count} {broken[0]}; what they should hold is computed again", stacklevel=2)
         return [*gaps, (place, self.manifest["variants"])] if place < self.manifest["variants"] else gaps
 
-    def _is_whole(self, path: Path, count: int) -> bool:
-        try:
-            return len(self.column(path, "ok")) == count
-        except NcgenError:
-            return False
+    def is_whole(self) -> bool:
+        """Whether every file that is there is whole; reads all of them."""
+        return not any(self._fault(path) for _, _, path in self.files())
 
     def write(self, part: Part) -> None:
         """Add variants. Raises NcgenError in one line where they cannot be written; what was written before stays."""
-        buffer = io.BytesIO()
         said = {SAID_OF: np.array([*part.said], dtype=np.int64), SAID: np.array([*part.said.values()], dtype=str)}
-        np.savez(buffer, allow_pickle=False, **part.columns, **said)
         try:
-            write_bytes(self.path / NAME.format(part.first, part.first + len(part)), buffer.getvalue())
+            write_bytes(self.path / NAME.format(part.first, part.first + len(part)), packed(part.columns | said))
         except NcgenError as error:
             cause = error.__cause__
             why = getattr(cause, "strerror", None) or str(error)
@@ -118,41 +152,117 @@ class Folder:
 
     def column(self, path: Path, name: str) -> np.ndarray:
         """One column of one file. Raises NcgenError for a file that is broken."""
-        try:
-            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
-                return archive[name]
-        except UNREADABLE as error:
-            why = " ".join(str(error).split())
-            raise NcgenError(f"{path}: it cannot be read ({why}); start the study again to have it made anew") from error
+        return self._read(path, (name,))[name]
 
     def parts(self) -> Iterator[Part]:
         """Everything that is done, a file at a time."""
         for first, _, path in self.files():
-            columns = {name: self.column(path, name) for name in self.columns}
-            yield Part(first, columns, self.said(path))
+            yield self.part(first, path)
+
+    def part(self, first: int, path: Path) -> Part:
+        """The variants of one file. Raises NcgenError for a file that is broken."""
+        found = self._read(path, (*self.columns, SAID_OF, SAID))
+        return Part(first, {name: found[name] for name in self.columns}, _told(found))
 
     def said(self, path: Path) -> dict[int, str]:
-        return dict(zip(self.column(path, SAID_OF).tolist(), self.column(path, SAID).tolist(), strict=True))
+        """{variant: sentence} of one file. Raises NcgenError for a file that is broken."""
+        return _told(self._read(path, (SAID_OF, SAID)))
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
         """Held by this process alone. Raises NcgenError where another one is at work in it; a process that died holds nothing."""
-        with open(self.path / LOCK, "w", encoding="utf-8") as file:
-            if not _lock(file):
+        with contextlib.ExitStack() as stack:
+            try:
+                ours = stack.enter_context(locked(self.path / LOCK))
+            except OSError as error:
+                why = error.strerror or error
+                raise NcgenError(f"{self.path / LOCK}: it cannot be locked: {why}; remove it, or give another folder") from error
+            if not ours:
                 raise NcgenError(f"{self.path}: another process is at work in it; wait for that one, or give another folder")
             yield
 
+    # -- what is in a file -----------------------------------------------------------------------------------------------------------------
 
-def _lock(file: IO[str]) -> bool:
+    def _listed(self) -> list[tuple[int, int, Path]]:
+        try:
+            return sorted((int(m[1]), int(m[2]), path) for path in self.path.iterdir() if (m := FILES.fullmatch(path.name)))
+        except OSError as error:
+            raise NcgenError(f"{self.path}: {error.strerror or error}; give the folder of a study") from error
+
+    def _misplaced(self, first: int, end: int, place: int) -> str:
+        """Why a file is not one that holds variants behind `place`, in words; "" if it is."""
+        if not first < end <= self.manifest["variants"]:
+            return f"there are no such variants among {self.manifest['variants']}"
+        return "another file has some of its variants" if first < place else ""
+
+    def _fault(self, path: Path) -> str:
+        """Why a file is not whole, in words; "" if it is."""
+        try:
+            self._arrays(path, None)
+        except (OSError, ValueError) as error:
+            return getattr(error, "strerror", None) or str(error)
+        return ""
+
+    def _read(self, path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
+        try:
+            return self._arrays(path, names)
+        except (OSError, ValueError) as error:
+            why = getattr(error, "strerror", None) or str(error)
+            raise NcgenError(f"{path}: it cannot be read ({why}); start the study again to have it made anew") from error
+
+    def _arrays(self, path: Path, names: Collection[str] | None) -> dict[str, np.ndarray]:
+        """Columns of a file, None for all, whose checksums and lengths are right. Raises OSError, or ValueError in words."""
+        found = arrays(path, names)
+        name = FILES.fullmatch(path.name)
+        count = int(name[2]) - int(name[1]) if name else 0
+        for column in (*self.columns, SAID_OF, SAID) if names is None else names:
+            if column not in found:
+                raise ValueError(f"it has no {column}")
+            if column in (SAID_OF, SAID):
+                if found[column].ndim != 1 or found[column].dtype.kind != ("i" if column == SAID_OF else "U"):
+                    raise ValueError(f"{column} is no list")
+                continue
+            shape = (count, len(self.manifest["times"])) if column.startswith("history(") and column in self.manifest["kept"] else (count,)
+            if found[column].shape != shape or found[column].dtype.kind not in ("b" if column == "ok" else "if"):
+                raise ValueError(f"{column} has {found[column].dtype} of shape {found[column].shape}, not {shape}")
+        if {SAID_OF, SAID} <= found.keys() and len(found[SAID_OF]) != len(found[SAID]):
+            raise ValueError(f"{SAID} and {SAID_OF} have different lengths")
+        return found
+
+
+def _told(found: Mapping[str, np.ndarray]) -> dict[int, str]:
+    return dict(zip(found[SAID_OF].tolist(), found[SAID].tolist(), strict=True))
+
+
+def _remove(path: Path) -> None:
     try:
-        import fcntl
-    except ImportError:  # Windows: nothing is held there
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise NcgenError(f"{path}: it cannot be removed: {error.strerror or error}; remove it yourself, or give another folder") from error
+
+
+def _fault_of(said: Any) -> str:
+    """What is wrong with a manifest, in words; "" if nothing is."""
+    if not isinstance(said, dict):
+        return "no table"
+    for key, kind in KINDS.items():
+        value = said.get(key)
+        if type(value) is not kind:
+            return f"{key} is {shown(value)}"
+        if isinstance(value, list) and not all(type(item) in ENTRIES[key] for item in value):
+            return f"{key} has something else than {' or '.join(kind.__name__ for kind in ENTRIES[key])} in it"
+    size = 1
+    for count in said["shape"]:
+        size *= count
+        if not 0 <= size <= MOST:
+            break
+    if size != said["variants"] or not 0 <= size <= MOST:
+        return f"{shown(said['variants'])} variants of shape {shown(said['shape'])}"
+    if len({*said["names"], "ok", *said["kept"]}) < len(said["names"]) + 1 + len(said["kept"]):
+        return "two columns have one name"
+    if not all(-sys.float_info.max <= time <= sys.float_info.max for time in said["times"]):
+        return "a time is not finite"
+    return ""
 
 
 def manifest(study: Study, made_with: str) -> dict[str, Any]:

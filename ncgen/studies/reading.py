@@ -9,6 +9,7 @@ from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.exchange.text import as_path
 from ncgen.exchange.toml_reader import model_of
+from ncgen.files import is_folder, is_there
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.along import Recorded
@@ -34,11 +35,11 @@ def read(path: str | os.PathLike[str], model: Model | Kernels | None = None) -> 
     broken, and for a trajectory of another model.
     """
     place = as_path(path, "the path of a study's folder or of a trajectory")
-    if place.is_dir():
+    if is_folder(place):
         folder = Folder.at(place)
         return StudyResult(folder.manifest, folder)
     if place.suffix != ".npz":
-        raise NcgenError(f"{place}: {'no' if place.exists() else 'there is no such'} folder of a study or trajectory.npz; give one")
+        raise NcgenError(f"{place}: {'no' if is_there(place) else 'there is no such'} folder of a study or trajectory.npz; give one")
     recorded = Recorded.read(place)
     if model is None and not (recorded.model and recorded.about):
         return recorded

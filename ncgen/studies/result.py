@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from ncgen.errors import ModelError, NcgenError
+from ncgen.files import path_of, write_text, writing
 from ncgen.solver.given import echo, offer
 from ncgen.studies.folder import Folder
 from ncgen.studies.indices import Indices, indices
@@ -90,10 +92,10 @@ class StudyResult:
         """Which variants arrived, (B,)."""
         return self[OK]
 
-    @property
+    @cached_property
     def complete(self) -> bool:
-        """Whether all variants are done."""
-        return len(self) == self.about["variants"]
+        """Whether all variants are done: in a folder every file is read, and one that is not whole does not count."""
+        return len(self) == self.about["variants"] and (self.folder is None or self.folder.is_whole())
 
     @cached_property
     def said(self) -> dict[int, str]:
@@ -146,23 +148,16 @@ class StudyResult:
     def to_parquet(self, path: str | os.PathLike[str]) -> Path:
         """Write the table as a Parquet file, a part of the study at a time. Raises NcgenError where pyarrow is not installed."""
         arrow, parquet = _package("pyarrow"), _package("pyarrow.parquet")
-        target = Path(path)
-        temporary = target.with_name(f".{target.name}.part")
-        try:
-            writer = None
+        target = path_of(path)
+        if not self._spans:
+            raise NcgenError(f"{target}: the study has no variant yet")
+        with writing(target) as file, ExitStack() as stack:
+            writer: Any = None
             for first, _, at in self._spans:
                 part = StudyResult(self.about, None, (self._part(first, at),))
                 batch = arrow.table({k: v.tolist() if v.dtype == object else v for k, v in part.table().items()})
-                writer = writer or parquet.ParquetWriter(temporary, batch.schema)
+                writer = writer or stack.enter_context(parquet.ParquetWriter(file, batch.schema))
                 writer.write_table(batch)
-            if writer is None:
-                raise NcgenError(f"{target}: the study has no variant yet")
-            writer.close()
-            os.replace(temporary, target)
-        except OSError as error:
-            raise NcgenError(f"{target} cannot be written: {error.strerror or error}; choose another folder") from error
-        finally:
-            temporary.unlink(missing_ok=True)
         return target
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
@@ -170,18 +165,16 @@ class StudyResult:
         import csv
         import io
 
-        from ncgen.emit.sources import write_text
-
         table, buffer = self.table(), io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(table)
         writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
-        return write_text(Path(path), buffer.getvalue())
+        return write_text(path_of(path), buffer.getvalue())
 
     def _part(self, first: int, at: Any) -> Part:
         if self.folder is None:
             return at
-        return Part(first, {name: self.folder.column(at, name) for name in self.keys()}, self.folder.said(at))
+        return self.folder.part(first, at)
 
     # -- what it says ----------------------------------------------------------------------------------------------------------------------
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ncgen.errors import CompileError, NcgenError
+from ncgen.files import opened
 from ncgen.toolchain import compilers
 from ncgen.toolchain.compilers import FLAGS, LIBRARIES, LIBRARY, Compiler
 from ncgen.toolchain.folder import KEY, TEMPORARY, cache_folder, folders, forget, intruder, sealed, sweep, unsealed, written
@@ -158,7 +159,8 @@ def _record(entry: Path, loads: bool) -> dict[str, Any] | None:
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    with opened(path) as file:
+        return hashlib.sha256(file.read()).hexdigest()
 
 
 def _publish(work: Path, entry: Path, loads: bool) -> None:

@@ -25,6 +25,7 @@ from pathlib import Path
 from cffi import FFI
 
 from ncgen.errors import CompileError
+from ncgen.files import opened
 
 ALIGNED = ("-falign-functions=64", "-falign-loops=64")
 """Functions and loops begin with a line of the cache: the same code runs up to a tenth slower where other code moves it."""
@@ -49,7 +50,10 @@ LONGEST = 6 * 3600.0
 """… but never more than this."""
 
 FEW_SOURCES = 8
-"""A compiler is given at least as many where there are several."""
+"""A compiler is given at least as many where there are several …"""
+
+LONG_SOURCE = 100_000
+"""… or one of at least so many characters, which takes it half a second: more than it takes to start."""
 
 PROBE = {"probe.c": "int ncgen_probe(void) { return 1; }\n"}
 
@@ -186,8 +190,9 @@ def make_library(
 
 
 def _groups(sizes: dict[str, int]) -> list[list[str]]:
-    """Sources for as many compilers at a time as there are processors, about as much text for each; few sources go together."""
-    count = min(os.cpu_count() or 1, len(sizes) // FEW_SOURCES) or 1
+    """Sources for as many compilers at a time as there are processors, about as much text for each; few short sources go together."""
+    long = sum(size >= LONG_SOURCE for size in sizes.values())
+    count = min(os.cpu_count() or 1, max(len(sizes) // FEW_SOURCES, long)) or 1
     groups: list[list[str]] = [[] for _ in range(count)]
     for name in sorted(sizes, key=lambda name: (-sizes[name], name)):
         min(groups, key=lambda group: sum(sizes[each] for each in group)).append(name)
@@ -267,7 +272,7 @@ def unloadable(library: Path) -> str | None:
 def _is_cut(library: Path) -> bool:
     """True for a library in the format ELF that ends before its table of sections, as a full disk leaves it: loading it would
     end this process, where a file of any other kind is refused by the system."""
-    with library.open("rb") as file:
+    with opened(library) as file:
         head = file.read(64)
     if head[:4] != b"\x7fELF" or len(head) < 64:
         return False

@@ -26,8 +26,8 @@ from typing import Any, TypeAlias, TypeVar
 
 import platformdirs
 
-from ncgen.emit.sources import put
 from ncgen.errors import CompileError
+from ncgen.files import contents, put
 
 KEPT = ("programs", "references", "facts")
 """Folders beside the libraries, of what `keep` writes: generated programs (ncgen.mechanism.recall), end positions known well
@@ -38,6 +38,9 @@ TEMPORARY = "ncgen-building-"
 
 ABANDONED = 24 * 3600.0
 """Seconds after which an unfinished thing is nobody's any more; no build may take as long."""
+
+LARGEST = 100_000_000
+"""Bytes of a file with a digest, which holds the programs of a mechanism at most."""
 
 KEY = re.compile(r"[0-9a-f]{40}")
 UNFINISHED = re.compile(rf"{TEMPORARY}[a-z0-9_]{{8}}")
@@ -192,7 +195,7 @@ def unsealed(path: Path) -> Any:
     if intruder(path):
         return None
     try:
-        seal, _, text = path.read_bytes().partition(b"\n")
+        seal, _, text = contents(path, LARGEST).partition(b"\n")
         return json.loads(text) if hashlib.sha256(text).hexdigest().encode() == seal else None
     except (OSError, ValueError):
         return None

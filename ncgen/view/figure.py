@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from ncgen.emit.sources import write_bytes
 from ncgen.errors import NcgenError
+from ncgen.files import path_of, write_bytes
 from ncgen.model import Model
 from ncgen.view.chart import GRID, empty, settle
 from ncgen.view.eye import AZIMUTH, ELEVATION, screen
@@ -73,7 +73,7 @@ def save(chart: Figure, path: str | Path) -> Path:
 
     Raises NcgenError for another suffix, or if the file cannot be written.
     """
-    path = Path(path)
+    path = path_of(path)
     suffix = path.suffix.lower()
     if suffix not in METADATA:
         raise NcgenError(f"{path}: a figure is saved as {' or '.join(METADATA)}; choose a name that ends so")

@@ -6,6 +6,7 @@ is not opened. What cannot be read is told in one line, and the picture goes wit
 
 from __future__ import annotations
 
+import logging
 import re
 import warnings
 from functools import lru_cache
@@ -17,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from ncgen.files import contents, is_file
 from ncgen.view.triangles import Mesh
 
 LARGEST = 50_000_000
@@ -63,11 +65,11 @@ def mesh_of(path: Path) -> Mesh | None:
 def _read(path: Path, changed: int, size: int) -> Mesh:
     if path.suffix.lower() not in KINDS:
         raise Unreadable(f"files of meshes end with {', '.join(KINDS)}")
-    if not path.is_file():
+    if not is_file(path):
         raise Unreadable("it is no ordinary file")
     if size > LARGEST:
         raise Unreadable(f"it has {size} bytes, and {LARGEST} are read")
-    data = path.read_bytes()
+    data = contents(path, LARGEST)
     kind = path.suffix.lower()[1:]
     if kind == "dae" and any(word in data for word in FORBIDDEN):
         raise Unreadable("document types and entities are not read")
@@ -85,11 +87,17 @@ def _parsed(data: bytes, kind: str) -> Mesh:
         raise Unreadable("trimesh, which reads it, is missing: pip install 'ncgen[robots]'") from None
     if kind == "dae" and find_spec("collada") is None:
         raise Unreadable("pycollada, which reads DAE, is missing: pip install 'ncgen[robots]'")
+    logger = logging.getLogger("trimesh.util")  # it logs tracebacks
+    quiet, logger.disabled = logger.disabled, True
     try:
-        found = trimesh.load(BytesIO(data), file_type=kind, force="mesh", process=False, skip_materials=True)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            found = trimesh.load(BytesIO(data), file_type=kind, force="mesh", process=False, skip_materials=True)
         vertices, triangles = np.asarray(found.vertices, dtype=float), np.asarray(found.faces, dtype=np.int64)
     except Exception as error:  # a parser of others fails in its own ways on what is no mesh
         raise Unreadable(f"it cannot be read ({type(error).__name__})") from None
+    finally:
+        logger.disabled = quiet
     if not len(triangles) or not np.isfinite(vertices).all():
         raise Unreadable("it has no triangles" if not len(triangles) else "it has numbers that are not finite")
     return Mesh(vertices, triangles)

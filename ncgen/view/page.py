@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ncgen.emit.sources import write_text
 from ncgen.errors import NcgenError
+from ncgen.files import path_of, write_text
 from ncgen.model.elements import Point
 from ncgen.view.carriers import Carrier, Direction
 from ncgen.view.eye import LIGHT
@@ -56,9 +56,10 @@ class Page:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the page and return its path. Raises NcgenError for a name that is no page's, or if it cannot be written."""
-        if Path(path).suffix.lower() not in SUFFIXES:
+        place = path_of(path)
+        if place.suffix.lower() not in SUFFIXES:
             raise NcgenError(f"{path}: a page is saved as {' or '.join(SUFFIXES)}; choose a name that ends so")
-        return write_text(Path(path), self.text)
+        return write_text(place, self.text)
 
 
 def drawing(scene: Scene) -> dict:

@@ -17,8 +17,8 @@ import sympy
 
 import ncgen
 from ncgen import Model
-from ncgen.emit.sources import put
 from ncgen.exchange.examples import example_names
+from ncgen.files import put
 from ncgen.model.digest import digest
 from ncgen.resources import folder
 

@@ -25,7 +25,7 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     return NCGEN_OK;
 }
 
-void ncgen_shifted_solve(const ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x)
+void ncgen_shifted_solve(ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x)
 {
     (void)r, (void)m, (void)shifted;
     x[0] = f[0] / 10;

@@ -494,3 +494,64 @@ def test_a_position_is_closed_whichever_row_is_open(name):
     assert found.ok.all()
     left = np.abs([kernels.phi(q) / kernels.row_sizes for q in found.q])
     assert np.max(left) < 1e-12
+
+
+def moving(driven, count):
+    """Positions of the swing (count, n) that are open, and velocities (count, n), of which the constraints allow few."""
+    rng = np.random.default_rng(7)
+    q0 = driven.q0 + np.where(np.isin(driven.coordinates, ["C.x", "C.y"]), rng.uniform(-0.02, 0.02, (count, driven.n)), 0.0)
+    return q0, rng.uniform(-1.0, 1.0, (count, driven.n))
+
+
+def test_velocities_of_all_coordinates_as_alone(driven):
+    """`qd0` starts a batch where it starts `simulate`: projected where the constraints do not allow it, which one warning says of all."""
+    q0, qd0 = moving(driven, 5)
+    with pytest.warns(UserWarning, match=r"^drivenbatch: qd0 of 5 of 5 states is not what they start with; state 0: .* contradict"):
+        batch = ncgen.simulate_batch(driven, 0.05, q0=q0, qd0=qd0, points=5, rtol=1e-6, atol=1e-8)
+    assert not batch.alone.any()
+    options = dict(points=5, rtol=1e-6, atol=1e-8, engine="emitted", integrator="dopri5", z=batch.independent)
+    for i in range(5):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            run = ncgen.simulate(driven, 0.05, q0=q0[i], qd0=qd0[i], **options)
+        assert_as_alone(driven, batch, i, run)
+
+
+@pytest.mark.parametrize("given", [{"C.y": 1.5}, {"C.y": np.linspace(0.5, 1.5, 4)}, {"C.x": np.linspace(0.5, 1.0, 4), "rows": 4}])
+def test_velocities_by_name_leave_the_others_free(robot, driven, given):
+    """A number for all or one a state; what is not named moves with the least kinetic energy, as in `simulate`."""
+    qd0 = {name: value for name, value in given.items() if name != "rows"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        batch = ncgen.simulate_batch(driven, 0.1, q0=np.tile(driven.q0, (4, 1)), qd0=qd0, points=3, rtol=1e-6, atol=1e-8)
+        for i in range(4):
+            own = {name: float(np.broadcast_to(value, 4)[i]) for name, value in qd0.items()}
+            run = ncgen.simulate(
+                driven, 0.1, qd0=own, points=3, rtol=1e-6, atol=1e-8, engine="emitted", integrator="dopri5", z=batch.independent
+            )
+            assert_as_alone(driven, batch, i, run)
+
+
+@pytest.mark.parametrize(
+    "given, said",
+    [
+        ({"zd0": {"C.x": 1.0}, "qd0": {"C.x": 1.0}}, "^zd0 and qd0 are both given; give the initial velocities once$"),
+        ({"qd0": {"nobody": [1.0, 2.0]}}, "^qd0: the mechanism has no free coordinate nobody"),
+        ({"qd0": np.zeros((3, 2))}, r"^drivenbatch: qd0 has shape \(3, 2\); \(5,\) or \(3, 5\) is needed$"),
+        ({"qd0": np.zeros((3, 5)), "p": np.zeros((2, 2))}, r"^drivenbatch: q0, qd0 and p have \[2, 3\] rows"),
+        ({"qd0": np.full((3, 5), np.nan)}, "^drivenbatch: qd0 has numbers that are not finite in every state"),
+        ({"qd0": {"C.x": 1j * np.ones(3)}}, "^drivenbatch: qd0, C.x is complex"),
+    ],
+)
+def test_wrong_velocities_are_named(driven, given, said):
+    """As those of `zd0` are."""
+    with pytest.raises(ncgen.ModelError, match=said):
+        ncgen.simulate_batch(driven, 0.1, **given)
+
+
+def test_a_velocity_that_is_no_number_costs_one_state(driven):
+    """The others start and arrive."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        batch = ncgen.simulate_batch(driven, 0.05, qd0={"C.y": [0.5, np.nan, 1.0]})
+    assert batch.ok.tolist() == [True, False, True]

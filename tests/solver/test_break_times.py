@@ -122,7 +122,7 @@ WAVE = roots(lambda t: mpmath.exp(-t) - mpmath.cos(3 * t), 0.207, 1.636, 2.593, 
         (lambda t, w, m: sympy.Abs(sympy.sin(w * t + 1)), [(k * np.pi - 1) / 3 for k in range(1, 10)]),
         (lambda t, w, m: sympy.sign(sympy.exp(-t) - sympy.cos(w * t)), WAVE),
         (lambda t, w, m: sympy.sign(sympy.sqrt(t) - sympy.log(1 + w * t)), roots(lambda t: mpmath.sqrt(t) - mpmath.log(1 + 3 * t), 0.15)),
-        (lambda t, w, m: m.table("law", (0, 1, 2), (0, 1, 0))(sympy.atan(t)) , [np.tan(1)]),
+        (lambda t, w, m: m.table("law", (0, 1, 2), (0, 1, 0))(2 * sympy.atan(t / 5)), [5 * np.tan(0.5), 5 * np.tan(1)]),
     ],
 )  # fmt: skip
 def test_laws_of_time_change_their_formula_at_these_times(law, times):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import random
@@ -10,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ import pytest
 import small_study
 
 import ncgen
+from ncgen.archives import packed
 from ncgen.studies.folder import Folder
 
 PROGRAM = Path(small_study.__file__)
@@ -145,7 +148,7 @@ def test_ctrl_c_ends_soon(tmp_path, workers, uninterrupted):
 def test_a_full_disk(tmp_path, uninterrupted):
     """One line; what was written can be read, and the study goes on where there is room."""
     folder = tmp_path / "swing"
-    process = start(folder, limit=8_000)
+    process = start(folder, limit=5_500)  # the first chunk, and none of twice its size
     said, _ = process.communicate(timeout=120)
     last = said.splitlines()[-1]
     assert process.returncode == 3 and f"{folder} takes no more results: File too large; make room" in last and "Traceback" not in said
@@ -233,3 +236,118 @@ def test_folders_are_guarded(tmp_path):
         small_study.run(str(tmp_path / "other"), 100)
     with pytest.raises(ncgen.NcgenError, match="there is no such"):
         ncgen.read(tmp_path / "nothing")
+
+
+def test_the_lock_of_a_folder_is_no_link(tmp_path):
+    """A link in a folder from elsewhere does not empty what it leads to."""
+    folder, letter = tmp_path / "swing", tmp_path / "letter.txt"
+    small_study.run(str(folder), 10)
+    letter.write_text("dear")
+    (folder / ".lock").unlink()
+    (folder / ".lock").symlink_to(letter)
+    with pytest.raises(ncgen.NcgenError, match=r"\.lock: it cannot be locked: it is a symbolic link; remove it"):
+        small_study.run(str(folder), 10)
+    assert letter.read_text() == "dear"
+
+
+def flipped(data: bytes, name: str) -> bytes:
+    """An archive with one bit of the last number of a member turned."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        member = archive.getinfo(f"{name}.npy")
+        text = archive.read(member)
+    place = data.index(text) + len(text) - 1
+    return data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
+
+
+def shortened(data: bytes, name: str) -> bytes:
+    """An archive whose checksums are right, and in which a column lacks its last number, or has one where it should have none."""
+    members = dict(np.load(io.BytesIO(data)))
+    return packed(members | {name: members[name][:-1] if len(members[name]) else np.array(["failed"])})
+
+
+def without(data: bytes, name: str) -> bytes:
+    members = dict(np.load(io.BytesIO(data)))
+    return packed({key: value for key, value in members.items() if key != name})
+
+
+@pytest.mark.parametrize("damage", [flipped, shortened, without])
+@pytest.mark.parametrize("name", ["psi", "length", "steps", "ok", "what was said"])
+def test_a_damaged_column_is_made_again(tmp_path, damage, name):
+    """Whichever it is: its file does not count as done, reading it is refused, and the study makes it again and says so."""
+    folder = tmp_path / "swing"
+    found = small_study.run(str(folder), 100)
+    file = sorted(folder.glob("variants-*.npz"))[-1]
+    file.write_bytes(damage(file.read_bytes(), name))
+    damaged = ncgen.read(folder)
+    assert not damaged.complete
+    with pytest.raises(ncgen.NcgenError, match=f"{file.name}: it cannot be read .*; start the study again"):
+        damaged.failures if name == "what was said" else damaged[name]
+    with pytest.warns(UserWarning, match=f"a file is not whole, {file.name} .*computed again"):
+        assert_same(small_study.run(str(folder), 100), found)
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        ({"variants": 10**18}, "no manifest of a study .10{18} variants of shape .100."),
+        ({"variants": 10**18, "shape": [10**18]}, "no manifest of a study .10{18} variants"),
+        ({"variants": 10**15, "shape": [10**15]}, "a manifest in which variants is 10{15} instead of 100"),
+        ({"shape": [10, 10]}, r"a manifest in which shape is \[10, 10\] instead of \[100\]"),
+        ({"shape": [10**300] * 1000}, "no manifest of a study .100 variants of shape"),
+        ({"kept": ["psi", "steps"]}, "a manifest in which kept is"),
+        ({"names": ["length", "length"]}, "no manifest of a study .two columns have one name"),
+        ({"names": [["length"], 3]}, "no manifest of a study .names has something else"),
+        ({"times": [[1.0], [2.0, 3.0]]}, "no manifest of a study .times has something else"),
+        ({"times": [float("nan")]}, "no manifest of a study .a time is not finite"),
+        ({"variants": True}, "no manifest of a study .variants is True"),
+    ],
+)  # fmt: skip
+def test_a_manifest_is_compared_with_what_is_asked(tmp_path, change, said):
+    """In one line and at once: nothing goes on for as many variants as a text says."""
+    folder = tmp_path / "swing"
+    small_study.run(str(folder), 100)
+    manifest = folder / "study.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | change))
+    began = time.process_time()
+    with pytest.raises(ncgen.NcgenError, match=said) as caught:
+        small_study.run(str(folder), 100)
+    assert "\n" not in str(caught.value) and time.process_time() - began < 20
+
+
+def test_brackets_and_pipes_for_manifests(tmp_path):
+    """What a reader of JSON is no match for, and what it would wait for."""
+    folder = tmp_path / "swing"
+    folder.mkdir()
+    (folder / "study.json").write_text("[" * 100_000)
+    for make in (lambda: None, lambda: os.mkfifo(folder / "study.json"), lambda: (folder / "study.json").mkdir()):
+        make()
+        with pytest.raises(ncgen.NcgenError, match="no manifest of a study|it is a pipe|it is a folder"):
+            ncgen.read(folder)
+        path = folder / "study.json"
+        path.rmdir() if path.is_dir() else path.unlink()
+
+
+def test_files_that_overlap(tmp_path):
+    """A copy under another name is refused where it is read, and removed where the study goes on."""
+    folder = tmp_path / "swing"
+    found = small_study.run(str(folder), 100)
+    file = sorted(folder.glob("variants-*.npz"))[-1]
+    copy = folder / "variants-0000000000000050-0000000000000090.npz"
+    copy.write_bytes(file.read_bytes())
+    (folder / "variants-0000000000000200-0000000000000210.npz").write_bytes(file.read_bytes())
+    with pytest.raises(ncgen.NcgenError, match="another file has some of its variants|no such variants"):
+        len(ncgen.read(folder))
+    with pytest.warns(UserWarning, match="files are not whole"):
+        assert_same(small_study.run(str(folder), 100), found)
+
+
+def test_a_file_that_another_process_writes_stays(tmp_path):
+    """What is unfinished is removed only by whoever holds the folder."""
+    folder = tmp_path / "swing"
+    small_study.run(str(folder), 100)
+    (folder / ".variants-half").write_text("half")
+    with Folder.at(folder).held(), pytest.raises(ncgen.NcgenError, match="another process is at work"):
+        small_study.run(str(folder), 100)
+    assert (folder / ".variants-half").exists()
+    small_study.run(str(folder), 100)
+    assert not (folder / ".variants-half").exists()

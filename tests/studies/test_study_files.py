@@ -110,6 +110,15 @@ def test_pandas_and_xarray(found, tmp_path):
     assert read["max(psi)"].tolist() == found["max(psi)"].tolist()
 
 
+def test_tables_follow_no_link(found, tmp_path):
+    """A Parquet file is written under a name that nobody can guess: not into a link that waits under that of before."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    (tmp_path / "letter.txt").write_text("dear")
+    (tmp_path / ".t.parquet.part").symlink_to("letter.txt")
+    assert parquet.read_table(found.to_parquet(tmp_path / "t.parquet"))["psi"].to_pylist() == found["psi"].tolist()
+    assert (tmp_path / "letter.txt").read_text() == "dear"
+
+
 def test_packages_that_are_not_there(found, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pandas", None)
     with pytest.raises(ncgen.NcgenError, match=r"pandas is not installed; pip install 'ncgen\[tables\]'"):
@@ -135,3 +144,31 @@ def test_pictures(found):
     assert len(lines) == 30
     with pytest.raises(ncgen.NcgenError, match="nothing to draw"):
         picture("t", {"a": b}, {"x": np.full(30, np.nan)}, np.empty(0), None)
+
+
+def named(name: str) -> ncgen.Model:
+    m = ncgen.Model("named")
+    A, B = m.point("A", (0, 0), fixed=True), m.point("B", (0, -1))
+    m.body("bob", [B], mass=m.parameter(name, 1.0))
+    m.distance(A, B)
+    m.gravity((1, -9.81, 0))
+    return m
+
+
+@pytest.mark.parametrize("name", ["file", "said", "allow_pickle"])
+def test_parameters_of_any_name_are_written(tmp_path, name):
+    """Also those that NumPy's own writer takes for its arguments."""
+    found = ncgen.study(named(name), {name: [1.0, 2.0]}, keep="B.x", duration=0.1, folder=tmp_path / "study")
+    assert ncgen.read(tmp_path / "study")[name].tolist() == found[name].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("name", ["ok", "steps"])
+def test_columns_have_names_of_their_own(name):
+    """What varies is not replaced in silence by what the results call so."""
+    with pytest.raises(ncgen.ModelError, match=f"vary, {name}: the results have another column of that name; rename the parameter"):
+        ncgen.study(named(name), {name: [1.0, 2.0]}, keep="steps", duration=0.1)
+
+
+def test_durations_that_no_double_holds():
+    with pytest.raises(ncgen.ModelError, match="duration: 10.* given; it must be a positive number of seconds"):
+        ncgen.study(named("m"), {"m": [1.0]}, keep="B.x", duration=10**400)

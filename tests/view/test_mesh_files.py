@@ -48,3 +48,12 @@ def test_dae_without_its_reader(tmp_path, monkeypatch):
     (tmp_path / "a.dae").write_bytes(DAE)
     with pytest.warns(UserWarning, match=r"pycollada, which reads DAE, is missing: pip install 'ncgen\[robots\]'"):
         assert mesh_of(tmp_path / "a.dae") is None
+
+
+def test_the_reader_of_others_is_quiet(tmp_path, caplog):
+    """trimesh logs a traceback of its own for a broken file, which Python prints; one line is all that is told."""
+    lines = ["solid s", "facet normal 0 [ 1", "outer loop", "vertex 0 0 0", "vertex 1e300 0 0", "vertex 0 1e300 0", "endloop", "endfacet"]
+    (tmp_path / "a.stl").write_text("\n".join([*lines, "endsolid s", ""]))
+    with pytest.warns(UserWarning) as told:
+        assert mesh_of(tmp_path / "a.stl") is None
+    assert len(told) == 1 and "a.stl: it " in str(told[0].message) and not caplog.records

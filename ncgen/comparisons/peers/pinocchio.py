@@ -14,6 +14,7 @@ import numpy as np
 from cffi import FFI
 
 from ncgen.comparisons.rivals.pinocchio import compiled_cpp
+from ncgen.mechanism.arguments import pointer
 
 import_module("pinocchio")
 
@@ -41,4 +42,4 @@ def run(count: int, duration: float, intervals: int, steps: int) -> tuple[float,
     """(seconds, B0 (intervals + 1, 2)) of a run with `steps` steps in each of the intervals."""
     ffi, library = _library()
     xy = np.empty((intervals + 1, 2))
-    return library.four_bars(count, duration, intervals, steps, FREQUENCY, ffi.cast("double *", xy.ctypes.data)), xy
+    return library.four_bars(count, duration, intervals, steps, FREQUENCY, pointer(ffi, xy, count=2 * (intervals + 1))), xy

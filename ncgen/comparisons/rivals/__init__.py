@@ -15,7 +15,7 @@ __all__ = ["KERNELS", "Inputs", "Rival", "all_rivals", "by_differences", "exact"
 def rivals(model: Model, inputs: Inputs, names: tuple[str, ...]) -> list[Rival]:
     """The generated code, what was written by hand and sympy's own; first the generated C that has all kernels in one."""
     kernels = compile(model, "c")
-    found = [generated.at_once(kernels, inputs), *generated.emissions(model, inputs, names)]
+    found = [*generated.at_once(kernels, inputs), *generated.emissions(model, inputs, names)]
     found += [generated.compiled("hand-written C", functions, inputs, names) for functions in by_hand.in_c(kernels)]
     found.append(generated.direct(kernels, inputs, names))
     found.append(generated.from_python("generated C, from Python", kernels, inputs, names))

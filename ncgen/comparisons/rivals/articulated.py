@@ -103,6 +103,8 @@ def joints(kernels: Kernels, split: Split) -> list[Joint]:
 def _frame(hinge: Hinge, link: Link) -> tuple[np.ndarray, np.ndarray]:
     """Axes (columns, z along the hinge) and origin of a link in the initial position."""
     along, start = (direction.initial / np.linalg.norm(direction.initial) for direction in (hinge.angle.axis, hinge.start))
+    start = start - (start @ along) * along  # an angle about an axis is that of projections
+    start = start / np.linalg.norm(start)
     point = link.screws[0].point
     assert point is not None, "a hinge turns about a point"
     return np.array([start, np.cross(along, start), along]).T, point.initial

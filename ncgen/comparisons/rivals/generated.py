@@ -28,14 +28,16 @@ STATES = 1000
 """States of a batch: few enough to stay in the processor's second cache."""
 
 
-def at_once(kernels: CompiledKernels, inputs: Inputs) -> Rival:
-    """The one function that writes Φ, Φ_q and γ."""
+def at_once(kernels: CompiledKernels, inputs: Inputs) -> list[Rival]:
+    """The one function that writes Φ, Φ_q and γ, where there is one."""
+    if "constraints" not in kernels.programs.programs:
+        return []
     program = kernels.programs.programs["constraints"]
     function = Call(kernels.function("constraints"), program.size, kernels)
     run = runner(inputs.t, inputs.q, inputs.qd, inputs.p, [], function)
     ends = np.cumsum([kernels.programs.programs[k].size for k in KERNELS])
     part: dict[str, np.ndarray] = dict(zip(KERNELS, np.split(np.arange(function.size), ends[:-1]), strict=True))
-    return Rival("generated C, all at once", {"all": run}, lambda k: (run(1), function.out[part[k]])[1])
+    return [Rival("generated C, all at once", {"all": run}, lambda k: (run(1), function.out[part[k]])[1])]
 
 
 def emissions(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]:

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 IS_READ = True
 WIDTH = 100
 
+APART = 4000
+"""Statements of a motion's programs above which each is a file, so that compilers work on them side by side: they take two seconds for so
+many."""
+
 DIFFERENTIATED = {"tangent": "along a direction", "adjoint": "transposed"}
 
 
@@ -55,10 +59,15 @@ def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iter
 
 
 def motion_files(programs: MotionPrograms, equations: Terms) -> dict[str, str]:
-    """{file name: text}: the motion of all coordinates, for the runtime to integrate."""
+    """{file name: text}: the motion of all coordinates, for the runtime to integrate; long programs in files of their own."""
     prefix = prefix_of(equations.model.name)
-    records = {"model": equations.model, "prepared": programs.prepared, **program_records(programs.all, prefix, "recursion")}
-    return {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
+    apart = sum(program.length for program in programs.all) > APART
+    records = {"model": equations.model, "prepared": programs.prepared, "apart": apart}
+    records |= program_records(programs.all, prefix, "recursion")
+    files = {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
+    for program in programs.all if apart else ():
+        files[f"{prefix}_{program.name}.c"] = render("c/recursion_kernel.c.jinja", **program_records((program,), prefix, program.name))
+    return files
 
 
 def seeded_files(programs: MotionPrograms, equations: Terms, kind: str) -> dict[str, str]:

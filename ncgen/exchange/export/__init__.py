@@ -46,7 +46,7 @@ def export(model: Model, to: str, folder: Path | str, platforms: Sequence[str] =
     """
     if to not in targets():
         raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(targets())}")
-    from ncgen.emit.sources import path_of, write_bytes
+    from ncgen.files import path_of, write_bytes
 
     place = path_of(folder, "folder")
 

@@ -21,6 +21,7 @@ from ncgen.emit.naming import labels, prefix_of
 from ncgen.emit.runtime import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
+from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.written import motion_source
@@ -162,6 +163,7 @@ class Package:
                 {"name": name, "inputs": program.inputs, "size": program.size} for name, program in programs.programs.items()
             ],
             "tangents": self.tangents is not None,
+            "breaks": self.switching.described if self.switching else None,
             **program_records(self._motion_programs(), self.prefix, "motion"),
         }
 
@@ -187,7 +189,13 @@ class Package:
         """What stands beside the kernels as functions."""
         pairs = [self.full, self.tangents] if self.tangents else []
         own = [program for pair in pairs for program in (pair.closing, pair.motion)]
-        return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1])]
+        switches = [self.switching.program] if self.switching else []
+        return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches]
+
+    @cached_property
+    def switching(self) -> Switching | None:
+        """When laws of time change their formula; None where none does."""
+        return assemble_switches(self.kernels, self.sources.programs.equations, self.duration)
 
     @cached_property
     def outputs(self) -> list[Program]:

@@ -32,7 +32,18 @@ def python_files(package: Package, compiled: bool) -> dict[str, str]:
     }
     if not compiled:
         (kernels,) = package.sources.numpy.values()
-        seen = function_files(package.outputs[:1], package.sources.programs.equations, "outputs").values() if package.outputs else ()
-        return files | {f"{name}/kernels.py": kernels, **{f"{name}/outputs.py": text for text in seen}}
+        return files | {f"{name}/kernels.py": kernels} | _functions(package, name)
     sources = {f"src/{file}": text for file, text in package.c.items()}
     return files | {file: filled(file) for file in ("setup.py", "interface.py")} | sources
+
+
+def _functions(package: Package, name: str) -> dict[str, str]:
+    """{path: text} of what else a package in NumPy computes: the model's outputs, and when laws of time change their formula."""
+    listed = {"outputs": package.outputs[:1], "switches": [package.switching.program] if package.switching else []}
+    equations = package.sources.programs.equations
+    return {
+        f"{name}/{kind}.py": text
+        for kind, programs in listed.items()
+        if programs
+        for text in function_files(programs, equations, kind).values()
+    }

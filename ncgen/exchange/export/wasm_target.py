@@ -38,7 +38,8 @@ def files(package: Package) -> dict[str, str | bytes]:
 def assembled(package: Package, kernels: Iterable[Program], title: str) -> tuple[bytes, dict]:
     """(bytes of the module, what its wrapper is filled with): these kernels and the motion; title: of the wrapper's class."""
     kernels = list(kernels)
-    programs = [*kernels, package.full.closing, package.full.motion, *package.outputs[:1]]
+    switches = [package.switching.program] if package.switching else []
+    programs = [*kernels, package.full.closing, package.full.motion, *package.outputs[:1], *switches]
     binary = module(programs, package.prefix)
     return binary, package.records | {
         "title": title,

@@ -14,7 +14,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.text import is_file
+from ncgen.files import is_file
 from ncgen.model import Model
 from ncgen.model.bodies import Body
 

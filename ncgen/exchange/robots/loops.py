@@ -17,8 +17,6 @@ Loops close where all joints are at 0: the point of the child is what stands the
 
 from __future__ import annotations
 
-import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -29,8 +27,10 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Robot
-from ncgen.exchange.text import is_file, placed, text_of
+from ncgen.exchange.text import NotToml, placed, text_of, toml
+from ncgen.files import is_file
 from ncgen.model.arithmetic import norm, unit
+from ncgen.model.values import LARGEST
 
 KINDS = {"connect": "spherical", "revolute": "revolute", "prismatic": "prismatic", "weld": "fixed"}
 """{word: kind of joint}."""
@@ -49,9 +49,9 @@ def beside(path: Path) -> Path | None:
 def closed(robot: Robot, path: Path) -> Robot:
     """The robot with the loops of a table. Raises ModelError with the file, and the loop by its kind and number."""
     try:
-        said = tomllib.loads(text_of(path))
-    except tomllib.TOMLDecodeError as error:
-        raise ModelError(placed(path.name, None, str(error))) from None
+        said = toml(text_of(path))
+    except NotToml as error:
+        raise ModelError(placed(path.name, error.line, str(error))) from None
     reader = _Reader(robot, robot.frames(Placement()), path)
     loops = [
         reader.loop(kind, number, table) for kind, tables in said.items() for number, table in enumerate(reader.tables(kind, tables), 1)
@@ -100,9 +100,9 @@ class _Reader:
         if (
             not isinstance(given, list)
             or len(given) != 3
-            or not all(isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) for x in given)
+            or not all(isinstance(x, (int, float)) and not isinstance(x, bool) and abs(x) <= LARGEST for x in given)
         ):
-            self.refuse(f"{what} is {shown(given)}; give three numbers")
+            self.refuse(f"{what} is {shown(given)}; give three numbers of at most {LARGEST:g}")
         return np.array(given, dtype=float)
 
     def refuse(self, problem: str) -> NoReturn:

@@ -6,26 +6,24 @@ armatures are rotors. Coordinates are 0 in the position that the file describes.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from ncgen.errors import ModelError, NcgenError
+from ncgen.errors import ModelError
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
+from ncgen.exchange.robots.mjcf_compiled import Compiled, compiled, family
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Mimic, Robot, hung
 from ncgen.exchange.robots.written import document, element
-from ncgen.exchange.text import is_file, placed
+from ncgen.exchange.text import placed
+from ncgen.files import is_file
 from ncgen.model.arithmetic import unit
-
-Compiled: TypeAlias = Any
-"""mujoco.MjModel, of a package that need not be there."""
+from ncgen.model.values import LARGEST
 
 WORLD = "world"
 
@@ -53,6 +51,18 @@ MESHES = (".stl", ".obj", ".msh")
 LEAST = 1e-15
 """MuJoCo's smallest mass and moment of inertia."""
 
+NUMBERS = (
+    "body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness",
+    "dof_armature", "dof_damping", "dof_frictionloss", "eq_data",
+)  # fmt: skip
+"""Arrays of a compiled model that become numbers of ncgen's."""
+
+DIRECTIONS = ("quat", "iquat", "axis")
+"""Arrays that MuJoCo gives the length 1, but for those whose length it could not compute."""
+
+WHOSE = {"body": "body", "jnt": "joint", "dof": "joint", "eq": "equality"}
+"""{what an array's name begins with: whose its rows are}."""
+
 OVER_JOINT = 1
 """MuJoCo's number of what a fixed tendon goes over."""
 
@@ -62,36 +72,46 @@ BODY = 1
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file. Raises ModelError with what MuJoCo says of it, NcgenError without MuJoCo."""
-    try:
-        mujoco: Any = import_module("mujoco")
-    except ImportError:
-        raise NcgenError(f"{path.name}: MJCF is read by MuJoCo, which is missing; run pip install 'ncgen[robots]'") from None
-    said: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)  # else it writes a file where Python happens to run
-    try:
-        compiled = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(placed(path.name, None, " ".join(str(error).split()))) from None
-    finally:
-        mujoco.set_mju_user_warning(before)
-    for text in said:
-        warnings.warn(placed(path.name, None, " ".join(text.split())), stacklevel=2)
-    return _Reader(compiled, root, path).robot()
+    files, model = family(root, path), compiled(path)
+    _check_numbers(model, path.name)
+    return _Reader(model, files, path).robot()
+
+
+def _check_numbers(model: Compiled, where: str) -> None:
+    """Raise ModelError where a number that is read is not finite, or larger than a model's numbers are: MuJoCo takes such ones."""
+    owners = {"body": model.nbody, "jnt": model.njnt, "dof": model.nv, "eq": model.neq}
+    kinds = {"body": model.body, "jnt": model.joint, "dof": lambda i: model.joint(int(model.dof_jntid[i])), "eq": model.equality}
+    for name in NUMBERS:
+        kind, _, what = name.partition("_")
+        values = np.array(getattr(model, name), dtype=float)
+        values = values.reshape(owners[kind], values.size // max(1, owners[kind]))
+        large = ~(np.abs(values) <= LARGEST)
+        wrong = np.flatnonzero(large.any(axis=1) | ((what in DIRECTIONS) & ~(np.abs(values).max(axis=1, initial=0.0) > 0.4)))
+        if len(wrong):
+            i = int(wrong[0])
+            owner = f"{WHOSE[kind]} {kinds[kind](i).name or f'number {i}'}"
+            number = f"the number {values[i][large[i]][0]:g} ({what})" if large[i].any() else f"no direction ({what})"
+            raise ModelError(placed(where, None, f"{owner} has {number}; the largest number is {LARGEST:g}, check the unit"))
+    for what, values in (("gravity", model.opt.gravity), ("a joint's reference", model.qpos0), ("a tendon's coefficient", model.wrap_prm)):
+        if not np.all(np.abs(values) <= LARGEST):
+            raise ModelError(placed(where, None, f"{what} is not finite, or larger than {LARGEST:g}; check the unit"))
 
 
 class _Reader:
-    def __init__(self, compiled: Compiled, root: Markup, path: Path) -> None:
-        self.m, self.where, self.path = compiled, path.name, path
-        meshes = (each.attributes for each in root.walk() if each.tag == "mesh")
+    def __init__(self, model: Compiled, files: Sequence[Markup], path: Path) -> None:
+        self.m, self.where, self.path = model, path.name, path
+        meshes = (each.attributes for root in files for each in root.walk() if each.tag == "mesh")
         self.shifted = {said.get("name") or Path(said.get("file", "")).stem for said in meshes if {"refpos", "refquat"} & said.keys()}
-        self.looks = [self._look(g) for g in range(compiled.ngeom)]
-        self.name = root.attributes.get("model") or path.stem
-        self.bodies = [WORLD, *(compiled.body(i).name or f"body{i}" for i in range(1, compiled.nbody))]
+        self.looks = [self._look(g) for g in range(model.ngeom)]
+        self.geoms: dict[int, list[int]] = {}
+        for g, body in enumerate(model.geom_bodyid):
+            self.geoms.setdefault(int(body), []).append(g)
+        self.name = files[0].attributes.get("model") or path.stem
+        self.bodies = [WORLD, *(model.body(i).name or f"body{i}" for i in range(1, model.nbody))]
         self.places: dict[str, Placement] = {WORLD: Placement()}
         self.links: dict[str, Link] = {WORLD: Link(WORLD, None, shapes=self._seen(0))}
         self.joints: list[Joint] = []
-        self.joint_names: list[str] = [compiled.joint(j).name or f"joint{j}" for j in range(compiled.njnt)]
+        self.joint_names: list[str] = [model.joint(j).name or f"joint{j}" for j in range(model.njnt)]
 
     def robot(self) -> Robot:
         for i in range(1, self.m.nbody):
@@ -121,7 +141,7 @@ class _Reader:
 
     def _seen(self, i: int) -> tuple[Shape, ...]:
         """The shapes of a body."""
-        return seen(look for look, body in zip(self.looks, self.m.geom_bodyid, strict=True) if body == i and look)
+        return seen(look for g in self.geoms.get(i, ()) if (look := self.looks[g]))
 
     def _look(self, g: int) -> Shape | Unseen | None:
         """A shape in its body's frame; None for those that MuJoCo's viewer does not show either, and for planes, which are the ground."""

@@ -113,7 +113,12 @@ class Program:
     angles: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
-        return f"<Program {self.name}: {self.size} numbers, {sum(len(block.ops) for block in self.blocks)} statements>"
+        return f"<Program {self.name}: {self.size} numbers, {self.length} statements>"
+
+    @property
+    def length(self) -> int:
+        """How many operations are written down: what compilers need time for. Those of a loop count once."""
+        return sum(len(block.ops) for block in self.blocks)
 
     @property
     def is_constant(self) -> bool:

@@ -8,8 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Block, Program
+from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import Op
 from ncgen.program.ir.passes import ON_NUMBERS, compute
 
@@ -42,6 +45,15 @@ def evaluate(
                 index, array = store.table[run], arrays[store.array]
                 array[index] = array[index] + values[store.node] if store.accumulate else values[store.node]
     return arrays[program.output]
+
+
+def evaluate_rows(program: Program, p: np.ndarray) -> np.ndarray:
+    """The output of a program of parameters alone at p (…, n_p), real or complex, shape (…, size)."""
+    functions = {name: getattr(np, function.numpy) for name, function in FUNCTIONS.items()}
+    columns = evaluate(program, {"p": np.moveaxis(p, -1, 0)}, functions)
+    if p.ndim == 1:
+        return np.array(columns, dtype=p.dtype)
+    return np.stack(np.broadcast_arrays(*columns, p[..., 0])[:-1], axis=-1)
 
 
 def _leaf(op: Op, block: Block, run: int, arrays: Mapping[str, Any], number: Callable[[float], Any]) -> Any:

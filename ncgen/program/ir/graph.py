@@ -94,10 +94,11 @@ class Graph:
 
     def _make(self, code: str, args: tuple[int, ...] = (), leaf: Leaf = None) -> int:
         key = (code, args, leaf.hex() if isinstance(leaf, float) else leaf)
-        if key not in self._known:
-            self._known[key] = len(self.ops)
+        node = self._known.get(key)
+        if node is None:
+            node = self._known[key] = len(self.ops)
             self.ops.append(Op(code, args, leaf))
-        return self._known[key]
+        return node
 
     def below(self, nodes: Iterable[int], ends: Container[int] = ()) -> set[int]:
         """Nodes and all that they need; what the ends need is not looked at. In the order of their numbers arguments come first."""

@@ -80,7 +80,7 @@ def fold_tables(loop: Loop) -> Loop:
 
 def dead_code(block: B) -> B:
     """Only operations and slots that reach a store."""
-    return _keep(block, sorted(_reachable(block, [s.node for s in block.stores])))
+    return _keep(block, _reachable(block))
 
 
 def schedule(block: B) -> B:
@@ -132,11 +132,16 @@ def uses(block: Block) -> dict[int, int]:
     return count
 
 
-def _reachable(block: Block, roots: Iterable[int]) -> set[int]:
-    seen: set[int] = set()
-    for root in roots:
-        seen.update(_depth_first(block, root, seen))
-    return seen
+def _reachable(block: Block) -> list[int]:
+    """Operations that reach a store, in their order: arguments come before what reads them, so one pass backwards finds them."""
+    alive = bytearray(len(block.ops))
+    for store in block.stores:
+        alive[store.node] = 1
+    for node in range(len(block.ops) - 1, -1, -1):
+        if alive[node]:
+            for a in block.ops[node].args:
+                alive[a] = 1
+    return [node for node, lives in enumerate(alive) if lives]
 
 
 def _depth_first(block: Block, root: int, seen: set[int], depth: Sequence[int] | None = None) -> Iterator[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from typing import TypeAlias
 
 import numpy as np
@@ -156,7 +157,7 @@ def _even(at_low: np.ndarray, at_high: np.ndarray, a: np.ndarray, b: np.ndarray,
 
 
 def _hull(*corners: np.ndarray) -> Interval:
-    return np.minimum.reduce(np.broadcast_arrays(*corners)), np.maximum.reduce(np.broadcast_arrays(*corners))
+    return reduce(np.minimum, corners), reduce(np.maximum, corners)
 
 
 def _product(one: Interval, other: Interval) -> Interval:

@@ -228,7 +228,7 @@ typedef struct ncgen_statistics {
 /* begin functions */
 
 /* Numbers of workspace that ncgen_simulate needs; besides, it needs 4 n_coordinates + 3 n_rows
- * integers, and 3 n_coordinates more with rolling conditions. */
+ * integers, and 3 n_coordinates more with rolling conditions or an implicit method. */
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 
 /* Simulate from times[0] to times[n_times - 1].

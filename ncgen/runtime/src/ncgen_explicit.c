@@ -6,6 +6,8 @@
 enum {
     REPEAT_LIMIT = 8,
     STIFF_EVERY = 1000, /* accepted steps between two looks at stiffness, as long as nothing speaks for it */
+    STIFF_SOON = 16,    /* the same where an implicit method that could go on costs no more than some steps of this one */
+    STIFF_LEFT = 200,   /* and this is how many of these */
     STIFF_LIMIT = 15,   /* steps in a row that speak for it and say that it is */
     STIFF_DOUBT = 6,    /* steps that speak against it and make these count anew */
     TINY_LIMIT = 10     /* looks in a row at steps that are a thousand times too short */
@@ -284,12 +286,20 @@ static int speaks_for_stiffness(const ncgen_run *r, const ncgen_stepping *w, con
     return moved < R(0.1) * needed && h * h * slopes > bound * bound * states;
 }
 
+/* Would an implicit method that goes on from here solve for the degrees of freedom alone, and is there far to go? */
+static int can_give_way(const ncgen_run *r, ncgen_scalar h)
+{
+    const int is_cheap = r->options->stop_when_stiff && r->constrained && r->constrained->is_recursive && !r->dynamics->rolling;
+    return is_cheap && r->times[r->n_times - 1] - r->start_t > STIFF_LEFT * h;
+}
+
 /* Is the mechanism stiff? Looked at now and then, and at every step once one speaks for it. */
 static int is_stiff(const ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar h)
 {
-    const int due = (r->statistics->steps + 1) % STIFF_EVERY == 0;
+    const long step = r->statistics->steps + 1;
+    const int due = step % STIFF_EVERY == 0;
     int tiny;
-    if (w->stiff == 0 && !due)
+    if (w->stiff == 0 && !due && !(step % STIFF_SOON == 0 && can_give_way(r, h)))
         return 0;
     const int speaks = speaks_for_stiffness(r, w, method, h, &tiny);
     if (due)

@@ -3,34 +3,45 @@
  * Newton's method solves (s - J) x = f for numbers s of the method, one of them complex. Since positions change with the
  * velocities, x' = v, half of the unknowns go: (s - J_v - J_x / s) v = f_v + J_x f_x / s. A complex system is solved as a
  * real one of twice the size. Nothing depends on the work, which follows its own sum. With rolling conditions positions are more
- * than velocities, and all unknowns are solved for.
+ * than velocities, and all unknowns are solved for. Over all coordinates of a tree of bodies J changes along its degrees of freedom
+ * alone (ncgen_reduced.c): the system is that of as many velocities, and the others follow from its rows.
  */
 #include "ncgen_implicit.h"
+#include "ncgen_method.h"
 #include "ncgen_lu.h"
 
 void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
-    const int follows = !(r->partitioning && r->dynamics->positions), width = r->weighed - 1, ny = r->ny;
-    const int count = follows ? width / 2 : width;
+    const int ny = r->ny;
     int *integers = r->integers ? r->integers + r->n + 2 * r->m : NULL;
+    m->is_reduced = ncgen_is_reduced(r->dynamics, r->options);
+    m->follows = !(r->partitioning && r->dynamics->positions);
+    m->rows = m->follows ? (r->weighed - 1) / 2 : r->weighed - 1;
+    m->count = m->is_reduced ? ncgen_degrees_of_freedom(r) : m->rows;
+    m->width = m->follows ? 2 * m->count : m->count;
     w->new_y = ncgen_take(&r->space, ny);
     w->at = ncgen_take(&r->space, ny);
     w->slopes = ncgen_take(&r->space, 2 * ny);
     w->interpolant = ncgen_take(&r->space, 3 * ny);
-    m->follows = follows;
-    m->count = count;
-    m->width = width;
-    m->jacobian = ncgen_take(&r->space, count * width);
-    m->real.matrix = ncgen_take(&r->space, count * count);
-    m->complex.matrix = ncgen_take(&r->space, 4 * count * count);
+    m->jacobian = ncgen_take(&r->space, m->rows * m->width);
+    m->real.matrix = ncgen_take(&r->space, m->count * m->count);
+    m->complex.matrix = ncgen_take(&r->space, 4 * m->count * m->count);
     m->real.order = integers;
-    m->complex.order = integers ? integers + count : NULL;
+    m->complex.order = integers ? integers + m->count : NULL;
     m->stages = ncgen_take(&r->space, NCGEN_STAGES * ny);
     m->rates = ncgen_take(&r->space, NCGEN_STAGES * ny);
     m->unknowns = ncgen_take(&r->space, NCGEN_STAGES * r->weighed);
     m->right = ncgen_take(&r->space, NCGEN_STAGES * r->weighed);
     m->change = ncgen_take(&r->space, NCGEN_STAGES * r->weighed);
-    m->reduced = ncgen_take(&r->space, 4 * count);
+    m->reduced = ncgen_take(&r->space, 6 * m->count);
+    if (m->is_reduced)
+        ncgen_reduced_layout(r, &m->along, integers ? integers + 3 * m->count : NULL);
+}
+
+/* The row of the Jacobian, and of a state, that has an unknown. */
+static int row_of(const ncgen_implicit *m, int unknown)
+{
+    return m->is_reduced ? m->along.chosen[unknown] : unknown;
 }
 
 /* Factor s - J_v - J_x / s for s = a + ib, or s - J where positions do not follow; parts: 1 where s is real, 2 else. */
@@ -40,9 +51,10 @@ int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int pa
     shifted->parts = parts;
     shifted->inverse[0] = a / (a * a + b * b);
     shifted->inverse[1] = -b / (a * a + b * b);
-    for (int i = 0; i < count; ++i)
+    for (int i = 0; i < count; ++i) {
+        const ncgen_real *jacobian = m->jacobian + (size_t)row_of(m, i) * (size_t)m->width;
         for (int j = 0; j < count; ++j) {
-            const ncgen_real by_v = m->jacobian[i * m->width + j], by_x = m->follows ? m->jacobian[i * m->width + count + j] : 0;
+            const ncgen_real by_v = jacobian[j], by_x = m->follows ? jacobian[count + j] : 0;
             const ncgen_real real = (i == j ? a : 0) - by_v - shifted->inverse[0] * by_x;
             const ncgen_real imaginary = (i == j ? b : 0) - shifted->inverse[1] * by_x;
             for (int k = 0; k < parts; ++k) {
@@ -52,20 +64,66 @@ int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int pa
                     row[(1 - k) * count + j] = k == 0 ? -imaginary : imaginary;
             }
         }
+    }
     int orientation;
     return ncgen_lu_factor(size, shifted->matrix, shifted->order, &orientation);
 }
 
+/* Part k of x / s, where the parts of x are `apart` numbers from each other. */
+static ncgen_real over(const ncgen_shifted *s, const ncgen_real *x, int apart, int k)
+{
+    const ncgen_real own = s->inverse[0] * x[k * apart];
+    return s->parts == 1 ? own : own + (k == 0 ? -s->inverse[1] : s->inverse[1]) * x[(1 - k) * apart];
+}
+
+/* x of (s - J) x = f over all coordinates, where J sees along the constraints alone: with the measured part u of the velocities and the
+ * chosen positions p, s u = f_u + J_v u + J_x p, s p = u + f_p; the others follow from their own rows of J. */
+static void solve_reduced(ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x)
+{
+    const int count = m->count, n = m->rows, ny = r->weighed, parts = shifted->parts;
+    ncgen_real *right = m->reduced, *u = m->reduced + 2 * count, *p = m->reduced + 4 * count;
+    for (int k = 0; k < parts; ++k) {
+        ncgen_reduced_measure(r, &m->along, f + k * ny, right + k * count);
+        for (int i = 0; i < count; ++i)
+            p[k * count + i] = over(shifted, f + n + m->along.chosen[i], ny, k);
+    }
+    for (int k = 0; k < parts; ++k)
+        for (int i = 0; i < count; ++i)
+            right[k * count + i] += ncgen_dot(count, m->jacobian + (size_t)m->along.chosen[i] * (size_t)m->width + count, p + k * count);
+    ncgen_lu_solve(parts * count, shifted->matrix, shifted->order, right, u);
+    for (int k = 0; k < parts; ++k)
+        for (int i = 0; i < count; ++i)
+            p[k * count + i] += over(shifted, u + i, count, k);
+    for (int i = 0; i < n; ++i) {
+        const ncgen_real *jacobian = m->jacobian + (size_t)i * (size_t)m->width;
+        ncgen_real velocity[2], position[2];
+        for (int k = 0; k < parts; ++k) {
+            velocity[k] = f[k * ny + i] + ncgen_dot(count, jacobian, u + k * count) + ncgen_dot(count, jacobian + count, p + k * count);
+            position[k] = f[k * ny + n + i];
+            for (int j = 0; j < count; ++j)
+                position[k] += m->along.basis[j * n + i] * u[k * count + j];
+        }
+        for (int k = 0; k < parts; ++k) {
+            x[k * ny + i] = over(shifted, velocity, 1, k);
+            x[k * ny + n + i] = over(shifted, position, 1, k);
+        }
+    }
+    for (int k = 0; k < parts; ++k)
+        x[k * ny + 2 * n] = over(shifted, f + 2 * n, ny, k);
+}
+
 /* x of (s - J) x = f; real parts of f and x come first, then their imaginary parts. */
-void ncgen_shifted_solve(const ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f,
-                          ncgen_real *x)
+void ncgen_shifted_solve(ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x)
 {
     const int count = m->count, ny = r->weighed, parts = shifted->parts;
-    const ncgen_real c = shifted->inverse[0], d = shifted->inverse[1];
     ncgen_real *right = m->reduced, *v = m->reduced + 2 * count;
+    if (m->is_reduced) {
+        solve_reduced(r, m, shifted, f, x);
+        return;
+    }
     for (int k = 0; k < parts; ++k) /* x = f / s for now */
         for (int i = count; i < ny; ++i)
-            x[k * ny + i] = c * f[k * ny + i] + (parts == 2 ? (k == 0 ? -d : d) * f[(1 - k) * ny + i] : 0);
+            x[k * ny + i] = over(shifted, f + i, ny, k);
     for (int k = 0; k < parts; ++k)
         for (int i = 0; i < count; ++i)
             right[k * count + i] = f[k * ny + i] + ncgen_dot(m->width - count, m->jacobian + i * m->width + count, x + k * ny + count);
@@ -74,7 +132,7 @@ void ncgen_shifted_solve(const ncgen_run *r, const ncgen_implicit *m, const ncge
         for (int i = 0; i < count; ++i) {
             x[k * ny + i] = v[k * count + i];
             if (m->follows)
-                x[k * ny + count + i] += c * v[k * count + i] + (parts == 2 ? (k == 0 ? -d : d) * v[(1 - k) * count + i] : 0);
+                x[k * ny + count + i] += over(shifted, v + i, count, k);
         }
 }
 
@@ -82,7 +140,12 @@ int ncgen_implicit_jacobian(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t, ncg
 {
     r->statistics->jacobians += 1;
     m->factored = 0;
-    return r->jacobian(r, t, y, m->jacobian);
+    if (!m->is_reduced)
+        return r->jacobian(r, t, y, m->jacobian);
+    const int status = ncgen_reduced_jacobian(r, &m->along, t, y, m->jacobian);
+    m->count = m->along.count;
+    m->width = 2 * m->count;
+    return status;
 }
 
 int ncgen_implicit_begin(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)

@@ -3,6 +3,7 @@
 #define NCGEN_IMPLICIT_H
 
 #include "ncgen_grid.h"
+#include "ncgen_reduced.h"
 
 enum { NCGEN_STAGES = 3 }; /* of the method that has most */
 
@@ -17,14 +18,17 @@ typedef struct ncgen_shifted {
 /* What an implicit integrator works in besides. */
 typedef struct ncgen_implicit {
     int follows;                 /* are positions the integrals of as many velocities? */
-    int count;                   /* unknowns of the linear systems: velocities, and positions where these do not follow */
-    int width;                   /* velocities and positions */
-    ncgen_real *jacobian;        /* count rows of width */
+    int is_reduced;              /* are the unknowns of the linear systems velocities of some coordinates, which the others follow? */
+    ncgen_reduced along;         /* where they are */
+    int rows;                    /* of the Jacobian: velocities, and positions where these do not follow */
+    int count;                   /* unknowns of the linear systems: as many, or fewer where they are reduced */
+    int width;                   /* columns of the Jacobian: velocities and positions of the unknowns */
+    ncgen_real *jacobian;        /* rows of width */
     ncgen_shifted real, complex;
     int factored, fresh;         /* for this Jacobian and step? Is the Jacobian that of the present state? */
     ncgen_real *stages, *rates;  /* three of ny: changes since the start of the step, and derivatives */
     ncgen_real *unknowns, *right, *change; /* three of weighed */
-    ncgen_real *reduced;         /* 4 half */
+    ncgen_real *reduced;         /* 6 count */
     int iterations;              /* of the last step, and how fast they converged */
     ncgen_real rate;
     ncgen_scalar last_step;      /* accepted, and its error; 0 if there is none */
@@ -37,7 +41,7 @@ int ncgen_implicit_jacobian(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t, ncg
 
 /* Factor s - J for s = a + ib; parts: 1 where s is real, 2 else. Then x of (s - J) x = f; real parts of f and x come first. */
 int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int parts, ncgen_scalar a, ncgen_scalar b);
-void ncgen_shifted_solve(const ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x);
+void ncgen_shifted_solve(ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x);
 
 /* The methods, one a file: a run over the grid. */
 int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m);

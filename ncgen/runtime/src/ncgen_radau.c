@@ -1,4 +1,4 @@
-/* ncgen_radau.c: Radau IIA of order 5 with the exact Jacobian, error control and dense output.
+/* ncgen_radau.c: Radau IIA of order 5 with error control and dense output.
  *
  * Method, choice of step and of fresh Jacobians: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8.
  */

@@ -10,7 +10,8 @@ import numpy as np
 
 from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.derivatives.sensitivity import filled, instants, is_taped
+from ncgen.solver.derivatives.objective import check_objective, of_objective
+from ncgen.solver.derivatives.sensitivity import instants, is_taped
 from ncgen.solver.derivatives.taped_batch import TapedBatch
 from ncgen.solver.given import checked_kernels, finite, names_of
 from ncgen.solver.motions.batch import asked_threads
@@ -71,6 +72,8 @@ def gradient_batch(
     progress: as of `simulate_batch`; what it raises ends the call, and so does Ctrl-C
     Everything else, and ModelError, as of `gradient`; a state that has none costs nothing but itself: its status says why.
     """
+    checked_kernels(kernels)
+    check_objective(objective)
     batch = taped_batch(kernels, duration, steps, integrator, q0, zd0, p, t0, z, threads)
     values, one_at_a_time = np.full(len(batch.states.q), np.nan), Lock()
 
@@ -78,8 +81,7 @@ def gradient_batch(
         by_q, by_qd = np.empty_like(q), np.empty_like(q)
         with one_at_a_time:
             for k, i in enumerate(rows.tolist()):
-                values[i], *slopes = objective(q[k], qd[k])
-                by_q[k], by_qd[k] = (filled(a, q[k]) for a in slopes)
+                values[i], by_q[k], by_qd[k] = of_objective(objective, q[k], qd[k])
         return by_q, by_qd
 
     check_told(progress)
@@ -101,7 +103,8 @@ def taped_batch(
     threads: int | None = None,
 ) -> TapedBatch:
     """Motions that can be differentiated; arguments and errors as of `gradient_batch`."""
-    since_start, t, names = instants(duration, steps), finite(t0, "t0"), names_of(z, "z", checked_kernels(kernels).coordinates)
+    since_start = instants(checked_kernels(kernels), duration, steps)
+    t, names = finite(t0, "t0"), names_of(z, "z", kernels.coordinates)
     is_taped(kernels, integrator)
     states = States.of(kernels, q0, zd0, p, t, names, None, assembled=True)
     return TapedBatch(kernels, states, t + since_start, integrator, q0 is None, asked_threads(threads))

@@ -17,6 +17,7 @@ import numpy as np
 
 from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.break_times import beside
+from ncgen.mechanism.driver_jumps import refuse_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving_breaks import Jump, MovingBreaks, moving_breaks
 from ncgen.solver.formalisms import accelerations_by
@@ -84,8 +85,10 @@ class Jumps:
         why = "moves jumps of a law whose argument depends on an input that changes with time, or which are too many"
         return cls(kernels, p, breaks, signals, dict.fromkeys(breaks.unknown, why))
 
-    def ends(self, times: np.ndarray) -> Ends:
-        """The ends of steps over times (K,) of a grid (s): one from each to the next, or to a break."""
+    def ends(self, times: np.ndarray, q: np.ndarray) -> Ends:
+        """The ends of steps over times (K,) of a grid (s), one from each to the next, or to a break; of methods that do not go through the
+        impulse where a driver's velocity jumps. q (n,): a position. Raises ModelError where one does."""
+        refuse_jumps(self.kernels, self.p, q, self.rows, "derivatives by these steps")
         rows = self.rows
         seen = beside(rows, times)
         if len(rows):  # what lies nearer to a break than that is there

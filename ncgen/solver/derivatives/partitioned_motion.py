@@ -57,7 +57,7 @@ class PartitionedMotion:
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self.t = watched(kernels), begun.p, times
         self.jumps = Jumps.of(kernels, begun.p, times, signals)
-        self._split = self.jumps.ends(times)
+        self._split = self.jumps.ends(times, begun.q)
         self._ends, self._seen = self._split.t, self._split.seen
         self.partition = determined(begun.partitions).position
         independent = self.partition.independent

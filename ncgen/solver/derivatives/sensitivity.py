@@ -17,13 +17,14 @@ from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS, Integrator
+from ncgen.solver.derivatives.objective import check_objective, filled, of_objective
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.derivatives.stepped_motion import SteppedMotion
 from ncgen.solver.derivatives.taped_motion import TapedMotion
 from ncgen.solver.engines.compiled import checked_compiled, is_written_out
-from ncgen.solver.given import checked_kernels, names_of
+from ncgen.solver.given import checked_kernels, echo, names_of, numbers_of, values_by_name
 from ncgen.solver.motions.simulate import simulate_steps
-from ncgen.solver.runs.run import Initial, InitialArguments, count, positive
+from ncgen.solver.runs.run import MOST_NUMBERS, Initial, InitialArguments, count, positive, relative_tolerance
 from ncgen.solver.runs.signals import Signal, Signals, signals_of
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.trajectory import Trajectory
@@ -129,13 +130,14 @@ def gradient(
     by: names of the slopes that are wanted, None for all
     steps, integrator, rtol, options, inputs, start: as for `sensitivities`, with the same errors
     """
+    checked_kernels(kernels)
+    check_objective(objective)
     motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
     names = motion.names if by is None else names_of(by, "by", motion.names, "parameter or initial value")
-    value, *slopes = objective(motion.q, motion.qd)
-    by_q, by_qd = (filled(a, motion.q) for a in slopes)
+    value, by_q, by_qd = of_objective(objective, motion.q, motion.qd)
     slopes, driven = motion.backward(by_q, by_qd, names)
     by_inputs = motion.signals.by_values(driven.t, driven.begun, driven.values) if motion.signals else {}
-    return Gradient(float(value), {name: float(slopes[motion.names.index(name)]) for name in names}, by_inputs)
+    return Gradient(value, {name: float(slopes[motion.names.index(name)]) for name in names}, by_inputs)
 
 
 def hessian(
@@ -158,30 +160,29 @@ def hessian(
     steps, rtol, inputs, start: as for `sensitivities`, with the same errors; ModelError, too, where the motion is not written out in C
     """
     _differentiable(integrator, twice=True)
+    checked_kernels(kernels)
+    check_objective(objective)
     motion = motion_of(kernels, duration, steps, integrator, rtol, None, inputs, **start)
     if not isinstance(motion, TapedMotion):
         raise ModelError(
             f"{kernels.name}: its motion is not written out in C, so it has no second derivatives; take differences of gradient"
         )
     count = len(motion.names)
-    along = np.eye(count) if directions is None else np.asarray(directions, dtype=float)
+    along = np.eye(count) if directions is None else numbers_of(directions, "directions")
     if along.ndim != 2 or len(along) != count:
         rows = shortened(", ".join(motion.names), SHOWN)
         raise ModelError(f"directions: they have shape {along.shape}; give ({count}, D), a row for each of {rows}")
-    value, *slopes, change = objective(motion.q, motion.qd)
-    by_q, by_qd = (filled(a, motion.q) for a in slopes)
+    value, by_q, by_qd, change = of_objective(objective, motion.q, motion.qd, "change")
 
     def changed(dq: np.ndarray, dqd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        first, second = (None, None) if change is None else change(dq, dqd)
-        return filled(first, dq), filled(second, dq)
+        found = (None, None) if change is None else change(dq, dqd)
+        if not (isinstance(found, (tuple, list)) and len(found) == 2):
+            raise ModelError(f"objective: its change returned {echo(found)}; it must return two arrays, or None for what is zero")
+        first, second = (filled(array, dq, "change of its derivatives") for array in found)
+        return first, second
 
     products = motion.second(by_q, by_qd, changed, along)
-    return Hessian(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd)[0].tolist(), strict=True)), products, motion.names)
-
-
-def filled(array: np.ndarray | None, like: np.ndarray) -> np.ndarray:
-    """Derivatives, where None stands for 0."""
-    return np.zeros_like(like) if array is None else np.asarray(array, dtype=float)
+    return Hessian(value, dict(zip(motion.names, motion.backward(by_q, by_qd)[0].tolist(), strict=True)), products, motion.names)
 
 
 Motion: TypeAlias = TapedMotion | PartitionedMotion | SteppedMotion
@@ -193,23 +194,25 @@ def motion_of(
     inputs: Mapping[str, Signal] | None = None, **start: Unpack[InitialArguments],
 ) -> Motion:  # fmt: skip
     """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
-    since_start, entry = instants(duration, steps), _differentiable(integrator)
-    tolerances = None if rtol is None else Tolerances.promised(positive(rtol, "rtol"), since_start[-1])
+    since_start, entry = instants(checked_kernels(kernels), duration, steps), _differentiable(integrator)
+    tolerances = None if rtol is None else Tolerances.promised(relative_tolerance(rtol), since_start[-1])
     if tolerances and not (entry.tableau and entry.coefficients.errors):
         estimating = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau and other.coefficients.errors)
         raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
-    initial = Initial.asked(checked_kernels(kernels), **start)
+    initial = Initial.asked(kernels, **start)
     times, follows, signals = initial.t + since_start, start.get("q0") is None, signals_of(kernels, inputs, initial.p)
     if not entry.tableau:
         return _implicit_motion(kernels, initial, times, follows, entry, options, inputs, start)
-    if options:
+    if values_by_name(options, "options"):
         raise ModelError(f"options: {integrator} has none")
     return motion_from(kernels, initial, times, follows, integrator, tolerances, signals)
 
 
-def instants(duration: float, steps: int) -> np.ndarray:
+def instants(kernels: Kernels, duration: float, steps: int) -> np.ndarray:
     """(K,) s from the start of a motion that can be differentiated; errors as of `sensitivities`."""
     length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
+    if (steps + 1) * (2 * kernels.n + 1) > MOST_NUMBERS:
+        raise ModelError(f"steps: {echo(steps)} given; a motion takes more than {MOST_NUMBERS * 8 / 2**30:.3g} GiB, take fewer")
     return length * np.arange(steps + 1) / steps
 
 
@@ -238,6 +241,8 @@ def is_taped(kernels: Kernels, integrator: str) -> bool:
 def _differentiable(integrator: str, twice: bool = False) -> Integrator:
     """The entry of a method whose steps have derivatives, or second ones. Raises ModelError."""
     known = {name: entry for name, entry in INTEGRATORS.items() if entry.tableau or (entry.has_fixed_step and not twice)}
+    if not isinstance(integrator, str):
+        raise ModelError(f"integrator: {echo(integrator)} given; give a name, one of {', '.join(known)}")
     if integrator in known:
         return known[integrator]
     why = ""

@@ -116,7 +116,7 @@ class SteppedMotion:
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self._method, self.signals = kernels, begun.p, method, signals
         self.t, self.jumps = times, Jumps.of(kernels, begun.p, times, signals)
-        self._ends = self.jumps.ends(times)
+        self._ends = self.jumps.ends(times, begun.q)
         found = run(self._ends.of_steps, self.jumps.rows)
         self._q, self._qd = self._ends.spread(found.q), self._ends.spread(found.qd)
         # A table's piece is that of the step's start.

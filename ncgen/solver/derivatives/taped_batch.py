@@ -143,7 +143,8 @@ class TapedBatch:
             positions = velocities if same else kinematics_of_many(kernels, partitions.position, q, t, p, nu)[0]
         except np.linalg.LinAlgError:
             return part
-        qd = (velocities @ zd[:, :, None])[:, :, 0] + driven
+        with np.errstate(invalid="ignore", over="ignore"):  # a state that is no number is reported by its run
+            qd = (velocities @ zd[:, :, None])[:, :, 0] + driven
         runs = motions.run(q, qd, p, asked.weigh is not None, asked.of(part))
         fine = part.start + np.flatnonzero(~runs.other)
         if asked.weigh is not None and len(fine):

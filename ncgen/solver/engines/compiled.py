@@ -151,7 +151,9 @@ def form_of(kernels: Kernels, method: Method) -> Form:
 
 def _may_recur(kernels: Kernels, method: Method) -> bool:
     """True where a recursion could give the accelerations of a method."""
-    if refusal(kernels, method, "c", "double") or not (method.formalism.name == "lagrange" and method.integrator.tableau):
+    if refusal(kernels, method, "c", "double") or method.formalism.name != "lagrange":
+        return False
+    if not (method.integrator.tableau or method.integrator.name == "radau"):
         return False
     return method.options.get("stabilisation") == "projection"
 

@@ -70,7 +70,9 @@ class _Run:
         options = {**task.tolerances.for_scipy(sizes, sizes), "max_step": task.max_step}
         if takes_jacobian(self.method.integrator, self.kernels):
             options["jac"] = self._jacobian
-        make = partial(sharing(ode_solver(self.method.integrator), task.tolerances.span), self._derivative, t_bound=grid[-1], **options)
+        make = partial(
+            sharing(ode_solver(self.method.integrator), task.tolerances.span, task.before), self._derivative, t_bound=grid[-1], **options
+        )
         solver = self.solver = make(t0=grid[0], y0=np.concatenate([task.velocities, task.q, [0.0]]))
         self._record([solver.y])
         start, before = self.reached = solver.t, solver.y

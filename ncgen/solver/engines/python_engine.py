@@ -68,7 +68,7 @@ class _Run:
     def __init__(self, kernels: Kernels, task: Task, partitions: Partitions) -> None:
         self.kernels, self.task, self.partitions = kernels, task, partitions
         self.integrator = task.method.integrator
-        self.solver: Callable[..., OdeSolver] = sharing(ode_solver(self.integrator), task.tolerances.span)
+        self.solver: Callable[..., OdeSolver] = sharing(ode_solver(self.integrator), task.tolerances.span, task.before)
         self.end = task.grid[-1]
         self.stopped: float | None = None
         self.motions: list[Motion] = []

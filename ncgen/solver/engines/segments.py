@@ -1,4 +1,5 @@
-"""A run in Python from break to break of its laws in time: no step passes a break. In C steps end there by themselves."""
+"""A run in parts: in Python from break to break of its laws in time, which no step passes; in every engine from jump to jump of a driver's
+velocity, where an impulse changes all velocities."""
 
 from __future__ import annotations
 
@@ -8,35 +9,45 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ncgen.mechanism.break_times import beside, smooth_parts
+from ncgen.mechanism.break_times import beside
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.formalisms.impulse import cross
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
 
-Engine: TypeAlias = Callable[[Path, Kernels, Task], None]
+Engine: TypeAlias = Callable[[Path, Kernels, Task], str | None]
+"""Completes a path; returns why it stopped before the end, or None."""
 
 
-def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task) -> None:
-    """Complete a path as an engine would, which is asked once a segment. Raises what it raises, the path holding what it reached."""
-    if not len(task.breaks):
-        engine(path, kernels, task)
-        return
+def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task, ends: np.ndarray) -> str | None:
+    """Complete a path as an engine would, which is asked once for every part of the run.
+
+    ends (E, 2): the breaks (s) at which a part ends, those at which a driver's velocity jumps among them
+    Returns why an engine stopped before the end, or None. Raises what it raises, the path holding what it reached.
+    """
+    if not len(ends):
+        return engine(path, kernels, task)
     grid = beside(task.breaks, task.grid)
-    q, velocities, work = task.q, task.velocities, 0.0
+    t, end, jumps = float(grid[max(len(path.q) - 1, 0)]), float(grid[-1]), set(task.jumps[:, 0].tolist())
+    q, qd, work, velocities = task.q, None, 0.0, task.velocities
     if len(path.q):
-        q, qd, work = path.take_last()
+        q, qd, work = path.q[-1], path.qd[-1], float(path.work[-1])
         velocities = _velocities(path, task, qd)
-    for start, end in smooth_parts(task.breaks, float(grid[len(path.q)]), float(grid[-1])):
-        part = Path.empty(kernels.n, path.partitions)
-        times = np.unique(np.concatenate([[start], grid[(grid > start) & (grid < end)], [end]]))
-        here = replace(task, grid=times, q=q, velocities=velocities)
-        try:
-            engine(part, kernels.driven_by(task.signals.begun_at(float(start))) if task.signals else kernels, here)
-        finally:
-            _take_over(path, part, times, grid, work)
-        if part.stopped is not None:
-            return
-        q, velocities, work = part.q[-1], _velocities(part, task, part.qd[-1]), work + part.work[-1]
+    path.impulses = [each for each in path.impulses if each.t < t]  # later ones are met again
+    for before, after in [*ends[(ends[:, 1] > t) & (ends[:, 0] < end)].tolist(), [end, end]]:
+        if t < before:
+            part = Path.empty(kernels.n, path.partitions)
+            here = replace(task, q=q, velocities=velocities, before=(float(grid[0]), int(path.counts[0])))
+            reason = _one(engine, part, path, kernels, here, grid, (t, before), work)
+            if reason or part.stopped is not None:
+                return reason
+            q, qd, work = part.q[-1], part.qd[-1], work + float(part.work[-1])
+        if before < after and before in jumps and qd is not None:
+            found = cross(kernels, q, qd, before, after, task.p)
+            qd, work = found.qd, work + found.work
+            path.impulses += found.impulses
+        t, velocities = after, velocities if qd is None else _velocities(path, task, qd)
+    return None
 
 
 def _velocities(path: Path, task: Task, qd: np.ndarray) -> np.ndarray:
@@ -44,13 +55,34 @@ def _velocities(path: Path, task: Task, qd: np.ndarray) -> np.ndarray:
     return qd if task.method.is_constrained or path.partitions is None else qd[path.partitions.velocity.independent]
 
 
-def _take_over(path: Path, part: Path, times: np.ndarray, grid: np.ndarray, work: float) -> None:
-    """What a segment gave, without those of its ends that are not on the grid."""
-    count = len(part.q) - (part.stopped is not None)  # rows on the segment's own times; where it was stopped one more
-    wanted = np.isin(times[:count], grid) & (times[:count] >= grid[min(len(path.q), len(grid) - 1)])
-    rows = [*np.flatnonzero(wanted), *range(count, len(part.q))]
+def _one(
+    engine: Engine, part: Path, path: Path, kernels: Kernels, task: Task, grid: np.ndarray, ends: tuple[float, float], work: float
+) -> str | None:
+    """Let an engine fill a part between two times (s), and add its rows to the path but for those of its ends that are not on the grid."""
+    first, last = len(path.q), int(np.searchsorted(grid, ends[1], "right"))
+    times = np.unique([ends[0], *grid[first:last], ends[1]])
+    places = np.searchsorted(times, grid[first:last])
+    looks = np.zeros(len(times), dtype=bool)
+    looks[places] = task.looks_from(first)[: last - first]
+    looks[[0, -1]] = False  # the ends are what the run goes on from
+    inside = task.breaks[(task.breaks[:, 0] > ends[0]) & (task.breaks[:, 1] < ends[1])]
+    try:
+        return engine(part, kernels, replace(task, grid=times, looks=looks, breaks=inside))
+    finally:
+        _take_over(path, part, places, work, float(grid[first - 1]) if first else -np.inf)
+        task.looked_at(first, times[places])
+
+
+def _take_over(path: Path, part: Path, places: np.ndarray, work: float, reached: float) -> None:
+    """Add what a part gave: its rows at places on the grid, and where it was stopped one more, unless that is at the time (s) reached."""
+    count = len(part.q) - (part.stopped is not None)
+    rows = places[places < count].tolist()
+    if part.stopped is not None and (part.stopped > reached or len(rows)):
+        rows.append(count)
     path.extend(part.q[rows], part.qd[rows], part.work[rows] + work, part.counts)
     path.partitions, path.stopped = part.partitions, part.stopped
     path.projections += part.projections
     path.largest_projection = max(path.largest_projection, part.largest_projection)
     path.jacobians += part.jacobians
+    path.fallbacks += part.fallbacks
+    path.stiff += part.stiff

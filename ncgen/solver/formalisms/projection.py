@@ -41,7 +41,13 @@ def project(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float = 0.0, p: 
 
     Raises ConvergenceError with the residual if q is too far from closed, SingularError where a motion has no inertia.
     """
-    start, sizes = q, kernels.column_sizes
+    closed, steps = project_position(kernels, q, t, p)
+    moved = float(np.max(np.abs(closed - q) / kernels.column_sizes, initial=0.0))
+    return Projected(closed, project_velocity(kernels, closed, qd, t, p), steps, moved)
+
+
+def project_position(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> tuple[np.ndarray, int]:
+    """The consistent position (n,) nearest to q, and the Newton steps it took; else as `project`."""
     history = [residual(kernels, q, t, p)]
     while not history[-1] <= TOLERANCE:
         if len(history) > LIMIT or not np.isfinite(history[-1]):
@@ -51,10 +57,9 @@ def project(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float = 0.0, p: 
                 tuple(history),
             )
         step = least_energy(kernels, q, t, p).solve(np.zeros(kernels.n), -kernels.phi(q, t, p) / kernels.row_sizes)[0]
-        q = q + sizes * step
+        q = q + kernels.column_sizes * step
         history.append(residual(kernels, q, t, p))
-    moved = float(np.max(np.abs(q - start) / sizes, initial=0.0))
-    return Projected(q, project_velocity(kernels, q, qd, t, p), len(history) - 1, moved)
+    return q, len(history) - 1
 
 
 def project_velocity(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> np.ndarray:

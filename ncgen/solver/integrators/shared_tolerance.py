@@ -26,17 +26,19 @@ EXPLAINED = 0.9 / 1.5
 """A repeated step is better than its length explains where its error would allow one longer by more than half."""
 
 
-def sharing(solver: type[OdeSolver], span: float) -> type[OdeSolver]:
+def sharing(solver: type[OdeSolver], span: float, before: tuple[float, int] = (0.0, 0)) -> type[OdeSolver]:
     """An explicit SciPy solver whose steps share the tolerance; others as they are.
 
-    span: as of `Tolerances`; repeated: is a step taken again, or near one that was?
+    span: as of `Tolerances`; before: when the run began (s) and its steps up to here, if there were any
+    repeated: is a step taken again, or near one that was?
     """
     if not issubclass(solver, RK45.__mro__[1]):
         return solver
     explicit = cast("type[_Explicit]", solver)
 
     class Sharing(explicit):
-        begun, taken, repeated, refused, near = 0.0, 0, False, False, False
+        begun, taken = before
+        repeated, refused, near = False, False, False
 
         def _step_impl(self) -> tuple[bool, str | None]:
             self.begun = self.begun if self.taken else self.t

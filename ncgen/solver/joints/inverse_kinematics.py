@@ -8,7 +8,8 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.model.values import LARGEST
 from ncgen.solver.frames import transformation
 from ncgen.solver.given import array_of, rotation_of
 
@@ -30,6 +31,8 @@ def values_for(
 ) -> dict[str, float]:
     """As `JointSpace.inverse_kinematics`; start: values of all joints (n,)."""
     target = array_of(place, (3,), "place")
+    if np.max(np.abs(target)) > LARGEST:
+        raise ModelError(f"place: {np.max(np.abs(target)):g} m given; {LARGEST:g} m is the farthest, check the unit")
     aim = _Aim(space, point, body, target, None if rotation is None else rotation_of(rotation, "rotation"))
     jacobian: Any = aim.slope  # a function may stand there, though its type says a word
     best: Any = None

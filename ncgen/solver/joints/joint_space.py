@@ -230,7 +230,7 @@ class JointSpace(ABC):
             initially; "spatial": of what of the body is at the origin, along the global axes
         """
         if not (isinstance(frame, str) and frame in FRAMES):
-            raise ModelError(f"frame: {str(frame)[:40]!r} is none of {', '.join(FRAMES)}")
+            raise ModelError(f"frame: {given.echo(frame)!r} is none of {', '.join(FRAMES)}")
         q, element, link = self._array(q), self.point(point), self.link(point, body)
         path = self.tree.paths[link]
         screws, spread = self.screws(q)[..., path, :], self._spread(q)[0][..., path, :]
@@ -431,6 +431,8 @@ class JointSpace(ABC):
     def link(self, point: str, body: str | None) -> int:
         """The number of the link that a point is taken with."""
         element = self.point(point)
+        if not isinstance(body, str | None):
+            raise ModelError(f"body: {given.echo(body)} is no name; give that of a body")
         for number, link in enumerate(self.tree.links):
             if element in link.body.elements and body in (None, link.body.name):
                 return number

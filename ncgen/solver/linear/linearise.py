@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.emit.c.linear import linear_header
-from ncgen.emit.sources import path_of, write_text
 from ncgen.errors import ModelError
+from ncgen.files import path_of, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import rate_name
 from ncgen.solver.finite import watched

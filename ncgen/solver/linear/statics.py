@@ -65,8 +65,8 @@ def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Giv
     arguments that do not fit.
     """
     p = given.parameters(kernels, p)
-    if kind not in KINDS:
-        raise ModelError(f"kind {kind!r} is unknown; choose one of {', '.join(KINDS)}")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise ModelError(f"kind {given.echo(kind)!r} is unknown; choose one of {', '.join(KINDS)}")
     if len(kernels.holonomic) < kernels.m:
         raise ModelError(f"{kernels.name}: an equilibrium with rolling conditions is one of many; hold the position instead")
     q = assemble(kernels, q, t, p)

@@ -42,10 +42,10 @@ class RowLoad:
     needs_ground: bool
 
 
-def row_loads(run: Trajectory, largest: float) -> list[RowLoad]:
+def row_loads(run: Trajectory, largest: float, between: Mapping[str, tuple[str, str]]) -> list[RowLoad]:
     """The loads of all rows that no body owns; rows between coordinates alone have none.
 
-    largest: load on any body, beside which rounding is nothing
+    largest: load on any body, beside which rounding is nothing; between: the two bodies of rows that do not say it, by labels
     """
     kernels, model = run.kernels, run.model
     places = {
@@ -69,7 +69,7 @@ def row_loads(run: Trajectory, largest: float) -> list[RowLoad]:
                 forces[element] = force
         if forces:
             row = kernels.rows[number]
-            found.append(RowLoad(row.label, _said(model, row.owner), forces, _needs_ground(forces, at)))
+            found.append(RowLoad(row.label, between.get(row.label) or _said(model, row.owner), forces, _needs_ground(forces, at)))
     return found
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
 
 PRESSURE_ANGLE = np.pi / 9
-"""20 degrees, of nearly all gears (rad)."""
+"""20 degrees, of nearly all gears and racks (rad)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +39,8 @@ class Reactions:
         of the moment through a vector. Where it is False, one of many possible distributions is given
     shared: a sentence for every load whose share is arbitrary, such as "door: A.z and B.z share 98.1 N"
     changes: {instant: (loads, k)}: what can be added at some instants to all forces (N) and moments (N m), as of `felt`
-    meshes: tooth forces of gears, which wrenches between wheels and their carrier have; couples: labels of the rows of gears and racks
-        that are felt as couples alone. The loads on elements have all of them as couples between a wheel and its carrier
+    meshes: tooth forces of gears and racks, which wrenches between both sides and their carrier have; couples: labels of the rows of
+        gears and racks that are felt as couples, and forces along slides, alone. The loads on elements have all of them so
     """
 
     run: Trajectory
@@ -118,7 +118,8 @@ class Reactions:
     @cached_property
     def _rows(self) -> list[RowLoad]:
         largest = max((float(np.max(np.abs(load))) for loads in self.loads.values() for load in loads.values()), default=0.0)
-        return row_loads(self.run, largest)
+        racks = {mesh.slide: (mesh.second, mesh.carrier) for mesh in self.meshes if mesh.slide}
+        return row_loads(self.run, largest, racks)
 
     def _point(self, name: str) -> Point:
         found = self.run.model.elements.get(name)
@@ -142,7 +143,7 @@ class Reactions:
 def reactions(run: Trajectory, pressure_angle: float = PRESSURE_ANGLE) -> Reactions:
     """The loads on every body at every instant of a trajectory.
 
-    pressure_angle: of the teeth of gears (rad)
+    pressure_angle: of the teeth of gears and racks (rad)
 
     Where the balances leave a load open, one of many possible distributions is given (rows that are not kept carry nothing);
     `determinate` and `shared` say so.

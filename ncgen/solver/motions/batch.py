@@ -15,7 +15,7 @@ from ncgen.mechanism.break_times import break_times_of_each
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.engines.compiled import GROWTH
-from ncgen.solver.given import checked_kernels, finite, names_of
+from ncgen.solver.given import checked_kernels, finite, names_of, truth
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import BatchGiven, Choice, States, those_in_lanes
 from ncgen.solver.positions.position import TOLERANCE
@@ -125,6 +125,7 @@ def accelerations_batch(
     """
     checked_kernels(kernels)
     t, z, threads = finite(t, "t"), names_of(z, "z", kernels.coordinates), asked_threads(threads)
+    velocities = truth(velocities, "velocities")
     if out is not None and (z or out.choice.kernels is not kernels):
         raise ModelError(f"{kernels.name}: out has results of {out.choice.kernels.name} with its own z; leave z or out out")
     if out is None:
@@ -160,6 +161,7 @@ def simulate_batch(
     *,
     q0: BatchGiven | None = None,
     zd0: BatchGiven | None = None,
+    qd0: BatchGiven | None = None,
     p: BatchGiven | None = None,
     t0: float = 0.0,
     z: str | Iterable[str] | None = None,
@@ -175,8 +177,8 @@ def simulate_batch(
     """Simulate a mechanism from many states, with many parameter sets, or both.
 
     q0: (B, n) or (n,) for all, in m and rad, assembled where open; zd0: (B, nz) or (nz,), in the same per second, in the order of z;
-        p: (B, n_p) or (n_p,). Or each
-        of them by name, {name: number, or an array with one for every state}; those not named have their defaults
+        qd0: instead of zd0, (B, n) or (n,) of all coordinates, or by name of any; p: (B, n_p) or (n_p,). Or each of them by name,
+        {name: number, or an array with one for every state}; those not named have their defaults, velocities of qd0 least kinetic energy
     integrator: dopri5 or dop853 (each state with its own steps) or rk4 (fixed step max_step)
     inputs: what drives all states alike, as in `simulate`; a number for each state stands in p. Where one changes with time the states are
         simulated one after the other by `simulate` in C
@@ -194,13 +196,14 @@ def simulate_batch(
         max_step=max_step, inputs=inputs, progress=progress, t0=t0, z=z,
     )  # fmt: skip
     threads, method = asked_threads(threads), in_lanes(kernels, run)
-    states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True)
+    states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
     if inputs:
         held, p = [kernels.parameters.index(name) for name in inputs], states.p.copy()
         p[:, held] = run.initial.p[held]
         states = replace(states, p=p)
     if not np.isfinite(states.zd).all(axis=1).any():
-        raise ModelError(f"{kernels.name}: zd0 has numbers that are not finite in every state; correct them")
+        given = "zd0" if qd0 is None else "qd0"
+        raise ModelError(f"{kernels.name}: {given} has numbers that are not finite in every state; correct them")
     with telling(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as told:
         return side_by_side(kernels, run, method, states, threads, told, inputs if run.signals else None)
 

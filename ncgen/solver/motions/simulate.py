@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError
-from ncgen.mechanism.break_times import break_times
+from ncgen.mechanism.break_times import beside, break_times
+from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
@@ -207,8 +208,9 @@ class _Motion:
         told = self.run.signals.told if self.run.signals else ()
         rounding = compiled.rounding(self.run.number)
         ends = float(self.times[0]), float(self.times[-1])
-        found = self.given_breaks
-        self.breaks = break_times(self.kernels, self.start.p, *ends, told, rounding) if found is None else found
+        start, found = self.start, self.given_breaks
+        self.breaks = break_times(self.kernels, start.p, *ends, told, rounding) if found is None else found
+        self.jumps = driver_jumps(self.kernels, start.p, start.q, self.breaks)
         self.tolerances = Tolerances.of(self.run, self.kernels.length, compiled.rounding(self.run.number))
 
     def advance(self) -> None:
@@ -224,7 +226,7 @@ class _Motion:
         if refused is None:
             refused = self._in_c(form)
             if refused == compiled.STIFF:
-                refused = self._go_on_implicit()
+                refused = self._go_on_implicit(form)
             if refused and needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it goes on in Python")
         if refused is not None:
@@ -246,16 +248,21 @@ class _Motion:
         is_open = self.run.engine == AUTO and self.run.number == "double"
         return compiled.form_of(self.kernels, self.choice.method) if is_open else "dense"
 
-    def _go_on_implicit(self) -> str | None:
-        """Take the implicit method, with independent coordinates for where the path has come to: why that cannot be done in C, or None."""
+    def _go_on_implicit(self, form: Form) -> str | None:
+        """Take the implicit method from where the path has come to: why that cannot be done in C, or None.
+
+        form: of the accelerations so far
+        """
         path, before = self.path, self.choice.method
         t = self.times[len(path.q) - 1]
         try:
-            path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.start.p, self.run.initial.z)
-            other = stiff_choice(self.run, self.choice)
+            other = stiff_choice(self.run, self.choice, form != "dense")
             if other is None:
                 return compiled.STIFF
             self.choice = other
+            if other.method.is_constrained:
+                return self._in_c(form)
+            path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.start.p, self.run.initial.z)
             return self._refusal() or self._in_c("dense")
         except (SingularError, ModelError, ConvergenceError) as error:
             raise ConvergenceError(
@@ -271,29 +278,44 @@ class _Motion:
 
     def _in_c(self, form: Form) -> str | None:
         """Why C did not come to the end, or None."""
-        kernels, task = compiled.checked_compiled(self.kernels), self._task()
-        if task.method.is_constrained:
-            return compiled.run_constrained(self.path, kernels, task, form)
-        return compiled.run(self.path, kernels, task, "dense" if form == "tree" else form)
+        kernels, task, dense = compiled.checked_compiled(self.kernels), self._task(), "dense" if form == "tree" else form
+
+        def engine(path: Path, _: Kernels, task: Task) -> str | None:
+            if task.method.is_constrained:
+                return compiled.run_constrained(path, kernels, task, form)
+            return compiled.run(path, kernels, task, dense)
+
+        if not len(self.jumps):
+            return engine(self.path, kernels, task)
+        from ncgen.solver.engines.segments import in_segments
+
+        return in_segments(engine, self.path, kernels, task, self.jumps)
 
     def _in_python(self) -> None:
         from ncgen.solver import steppers
         from ncgen.solver.engines import full_coordinates, python_engine, segments
 
         task = self._task()
-        if task.steps_to_rows and not task.method.is_stepper:
-            task = replace(task, breaks=_with_neighbours(task.breaks, task.grid), max_step=task.max_step * WHOLE)
         ordinary = full_coordinates.run if task.method.is_constrained else python_engine.run
-        segments.in_segments(steppers.run if task.method.is_stepper else ordinary, self.path, self.kernels, task)
+        advance = steppers.run if task.method.is_stepper else ordinary
+
+        def engine(path: Path, kernels: Kernels, task: Task) -> None:
+            begun = float(task.grid[len(path.q)])
+            advance(path, kernels.driven_by(task.signals.begun_at(begun)) if task.signals and len(self.breaks) else kernels, task)
+
+        ends = self.breaks
+        if task.steps_to_rows and not task.method.is_stepper:
+            ends, task = _with_neighbours(ends, task.grid), replace(task, max_step=task.max_step * WHOLE)
+        segments.in_segments(engine, self.path, self.kernels, task, ends)
 
     def _task(self) -> Task:
         """What is asked of an engine."""
         start, run, method = self.start, self.run, self.choice.method
         velocities = start.qd if method.is_constrained else self._rates()
-        gives_way = stiff_choice(run, self.choice) is not None
+        gives_way = stiff_choice(run, self.choice, recurs=True) is not None
         return Task(
             method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
-            run.signals, self.breaks, self.looks, self.given_breaks is not None,
+            run.signals, self.breaks, self.looks, self.jumps, steps_to_rows=self.given_breaks is not None,
         )  # fmt: skip
 
     def _rates(self) -> np.ndarray:
@@ -311,8 +333,10 @@ class _Motion:
     def seen(self, found: Trajectory) -> Trajectory:
         """A trajectory at the instants at which it is looked at, and at its ends."""
         (times, looks), path = self._rows(), self.path
+        if len(self.jumps):
+            times = beside(self.breaks, times)  # a row at a jump is of the time before it
         if not np.any(looks):
-            return found
+            return replace(found, t=times)
         shown = looks.copy()
         shown[[0, -1]] = True
         return replace(found, t=times[shown], q=path.q[shown], qd=path.qd[shown], work=path.work[shown])
@@ -331,7 +355,7 @@ class _Motion:
             self.kernels, times[wanted], path.q[wanted], path.qd[wanted], path.work[wanted], self.start.p, path.partitions,
             spent, method.formalism.name, method.integrator.name, self.engine,
             run.initial.z or self.kernels.model.chosen_independent, self.kernels, method.options, path.stopped is not None, run.number,
-            f"{method}, {self.engine}: {self.choice.why}",
+            f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses),
         )  # fmt: skip
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from threading import Lock
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -21,12 +20,14 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO, INTEGRATORS, find_integrator
 from ncgen.model.elements import coordinate_of
+from ncgen.solver.conditions import check_parameters
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive
+from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, values_by_name
+from ncgen.solver.motions.alone import Alone
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.choice import ALL, EXPLICIT
-from ncgen.solver.runs.run import Initial, InitialArguments
+from ncgen.solver.runs.run import Initial, InitialArguments, relative_tolerance
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.tolerances import NEAR_ZERO, Tolerances
 from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, uses_loads
@@ -86,9 +87,8 @@ def start(
     initial: where it starts, as of `simulate`: q0, zd0, qd0, z, p, t0, closing
     Raises ModelError where the mechanism cannot move in C alone, and what `simulate` raises of a start.
     """
-    return Simulation(
-        checked_kernels(kernels).driven_by(None), integrator, positive(rtol, "rtol"), atol, inputs or {}, Initial.asked(kernels, **initial)
-    )
+    driven, given = checked_kernels(kernels).driven_by(None), values_by_name(inputs, "inputs")
+    return Simulation(driven, integrator, relative_tolerance(rtol), atol, given, Initial.asked(kernels, **initial))
 
 
 class Simulation:
@@ -107,7 +107,7 @@ class Simulation:
 
         stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
         self._now = Moving(stepping())
-        self._alone = Lock()
+        self._alone = Alone(kernels.name)
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
         self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, here.q, here.qd, here.p
         self._mechanism = compiled.checked_compiled(kernels).fingerprint
@@ -160,31 +160,28 @@ class Simulation:
 
     def drive(self, **inputs: float) -> Simulation:
         """Give inputs by their names; each keeps its value until it is given again. Raises ModelError for an unknown name and no number."""
-        for name, value in inputs.items():
-            try:
-                self._now.p[self._places[name]] = value + 0.0  # NumPy would take the text of a number, too
-            except (KeyError, TypeError, ValueError):
-                known_name(name, tuple(self._places), "step", "input")
-                finite(value, f"step: {name}")
-                raise
+        with self._alone:
+            self._drive(inputs)
         return self
+
+    def _drive(self, inputs: dict[str, float]) -> None:
+        places, p = self._places, self._now.p
+        if not all(name in places and isinstance(value, float) for name, value in inputs.items()):
+            inputs = {known_name(name, tuple(places), "step", "input"): finite(x, f"step: {name}") for name, x in inputs.items()}
+        for name, value in inputs.items():
+            p[places[name]] = value
 
     def step(self, h: float, **inputs: float) -> Simulation:
         """On by h seconds, with inputs that keep their values meanwhile. Returns the simulation itself.
 
         Raises ConvergenceError or DomainError where it cannot go on; then it stays where it was.
         """
-        if not self._alone.acquire(blocking=False):
-            raise ModelError(f"{self.kernels.name}: another thread steps this simulation now; start one for every thread")
-        try:
+        if not isinstance(h, float):
+            h = positive(h, "h")
+        with self._alone:
             if inputs:
-                self.drive(**inputs)
+                self._drive(inputs)
             status = self._now.go_on(h)
-        except TypeError:
-            positive(h, "h")
-            raise
-        finally:
-            self._alone.release()
         if status != "ok":
             raise self._refused(status, h)
         return self
@@ -220,13 +217,18 @@ class Simulation:
         if numbers[2] < 0:
             raise ModelError(f"reset: next_step is {numbers[2]:g} s; it must be positive, or 0 for a step that is found")
         arrays = [array_of(getattr(state, name), getattr(now, name).shape, f"reset: {name}") for name in ("q", "qd", "p")]
-        now.t, now.work, now.next_step = numbers
-        now.q[:], now.qd[:], now.p[:] = arrays
+        if not np.array_equal(arrays[2], now.p):
+            check_parameters(self.kernels, arrays[2])
+        with self._alone:
+            now.t, now.work, now.next_step = numbers
+            now.q[:], now.qd[:], now.p[:] = arrays
         return self
 
     def settle(self) -> Simulation:
         """Close the loops after q or qd were written to. Raises ConvergenceError where they do not close; then nothing moves."""
-        if (status := self._now.settle()) != "ok":
+        with self._alone:
+            status = self._now.settle()
+        if status != "ok":
             said = f"at t = {self.t:.6g} s the loops do not close ({status})"
             raise ConvergenceError(f"{self.kernels.name}: {said}; begin nearer to a position")
         return self
@@ -234,9 +236,11 @@ class Simulation:
     @property
     def qdd(self) -> np.ndarray:
         """Accelerations (n,) with the present inputs. Raises ConvergenceError where there are none."""
-        if (status := self._now.evaluate()) != "ok":
+        with self._alone:
+            status, qdd = self._now.evaluate(), self._now.qdd.copy()
+        if status != "ok":
             raise ConvergenceError(f"{self.kernels.name}: there are no accelerations at t = {self.t:.6g} s ({status})")
-        return self._now.qdd.copy()
+        return qdd
 
     @property
     def outputs(self) -> dict[str, float]:
@@ -251,10 +255,10 @@ class Simulation:
 
     def __getitem__(self, name: str) -> float:
         """A coordinate, rate(…) of one, an output or an input. Raises ModelError for another name."""
-        index = self.kernels.index
+        index, name = self.kernels.index, known_text(name)
         if name in index:
             return float(self.q[index[name]])
-        if isinstance(name, str) and coordinate_of(name) in index:
+        if coordinate_of(name) in index:
             return float(self.qd[index[coordinate_of(name)]])
         if name in self._places:
             return float(self._now.p[self._places[name]])
@@ -288,6 +292,13 @@ def outputs_at(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, qdd: n
 
         lam = multipliers_at(kernels, t, q, qd, p)
     return outputs_of(kernels, [t], q[None], qd[None], p, (qdd[None], lam[None]))[0]
+
+
+def known_text(name: object) -> str:
+    """A text, as names are. Raises ModelError for anything else."""
+    if not isinstance(name, str):
+        raise ModelError(f"{echo(name)} is no name; give that of a coordinate, a rate, an input or an output")
+    return name
 
 
 def explicit(integrator: str) -> str:

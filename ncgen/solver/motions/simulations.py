@@ -17,16 +17,19 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, ModelError
+from ncgen.errors import ConvergenceError, ModelError, NcgenError, shown
+from ncgen.mechanism.arguments import numbers
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.methods.table import AUTO
 from ncgen.model.elements import coordinate_of
+from ncgen.solver.conditions import refused_parameters
 from ncgen.solver.engines.compiled import checked_compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, offer, positive
-from ncgen.solver.motions.simulation import explicit, outputs_at, prepared
-from ncgen.solver.runs.run import MOST_NUMBERS, Initial, InitialArguments
+from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, offer, positive, values_by_name
+from ncgen.solver.motions.alone import Alone
+from ncgen.solver.motions.simulation import explicit, known_text, outputs_at, prepared
+from ncgen.solver.runs.run import MOST_NUMBERS, Initial, InitialArguments, relative_tolerance
 from ncgen.solver.trajectories.outputs import uses_accelerations
 
 HELD = ("t", "work", "q", "qd", "p")
@@ -74,7 +77,8 @@ def start_batch(
             f"variants: {size} simulations of {driven.n} coordinates take more than {MOST_NUMBERS * 8 / 2**30:.3g} GiB; ask for fewer"
         )
     workers = min(thread_count(threads, "start_batch"), size)
-    return Simulations(driven, size, workers, integrator, positive(rtol, "rtol"), atol, inputs or {}, Initial.asked(kernels, **initial))
+    rtol, given = relative_tolerance(rtol), values_by_name(inputs, "inputs")
+    return Simulations(driven, size, workers, integrator, rtol, atol, given, Initial.asked(kernels, **initial))
 
 
 class Simulations:
@@ -107,6 +111,7 @@ class Simulations:
 
         self.kernels, self.integrator, self.size = kernels, explicit(integrator), size
         stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
+        self._alone = Alone(kernels.name)
         self._now = now = MovingRows([stepping() for _ in range(threads)], size)
         vars(self).update({name: getattr(now, name) for name in HELD})
         self._mechanism = checked_compiled(kernels).fingerprint
@@ -140,17 +145,21 @@ class Simulations:
     def drive(self, **inputs: ArrayLike) -> Simulations:
         """Give inputs by their names, one value or (N,); each keeps its value until it is given again. Raises ModelError for an unknown
         name and for what are no numbers; then none is changed."""
+        with self._alone:
+            self._drive(inputs)
+        return self
+
+    def _drive(self, inputs: dict[str, ArrayLike]) -> None:
         given = {name: self._numbers(name, values) for name, values in inputs.items()}
         for name, values in given.items():
             self.p[:, self._places[name]] = values
-        return self
 
     def _numbers(self, name: str, values: ArrayLike) -> np.ndarray:
         known_name(name, tuple(self._places), "step", "input")
         try:
-            found = np.asarray(values, dtype=float)
-        except (TypeError, ValueError):
-            raise ModelError(f"step: {name} is {values!r}; it must be a number, or {self.size} of them") from None
+            found = numbers(values, f"step: {name}")
+        except NcgenError:
+            raise ModelError(f"step: {name} is {shown(values)}; it must be a number, or {self.size} of them") from None
         if found.shape not in ((), (self.size,)):
             raise ModelError(f"step: {name} has the shape {found.shape}; it must be a number, or {self.size} of them")
         if not np.all(np.isfinite(found)):
@@ -164,10 +173,12 @@ class Simulations:
         Raises ConvergenceError or DomainError where one of them cannot go on: it stays where it was, `stuck` tells all such, and the
         others have moved.
         """
-        if inputs:
-            self.drive(**inputs)
         h = positive(h, "h")
-        if not self._now.go_on(h):
+        with self._alone:
+            if inputs:
+                self._drive(inputs)
+            moved = self._now.go_on(h)
+        if not moved:
             raise self._refused(h)
         return self
 
@@ -202,25 +213,32 @@ class Simulations:
         values = {name: array_of(getattr(source, name), getattr(now, name).shape, f"reset: {name}") for name in names}
         if np.any(values["next_step"] < 0):
             raise ModelError(f"reset: next_step is {np.min(values['next_step']):g} s; it must be positive, or 0 for a step that is found")
-        for name, array in values.items():
-            getattr(now, name)[chosen] = array[chosen]
-        now.statuses[chosen] = 0
+        if refused := {} if np.array_equal(values["p"], now.p) else refused_parameters(self.kernels, values["p"]):
+            raise ModelError(f"reset: p of simulation {min(refused)}: {refused[min(refused)]}")
+        with self._alone:
+            for name, array in values.items():
+                getattr(now, name)[chosen] = array[chosen]
+            now.statuses[chosen] = 0
         return self
 
     def settle(self, rows: ArrayLike | None = None) -> Simulations:
         """Close the loops of some after q or qd were written to; None for all. Raises ConvergenceError for the first that cannot."""
-        for row in self._rows(rows).tolist():
-            if (status := self._now.settle(row)) != "ok":
-                said = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
-                raise ConvergenceError(f"{self.kernels.name}: {said}; begin nearer to a position")
-            self._now.next_step[row] = 0.0
+        with self._alone:
+            for row in self._rows(rows).tolist():
+                if (status := self._now.settle(row)) != "ok":
+                    said = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
+                    raise ConvergenceError(f"{self.kernels.name}: {said}; begin nearer to a position")
+                self._now.next_step[row] = 0.0
         return self
 
     def _rows(self, rows: ArrayLike | None) -> np.ndarray:
         """Numbers of rows."""
         if rows is None:
             return np.arange(self.size)
-        found = np.atleast_1d(np.asarray(rows))
+        try:
+            found = np.atleast_1d(rows)
+        except ValueError:  # lists of different lengths
+            found = np.empty(1)
         if found.dtype == bool and found.shape == (self.size,):
             return np.flatnonzero(found)
         if not found.size:
@@ -235,11 +253,12 @@ class Simulations:
     @property
     def qdd(self) -> np.ndarray:
         """Accelerations (N, n) with the present inputs. Raises ConvergenceError where there are none."""
-        for row in range(self.size):
-            if (status := self._now.evaluate(row)) != "ok":
-                said = f"simulation {row} has no accelerations at t = {self.t[row]:.6g} s ({status})"
-                raise ConvergenceError(f"{self.kernels.name}: {said}")
-        return self._now.qdd.copy()
+        with self._alone:
+            for row in range(self.size):
+                if (status := self._now.evaluate(row)) != "ok":
+                    said = f"simulation {row} has no accelerations at t = {self.t[row]:.6g} s ({status})"
+                    raise ConvergenceError(f"{self.kernels.name}: {said}")
+            return self._now.qdd.copy()
 
     @property
     def outputs(self) -> dict[str, np.ndarray]:
@@ -250,10 +269,10 @@ class Simulations:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A coordinate, rate(…) of one, an output or an input of all (N,), as a copy. Raises ModelError for another name."""
-        index = self.kernels.index
+        index, name = self.kernels.index, known_text(name)
         if name in index:
             return self.q[:, index[name]].copy()
-        if isinstance(name, str) and coordinate_of(name) in index:
+        if coordinate_of(name) in index:
             return self.qd[:, index[coordinate_of(name)]].copy()
         if name in self._places:
             return self.p[:, self._places[name]].copy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,12 +15,14 @@ from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
+from ncgen.solver.conditions import refused_parameters
 from ncgen.solver.engines.compiled import checked_compiled, dynamics, refusal, refusal_of_size
 from ncgen.solver.geometry import angles, arms_have_parameters, measured_angles
 from ncgen.solver.given import known_name
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import Partitions, partitions_for
 from ncgen.solver.positions.position import TOLERANCE, check_finite, check_mirror_roots
+from ncgen.solver.runs.start import given_velocity
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneDynamics
@@ -112,31 +115,43 @@ class States:
         method: Method | None,
         choice: Choice | None = None,
         assembled: bool = False,
+        qd: BatchGiven | None = None,
     ) -> States:
         """From rows, one row for all, or {name: number, or one a state}; assembled: after positions that are open have been closed.
 
         method: of `Choice.at`; choice: of independent coordinates, a new one if not given
+        qd: velocities of any coordinates by name, or of all, instead of zd; one warning sums up where the constraints do not allow them
         Raises ModelError where shapes do not fit or lanes cannot do it.
         """
+        if zd is not None and qd is not None:
+            raise ModelError("zd0 and qd0 are both given; give the initial velocities once")
         p = _given(kernels, "p", p, kernels.parameters, kernels.p0)
         usual = kernels.start(p) if q is None or isinstance(q, Mapping) else kernels.q0  # rows that are given need none beside them
         q = _given(kernels, "q0", q, kernels.coordinates, usual)
         rates = zd if isinstance(zd, Mapping) else None
         zd = None if zd is None else _given(kernels, "zd0", zd, kernels.coordinates, np.zeros(kernels.n))
-        counts = {len(a) for a in (q, zd, p) if a is not None and a.ndim == 2}
+        wanted = tuple(qd) if isinstance(qd, Mapping) else None
+        qd = None if qd is None else _given(kernels, "qd0", qd, kernels.coordinates, np.zeros(kernels.n))
+        counts = {len(a) for a in (q, zd, qd, p) if a is not None and a.ndim == 2}
         if len(counts) != 1:
-            raise ModelError(f"{kernels.name}: q0, zd0 and p have {sorted(counts) or 'no'} rows; a batch has one number of them")
+            names = "q0, zd0 and p" if qd is None else "q0, qd0 and p"
+            raise ModelError(f"{kernels.name}: {names} have {sorted(counts) or 'no'} rows; a batch has one number of them")
         (size,) = counts
         if not size:
             raise ModelError(f"{kernels.name}: a batch of no states; give at least one row")
         q, p = _rows(kernels, "q0", q, size, kernels.n), _rows(kernels, "p", p, size, len(kernels.p0), np.asarray)
         q, faults = closed(kernels, q, t, p) if assembled else (q, {})
+        if not assembled and (refused := refused_parameters(kernels, p)):
+            raise ModelError(f"p of state {min(refused)}: {refused[min(refused)]}")
         if len(faults) == size:
             raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
         choice = choice or Choice.at_first(kernels, q, t, p, z, method, rates or ())
         if rates is not None and zd is not None:
             zd = zd[..., [kernels.index[name] for name in all_independent(rates, choice.names)]]
         nz = len(choice.names)
+        if qd is not None:
+            zd, unlike = _rates_given(choice, _rows(kernels, "qd0", qd, size, kernels.n), wanted, q, t, p)
+            faults.update(unlike)
         return cls(choice, q, _rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, size, nz), p, faults)
 
 
@@ -180,6 +195,35 @@ def _given(kernels: Kernels, what: str, given: BatchGiven | None, names: tuple[s
     return rows
 
 
+def _rates_given(
+    choice: Choice, qd: np.ndarray, names: tuple[str, ...] | None, q: np.ndarray, t: float, p: np.ndarray
+) -> tuple[np.ndarray, dict[int, str]]:
+    """Velocities of the independent coordinates (B, nz) from those of all (B, n), and {state: why it has none}.
+
+    names: of the coordinates whose velocities count, the others are those of least kinetic energy; None for all
+    """
+    kernels, faults, warned = choice.kernels, {}, []
+    found = np.full((len(q), len(choice.names)), np.nan)
+    known: dict[bytes, np.ndarray] = {}
+    finite = np.isfinite(qd).all(axis=1) & np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1)
+    for i in np.flatnonzero(finite).tolist():
+        here = qd[i].tobytes() + q[i].tobytes() + p[i].tobytes()
+        if here not in known:
+            given = qd[i] if names is None else {name: qd[i, kernels.index[name]] for name in names}
+            try:
+                with warnings.catch_warnings(record=True) as caught:
+                    warnings.simplefilter("always")
+                    known[here] = given_velocity(kernels, given, q[i], t, p[i])[choice.places]
+            except (NcgenError, np.linalg.LinAlgError) as error:
+                faults[i] = str(error)
+                continue
+            warned += [f"state {i}: {caught[0].message}"] if caught else []
+        found[i] = known[here]
+    if warned:
+        warnings.warn(f"{kernels.name}: qd0 of {len(warned)} of {len(q)} states is not what they start with; {warned[0]}", stacklevel=4)
+    return found, faults
+
+
 def all_independent(rates: Mapping, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the independent coordinates. Raises ModelError if velocities of others are given."""
     if unknown := [name for name in rates if name not in names]:
@@ -197,20 +241,24 @@ def _rows(
 
 
 def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, dict[int, str]]:
-    """Positions that close: those that do not are assembled, one after the other. Those that have none become NaN: {state: why}."""
+    """Positions that close: those that do not are assembled, one after the other. Those that have none become NaN: {state: why}, as do
+    those with parameters that the model could not have been made with."""
     with np.errstate(invalid="ignore"):
         relative = np.abs(kernels.batch.phi(q, t, p) / kernels.row_sizes)[:, kernels.holonomic]
     open_ = np.max(relative, axis=1, initial=0.0) > TOLERANCE
-    q, faults = q.copy(), {}
+    q, faults = q.copy(), refused_parameters(kernels, p)
+    q[list(faults)] = np.nan
+    open_[list(faults)] = False
     found: dict[bytes, np.ndarray | str] = {}
     for i in np.flatnonzero(open_ | _may_be_mirrored(kernels, q, p)):
         here = q[i].tobytes() + p[i].tobytes()
         if here not in found:
             found[here] = _assembled(kernels, q[i], t, p[i])
-        if isinstance(found[here], str):
-            faults[int(i)], q[i] = found[here], np.nan
+        place = found[here]
+        if isinstance(place, str):
+            faults[int(i)], q[i] = place, np.nan
         else:
-            q[i] = found[here]
+            q[i] = place
     return q, faults
 
 
@@ -234,4 +282,5 @@ def _may_be_mirrored(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> np.ndarr
     else:
         measured = measured_angles(kernels, q, p[0])
     errors = q[:, [kernels.index[angle.name] for angle in known]] - measured
-    return np.min(np.cos(errors), axis=1) < NEAR_HALF_A_TURN
+    with np.errstate(invalid="ignore"):  # an angle that is no number is reported by its run
+        return np.min(np.cos(errors), axis=1) < NEAR_HALF_A_TURN

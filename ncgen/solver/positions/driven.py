@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -77,7 +78,8 @@ def driven_positions(kernels: Kernels, t: ArrayLike, p: Given | None = None, nea
     t, p = given.several(t, "t"), given.parameters(kernels, p)
     if len(kernels.holonomic) < kernels.m:
         raise ModelError(f"{kernels.name}: what rolls has positions that depend on its way, not on the time alone; take ncgen.simulate")
-    rows = None if near is None or np.ndim(near) < 2 else np.asarray(near, dtype=float)
+    given_near = None if near is None or isinstance(near, Mapping) else given.numbers_of(near, "near")
+    rows = None if given_near is None or given_near.ndim < 2 else given_near
     if rows is not None and rows.shape != (len(t), kernels.n):
         raise ModelError(f"{kernels.name}: near has shape {rows.shape}; it must be ({kernels.n},) or ({len(t)}, {kernels.n})")
     if not len(t):

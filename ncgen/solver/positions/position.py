@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError
+from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import check_instant, is_finite, watched
@@ -22,6 +22,9 @@ from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
 TOLERANCE = 1e-12
 LIMIT = 40
 EASY = 6
+
+MOST_STEPS = 100_000
+"""Steps of a finite displacement; more take minutes, and a step is halved where it fails."""
 """Newton steps within which a part of a displacement must close; else it is cut in half, since it may have changed its branch."""
 
 CONSISTENT = 1e-9
@@ -151,6 +154,8 @@ def move(kernels: Kernels, q: Given | None, targets: dict[str, float], t: float 
     q, t = given.position(kernels, q, p), given.finite(t, "t")
     end = given.numbers_by_name(targets, kernels.index, "targets")
     names, steps = list(end), given.count(steps, "steps")
+    if steps > MOST_STEPS:
+        raise ModelError(f"steps: {given.echo(steps)} given; {MOST_STEPS} are the most")
     where = [kernels.index[name] for name in names]
     start, end = q[where], np.array(list(end.values()))
     done, step = 0.0, 1.0 / steps

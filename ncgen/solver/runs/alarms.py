@@ -9,6 +9,7 @@ from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.runs.run import Run
 from ncgen.solver.trajectories.energy import drift
 from ncgen.solver.trajectories.trajectory import Trajectory
+from ncgen.toolchain.abi import NUMBERS
 
 LOOKS = 8
 """Instants inside a run at which the energy is looked at, besides its ends."""
@@ -26,7 +27,10 @@ OPEN = 100.0
 """Residuals of feedback, over rtol, from which they are told."""
 
 IMPOSSIBLE = 1e-6
-"""Share of what all rows' velocities add up to that a row may be off by."""
+"""Share of what all rows' velocities add up to that a row may be off by, in double precision."""
+
+ROUNDINGS = 64.0
+"""The same in roundings of a number type that has fewer digits."""
 
 
 def looks(run: Run, method: Method) -> np.ndarray:
@@ -76,7 +80,8 @@ def _contradiction(seen: Trajectory) -> list[str]:
     always satisfy rows without either. A remainder is set beside the velocities; where a driver comes to rest these are rounding, and
     count as what would move nothing by a share of its size in the whole run."""
     kernels, p = seen.kernels, seen.p
-    worst, said, slow = IMPOSSIBLE, [], IMPOSSIBLE / max(seen.t[-1] - seen.t[0], np.finfo(float).tiny)
+    rounding = float(np.finfo(NUMBERS[seen.number].dtype).eps)
+    worst, said, slow = max(IMPOSSIBLE, ROUNDINGS * rounding), [], IMPOSSIBLE / max(seen.t[-1] - seen.t[0], np.finfo(float).tiny)
     if len(kernels.holonomic) == kernels.m and "nu" not in kernels.programs.programs:
         return said
     for t, q, qd in zip(seen.t, seen.q, seen.qd, strict=True):

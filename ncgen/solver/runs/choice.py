@@ -5,7 +5,8 @@ that is written out, or from the matrix of the equations, which is sparse and is
 with the mechanism and not with the square of its freedoms; redundant rows, rolling and singular positions need no special case.
 `ncgen hard` and `ncgen bench --precision` show it beside the others. Coordinate partitioning is taken where all coordinates cannot
 serve: for a state derivative that is asked for by name, and in number types with few digits, in which redundant rows cannot be told from
-others. Stiff mechanisms go on with Radau IIA.
+others. Stiff mechanisms go on with Radau IIA: over all coordinates where a recursion gives the accelerations, since its Newton steps then
+take place in the degrees of freedom, else on independent coordinates.
 """
 
 from __future__ import annotations
@@ -62,11 +63,13 @@ def _method(formalism: Formalism, integrator: str, run: Run) -> Method:
     return Method(formalism, entry, options_of(formalism, entry, run.options))
 
 
-def stiff_choice(run: Run, present: Choice) -> Choice | None:
+def stiff_choice(run: Run, present: Choice, recurs: bool) -> Choice | None:
     """What goes on where an explicit method takes small steps for stability alone; None where the integrator was named.
 
-    On independent coordinates: over all of them the projections of stiff states disturb the Newton steps of Radau IIA.
+    recurs: whether a recursion over a tree of bodies gives the accelerations. Then Newton's steps of Radau IIA take place in its degrees
+        of freedom, at the cost of a few evaluations; else on independent coordinates, since over all of them the linear systems are large.
     """
     if not run.promises or run.formalism or run.options or present.method.integrator.name == IMPLICIT:
         return None
-    return Choice(_method(FORMALISMS[INDEPENDENT], IMPLICIT, run), f"{present.method.integrator.name} found the mechanism stiff")
+    formalism = FORMALISMS[ALL if recurs else INDEPENDENT]
+    return Choice(_method(formalism, IMPLICIT, run), f"{present.method.integrator.name} found the mechanism stiff")

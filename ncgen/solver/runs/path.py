@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.formalisms.projection import Projected
 from ncgen.solver.positions.partition import Partitions
 
@@ -22,6 +23,7 @@ class Path:
     projections, largest_projection: how often a state was projected, and how far a position moved at most, relative
     jacobians, fallbacks: as in `Statistics`
     stiff: how often dopri5 or dop853 in C found that stability, not the error, holds the steps down
+    impulses: of drivers whose velocity jumped on the way
     """
 
     q: np.ndarray
@@ -35,6 +37,7 @@ class Path:
     jacobians: int = 0
     fallbacks: int = 0
     stiff: int = 0
+    impulses: list[Impulse] = field(default_factory=list)
 
     @classmethod
     def empty(cls, n: int, partitions: Partitions | None) -> Path:

@@ -6,6 +6,7 @@ build it like `simulate` does, and refuse in the same words.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
@@ -15,7 +16,7 @@ from typing import Any, Literal, TypeAlias, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown, written
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import (
@@ -34,7 +35,20 @@ from ncgen.methods.table import (
 from ncgen.model import Model
 from ncgen.model.elements import Component
 from ncgen.solver import given
-from ncgen.solver.given import ECHOED, Given, Outline, checked_kernels, finite, known_name, names_of, offer, parameters, position, several
+from ncgen.solver.given import (
+    ECHOED,
+    Given,
+    Outline,
+    checked_kernels,
+    finite,
+    known_name,
+    names_of,
+    offer,
+    parameters,
+    position,
+    real_numbers,
+    several,
+)
 from ncgen.solver.positions.position import CONSISTENT
 from ncgen.solver.runs.signals import Signal, Signals, signals_of
 from ncgen.solver.runs.stop import Stop, stop_at
@@ -58,6 +72,9 @@ FINEST = 100 * np.finfo(float).eps
 
 MOST_STEPS = 10**9
 """Fixed steps of a run; more take hours."""
+
+LARGEST = 10**300
+"""Whole numbers beyond this are no doubles."""
 
 MOST_NUMBERS = 2**31
 """Numbers in a trajectory's positions, velocities and accelerations: 16 GiB."""
@@ -176,8 +193,8 @@ class Run:
             start,
             _grid(start.t, length, points, len(known.coordinates)),
             *pair,
-            dict(options or {}),
-            positive(rtol, "rtol"),
+            {} if options is None else dict(options),
+            relative_tolerance(rtol),
             None if atol is None else positive(atol, "atol"),
             np.inf
             if max_step is None or (is_real(max_step) and max_step == np.inf)
@@ -342,8 +359,15 @@ def simulation_of(model: Model, **more: Any) -> dict[str, Any]:
 
 def positive(value: object, name: str, what: str = "number") -> float:
     """A positive, finite number. Raises ModelError naming the argument."""
-    if isinstance(value, (bool, np.bool_)) or not is_real(value) or not 0 < value < np.inf:
+    if isinstance(value, (bool, np.bool_)) or not is_real(value) or not 0 < value <= sys.float_info.max:
         raise ModelError(f"{name}: {echo(value)} given; it must be a positive {what}")
+    return float(value)
+
+
+def relative_tolerance(value: object) -> float:
+    """A tolerance relative to what is integrated. Raises ModelError unless it is above 0 and below 1, from where on all would pass."""
+    if not positive(value, "rtol") < 1:
+        raise ModelError(f"rtol: {echo(value)} given; it must be below 1, such as 1e-8")
     return float(value)
 
 
@@ -363,16 +387,18 @@ def chosen(value: object, name: str, known: tuple[str, ...]) -> str:
 
 def echo(value: object) -> str:
     """What was given, shortened."""
-    text = " ".join(repr(value).split())
+    text = written(value)
     return text if len(text) <= ECHOED else f"{text[: ECHOED - 1]}…"
 
 
 def _grid(start: float, length: float, points: Any, n: int) -> np.ndarray:
     """Even instants, or those that are given. Raises ModelError where there are too many, or they cannot be told apart."""
-    given = None if points is None or np.ndim(points) == 0 else several(points, "points")
+    is_single = not isinstance(points, Iterable) or isinstance(points, str) or (isinstance(points, np.ndarray) and points.ndim == 0)
+    given = None if is_single else several(points, "points")
     size = count(points, "points", 2, "a trajectory has at least 2") if given is None else len(given)
     if size * (3 * n + 1) > MOST_NUMBERS:
-        raise ModelError(f"points: {size} instants of {n} coordinates take {size * (3 * n + 1) * 8 / 2**30:.3g} GiB; ask for fewer")
+        room = min(size * (3 * n + 1), LARGEST) * 8 / 2**30
+        raise ModelError(f"points: {shown(size)} instants of {n} coordinates take {room:.3g} GiB; ask for fewer")
     end = start + length
     if not np.isfinite(end):
         raise ModelError(f"duration: {length:.6g} s from t0 = {start:.6g} s on is beyond all numbers; take a shorter one")
@@ -402,11 +428,7 @@ def _rates(subject: Outline, given: Given | None, name: str, whole: bool) -> dic
         return None
     if isinstance(given, dict):
         return {known_name(key, subject.coordinates, name): finite(value, f"{name}: {key}") for key, value in given.items()}
-    try:
-        kind = np.asarray(given).dtype.kind
-        rates = np.array(given, dtype=float) if kind in "biufO" else None
-    except (TypeError, ValueError, OverflowError):
-        rates = None
+    rates = real_numbers(given, name)
     if rates is None or rates.ndim != 1 or (whole and len(rates) != len(subject.coordinates)):
         needed = f"{len(subject.coordinates)} numbers, one a free coordinate," if whole else "numbers in the order of z"
         raise ModelError(f"{name}: {echo(given)} given; give {needed} or {{name: rate}}")

@@ -7,12 +7,13 @@ constraints do not allow is projected, and said.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
 from ncgen.errors import ModelError, SingularError
+from ncgen.mechanism.driver_jumps import after_jump, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.projection import least_energy, project_velocity
 from ncgen.solver.positions.assembly import assemble
@@ -51,8 +52,10 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     Raises ConvergenceError naming the rows that do not close, SingularError at a singular position that the method or the given
     velocities cannot do with, ModelError for independent coordinates that do not determine the motion.
     """
-    t = initial.t
     p = refresh_branches(kernels, initial.q, initial.p)
+    if may_jump(kernels):
+        initial = replace(initial, t=after_jump(kernels, p, initial.q, initial.t))
+    t = initial.t
     key = initial.q.tobytes(), t, p.tobytes(), initial.closing
     q = kernels.remember("closed position", key, lambda: _closed(kernels, initial, p), REMEMBERED).copy()
     _tell_moved(kernels, initial.q, q)

@@ -61,7 +61,7 @@ def stop_at(kernels: Outline, wanted: Mapping[str, Any] | None) -> Stop | None:
     if wanted is None:
         return None
     if not isinstance(wanted, dict) or len(wanted) != 1:
-        raise ModelError(f'stop: {wanted!r} given; it is one coordinate and its value, {{"{kernels.coordinates[0]}": 0.0}}')
+        raise ModelError(f'stop: {shown(wanted)} given; it is one coordinate and its value, {{"{kernels.coordinates[0]}": 0.0}}')
     ((name, condition),) = wanted.items()
     inner = coordinate_of(name) if isinstance(name, str) else name
     if inner not in kernels.index:

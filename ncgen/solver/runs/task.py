@@ -31,7 +31,8 @@ class Task:
     progress: called now and then with the time reached. What is raised meanwhile ends the run and is raised, the path holding what was
         reached
     signals: what drives the mechanism, if anything does
-    breaks (B, 2): the breaks of the laws in time (s), as `break_times` finds them
+    breaks (B, 2): the breaks of the laws in time (s), as `break_times` finds them; jumps (J, 2): those at which a driver's velocity jumps
+    before: when the run began (s), of which this is a part, and how many steps it has taken so far
     steps_to_rows: whether a method with a fixed step takes one from each time of the grid to the next, whatever max_step is
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
@@ -50,6 +51,8 @@ class Task:
     signals: Signals | None = None
     breaks: np.ndarray = field(default_factory=lambda: NO_BREAKS)
     looks: np.ndarray | None = None
+    jumps: np.ndarray = field(default_factory=lambda: NO_BREAKS)
+    before: tuple[float, int] = (0.0, 0)
     steps_to_rows: bool = False
 
     def looks_from(self, row: int) -> np.ndarray:

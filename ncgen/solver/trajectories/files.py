@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import platform
 from dataclasses import asdict
 from importlib import import_module
@@ -14,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncgen import __version__
-from ncgen.emit.sources import write_bytes
 from ncgen.errors import ModelError, NcgenError
+from ncgen.files import write_bytes
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
@@ -74,4 +73,4 @@ def write_parquet(run: Trajectory, path: Path) -> Path:
     said = {"ncgen": json.dumps(about(run)), "ncgen.model": _model_text(run) or ""}
     buffer = io.BytesIO()
     parquet.write_table(arrow.table(histories(run)).replace_schema_metadata(said), buffer)
-    return write_bytes(Path(os.fspath(path)), buffer.getvalue())
+    return write_bytes(path, buffer.getvalue())

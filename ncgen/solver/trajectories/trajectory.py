@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
-from ncgen.emit.sources import path_of, write_bytes, write_text
 from ncgen.errors import ModelError
+from ncgen.files import path_of, write_bytes, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
 from ncgen.model.elements import Element, Point, Vector, coordinate_of
 from ncgen.solver import frames, geometry
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.coordinate_partitioning import Motion, motion_at
+from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.given import echo, offer
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import Partitions, choose_partitions, determined, other_partitions, quality
@@ -81,7 +82,8 @@ class Trajectory:
     engine: "c", "emitted", or "python" with the reason; moved_by: the kernels that the motion was computed with, which
     stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism; stopped: the
     run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid; number: the number
-    type that it was computed with; made_with: the method and the engine in words, and why they were taken.
+    type that it was computed with; made_with: the method and the engine in words, and why they were taken; impulses: what drivers did
+    where the velocity of one jumped, in the order of time.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity; like a dictionary a trajectory has the coordinates' names to go
     through, and `"psi2" in run`. Two trajectories are equal if they are the same one.
     """
@@ -103,6 +105,7 @@ class Trajectory:
     stopped: bool = False
     number: str = "double"
     made_with: str = ""
+    impulses: tuple[Impulse, ...] = ()
 
     def __repr__(self) -> str:
         grid = f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no instant"
@@ -262,7 +265,8 @@ class Trajectory:
         )
 
     def reactions(self, pressure_angle: float = np.pi / 9) -> Reactions:
-        """Loads between bodies, see `ncgen.solver.loads.reactions.reactions`; pressure_angle: of gears (rad, default 20 degrees)."""
+        """Loads between bodies, see `ncgen.solver.loads.reactions.reactions`; pressure_angle: of gears and racks (rad,
+        default 20 degrees)."""
         from ncgen.solver.loads.reactions import reactions
 
         return reactions(self, pressure_angle)

@@ -1,0 +1,169 @@
+"""MJCF compiled by MuJoCo in a process of its own, so that no file crashes this one, fills its memory or never ends.
+
+All files that a model is made of are looked at before: included ones are read as the first one is, and meshes and pictures are ordinary
+files. What comes back is MuJoCo's own binary model.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from ncgen.errors import ModelError, NcgenError, shown
+from ncgen.exchange.robots.markup import Markup, read_markup
+from ncgen.exchange.text import placed
+from ncgen.files import contents, is_file, is_there
+
+Compiled: TypeAlias = Any
+"""mujoco.MjModel, of a package that need not be there."""
+
+SECONDS = 30
+"""Processor time of MuJoCo for one file; 2,000 bodies take 0.5 s."""
+
+WAITING = 2
+"""Times SECONDS after which the process is ended, however little of the processor it had."""
+
+MOST_COPIES = 100_000
+"""Copies that nested elements may ask for by `count`."""
+
+COPYING = ("replicate", "flexcomp", "composite")
+"""Elements that do."""
+
+MOST_FILES = 1000
+"""Files that a model includes."""
+
+MOST = {"nbody": 20_000, "njnt": 20_000, "ngeom": 100_000, "neq": 20_000}
+"""Bodies and so on that are read: a line of text can ask for millions of copies."""
+
+WORDS = {"nbody": "bodies", "njnt": "joints", "ngeom": "geoms", "neq": "equalities"}
+
+FOLDERS = ("meshdir", "texturedir", "assetdir", "modeldir")
+"""Attributes of <compiler> that say where files are."""
+
+MODELS = ("include", "model")
+"""Elements that name files with more of the model."""
+
+
+def family(root: Markup, path: Path) -> list[Markup]:
+    """The root elements of a file and of all that it includes. Raises ModelError with file and line for what is not read.
+
+    What is not there MuJoCo itself tells.
+    """
+    found, waiting, seen = list[Markup](), [(root, path)], {_real(path)}
+    while waiting:
+        each, place = waiting.pop()
+        found.append(each)
+        _check_copies(each, 1)
+        folders = _folders((root, each), (path.parent, place.parent))
+        for element, name in _named(each):
+            for file in dict.fromkeys(folder / name for folder in folders):
+                if not is_there(file) or _real(file) in seen:
+                    continue
+                if not is_file(file):
+                    element.refuse(f"{shown(name)} is no ordinary file; a model is made of ordinary files")
+                seen.add(_real(file))
+                if element.tag in MODELS and file.suffix.lower() != ".mjb":
+                    waiting.append((read_markup(file), file))
+        if len(found) + len(waiting) > MOST_FILES:
+            root.refuse(f"it includes more than {MOST_FILES} files")
+    return found
+
+
+def _check_copies(element: Markup, copies: int) -> None:
+    """Raise ModelError where elements ask for more copies than MOST_COPIES. copies: of what stands around the element"""
+    if element.tag in COPYING:
+        for text in element.attributes.get("count", "").split()[:3]:
+            copies *= max(1, int(text)) if text.isdecimal() and len(text) < 20 else 1
+        if copies > MOST_COPIES:
+            element.refuse(f"<{element.tag}> asks for {copies} copies, and {MOST_COPIES} are read; take fewer")
+    for child in element.children:
+        _check_copies(child, copies)
+
+
+def _named(root: Markup) -> Iterator[tuple[Markup, str]]:
+    """Elements that name files, and the names."""
+    for element in root.walk():
+        for key, name in element.attributes.items():
+            if key.startswith("file") and name and "\0" not in name:
+                yield element, name
+
+
+def _folders(roots: Iterable[Markup], places: Iterable[Path]) -> list[Path]:
+    """Where a file that an element names may be."""
+    compilers = [each.attributes for root in roots for each in root.walk() if each.tag == "compiler"]
+    said = [compiler[key] for compiler in compilers for key in FOLDERS if key in compiler]
+    return [place / inner for place in places for inner in ("", *said)]
+
+
+def _real(path: Path) -> str:
+    return os.path.realpath(path)
+
+
+# -- compiled ----------------------------------------------------------------------------------------------------------------
+
+
+def compiled(path: Path) -> Compiled:
+    """The model of a file. Raises ModelError with what MuJoCo says of it, or how it ended, NcgenError without MuJoCo."""
+    try:
+        mujoco: Any = import_module("mujoco")
+    except ImportError:
+        raise NcgenError(f"{path.name}: MJCF is read by MuJoCo, which is missing; run pip install 'ncgen[robots]'") from None
+    with tempfile.TemporaryDirectory(prefix="ncgen-mjcf-") as folder:
+        _run(path, Path(mujoco.__file__).parent, Path(folder))
+        said: list[str] = []
+        before = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(said.append)  # else it writes a file where Python happens to run
+        try:
+            model = mujoco.MjModel.from_binary_path(str(Path(folder) / "model.mjb"))
+        except (ValueError, mujoco.FatalError) as error:
+            raise ModelError(placed(path.name, None, " ".join(str(error).split()))) from None
+        finally:
+            mujoco.set_mju_user_warning(before)
+    for name, most in MOST.items():
+        if getattr(model, name) > most:
+            raise ModelError(placed(path.name, None, f"it has {getattr(model, name)} {WORDS[name]}, and {most} are read; take fewer"))
+    return model
+
+
+def _run(path: Path, package: Path, folder: Path) -> None:
+    """Have a file compiled into folder/model.mjb, and warn of what MuJoCo warns of. Raises ModelError."""
+    library = next(iter(sorted((*package.glob("libmujoco*"), *package.glob("mujoco.dll")))), None)
+    if library is None or not sys.executable:
+        missing = f"MuJoCo's library is not in {package}" if library is None else "Python does not know its own program (sys.executable)"
+        raise NcgenError(f"{path.name}: MuJoCo reads it in a process of its own, and {missing}; install mujoco again")
+    plugins = package / "plugin"
+    program = Path(__file__).with_name("mjcf_child.py")
+    arguments = [str(library), str(plugins) if plugins.is_dir() else "", str(path), str(folder), str(SECONDS)]
+    command = [sys.executable, "-I", "-S", "-B", str(program), *arguments]
+    no = subprocess.DEVNULL
+    try:
+        status = subprocess.run(command, check=False, timeout=WAITING * SECONDS, stdin=no, stdout=no, stderr=no).returncode
+    except subprocess.TimeoutExpired:
+        status = -getattr(signal, "SIGXCPU", signal.SIGTERM)
+    try:
+        told = json.loads(contents(folder / "told.json", 1_000_000))
+    except (OSError, ValueError):
+        raise ModelError(placed(path.name, None, f"{_how(status)}; what it asks for is too much, or damaged")) from None
+    if told["error"]:
+        raise ModelError(placed(path.name, None, told["error"]))
+    for text in told["warnings"]:
+        warnings.warn(placed(path.name, None, text), stacklevel=2)
+
+
+def _how(status: int) -> str:
+    """How MuJoCo's process ended without a word."""
+    if status == -getattr(signal, "SIGXCPU", signal.SIGTERM):
+        return f"MuJoCo is not done with it after {SECONDS} s"
+    if status == -getattr(signal, "SIGXFSZ", 0):
+        return "MuJoCo makes a model of more than 1 GB of it"
+    name = signal.Signals(-status).name if -status in {*signal.Signals} else f"status {status}"
+    return f"MuJoCo's process ended by {name} on it"

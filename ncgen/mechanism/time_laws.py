@@ -1,0 +1,184 @@
+"""What of a mechanism is a law of time alone: the operations among which breaks are looked for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.narrow_laws import TIME
+from ncgen.model.pieces import Pieces
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.derivatives import tangent
+from ncgen.program.ir.functions import FUNCTIONS
+from ncgen.program.ir.graph import PIECES, Graph, Input, Op
+from ncgen.program.ir.inlined import inlined
+
+ZERO = Pieces((0.0,), ((0.0, -1.0), (0.0, 1.0)))
+"""What sign is, as pieces."""
+
+SWITCHING = frozenset({"sign", "abs", PIECES})
+"""Codes of operations that change their formula."""
+
+BREAKING = frozenset({"div", PIECES, *FUNCTIONS})
+"""Codes of operations that a law with breaks has."""
+
+
+SLOW = frozenset({"sin", "cos", "exp", "sinh", "cosh", "sqrt", "log", "asin", "acos"})
+"""Functions that have no pulse and no step where their argument rises evenly."""
+
+HIGHEST_DEGREE = 8.0
+"""The degree up to which a polynomial of time counts as slow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Switch:
+    """An operation that changes its formula where its argument, which depends on time and parameters alone, passes a knot.
+
+    argument, slope: nodes of it and of its derivative by time; slope None where the argument is constant in time between other breaks
+    pieces: the knots; jumps: True where the value jumps at one of them, or a value that this is the derivative of
+    inner: numbers of the switches that the argument depends on
+    """
+
+    argument: int
+    slope: int | None
+    pieces: Pieces
+    jumps: bool
+    inner: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLaws:
+    """The laws of time alone of one mechanism.
+
+    ops; switches among them, inner ones first; narrow: nodes that may change quickly although smooth; parameters: positions of those read
+    constant: switches whose arguments depend on parameters alone, if laws of inputs were asked for
+    """
+
+    ops: tuple[Op, ...] = ()
+    switches: tuple[Switch, ...] = ()
+    narrow: tuple[int, ...] = ()
+    parameters: tuple[int, ...] = ()
+    constant: tuple[Switch, ...] = ()
+
+    @property
+    def has_breaks(self) -> bool:
+        """True if there may be breaks."""
+        return bool(self.switches or self.narrow)
+
+
+def time_laws(kernels: Kernels, of_inputs: bool = False) -> TimeLaws:
+    """The switches of time in forces and constraints, found once for a mechanism; of_inputs: with those that depend on inputs alone."""
+    return kernels.remember("laws of time", of_inputs, lambda: _laws(kernels, len(kernels.inputs) if of_inputs else 0))
+
+
+def _laws(kernels: Kernels, inputs: int) -> TimeLaws:
+    """inputs: how many of the last parameters may change with time, too."""
+    changing = {TIME, *(Input("p", len(kernels.p0) - 1 - k) for k in range(inputs))}
+    graph, known, outputs = Graph(), {}, []
+    sizes = {"t": 1, "p": len(kernels.p0), "q": kernels.n, "qd": kernels.n}
+    for program in kernels.programs.programs.values():
+        if _reads(program, BREAKING, changing):
+            arrays = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
+            outputs += inlined(graph, program, arrays)
+    over_time: dict[int, int] = {}  # node -> the same among the laws' own
+    own, switches, constant = Graph(), [], list[Switch]()
+    for node, op in enumerate(graph.ops):
+        if op.code == "const" or (op.code == "load" and op.input.array in ("t", "p")):
+            over_time[node] = own.copied(op, ())
+        elif op.args and all(a in over_time for a in op.args):
+            over_time[node] = made = own.copied(op, [over_time[a] for a in op.args])
+            if op.code in SWITCHING and made not in known and own.ops[made].args:
+                known[made] = own.ops[made]
+    t = own.load(*TIME)
+    used = {*outputs, *(a for node, op in enumerate(graph.ops) if node not in over_time for a in op.args)}
+    narrow = _narrow_nodes(own, [over_time[node] for node in used if node in over_time])
+    numbers = {node: k for k, node in enumerate(known)}
+    for node, op in known.items():
+        (argument,) = op.args
+        below = own.below([argument])
+        pieces = op.pieces if op.code == PIECES else ZERO
+        if t not in below:
+            constant += [Switch(argument, None, pieces, _jumps(op), ())] if inputs else []
+            continue
+        slope = tangent(own, [argument], {t: own.const(1.0)}).get(argument)
+        switches.append((node, Switch(argument, slope, pieces, _jumps(op), tuple(numbers[b] for b in below if b in numbers))))
+    place = {numbers[node]: k for k, (node, _) in enumerate(switches)}
+    found = [replace(s, inner=tuple(place[i] for i in sorted(s.inner) if i in place)) for _, s in switches]
+    return _without_others(own, found, narrow, constant)
+
+
+def _narrow_nodes(graph: Graph, roots: Iterable[int]) -> tuple[int, ...]:
+    """What the roots, laws of time, need that may have a pulse although it is smooth: functions, quotients and products of what is no
+    polynomial of time. Sums change as their terms do, and of what only its sign is asked for there are breaks."""
+    signs = {node for node, op in enumerate(graph.ops) if op.code == "sign"}
+    degrees: dict[int, float] = {}
+    found: list[int] = []
+    for node in sorted(graph.below(roots, signs)):
+        op = graph.ops[node]
+        below = [degrees.get(a, 0.0) for a in op.args]
+        is_narrow = False
+        if not op.args:
+            degree = float(op.leaf == TIME)
+        elif op.code in ("add", "sub", "neg"):
+            degree = max(below)
+        elif op.code == "mul":
+            degree = sum(below)
+            is_narrow = min(below) > HIGHEST_DEGREE
+        elif op.code == "div" and not below[1]:
+            degree = below[0]
+        else:
+            degree = np.inf if any(below) else 0.0
+            is_narrow = degree > 0.0 and op.code not in ("sign", "abs", PIECES) and (op.code not in SLOW or below[0] > 1.0)
+        degrees[node] = degree if degree <= HIGHEST_DEGREE else np.inf
+        if is_narrow:
+            found.append(node)
+    return tuple(found)
+
+
+def _without_others(graph: Graph, switches: Sequence[Switch], narrow: Sequence[int], constant: Sequence[Switch]) -> TimeLaws:
+    """Laws with the operations that they need alone."""
+    needed = sorted(graph.below([*narrow, *(n for s in (*switches, *constant) for n in (s.argument, s.slope) if n is not None)]))
+    new = {old: k for k, old in enumerate(needed)}
+    ops = tuple(graph.ops[old].renumbered(new) for old in needed)
+
+    def renumbered(some: Sequence[Switch]) -> tuple[Switch, ...]:
+        return tuple(replace(s, argument=new[s.argument], slope=None if s.slope is None else new[s.slope]) for s in some)
+
+    read = tuple(op.input.position for op in ops if op.code == "load" and op.input.array == "p")
+    return TimeLaws(ops, renumbered(switches), tuple(new[node] for node in narrow), read, renumbered(constant))
+
+
+def may_switch(program: Program) -> bool:
+    """True if a program reads the time and has an operation that changes its formula."""
+    return _reads(program, SWITCHING, {TIME})
+
+
+def _reads(program: Program, codes: Collection[str], changing: Collection[Input]) -> bool:
+    """True if a program reads some of what changes with time and has an operation of some codes."""
+    if not any(op.code in codes for block in program.blocks for op in block.ops):
+        return False
+    loads = any(op.code == "load" and op.input in changing for block in program.blocks for op in block.ops)
+    arrays = {each.array for each in changing}
+    return loads or any(slot.array in arrays for block in program.blocks for slot in block.slots)
+
+
+def _jumps(op: Op) -> bool:
+    """True if the value of an operation jumps."""
+    if op.code != PIECES:
+        return op.code == "sign"
+    pieces = op.pieces
+    at = [*zip(pieces.knots, pieces.rows, pieces.rows[1:], strict=False)]
+    if pieces.period:  # the row before the first knot is never taken; before it comes the last but one
+        at = [(pieces.knots[-1], pieces.rows[-2], (pieces.rows[1][0] + pieces.period, *pieces.rows[1][1:])), *at[1:-1]]
+    size = max(abs(_at(row, knot)) for knot, *rows in at for row in rows)
+    return any(abs(_at(before, knot) - _at(after, knot)) > 1e-9 * size for knot, before, after in at)
+
+
+def _at(row: Sequence[float], x: float) -> float:
+    value = 0.0
+    for coefficient in reversed(row[1:]):
+        value = value * (x - row[0]) + coefficient
+    return value

@@ -1,0 +1,165 @@
+/* ncgen_reduced.c: the Jacobian of an implicit method in the degrees of freedom of a tree of bodies, over all coordinates.
+ *
+ * The recursion measures the velocities of joints from those of all coordinates, and forces see nothing else of them: beside the velocities
+ * that the constraints allow nothing is stiff, and Newton's method needs the change of accelerations along these alone. Differences are exact to half of the digits, which costs Newton's method no iteration, and they need no
+ * kernels but those of the motion. A basis of the allowed velocities comes from random vectors, projected by the recursion, by Gaussian
+ * elimination with full pivoting: the rows of its pivots are coordinates that are independent here.
+ */
+#include "ncgen_reduced.h"
+#include "ncgen_constrained.h"
+
+int ncgen_degrees_of_freedom(const ncgen_run *r)
+{
+    return r->n - (r->dynamics->n_dependent > 0 ? r->dynamics->n_dependent : r->m);
+}
+
+void ncgen_reduced_layout(ncgen_run *r, ncgen_reduced *w, int *integers)
+{
+    w->count = ncgen_degrees_of_freedom(r);
+    w->basis = ncgen_take(&r->space, r->n * w->count);
+    w->q = ncgen_take(&r->space, r->n);
+    w->driven = ncgen_take(&r->space, r->n);
+    w->state = ncgen_take(&r->space, r->ny);
+    w->base = ncgen_take(&r->space, r->ny);
+    w->rates = ncgen_take(&r->space, r->ny);
+    w->chosen = integers;
+    w->index = integers ? integers + r->n : NULL;
+}
+
+/* The basis ---------------------------------------------------------------------------------------------------- */
+
+/* The next of a sequence of numbers in (-1, 1) without a pattern, the same in every run (Lehmer 1951). */
+static ncgen_scalar next_random(unsigned *seed)
+{
+    *seed = *seed * 1664525u + 1013904223u;
+    return (ncgen_scalar)(*seed >> 8) / R(8388608.0) - 1;
+}
+
+/* Velocities that the constraints allow, one a column. */
+static void find_allowed(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t)
+{
+    const int n = r->n;
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    ncgen_real *given = w->state, *allowed = w->rates;
+    unsigned seed = 1;
+    for (int i = 0; i < n; ++i)
+        given[i] = w->driven[i] = 0;
+    if (r->model->nu)
+        ncgen_recursive_velocities(r, t, w->q, given, w->driven);
+    for (int k = 0; k < w->count; ++k) {
+        for (int i = 0; i < n; ++i)
+            given[i] = next_random(&seed) * sizes[i];
+        ncgen_recursive_velocities(r, t, w->q, given, allowed);
+        for (int i = 0; i < n; ++i)
+            w->basis[k * n + i] = allowed[i] - w->driven[i];
+    }
+}
+
+/* The largest entry, in natural sizes, of a column of the basis in a row that is not chosen. */
+static ncgen_real largest_entry(const ncgen_run *r, const ncgen_reduced *w, int column, int *row)
+{
+    ncgen_real largest = 0;
+    for (int i = 0; i < r->n; ++i) {
+        const ncgen_real size = NCGEN_ABS(w->basis[column * r->n + i]) / r->dynamics->column_sizes[i];
+        if (w->index[i] < 0 && size > largest) {
+            largest = size;
+            *row = i;
+        }
+    }
+    return largest;
+}
+
+static void exchange(const ncgen_run *r, ncgen_reduced *w, int a, int b)
+{
+    for (int i = 0; i < r->n; ++i) {
+        const ncgen_real kept = w->basis[a * r->n + i];
+        w->basis[a * r->n + i] = w->basis[b * r->n + i];
+        w->basis[b * r->n + i] = kept;
+    }
+}
+
+/* Gauss-Jordan elimination: column k becomes 1 in its own row and all others 0 there. Columns that those before them imply are left out. */
+static void eliminate(const ncgen_run *r, ncgen_reduced *w)
+{
+    const int n = r->n;
+    const ncgen_scalar nothing = NCGEN_SQRT(r->rounding);
+    for (int i = 0; i < n; ++i)
+        w->index[i] = -1;
+    for (int k = 0; k < w->count; ++k) {
+        int best = k, row = 0, other = 0;
+        ncgen_real largest = 0;
+        for (int j = k; j < w->count; ++j) {
+            const ncgen_real entry = largest_entry(r, w, j, &other);
+            if (entry > largest) {
+                largest = entry;
+                best = j;
+                row = other;
+            }
+        }
+        if (!(largest > nothing)) {
+            w->count = k;
+            return;
+        }
+        exchange(r, w, k, best);
+        w->chosen[k] = row;
+        w->index[row] = k;
+        ncgen_real *own = w->basis + k * n;
+        const ncgen_real pivot = own[row];
+        for (int i = 0; i < n; ++i)
+            own[i] /= pivot;
+        for (int j = 0; j < w->count; ++j) {
+            const ncgen_real share = w->basis[j * n + row];
+            for (int i = 0; i < n && j != k && (share > 0 || share < 0); ++i)
+                w->basis[j * n + i] -= share * own[i];
+        }
+    }
+}
+
+void ncgen_reduced_measure(ncgen_run *r, const ncgen_reduced *w, const ncgen_real *velocities, ncgen_real *chosen)
+{
+    ncgen_real *seen = r->constrained->emitted;
+    ncgen_recursive_derivative(r, w->t, w->q, velocities, seen);
+    for (int k = 0; k < w->count; ++k)
+        chosen[k] = seen[w->chosen[k]] - w->driven[w->chosen[k]];
+}
+
+/* Differences -------------------------------------------------------------------------------------------------- */
+
+/* Column k of the Jacobian: the change of accelerations where the part of y from `first` on moves along a column of the basis, over the length of
+ * the move; `size` is the size of that part, in natural sizes. */
+static int find_column(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncgen_real *y, int first, int k, ncgen_real size,
+                       ncgen_real *jacobian)
+{
+    const int n = r->n, width = 2 * w->count;
+    const ncgen_real *move = w->basis + k * n;
+    const ncgen_real length = NCGEN_SQRT(r->rounding) * size / ncgen_constrained_size(r, move);
+    ncgen_copy(r->ny, y, w->state);
+    for (int i = 0; i < n; ++i)
+        w->state[first + i] += length * move[i];
+    const int status = r->derivative(r, t, w->state, w->rates);
+    for (int i = 0; i < n; ++i)
+        jacobian[i * width + k + (first > 0 ? w->count : 0)] = (w->rates[i] - w->base[i]) / length;
+    return status;
+}
+
+int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncgen_real *y, ncgen_real *jacobian)
+{
+    const int n = r->n;
+    w->count = ncgen_degrees_of_freedom(r);
+    w->t = t;
+    ncgen_copy(n, y + n, w->q);
+    find_allowed(r, w, t);
+    eliminate(r, w);
+    ncgen_copy(r->ny, y, w->state);
+    int status = r->derivative(r, t, w->state, w->base);
+    /* Positions are of size 1; velocities change on the time scale that accelerations have at this size. */
+    const ncgen_real speed = ncgen_constrained_size(r, y), fall = NCGEN_SQRT(ncgen_constrained_size(r, w->base));
+    const ncgen_real velocity = speed > fall ? speed : fall;
+    for (int k = 0; k < w->count && status == NCGEN_OK; ++k)
+        status = find_column(r, w, t, y, 0, k, velocity > 0 ? velocity : 1, jacobian);
+    for (int k = 0; k < w->count && status == NCGEN_OK; ++k)
+        status = find_column(r, w, t, y, n, k, 1, jacobian);
+    ncgen_copy(n, y, r->qd);
+    ncgen_copy(n, y + n, r->q);
+    return status;
+}

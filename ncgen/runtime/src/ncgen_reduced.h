@@ -1,0 +1,33 @@
+/* ncgen_reduced.h: the Jacobian of an implicit method in the degrees of freedom of a tree of bodies, over all coordinates. */
+#ifndef NCGEN_REDUCED_H
+#define NCGEN_REDUCED_H
+
+#include "ncgen_state.h"
+
+/* The velocities that the constraints allow are the columns of a basis, which are unit vectors on as many chosen coordinates. */
+typedef struct ncgen_reduced {
+    int count;           /* columns */
+    ncgen_real *basis;   /* count columns of n */
+    ncgen_scalar t;      /* time, */
+    ncgen_real *q;       /* n: position, */
+    ncgen_real *driven;  /* n: and the drivers' part of the velocities where the basis is taken */
+    ncgen_real *state;   /* ny: a state beside the one that is looked at */
+    ncgen_real *base;    /* ny: the derivative there */
+    ncgen_real *rates;   /* ny: the derivative of the state beside it */
+    int *chosen;         /* count coordinates */
+    int *index;          /* n: which of the chosen ones a coordinate is, or -1 */
+} ncgen_reduced;
+
+/* How many velocities the constraints leave, redundant rows counted once. */
+int ncgen_degrees_of_freedom(const ncgen_run *r);
+
+/* integers: 2 n of them, or NULL where workspace is only counted. */
+void ncgen_reduced_layout(ncgen_run *r, ncgen_reduced *w, int *integers);
+
+/* How accelerations change along the basis: n rows of 2 count, by velocities and then by positions. */
+int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncgen_real *y, ncgen_real *jacobian);
+
+/* The velocities of the chosen coordinates that the derivative sees in n velocities, whether the constraints allow these or not. */
+void ncgen_reduced_measure(ncgen_run *r, const ncgen_reduced *w, const ncgen_real *velocities, ncgen_real *chosen);
+
+#endif

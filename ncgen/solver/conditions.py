@@ -1,0 +1,69 @@
+"""Whether parameters are values that the model could have been made with: what is no mass as a number is none in p.
+
+Everything that takes p from a caller judges it here, through `ncgen.solver.given` or `ncgen.solver.motions.states`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.model import Model, bodies, rows
+from ncgen.model.conditions import Condition
+from ncgen.model.values import mentioned
+from ncgen.program.initial import assemble_values
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.evaluate import evaluate_rows
+
+if TYPE_CHECKING:
+    from ncgen.solver.given import Outline
+
+Judged: TypeAlias = tuple[list[Condition], Program]
+"""The conditions of a model that parameters have a say in, and a program of the numbers that they are about."""
+
+
+def check_parameters(kernels: Outline, p: np.ndarray) -> None:
+    """Raise ModelError where parameters p (n_p,) are none that the model could have been made with, naming them and their numbers."""
+    if refused := refused_parameters(kernels, p[None]):
+        raise ModelError(f"p: {refused[0]}")
+
+
+def refused_parameters(kernels: Outline, p: np.ndarray) -> dict[int, str]:
+    """{row of p (B, n_p): why the model could not have been made with it}; rows with a number that is not finite are left to others."""
+    conditions, program = _judged(kernels)
+    if not conditions:
+        return {}
+    with np.errstate(all="ignore"):
+        numbers = evaluate_rows(program, np.asarray(p, dtype=float))
+    told, refused, first = np.isfinite(p).all(axis=-1), {}, 0
+    for condition in conditions:
+        own = numbers[..., first : first + len(condition.values)]
+        first += len(condition.values)
+        for row in np.flatnonzero(told & ~condition.holds(own)).tolist():
+            names = mentioned(condition.values, kernels.model.parameters).split(", ")
+            said = ", ".join(f"{name} = {p[row, kernels.parameters.index(name)]:g}" for name in names)
+            refused.setdefault(row, f"with {said}, {condition.sentence(own[row])}")
+    return refused
+
+
+def _judged(kernels: Outline) -> Judged:
+    """Found once for kernels; a model that is not compiled may still change."""
+    remember = getattr(kernels, "remember", None)
+    return remember("conditions of p", (), lambda: _found(kernels.model)) if remember else _found(kernels.model)
+
+
+def _found(model: Model) -> Judged:
+    conditions = [condition for condition in _conditions(model) if condition.is_parametric]
+    return conditions, assemble_values(model, [value for condition in conditions for value in condition.values])
+
+
+def _conditions(model: Model) -> Iterator[Condition]:
+    for body in model.bodies.values():
+        if body.inertia is not None:
+            yield from bodies.conditions(body.name, body.inertia.mass, body.inertia.tensor)
+    for row in model.rows:
+        yield from rows.conditions(row)
+    yield from model.conditions
