@@ -98,7 +98,7 @@ def identify(derivatives: str) -> tuple[OptimizeResult, Experiment, float]:
     misses = experiment.exact_misses if is_exact else experiment.misses
     jac: Any = experiment.slopes if is_exact else derivatives  # scipy takes either, and has no annotations
     # scipy's ftol, 1e-8 of the sum of squares, is far above its rounding, and Gauss-Newton steps leave less by as much again
-    found = least_squares(misses, start, jac, x_scale=start, xtol=1e-12, gtol=1e-12)
+    found = least_squares(misses, start, jac, bounds=(0.0, np.inf), x_scale=start, xtol=1e-12, gtol=1e-12)  # no mass is negative
     return found, experiment, time.process_time() - begun
 
 

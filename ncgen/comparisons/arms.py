@@ -74,7 +74,7 @@ print(time.perf_counter() - start)
 """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contender:
     """values: the accelerations of the angles after a run, or what else `expected` holds; operations, ready (seconds from the model): None
     where nobody knows; states: how many of them one call of the run computes"""

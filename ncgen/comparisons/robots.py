@@ -159,8 +159,9 @@ def motion() -> None:
         share = counts.fallbacks / max(counts.evaluations, 1)
         _tell(duration=duration, seconds=counts.seconds, evaluations=counts.evaluations, fallbacks=share)
         _tell(each=counts.seconds / max(counts.evaluations, 1))
+    assert run is not None
     places = [kernels.coordinates.index(name) for name in names] or list(range(kernels.n))
-    with suppress(NcgenError):
+    with suppress(NcgenError):  # then the error is unknown, and the run counts all the same
         tight = simulate(kernels, duration, rtol=TIGHT, zd0=zd0 or None, points=2)
         _tell(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[places])))
     _tell(drift=float(run.energy_drift))

@@ -16,8 +16,8 @@ import numpy as np
 from ncgen.mechanism.driving import Function
 from ncgen.mechanism.driving import Pieces as Signal
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.narrow_laws import TIME, quick_changes, quick_changes_of
-from ncgen.mechanism.time_laws import Switch, TimeLaws, time_laws
+from ncgen.mechanism.narrow_laws import quick_changes, quick_changes_of
+from ncgen.mechanism.time_laws import TIME, Switch, TimeLaws, time_laws
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.graph import Input, Op
 from ncgen.program.ir.passes import compute
@@ -298,13 +298,6 @@ def break_times_of_each(kernels: Kernels, p: np.ndarray, start: float, end: floa
             known[key] = break_times(kernels, row, start, end)
         found.append(known[key])
     return found
-
-
-def smooth_parts(breaks: np.ndarray, start: float, end: float) -> Iterator[tuple[float, float]]:
-    """The parts of a run (s) in which no law changes its formula, from the end of one break to the beginning of the next."""
-    inside = breaks[(breaks[:, 1] > start) & (breaks[:, 0] < end)]
-    places = [start, *inside.ravel().tolist(), end]
-    yield from ((a, b) for a, b in zip(places[::2], places[1::2], strict=True) if a < b)
 
 
 def beside(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:

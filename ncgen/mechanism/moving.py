@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
 from ncgen.mechanism.arguments import laid, pointer
-from ncgen.mechanism.break_times import break_times
+from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, break_times
+from ncgen.mechanism.driver_jumps import driver_jumps
+from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime import ConstrainedDynamics
 from ncgen.mechanism.time_laws import time_laws
@@ -23,14 +25,32 @@ ANY_STEP = 1e30
 """s; a longest step that is none."""
 
 
+class Crossed(Protocol):
+    """Velocities qd (n,) behind the jump of a driver's velocity, the work (J) of its impulses, and these."""
+
+    @property
+    def qd(self) -> np.ndarray: ...
+
+    @property
+    def work(self) -> float: ...
+
+    @property
+    def impulses(self) -> tuple[Any, ...]: ...
+
+
+Cross: TypeAlias = Callable[[Kernels, np.ndarray, np.ndarray, float, float, np.ndarray], Crossed]
+"""From q, qd, the times (s) before and after a jump of a driver's velocity, and p, to what is behind it."""
+
+
 class Stepping:
     """How a mechanism moves in C, with a workspace of its own: for one thread at a time."""
 
     def __init__(
-        self, dynamics: ConstrainedDynamics, method: str, rank: int, rtol: float, atol: float, sizes: np.ndarray | None, tolerance: float
-    ) -> None:
+        self, dynamics: ConstrainedDynamics, method: str, rank: int, rtol: float, atol: float, sizes: np.ndarray | None, tolerance: float,
+        cross: Cross | None = None,
+    ) -> None:  # fmt: skip
         """method: an explicit one of `ncgen.methods.table`; rank: of Φ_q; sizes (2 n + 1,): what atol is multiplied by; tolerance: of
-        the position problem."""
+        the position problem; cross: what carries velocities over the jumps of drivers, None for mechanisms without."""
         self.kernels, self.number, self._dynamics = dynamics.kernels, dynamics.number, dynamics  # which keeps its library
         self.ffi, self.library = ffi, library = dynamics.interface
         self._sizes = None if sizes is None else laid(sizes, self.number.dtype, 2 * self.kernels.n + 1, "sizes")
@@ -51,15 +71,54 @@ class Stepping:
         self._laws = time_laws(self.kernels)
         self.has_breaks = self._laws.has_breaks
         self._known: tuple[float, float, bytes] = 0.0, 0.0, b""
+        self._cross, self._jumps = cross, NO_BREAKS
+        self.impulses: list[Any] = []
 
-    def look_ahead(self, p: np.ndarray, t: float, t_end: float) -> None:
+    def go_on(self, moment: InC, p: np.ndarray, q: np.ndarray, qd: np.ndarray, t_end: float) -> int:
+        """Move to t_end (s) from break to break of laws in time, with the impulse of every jump of a driver's velocity before it.
+
+        p (n_p,), q, qd (n,): what the moment points to. Returns a number of `STATUS`; where it is not 0 all is as it was. A step that ends
+        at a jump ends before the impulse, with which the next one begins. `impulses` has those of the last call
+        """
+        self.impulses = []
+        if not moment.t < t_end < np.inf:
+            return self._call(moment, p, t_end)  # which refuses it
+        self._look_ahead(p, q, moment.t, t_end)
+        jumps = self._jumps[(self._jumps[:, 1] > moment.t) & (self._jumps[:, 0] < t_end)].tolist()
+        if not jumps or self._cross is None:
+            return self._call(moment, p, t_end)
+        kept, evaluations = (q.copy(), qd.copy(), moment.t, moment.work, moment.h), 0
+        for before, after in [*jumps, [t_end, t_end]]:
+            status = 0
+            if moment.t < before:
+                status = self._call(moment, p, before)
+                evaluations += self.statistics.evaluations
+            if status:
+                q[:], qd[:], moment.t, moment.work, moment.h = kept
+                self.impulses = []
+                return status
+            if after >= t_end:
+                break
+            found = self._cross(self.kernels, q, qd, before, after, p)
+            qd[:], moment.t, moment.work = found.qd, after, moment.work + found.work
+            self.impulses += found.impulses
+        moment.t, self.statistics.evaluations = t_end, evaluations
+        return 0
+
+    def _call(self, moment: InC, p: np.ndarray, t_end: float) -> int:
+        return self.library.ncgen_go_on(self.driven, self.pointer(p), moment, t_end, self.statistics)
+
+    def _look_ahead(self, p: np.ndarray, q: np.ndarray, t: float, t_end: float) -> None:
         """Let steps from t to t_end (s) end at the breaks of parameters p (n_p,), which are found for many steps at a time."""
         reads = p[list(self._laws.parameters)].tobytes()
         first, last, known = self._known
         if first <= t and t_end <= last and known == reads:
             return
         last = t + AHEAD * (t_end - t)
-        self._breaks = break_times(self.kernels, np.asarray(p, dtype=float), t, last).ravel().astype(self.number.dtype)
+        parameters, margin = np.asarray(p, dtype=float), 2 * NEAREST * DOUBLE * max(abs(t), abs(last))
+        found = break_times(self.kernels, parameters, t - margin, last)  # a step may have ended at the middle of one
+        self._jumps = driver_jumps(self.kernels, parameters, np.asarray(q, dtype=float), found)
+        self._breaks = found.ravel().astype(self.number.dtype)
         self._signals = self.ffi.new("ncgen_signals *", {"n_breaks": len(self._breaks), "breaks": self.pointer(self._breaks)})
         self._options.signals, self._known = self._signals, (t, last, reads)
 
@@ -99,10 +158,15 @@ class Moving:
     def evaluations(self) -> int:
         return self._statistics.evaluations
 
+    @property
+    def impulses(self) -> tuple[Any, ...]:
+        """Those of the last step."""
+        return tuple(self._stepping.impulses)
+
     def go_on(self, h: float) -> str:
         """On by h seconds: "ok", or why not; then nothing has moved."""
         if self._has_breaks:
-            self._stepping.look_ahead(self.p, self._moment.t, self._moment.t + h)
+            return STATUS[self._stepping.go_on(self._moment, self.p, self.q, self.qd, self._moment.t + h)]
         return STATUS[self._go_on(self._driven, self._p, self._moment, self._moment.t + h, self._statistics)]
 
     def settle(self) -> str:
@@ -166,9 +230,8 @@ class MovingRows:
     def _one_after_the_other(self, h: float, stepping: Stepping, first: int, last: int) -> None:
         """The same, each with the breaks of its own parameters."""
         for row in range(first, last):
-            stepping.look_ahead(self.p[row], self.t[row], self.t[row] + h)
-            p = stepping.pointer(self.p[row : row + 1])
-            self.statuses[row] = stepping.library.ncgen_go_on(stepping.driven, p, self._moments + row, self.t[row] + h, stepping.statistics)
+            here, t_end = (self.p[row], self.q[row], self.qd[row]), self.t[row] + h
+            self.statuses[row] = stepping.go_on(self._moments + row, *here, t_end)
 
     def settle(self, row: int) -> str:
         """One row's position and velocities onto the constraints: "ok", or why not."""

@@ -11,10 +11,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ncgen.mechanism.driving import Function
+from ncgen.mechanism.time_laws import TIME
 from ncgen.program.ir.graph import Input, Op
 from ncgen.program.ir.ranges import ranges, values
-
-TIME = Input("t", 0)
 
 FIRST_INTERVALS = 32
 """Intervals of a run in which a law is enclosed at first."""
@@ -40,15 +39,16 @@ SMALLEST_RANGE = 1e-6
 SMALLEST_CHANGE = 1e-40
 """A law's range in its own unit, below which it counts as constant: the tail of a Gaussian that is far away."""
 
-RATIOS = ((4.0, 256), (16.0, 1024), (64.0, 100_000))
+RATIOS = ((4.0, 400), (16.0, 1000), (64.0, 100_000))
 """How many times faster than beside it a law has to change, and how many breaks that may give; with more of them the next one is taken.
 From place to place a sine's speed changes 3 times, so that none is broken."""
 
 PLACES = 8
 """Places on the fast side of a change at which steps end: both flanks of a pulse."""
 
-DOUBLINGS = 5
-"""Breaks on the slow side, at distances of 1, 2, 4, … times that of the first two places: up to 8 standard deviations of a Gaussian."""
+DISTANCES = np.concatenate([2.0 ** np.arange(5), 16 * 4.0 ** np.arange(1, 16)])
+"""Where there are breaks on the slow side, over the distance of the first two places: close ones, up to 8 standard deviations of a
+Gaussian, and others for the tails of slower decays, which fixed steps would overrate."""
 
 SAMPLES = 513
 """Times at which a function of Python is asked."""
@@ -142,26 +142,35 @@ def _flanks(t: np.ndarray, x: np.ndarray) -> np.ndarray:
         return np.empty(0)
     places = np.interp((np.arange(count) + 0.5) * LEVEL * size, changes, t)
     ends = np.concatenate([t[:1], places, t[-1:]])
-    found = np.empty(0)
+    lengths = np.diff(ends)
     for ratio, most in RATIOS:
-        forward, backward = _beside(ends, ratio), -_beside(-ends[::-1], ratio)
-        found = np.unique(np.concatenate([forward, backward]))
+        rises = np.flatnonzero(lengths[:-2] > ratio * lengths[1:-1])
+        falls = np.flatnonzero(lengths[2:] > ratio * lengths[1:-1]) + 2
+        last = np.append(-1, rises)[np.searchsorted(rises, falls)]  # before each fall; the start of the run where there is none
+        falls = falls[falls - last <= PLACES + 2]
+        backward = _beside(-ends[::-1], ratio, len(lengths) - 1 - falls)
+        found = np.unique(np.concatenate([_beside(ends, ratio, rises), -backward]))
         if len(found) <= most:
             return found
     return np.empty(0)
 
 
-def _beside(ends: np.ndarray, ratio: float) -> np.ndarray:
-    """Breaks for changes from slow to fast; ends (K,): of parts in which a law changes by as much each, but for the first and the last."""
-    lengths = np.diff(ends)
-    slow = np.flatnonzero(lengths[:-2] > ratio * lengths[1:-1])
+def _beside(ends: np.ndarray, ratio: float, slow: np.ndarray) -> np.ndarray:
+    """Breaks for changes from slow to fast.
+
+    ends (K,): of parts in which a law changes by as much each, but for the first and the last; slow: the numbers of those that a fast one
+    follows, which changes `ratio` times as fast
+    """
     if not len(slow):
         return np.empty(0)
+    lengths = np.diff(ends)
     fast = lengths[slow + 1]
-    outside = ends[slow + 1, None] - fast[:, None] * 2.0 ** np.arange(DOUBLINGS)
+    outside = ends[slow + 1, None] - fast[:, None] * DISTANCES
     found = [outside[outside > ends[slow, None]], ends[slow + 1]]
     for _ in range(PLACES):
-        keep = (slow + 2 < len(ends) - 1) & (lengths[np.minimum(slow + 1, len(lengths) - 1)] <= ratio * fast)
+        keep = slow + 2 < len(ends) - 1
         slow, fast = slow[keep] + 1, fast[keep]
+        keep = lengths[slow] <= ratio * fast
+        slow, fast = slow[keep], fast[keep]
         found.append(ends[slow + 1])
     return np.concatenate(found)

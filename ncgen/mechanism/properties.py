@@ -46,7 +46,7 @@ def uses_tangents(kernels: Kernels, method: str) -> bool:
     """True if an integrator takes stiffness and damping: rattle where masses are not constant or forces have no potential,
     energy-momentum unless constraints are quadratic, masses and forces constant as well; both with rolling conditions."""
     if INTEGRATORS[method].tangents != "sometimes":
-        return INTEGRATORS[method].tangents == "always"
+        return INTEGRATORS[method].tangents != "never"
     if len(kernels.holonomic) < kernels.m:
         return True
     programs = kernels.programs.programs

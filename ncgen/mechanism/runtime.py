@@ -419,9 +419,11 @@ class ConstrainedDynamics(Dynamics):
             self._dynamics.tree = self._tree
 
     def _uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
-        """Radau's Newton steps take place in the degrees of freedom where a recursion gives the accelerations: `ncgen_is_reduced`."""
+        """Not where a recursion serves instead: `ncgen_is_reduced`."""
         recurs = options["formalism"] == number_in_c(FORMALISMS["lagrange"]) and not options.get("frequency") and self.is_recursive
-        return not (method == "radau" and recurs and not self.has_rolling) and super()._uses_tangents(method, options)
+        if INTEGRATORS[method].tangents == "unless_recursive" and recurs and not self.has_rolling:
+            return False
+        return super()._uses_tangents(method, options)
 
     @staticmethod
     def _written_out(kernels: CompiledKernels, number: str, seen: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:

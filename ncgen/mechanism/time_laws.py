@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.narrow_laws import TIME
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import PIECES, Graph, Input, Op
 from ncgen.program.ir.inlined import inlined
+
+TIME = Input("t", 0)
 
 ZERO = Pieces((0.0,), ((0.0, -1.0), (0.0, 1.0)))
 """What sign is, as pieces."""
@@ -131,7 +132,7 @@ def _narrow_nodes(graph: Graph, roots: Iterable[int]) -> tuple[int, ...]:
             degree = below[0]
         else:
             degree = np.inf if any(below) else 0.0
-            is_narrow = degree > 0.0 and op.code not in ("sign", "abs", PIECES) and (op.code not in SLOW or below[0] > 1.0)
+            is_narrow = degree > 0.0 and op.code not in SWITCHING and (op.code not in SLOW or below[0] > 1.0)
         degrees[node] = degree if degree <= HIGHEST_DEGREE else np.inf
         if is_narrow:
             found.append(node)
@@ -156,7 +157,7 @@ def may_switch(program: Program) -> bool:
     return _reads(program, SWITCHING, {TIME})
 
 
-def _reads(program: Program, codes: Collection[str], changing: Collection[Input]) -> bool:
+def _reads(program: Program, codes: Container[str], changing: Collection[Input]) -> bool:
     """True if a program reads some of what changes with time and has an operation of some codes."""
     if not any(op.code in codes for block in program.blocks for op in block.ops):
         return False

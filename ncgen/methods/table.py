@@ -14,7 +14,7 @@ from functools import cache, cached_property
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import SHOWN, ModelError, shortened, shown
 from ncgen.methods.explicit import EXPLICIT, Published
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ class Integrator:
     help: one line; also: SciPy's and Matlab's names; extra: what `pip install 'ncgen[…]'` has to bring
     has_fixed_step: its step is max_step; else rtol and atol choose it
     takes_jacobian: it solves equations with the Jacobian of the state derivative
-    tangents: whether it needs the tangent kernels in C: "never", "always", or "sometimes",
-        where it can do without them in simple mechanisms
+    tangents: whether it needs the tangent kernels in C: "never", "always", "sometimes", where it can do without them in simple mechanisms,
+        or "unless_recursive", where a recursion over the tree of bodies gives the accelerations of Lagrange's equations instead
     steps: formalisms whose constrained equations it discretises itself; is_ordinary: it also takes a state derivative
     keeps_history: its state cannot be corrected between steps, so it goes with coordinate partitioning alone
     in_c, in_lanes: it runs in the C runtime; also for many states at a time
@@ -68,6 +68,11 @@ class Integrator:
         if self.tableau is None:
             raise AttributeError(f"{self.name} is no explicit Runge-Kutta method")
         return Tableau.of(self.tableau)
+
+    @property
+    def takes_recursion(self) -> bool:
+        """True if a recursion over the tree of bodies serves it as state derivative in C."""
+        return self.tableau is not None or self.tangents == "unless_recursive"
 
     @property
     def constant(self) -> str:
@@ -123,7 +128,9 @@ INTEGRATORS = {
         *(_explicit(name, tableau) for name, tableau in EXPLICIT.items()),
         _stepper("rattle", "RATTLE, symplectic, order 2", tangents="sometimes"),
         _stepper("energy-momentum", "exact energy, order 2", tangents="sometimes", options={"project_velocities": False}),
-        Integrator("radau", "Radau IIA of order 5, implicit, for stiff mechanisms", takes_jacobian=True, tangents="always", in_c=True),
+        Integrator(
+            "radau", "Radau IIA of order 5, implicit, for stiff mechanisms", takes_jacobian=True, tangents="unless_recursive", in_c=True
+        ),
         Integrator(
             "trapezoidal", "the trapezoidal rule, implicit, order 2, fixed step", has_fixed_step=True, takes_jacobian=True,
             tangents="always", in_c=True, steps=("ali3p",), options={"alpha": 1e7},
@@ -229,7 +236,7 @@ def options_of(formalism: Formalism, integrator: Integrator, given: dict[str, An
     for name, value in (given or {}).items():
         if name not in defaults:
             method = f"{formalism.name} with {integrator.name}"
-            raise ModelError(f"option {shown(name)}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
+            raise ModelError(f"option {_text(name)}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
         _check_option(name, value, defaults[name])
     return {**defaults, **(given or {})}
 
@@ -245,4 +252,9 @@ def _check_option(name: str, value: object, default: object) -> None:
         return
     elif isinstance(value, bool) or not is_real(value) or not 0 <= value <= LIMITS.get(name, sys.float_info.max):
         wanted = f"from 0 to {LIMITS[name]:.3g}" if name in LIMITS else "from 0 on"
-        raise ModelError(f"option {name}: {shown(value)} given; it must be a number {wanted}")
+        raise ModelError(f"option {name}: {_text(value)} given; it must be a number {wanted}")
+
+
+def _text(value: object) -> str:
+    """What was given, a text without its quotation marks."""
+    return shortened(value, SHOWN) if isinstance(value, str) else shown(value)

@@ -39,6 +39,7 @@ class Inertia:
     elements; two points are a bar, and three elements get the cross product of their directions for the third.
     Any number may be a value with parameters; a mass that is one
     scales the tensor only if the user writes it so. `assumed` is True where no moments were given: a point mass, which cannot rotate.
+    `is_judged` is False where parameters may make it one that no body has: in identification, which finds sums over bodies alone.
     """
 
     mass: Value
@@ -46,6 +47,7 @@ class Inertia:
     tensor: np.ndarray
     basis: tuple[Spatial, ...] | None = None
     assumed: bool = False
+    is_judged: bool = True
 
 
 class JointLoad(NamedTuple):

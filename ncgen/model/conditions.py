@@ -49,7 +49,7 @@ class Condition(ABC):
         """True if a parameter has a say in it."""
         return not all(map(is_number, self.values))
 
-    def check(self, numbers: Sequence[float]) -> None:
+    def check(self, numbers: Sequence[float] | np.ndarray) -> None:
         """Raise ModelError where it does not hold for the numbers (k,)."""
         array = np.array(numbers, dtype=float)
         if not self.holds(array):

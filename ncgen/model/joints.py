@@ -96,13 +96,13 @@ class Joints(Structure):
     def point_on_line(self, a: Body, point: Point, start: Point, axis: Vector) -> None:
         """A point stays on a line of body a: through `start` along `axis`. 2 rows."""
         self.extend(a, start, axis)
-        self._on_line(a, point, start, axis, Owner("joint", f"{point.name} on line of {a.name}"))
+        self._on_line(a, point, start, axis, Owner("joint", f"{point.name} on line of {a.name}", (a.name,)))
 
     @fact
     def point_in_plane(self, a: Body, point: Point, start: Point, normal: Vector, owner: Owner | None = None) -> Row:
         """A point stays in a plane of body a: through `start`, normal to `normal`. 1 row."""
         self.extend(a, start, normal)
-        owner = owner or Owner("joint", f"{point.name} in plane of {a.name}")
+        owner = owner or Owner("joint", f"{point.name} in plane of {a.name}", (a.name,))
         segment = as_combination(point) - start
         height = measures.along(segment, as_combination(normal))
         return self._keep(row.dot(segment, as_combination(normal), height, _size(segment), owner, f"{point.name} in plane", self.scale))
@@ -145,7 +145,7 @@ class Joints(Structure):
 
         self._check_rolling(disc, axle, across, radius, normal)
         self.extend(disc, centre, axle, across)
-        owner = Owner("joint", f"rolling of {disc.name}")
+        owner = Owner("joint", f"rolling of {disc.name}", (self.ground.name, disc.name))
         n = sympy.Matrix(normal)
         radius = as_sympy(radius)
         r, u, v = (sympy.Matrix([c.symbol for c in e.components]) for e in (centre, axle, across))
@@ -208,7 +208,7 @@ class Joints(Structure):
 
 
 def _joint(kind: str, a: Body, b: Body) -> Owner:
-    return Owner("joint", f"{kind} {a.name}-{b.name}")
+    return Owner("joint", f"{kind} {a.name}-{b.name}", (a.name, b.name))
 
 
 def _size(segment: Combination) -> float:

@@ -166,10 +166,12 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     omitted += _folded(equations)
     programs = {name: program for name, (program, _) in built.items() if program is not None}
     pattern = built["phi_q"].matrix
-    if "phi_q" in programs and (length := sum(programs[name].length for name in ALWAYS)) <= MOST_FUSED:
-        programs["constraints"] = _constraints(programs, pattern, equations)
-    elif "phi_q" in programs:
-        omitted.append(f"kernel constraints: {length} operations of phi, phi_q and gamma are written out once, not once more together")
+    if "phi_q" in programs:
+        length = sum(programs[name].length for name in ALWAYS)
+        if length <= MOST_FUSED:
+            programs["constraints"] = _constraints(programs, pattern, equations)
+        else:
+            omitted.append(f"kernel constraints: {length} operations of phi, phi_q and gamma are written out once, not once more together")
     programs = {name: share_angles(program) for name, program in programs.items()}
     return Programs(equations, programs, pattern, built["mass"].matrix, emission, tuple(omitted))
 

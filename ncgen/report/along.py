@@ -14,6 +14,7 @@ from ncgen.archives import arrays
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
+from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.signals import Signals, signals_of
 from ncgen.solver.trajectories.monitor import Health, monitor
@@ -91,6 +92,7 @@ class Recorded:
             statistics = replace(UNKNOWN, **counts)
             made = {name: said[name] for name in ABOUT if name not in ("statistics", "chosen")}
             chosen = tuple(map(str, said["chosen"]))
+            made["impulses"] = tuple(Impulse(float(t), str(driver), float(size)) for t, driver, size in said.get("impulses", ()))
             run = Trajectory(moved, a["t"], a["q"], a["qd"], a["work"], a["p"], partitions, statistics, chosen=chosen, **made)
         except (KeyError, TypeError, ValueError) as error:
             why = " ".join(str(error).split())

@@ -9,7 +9,7 @@ import difflib
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from numbers import Real
-from typing import Protocol, TypeAlias, TypeVar
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,7 @@ from ncgen.errors import ModelError, NcgenError, shown, written
 from ncgen.mechanism.arguments import numbers
 from ncgen.methods.table import is_real
 from ncgen.model import Model
-from ncgen.solver.conditions import check_parameters
+from ncgen.solver.parameter_checks import check_parameters
 
 Given: TypeAlias = "ArrayLike | Mapping[str, float]"
 """In signatures: numbers in their order, or some of them by name."""
@@ -194,7 +194,7 @@ def count(value: object, what: str) -> int:
     return int(number)
 
 
-def several(values: ArrayLike | Iterator[float], what: str) -> np.ndarray:
+def several(values: Any, what: str) -> np.ndarray:
     """Finite numbers as an array (K,). Raises ModelError for anything else, naming the place from 0."""
     array = real_numbers(list(values) if isinstance(values, Iterator) else values, what)
     if array is None or array.ndim != 1:
@@ -263,7 +263,7 @@ def _numbers(names: tuple[str, ...], defaults: np.ndarray, given: Given | None, 
     return array
 
 
-def real_numbers(given: ArrayLike, what: str) -> np.ndarray | None:
+def real_numbers(given: Any, what: str) -> np.ndarray | None:
     """Real numbers as an array of one's own; None for anything else, texts that look like numbers included. Raises ModelError for masked
     ones, which look like others."""
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):

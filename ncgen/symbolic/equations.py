@@ -99,6 +99,15 @@ def build_equations(model: Model, owner: Owner | None = None, massless: Collecti
     return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted), released)
 
 
+def build_bonds(model: Model) -> Equations:
+    """The rows that no body owns, with all fixed coordinates released: what they do to fixed elements can be seen."""
+    omitted: list[str] = []
+    perpendicular, names = perpendicular_pairs(model), Names(model)
+    rows = [_row(names, number, row, perpendicular, omitted) for number, row in enumerate(model.rows) if row.owner.kind != "body"]
+    fixed = frozenset(c for e in model.elements.values() for c in e.components if c.fixed)
+    return Equations(model, tuple(rows), (), (), tuple(omitted), fixed)
+
+
 def build_springs(model: Model) -> Equations:
     """The springs and potentials of a model alone: what pulls without belonging to a body."""
     names = Names(model)

@@ -147,11 +147,12 @@ def refused(read: Callable[[Path], object], path: Path) -> None:
     assert path.name[:40] in said.replace("\ufffd", "\0")
 
 
-@pytest.mark.parametrize("damage", DAMAGE)
-@pytest.mark.parametrize("reader", READERS)
+CASES = [(reader, damage) for reader in READERS for damage in DAMAGE if (reader, damage) != ("loops", "empty")]
+"""Every reader with every damage; an empty table of loops is a table that closes none."""
+
+
+@pytest.mark.parametrize(("reader", "damage"), CASES)
 def test_one_line(tmp_path, reader, damage):
-    if (reader, damage) == ("loops", "empty"):
-        pytest.skip("a table that closes no loop is one")
     name, read = READERS[reader]
     DAMAGE[damage](tmp_path / name)
     refused(read, tmp_path / name)

@@ -17,6 +17,7 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.break_times import break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, goes_with
+from ncgen.solver.formalisms.impulse import cross
 from ncgen.solver.trajectories.energy import drift
 
 MASS, OFFSET, SPEED, PLACE, TURNING = 2.0, 0.4, 0.7, 0.5, 1.3
@@ -38,7 +39,8 @@ LAWS = {
 """{law: from a model to the place of the carriage, and the ends (s) of its parts with the velocity of each}."""
 
 
-def spinner(law) -> ncgen.Model:
+def spinner(law, drive=None) -> ncgen.Model:
+    """drive: what makes the carriage follow the law, from model, slide, angle and law; None for a driver."""
     m = ncgen.Model("spinner")
     O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, OFFSET))
     e = m.vector("e", (1, 0, 0), fixed="z")
@@ -47,8 +49,12 @@ def spinner(law) -> ncgen.Model:
     carriage = m.body("carriage", [C], [e], mass=MASS, com=(PLACE, OFFSET), inertia=0.3)
     m.prismatic(base, carriage, A, C, e)
     s = m.slide("s", A, C, e)
-    m.independent(m.angle("phi", m.vector("x", (1, 0, 0), fixed=True), e, m.vector("z", (0, 0, 1), fixed=True)))
-    m.drive(s, law(m))
+    phi = m.angle("phi", m.vector("x", (1, 0, 0), fixed=True), e, m.vector("z", (0, 0, 1), fixed=True))
+    m.independent(phi)
+    if drive:
+        drive(m, s, phi, law(m))
+    else:
+        m.drive(s, law(m))
     return m
 
 
@@ -147,6 +153,73 @@ def test_every_law(law, engine):
     assert drift(run.kernels, run.t, run.q, run.qd, run.work, run.p) < 1e-9
 
 
+def held(m, s, phi, law) -> None:
+    m.drive(s, law)
+    m.drive(phi, 0 * m.time)
+
+
+@pytest.mark.parametrize("engine", ["c", "python"])
+def test_a_driver_that_holds_a_coordinate_has_an_impulse_too(engine):
+    """m v along the slide, and m d v about the hinge against it."""
+    run = ncgen.simulate(ncgen.compile(spinner(LAWS["Max"][0], held)), 2.0, engine=engine)
+    assert [each.driver for each in run.impulses] == ["s", "phi"]
+    assert [each.size for each in run.impulses] == pytest.approx([MASS * SPEED, -MASS * OFFSET * SPEED], rel=1e-12)
+    assert run.work[-1] == pytest.approx(MASS * SPEED**2 / 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("options", [{}, {"engine": "python"}, {"formalism": "coordinate-partitioning"}, {"integrator": "radau"}], ids=str)
+def test_other_rows_that_depend_on_time_are_drivers(options):
+    """Equations of the user's own, of positions (whose impulse is half as large, since they are twice as long) and of velocities."""
+    by_position = lambda m, s, phi, law: m.constrain(2 * s.symbol - 2 * law)  # noqa: E731
+    by_velocity = lambda m, s, phi, law: m.constrain_velocity(s.rate - SPEED * sympy.Heaviside(m.time - 1))  # noqa: E731
+    phi, _, (size,), work = exact("Max")
+    for drive, name, scale in ((by_position, "constraint", 0.5), (by_velocity, "velocity constraint", 1.0)):
+        kernels = ncgen.compile(spinner(LAWS["Max"][0], drive))
+        run = ncgen.simulate(kernels, 2.0, rtol=1e-10, zd0={"phi": TURNING}, **options)
+        assert [run["phi"][-1], run.work[-1]] == pytest.approx([phi, work], abs=1e-8)
+        assert [(each.driver, each.t) for each in run.impulses] == [(name, 1.0)]
+        assert run.impulses[0].size == pytest.approx(scale * size, abs=1e-8)
+
+
+def test_a_table_of_many_knots_is_followed():
+    """Of a sine, so that the motion is nearly that of the sine, whose momentum stays, too."""
+    knots = np.linspace(0.0, 2.0, 201)
+    kernels = ncgen.compile(spinner(lambda m: m.table("law", knots, PLACE + 0.1 * np.sin(5 * knots))(m.time)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = ncgen.simulate(kernels, 2.0, zd0={"phi": TURNING}, points=41)
+    momentum = (INERTIA + MASS * run["s"] ** 2) * run["rate(phi)"] - MASS * OFFSET * run["rate(s)"]
+    assert len(run.impulses) == 199 and momentum == pytest.approx(momentum[0], rel=1e-8)
+
+
+def test_a_large_mechanism_is_carried_over_a_jump():
+    """A chain of 120 links that hangs from a driven slide: momentum and energy say the same of all its velocities, by sparse factors."""
+    m = ncgen.Model("chain")
+    first, P = m.vector("x", (1, 0, 0), fixed=True), m.point("O", (0, 0), fixed=True)
+    A = m.point("P0", (0, 0), fixed="y")
+    s = m.slide("s", P, A, first)
+    m.drive(s, sympy.Max(0, m.time - 1))
+    for k in range(1, 121):
+        B = m.point(f"P{k}", (0.1 * k, -0.1 * k))
+        m.body(f"link{k}", [A, B], mass=1.0, inertia="rod")
+        A = B
+    kernels = ncgen.compile(m, "numpy")
+    qd = np.zeros(kernels.n)
+    found = cross(kernels, kernels.q0, qd, 1.0 - 1e-12, 1.0 + 1e-12, kernels.p0)
+    assert np.abs(kernels.phi_q(kernels.q0, 2.0) @ found.qd - kernels.nu(kernels.q0, 2.0)).max() < 1e-10
+    along_x = np.array([c.endswith(".x") for c in kernels.coordinates])
+    momentum = (kernels.mass(kernels.q0) @ found.qd)[along_x].sum()
+    assert [each.driver for each in found.impulses] == ["s"]
+    assert found.impulses[0].size == pytest.approx(momentum, rel=1e-9)
+    assert found.work == pytest.approx(kernels.energy(kernels.q0, found.qd)[0], rel=1e-9)
+
+
+def test_impulses_are_kept_in_files(tmp_path):
+    run = moved("table")
+    again = ncgen.read(run.to_npz(tmp_path / "trajectory.npz"))
+    assert again.impulses == run.impulses and len(run.impulses) == 2
+
+
 @pytest.mark.parametrize("engine", ["c", "python"])
 def test_rows_at_a_jump_are_before_it(engine):
     """Also at the end of a run, which is no contradiction."""
@@ -238,3 +311,86 @@ def test_which_breaks_are_jumps():
     kernels = ncgen.compile(spinner(law), "numpy")
     found = driver_jumps(kernels, kernels.p0, kernels.q0, break_times(kernels, kernels.p0, 0.0, 2.0))
     assert found.mean(axis=1) == pytest.approx([0.4, 1.0, 1.7], rel=1e-14)
+
+
+@pytest.mark.parametrize("integrator, h, within", [("auto", 0.1, 1e-7), ("auto", 0.3, 1e-7), ("auto", 2.0, 1e-7), ("rk4", 0.01, 1e-7)])
+def test_steps_from_outside_take_the_impulse(integrator, h, within):
+    """Steps that end at the jump, and such that pass it."""
+    kernels, impulses = kernels_of("Max"), []
+    given = dict(integrator=integrator, rtol=1e-9, zd0={"phi": TURNING})
+    one, many = ncgen.start(kernels, **given), ncgen.start_batch(kernels, 3, threads=2, **given)
+    before, total = one.state, sum(one.energy()[:2])
+    while one.t < 2.0 - 1e-9:
+        step = min(h, 2.0 - one.t)
+        one.step(step)
+        many.step(step)
+        impulses += one.impulses
+        assert sum(one.energy()[:2]) - one.work == pytest.approx(total, abs=1e-7)
+    phi, rate, sizes, work = exact("Max")
+    assert [one["phi"], one["rate(phi)"], one.work] == pytest.approx([phi, rate, work], abs=within)
+    assert [(each.driver, each.t) for each in impulses] == [("s", 1.0)] and impulses[0].size == pytest.approx(sizes[0], abs=within)
+    assert many["phi"] == pytest.approx(3 * [one["phi"]], abs=1e-14) and many.work == pytest.approx(3 * [one.work], abs=1e-14)
+    one.reset(before).step(2.0)
+    assert one["phi"] == pytest.approx(phi, abs=0.05 if integrator == "rk4" else within)  # one step of rk4 up to the jump, and one after
+
+
+def test_a_step_that_ends_at_a_jump_ends_before_it():
+    """However the steps' sum is rounded."""
+    for count in (1, 3, 7, 10, 49):
+        sim = ncgen.start(kernels_of("Max"), rtol=1e-9, zd0={"phi": TURNING})
+        for _ in range(count):
+            sim.step(1.0 / count)
+        assert sim["rate(s)"] == pytest.approx(0.0, abs=1e-12) and not sim.impulses
+        sim.step(1.0)
+        assert sim["rate(phi)"] == pytest.approx(exact("Max", sim.t)[1], abs=1e-7) and len(sim.impulses) == 1
+
+
+def test_a_stepper_refuses_positions_that_jump():
+    sim = ncgen.start(ncgen.compile(spinner(lambda m: PLACE + 0.1 * sympy.Heaviside(m.time - 1))))
+    with pytest.raises(ModelError, match="the driver of s jumps by 0.1 at t = 1 s"):
+        sim.step(1.5)
+    assert sim.t == 0.0
+
+
+@pytest.mark.parametrize("integrator", ["dopri5", "dop853", "rk4"])
+def test_states_of_a_batch_take_the_impulse(integrator):
+    """Each at a time of its own; those without a jump in the run go in lanes, with the bits that they have alone."""
+    begins = np.array([0.5, 1.0, 1.7, 2.5, 3.0])
+    step = {"max_step": 0.01} if integrator == "rk4" else {}
+    given = dict(zd0={"phi": TURNING}, rtol=1e-9, integrator=integrator, **step)
+    batch = ncgen.simulate_batch(kernels_of("parameter"), 2.0, p={"begin": begins}, **given)
+    assert batch.ok.all() and batch.alone.tolist() == [True, True, True, False, False]
+    index = kernels_of("parameter").index
+    for k, begin in enumerate(begins[:3]):
+        phi, rate, _, work = exact("parameter", begin=begin)
+        found = [batch.q[k, -1, index["phi"]], batch.qd[k, -1, index["phi"]], batch.work[k, -1]]
+        assert found == pytest.approx([phi, rate, work], abs=1e-7)
+    assert batch.q[3:, -1, index["phi"]] == pytest.approx(2 * TURNING, abs=1e-7)
+    alone = ncgen.simulate_batch(kernels_of("parameter"), 2.0, p={"begin": begins[3:4]}, **given)
+    assert np.array_equal(alone.q[0], batch.q[3])
+
+
+def test_a_batch_says_which_positions_jump():
+    def law(m):
+        return PLACE + 0.1 * sympy.Heaviside(m.time - m.parameter("begin", 1.0))
+
+    batch = ncgen.simulate_batch(ncgen.compile(spinner(law)), 2.0, p={"begin": np.array([1.0, 3.0])})
+    assert batch.status[1] == "ok" and "jumps by 0.1 at t = 1 s" in batch.status[0]
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "dop853", "rattle", "trapezoidal"])
+def test_derivatives_over_an_impulse_are_refused(integrator):
+    with pytest.raises(ModelError, match="the velocity of a driver jumps at t = 1 s, and derivatives do not go through that impulse"):
+        ncgen.sensitivities(kernels_of("parameter"), 2.0, 100, integrator=integrator, zd0={"phi": TURNING})
+    early = ncgen.sensitivities(kernels_of("parameter"), 0.9, 100, integrator=integrator, zd0={"phi": TURNING})
+    assert np.all(np.isfinite(early.qd))
+
+
+def test_derivatives_of_many_motions_over_an_impulse_are_refused():
+    def objective(q, qd):
+        slope = np.zeros_like(q)
+        slope[-1, 0] = 1.0
+        return q[-1, 0], slope, np.zeros_like(qd)
+
+    found = ncgen.gradient_batch(kernels_of("parameter"), 2.0, 100, objective, p={"begin": np.array([1.0, 3.0])})
+    assert found.status[1] == "ok" and "do not go through that impulse" in found.status[0]

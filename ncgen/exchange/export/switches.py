@@ -14,8 +14,7 @@ import numpy as np
 
 from ncgen.mechanism.break_times import MOST_BREAKS, break_times
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.narrow_laws import TIME
-from ncgen.mechanism.time_laws import TimeLaws, time_laws
+from ncgen.mechanism.time_laws import TIME, TimeLaws, time_laws
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient, tangent

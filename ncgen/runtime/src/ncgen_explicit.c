@@ -6,8 +6,7 @@
 enum {
     REPEAT_LIMIT = 8,
     STIFF_EVERY = 1000, /* accepted steps between two looks at stiffness, as long as nothing speaks for it */
-    STIFF_SOON = 16,    /* the same where an implicit method that could go on costs no more than some steps of this one */
-    STIFF_LEFT = 200,   /* and this is how many of these */
+    STIFF_SOON = 16,    /* the same where an implicit method could go on and `worth_it` steps are left */
     STIFF_LIMIT = 15,   /* steps in a row that speak for it and say that it is */
     STIFF_DOUBT = 6,    /* steps that speak against it and make these count anew */
     TINY_LIMIT = 10     /* looks in a row at steps that are a thousand times too short */
@@ -25,6 +24,9 @@ void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
 /* From this share of the stability interval on the real axis stability begins to hold the step down: along the imaginary axis,
  * where springs without damping are, it may end at 0.4 of that. */
 static const ncgen_scalar held_down = R(0.3);
+
+/* Steps of this method that an implicit one, with its Jacobian and first steps, costs no more than. */
+static const ncgen_scalar worth_it = R(200.0);
 
 static ncgen_real *slope(const ncgen_run *r, const ncgen_stepping *w, int stage)
 {
@@ -290,7 +292,7 @@ static int speaks_for_stiffness(const ncgen_run *r, const ncgen_stepping *w, con
 static int can_give_way(const ncgen_run *r, ncgen_scalar h)
 {
     const int is_cheap = r->options->stop_when_stiff && r->constrained && r->constrained->is_recursive && !r->dynamics->rolling;
-    return is_cheap && r->times[r->n_times - 1] - r->start_t > STIFF_LEFT * h;
+    return is_cheap && r->times[r->n_times - 1] - r->start_t > worth_it * h;
 }
 
 /* Is the mechanism stiff? Looked at now and then, and at every step once one speaks for it. */

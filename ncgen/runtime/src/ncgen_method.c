@@ -16,15 +16,16 @@ int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics
     const int simple = dynamics->conservative && !dynamics->rolling && (!model->mass || model->mass_is_constant);
     if (facts[options->method].tangents == SOMETIMES)
         return dynamics->tangents != NULL || (options->method == NCGEN_RATTLE && !simple);
-    return facts[options->method].tangents == ALWAYS;
+    return facts[options->method].tangents != NEVER;
 }
 
-/* Radau's Newton steps take place in the degrees of freedom where a recursion gives accelerations and every constraint is one on
+/* Newton's steps take place in the degrees of freedom where a recursion gives accelerations and every constraint is one on
  * positions. */
 int ncgen_is_reduced(const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
     const int recurs = dynamics->motion || dynamics->tree;
-    return options->method == NCGEN_RADAU && options->formalism == NCGEN_LAGRANGE && !(options->frequency > 0) && recurs && !dynamics->rolling;
+    return facts[options->method].tangents == UNLESS_RECURSIVE && options->formalism == NCGEN_LAGRANGE && !(options->frequency > 0) && recurs &&
+           !dynamics->rolling;
 }
 
 int ncgen_is_implicit(const ncgen_options *options)

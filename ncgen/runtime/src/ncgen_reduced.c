@@ -18,7 +18,7 @@ void ncgen_reduced_layout(ncgen_run *r, ncgen_reduced *w, int *integers)
     w->count = ncgen_degrees_of_freedom(r);
     w->basis = ncgen_take(&r->space, r->n * w->count);
     w->q = ncgen_take(&r->space, r->n);
-    w->driven = ncgen_take(&r->space, r->n);
+    w->driven = ncgen_take(&r->space, w->count);
     w->state = ncgen_take(&r->space, r->ny);
     w->base = ncgen_take(&r->space, r->ny);
     w->rates = ncgen_take(&r->space, r->ny);
@@ -35,23 +35,23 @@ static ncgen_scalar next_random(unsigned *seed)
     return (ncgen_scalar)(*seed >> 8) / R(8388608.0) - 1;
 }
 
-/* Velocities that the constraints allow, one a column. */
+/* Velocities that the constraints allow, one a column, without what drivers add to them. */
 static void find_allowed(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t)
 {
     const int n = r->n;
     const ncgen_scalar *sizes = r->dynamics->column_sizes;
-    ncgen_real *given = w->state, *allowed = w->rates;
+    ncgen_real *given = w->state, *allowed = w->rates, *driven = w->base;
     unsigned seed = 1;
     for (int i = 0; i < n; ++i)
-        given[i] = w->driven[i] = 0;
+        given[i] = driven[i] = 0;
     if (r->model->nu)
-        ncgen_recursive_velocities(r, t, w->q, given, w->driven);
+        ncgen_recursive_velocities(r, t, w->q, given, driven);
     for (int k = 0; k < w->count; ++k) {
         for (int i = 0; i < n; ++i)
             given[i] = next_random(&seed) * sizes[i];
         ncgen_recursive_velocities(r, t, w->q, given, allowed);
         for (int i = 0; i < n; ++i)
-            w->basis[k * n + i] = allowed[i] - w->driven[i];
+            w->basis[k * n + i] = allowed[i] - driven[i];
     }
 }
 
@@ -120,7 +120,19 @@ void ncgen_reduced_measure(ncgen_run *r, const ncgen_reduced *w, const ncgen_rea
     ncgen_real *seen = r->constrained->emitted;
     ncgen_recursive_derivative(r, w->t, w->q, velocities, seen);
     for (int k = 0; k < w->count; ++k)
-        chosen[k] = seen[w->chosen[k]] - w->driven[w->chosen[k]];
+        chosen[k] = seen[w->chosen[k]] - w->driven[k];
+}
+
+/* What the derivative sees at rest: the drivers' part, which is not that of the projected velocities. */
+static void find_driven(ncgen_run *r, ncgen_reduced *w)
+{
+    for (int k = 0; k < w->count; ++k)
+        w->driven[k] = 0;
+    if (!r->model->nu)
+        return;
+    for (int i = 0; i < r->n; ++i)
+        w->state[i] = 0;
+    ncgen_reduced_measure(r, w, w->state, w->driven);
 }
 
 /* Differences -------------------------------------------------------------------------------------------------- */
@@ -150,6 +162,7 @@ int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const
     ncgen_copy(n, y + n, w->q);
     find_allowed(r, w, t);
     eliminate(r, w);
+    find_driven(r, w);
     ncgen_copy(r->ny, y, w->state);
     int status = r->derivative(r, t, w->state, w->base);
     /* Positions are of size 1; velocities change on the time scale that accelerations have at this size. */

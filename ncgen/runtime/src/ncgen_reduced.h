@@ -8,9 +8,9 @@
 typedef struct ncgen_reduced {
     int count;           /* columns */
     ncgen_real *basis;   /* count columns of n */
-    ncgen_scalar t;      /* time, */
-    ncgen_real *q;       /* n: position, */
-    ncgen_real *driven;  /* n: and the drivers' part of the velocities where the basis is taken */
+    ncgen_scalar t;      /* where the basis is taken: time, */
+    ncgen_real *q;       /* n: and position */
+    ncgen_real *driven;  /* count: what the derivative sees of the chosen velocities where all coordinates are at rest */
     ncgen_real *state;   /* ny: a state beside the one that is looked at */
     ncgen_real *base;    /* ny: the derivative there */
     ncgen_real *rates;   /* ny: the derivative of the state beside it */

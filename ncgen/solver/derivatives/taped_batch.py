@@ -16,6 +16,7 @@ import numpy as np
 
 from ncgen.errors import NcgenError
 from ncgen.mechanism.batch import thread_count
+from ncgen.mechanism.driver_jumps import may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motions import LaneRuns, Motions
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion
@@ -90,8 +91,8 @@ class TapedBatch:
 
     @cached_property
     def _motions(self) -> Motions | None:
-        """In lanes, None where the motion is not written out or too long for them."""
-        if not is_taped(self.kernels, self.method):
+        """In lanes, None where the motion is not written out or too long for them, or where drivers may ask for impulses."""
+        if not is_taped(self.kernels, self.method) or may_jump(self.kernels):
             return None
         motions = Motions(all_coordinates(checked_compiled(self.kernels), form="emitted"), self.method, self.times)
         return motions if motions.may_run else None

@@ -29,7 +29,7 @@ from ncgen.solver.positions.partition import (
     quality,
     stuck_message,
 )
-from ncgen.solver.positions.position import TOLERANCE, solve_position
+from ncgen.solver.positions.position import TOLERANCE, newton_position
 from ncgen.solver.positions.rank import closeness_at, freedom_at, trial_positions
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
@@ -151,9 +151,7 @@ def form_of(kernels: Kernels, method: Method) -> Form:
 
 def _may_recur(kernels: Kernels, method: Method) -> bool:
     """True where a recursion could give the accelerations of a method."""
-    if refusal(kernels, method, "c", "double") or method.formalism.name != "lagrange":
-        return False
-    if not (method.integrator.tableau or method.integrator.name == "radau"):
+    if refusal(kernels, method, "c", "double") or not (method.formalism.name == "lagrange" and method.integrator.takes_recursion):
         return False
     return method.options.get("stabilisation") == "projection"
 
@@ -205,7 +203,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom_at(kernels, q, times[0], p).rank, event=task.stop, max_step=task.step_in_c,
+        rank=freedom_at(kernels, q, times[0], p).rank if task.rank is None else task.rank, event=task.stop, max_step=task.step_in_c,
         progress=Progress(task.progress, kernels.name, task.arrival),
         looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
         **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
@@ -343,7 +341,8 @@ def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
         other = p + ASIDE * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))
         t = float(ASIDE * generator.uniform())
         try:
-            close = solve_position(kernels, found[-1].q, t, refresh_branches(kernels, q, other), tolerance=closeness_at(kernels, q))
+            there, free = refresh_branches(kernels, q, other), np.arange(kernels.n)
+            close = newton_position(kernels, found[-1].q, t, there, free, closeness_at(kernels, q))
             found.append(Sample(t, close.q, other))
         except NcgenError:
             continue  # these parameters leave no position

@@ -56,7 +56,7 @@ class _Run:
     def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
         self.path, self.kernels, self.task, self.method, self.p = path, watched(kernels), task, task.method, task.p
         self.accelerations = accelerations_by(self.method.formalism.name)
-        self.rank = freedom_at(kernels, task.q, task.grid[0], task.p).rank
+        self.rank = freedom_at(kernels, task.q, task.grid[0], task.p).rank if task.rank is None else task.rank
         self.reached: tuple[float, np.ndarray] | None = None
         self.projecting = self.method.options["stabilisation"] == "projection"
         self.rows: np.ndarray | None = None

@@ -12,6 +12,7 @@ import numpy as np
 from ncgen.mechanism.break_times import beside
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.impulse import cross
+from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
 
@@ -33,6 +34,8 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task, ends: 
     if len(path.q):
         q, qd, work = path.q[-1], path.qd[-1], float(path.work[-1])
         velocities = _velocities(path, task, qd)
+    if task.method.is_constrained and not task.method.is_stepper:
+        task = replace(task, rank=freedom_at(kernels, task.q, float(grid[0]), task.p).rank)
     path.impulses = [each for each in path.impulses if each.t < t]  # later ones are met again
     for before, after in [*ends[(ends[:, 1] > t) & (ends[:, 0] < end)].tolist(), [end, end]]:
         if t < before:
@@ -65,7 +68,7 @@ def _one(
     looks = np.zeros(len(times), dtype=bool)
     looks[places] = task.looks_from(first)[: last - first]
     looks[[0, -1]] = False  # the ends are what the run goes on from
-    inside = task.breaks[(task.breaks[:, 0] > ends[0]) & (task.breaks[:, 1] < ends[1])]
+    inside = task.breaks[np.searchsorted(task.breaks[:, 0], ends[0], "right") : np.searchsorted(task.breaks[:, 1], ends[1])]
     try:
         return engine(part, kernels, replace(task, grid=times, looks=looks, breaks=inside))
     finally:

@@ -1,22 +1,25 @@
 """What one body does to another: the part of a body's loads that comes through the elements both share and through rows between them.
 
-A row is no body's: what it does to an element of one body alone is that body's load, −λ ∂Φ/∂e. Who is on its other side its elements tell;
-the ground is where the forces and moments on them do not cancel.
+A row is no body's: what it does to an element of one body alone is that body's load, −λ ∂Φ/∂e, and fixed elements are loaded like others.
+Who is on its other side its joint or its elements tell; the ground is where the forces and moments on them do not cancel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.model.bodies import Body
-from ncgen.model.elements import Angle, Combination, Point, Spatial
+from ncgen.model.elements import Angle, Combination, Point, Spatial, Vector
 from ncgen.model.rows import Owner
 from ncgen.solver import geometry
+from ncgen.solver.loads.sharing import Released
+from ncgen.symbolic.equations import build_bonds
 
 if TYPE_CHECKING:
     from ncgen.model.model import Model
@@ -31,9 +34,9 @@ NOTHING = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class RowLoad:
-    """What a row does to movable elements: {element: (K, 3)} generalised forces; needs_ground: they do not cancel.
+    """What a row does to points and vectors: {element: (K, 3)} generalised forces, those of fixed elements among them.
 
-    bodies: the two of the joint or angle that it belongs to, where that says it
+    bodies: the two that it is between, where that is known; needs_ground: the forces do not cancel
     """
 
     label: str
@@ -47,29 +50,30 @@ def row_loads(run: Trajectory, largest: float, between: Mapping[str, tuple[str, 
 
     largest: load on any body, beside which rounding is nothing; between: the two bodies of rows that do not say it, by labels
     """
-    kernels, model = run.kernels, run.model
+    model, bonds = run.model, Released(run, build_bonds(run.model))
     places = {
-        element: [(axis, kernels.index[c.name]) for axis, c in enumerate(element.components) if c.name in kernels.index]
+        element: [bonds.kernels.index[c.name] for c in element.components]
         for element in model.elements.values()
         if isinstance(element, Spatial)
     }
-    numbers = [i for i, row in enumerate(kernels.rows) if row.owner.kind != "body"]
-    history = np.zeros((len(run.t), len(numbers), kernels.n))
+    numbers = [i for i, row in enumerate(model.rows) if row.owner.kind != "body"]
+    history = np.zeros((len(run.t), len(numbers), bonds.kernels.n))
     for k, (t, q, lam) in enumerate(zip(run.t, run.q, run.lam, strict=True)):
-        history[k] = -lam[numbers, None] * kernels.phi_q(q, t, kernels.present(t, run.p))[numbers].toarray()
-    at = {element: geometry.element(kernels, element, run.q, run.p) for element, own in places.items() if own}
+        slopes = bonds.kernels.phi_q(bonds.position(q), t, run.kernels.present(t, run.p))[numbers]
+        history[k] = -lam[numbers, None] * slopes.toarray()
+    at = {element: geometry.element(run.kernels, element, run.q, run.p) for element in places}
     found = []
     for i, number in enumerate(numbers):
         forces = {}
-        for element, own in places.items():
-            force = np.zeros((len(run.t), 3))
-            for axis, column in own:
-                force[:, axis] = history[:, i, column]
-            if np.max(np.abs(force), initial=0.0) > NOTHING * largest:
+        for element, columns in places.items():
+            force = history[:, i, columns]
+            felt = np.cross(at[element], force) if isinstance(element, Vector) else force
+            if np.max(np.abs(felt), initial=0.0) > NOTHING * largest:
                 forces[element] = force
         if forces:
-            row = kernels.rows[number]
-            found.append(RowLoad(row.label, between.get(row.label) or _said(model, row.owner), forces, _needs_ground(forces, at)))
+            row, needs_ground = model.rows[number], _needs_ground(forces, at)
+            pair = between.get(row.label) or _said(model, row.owner) or _covering(model, row.owner, forces, needs_ground)
+            found.append(RowLoad(row.label, pair, forces, needs_ground))
     return found
 
 
@@ -87,8 +91,19 @@ def _said(model: Model, owner: Owner) -> tuple[str, ...]:
     if isinstance(angle := model.elements.get(owner.name), Angle):
         ends = body_of(model, angle.start), body_of(model, angle.end)
         return (ends[0], ends[1]) if ends[0] and ends[1] and ends[0] != ends[1] else ()
-    names, said = (model.ground.name, *model.bodies), owner.name.partition(" ")[2]
-    return next(((a, b) for a in names for b in names if a != b and said == f"{a}-{b}"), ()) if owner.kind == "joint" else ()
+    return owner.bodies if len(owner.bodies) == 2 else ()
+
+
+def _covering(model: Model, owner: Owner, forces: Iterable[Spatial], needs_ground: bool) -> tuple[str, ...]:
+    """The only two bodies that have all elements of a row between them; what is fixed is the ground's where that leaves a choice."""
+    ground = model.ground.name
+    having = [_owners(model.bodies, element, ground) for element in forces]
+    names = sorted({ground}.union(*having)) if needs_ground else sorted(set().union(*having))
+    needed = {*owner.bodies, *([ground] if needs_ground else [])}
+    pairs = [pair for pair in combinations(names, 2) if needed <= set(pair) and all(each & set(pair) for each in having)]
+    if not needs_ground and set.intersection(*having):
+        return ()  # a body's own
+    return next((chosen[0] for chosen in (pairs, [pair for pair in pairs if ground in pair]) if len(chosen) == 1), ())
 
 
 def _needs_ground(forces: dict[Spatial, np.ndarray], at: dict[Spatial, np.ndarray]) -> bool:
@@ -120,10 +135,10 @@ def loads_between(
             raise _unknown(element.name, body, beside, third[0])
     felt: list[tuple[Spatial, np.ndarray]] = [(e, np.stack([loads[c.name] for c in e.components], axis=-1)) for e in shared]
     for row in rows:
-        own = [e for e in row.forces if body in _bearers(row, bodies, e)]
+        own = [e for e in row.forces if body in _bearers(row, bodies, e, ground)]
         if not own:
             continue
-        partners, unsure = _partners(row, bodies, ground, body), [e for e in own if len(_bearers(row, bodies, e)) > 1]
+        partners, unsure = _partners(row, bodies, ground, body), [e for e in own if len(_bearers(row, bodies, e, ground)) > 1]
         if beside not in partners:
             if any(e in shared for e in unsure):
                 raise _unknown(row.label, body, beside, min(partners))
@@ -132,7 +147,7 @@ def loads_between(
         if len(partners) > 1:
             raise _unknown(row.label, body, beside, min(partners - {beside}))
         if held := [e for e in unsure if e not in shared]:
-            raise _unknown(f"{row.label} ({held[0].name})", body, beside, min(_bearers(row, bodies, held[0]) - {body}))
+            raise _unknown(f"{row.label} ({held[0].name})", body, beside, min(_bearers(row, bodies, held[0], ground) - {body}))
         felt += [(e, row.forces[e]) for e in own if e not in shared]
     if not (felt or meet):
         raise ModelError(f"body {body} shares no point and no vector with {beside}, and no row ties them")
@@ -143,19 +158,19 @@ def _owners(bodies: Mapping[str, Body], element: Spatial, ground: str) -> set[st
     return {name for name, body in bodies.items() if element in body.elements} | ({ground} if element.fixed else set())
 
 
-def _bearers(row: RowLoad, bodies: Mapping[str, Body], element: Spatial) -> set[str]:
-    """The bodies that a row's force on an element may act on: those of the joint that the row belongs to, where they have the element."""
-    having = {name for name, body in bodies.items() if element in body.elements}
-    return having & set(row.bodies) or having
+def _bearers(row: RowLoad, bodies: Mapping[str, Body], element: Spatial, ground: str) -> set[str]:
+    """The bodies that a row's force on an element may act on: those of the two that it is between, where they have the element."""
+    having = _owners(bodies, element, ground)
+    return having & set(row.bodies) or ({ground} if element.fixed else having)
 
 
 def _partners(row: RowLoad, bodies: Mapping[str, Body], ground: str, body: str) -> set[str]:
     """Who is on the other side of a row that acts on a body."""
     if body in row.bodies:
         return set(row.bodies) - {body}
-    found = {name for e in row.forces if body not in _bearers(row, bodies, e) for name in _bearers(row, bodies, e)}
+    found = {name for e in row.forces if body not in _bearers(row, bodies, e, ground) for name in _bearers(row, bodies, e, ground)}
     found |= {ground} if row.needs_ground else set()
-    return found or {name for e in row.forces for name in _bearers(row, bodies, e)} - {body}
+    return found or {name for e in row.forces for name in _bearers(row, bodies, e, ground)} - {body}
 
 
 def _unknown(what: str, body: str, beside: str, third: str) -> ModelError:

@@ -42,17 +42,16 @@ STEADY = 1e-3
 """Totals that vary less, relatively, are said as one number."""
 
 
-class Share:
-    """The rows, masses and forces that one body owns, as kernels of their own over its fixed coordinates, too."""
+class Released:
+    """Rows, masses and forces of a part of a mechanism, as kernels of their own over fixed coordinates, too."""
 
-    def __init__(self, run: Trajectory, body: Body) -> None:
-        self.body = body
-        self.kernels = kernels_of(build_equations(run.model, Owner("body", body.name)))
+    def __init__(self, run: Trajectory, equations: Equations) -> None:
+        self.kernels = kernels_of(equations)
         self.coordinates = self.kernels.coordinates
         index = run.kernels.index
         self._free = np.array([k for k, name in enumerate(self.coordinates) if name in index], dtype=int)
         self._from = np.array([index[self.coordinates[k]] for k in self._free], dtype=int)
-        fixed = {c.name: c for e in body.elements for c in e.components if c.fixed}
+        fixed = {c.name: c for c in equations.released}
         values = {name: geometry.component(run.kernels, c, run.q[0], run.p) for name, c in fixed.items()}
         self._still = np.array([values.get(name, 0.0) for name in self.coordinates])
 
@@ -67,6 +66,14 @@ class Share:
         found = np.zeros(len(self.coordinates))
         found[self._free] = qd[self._from]
         return found
+
+
+class Share(Released):
+    """What one body owns."""
+
+    def __init__(self, run: Trajectory, body: Body) -> None:
+        super().__init__(run, build_equations(run.model, Owner("body", body.name)))
+        self.body = body
 
     @property
     def own(self) -> np.ndarray:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism.break_times import break_times_of_each
+from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.engines.compiled import GROWTH
@@ -42,8 +43,8 @@ class BatchTrajectory:
     independent: names of the independent coordinates
     status (B,): "ok", "interrupted", or a sentence that says why a state did not arrive; its rows from there on are NaN
     steps (B,): accepted ones
-    alone (B,): states that could not go on with the others, mostly since their independent coordinates became bad, so that
-        they were simulated one at a time
+    alone (B,): states that could not go on with the others, mostly since their independent coordinates became bad or a driver's velocity
+        jumps, so that they were simulated one at a time
     """
 
     kernels: Kernels
@@ -221,7 +222,7 @@ def side_by_side(
 
     run: its times and tolerances; threads, progress: as of `simulate_batch`; inputs: what changes with time, which lanes cannot follow
     """
-    done = _not_begun(run, states) if inputs else _in_lanes(kernels, run, method, states, threads, progress)
+    done = _not_begun(run, states) if inputs else _begun(kernels, run, method, states, threads, progress)
     exhausted = np.flatnonzero((done.steps >= MOST_STEPS) & (np.array(done.status) != "ok"))
     for i in exhausted:
         done.status[i] = (
@@ -247,12 +248,33 @@ def side_by_side(
     return batch.trajectory()
 
 
-def _in_lanes(
+def _begun(
     kernels: Kernels, run: Run, method: Method, states: States, threads: int | None, progress: Callable[[float], None] | None
 ) -> LaneOutcome:
+    """What came of states in lanes; those in which a driver's velocity jumps have not begun, since lanes take no impulses."""
+    breaks = break_times_of_each(kernels, states.p, run.times[0], run.times[-1])
+    if breaks is None or not may_jump(kernels):
+        return _in_lanes(kernels, run, method, states, threads, progress, breaks)
+    pairs = enumerate(zip(states.p, states.q, breaks, strict=True))
+    smooth = [i for i, each in pairs if not has_driver_jumps(kernels, *each)]
+    done = _not_begun(run, states)
+    if not smooth:
+        return done
+    some = replace(states, q=states.q[smooth], zd=states.zd[smooth], p=states.p[smooth], faults={})
+    found = _in_lanes(kernels, run, method, some, threads, progress, [breaks[i] for i in smooth])
+    for name in ("q", "qd", "work", "steps", "reached"):
+        getattr(done, name)[smooth] = getattr(found, name)
+    for i, status in zip(smooth, found.status, strict=True):
+        done.status[i] = status
+    return replace(done, raised=found.raised)
+
+
+def _in_lanes(
+    kernels: Kernels, run: Run, method: Method, states: States, threads: int | None, progress: Callable[[float], None] | None,
+    breaks: list[np.ndarray] | None,
+) -> LaneOutcome:  # fmt: skip
     sizes = kernels.column_sizes[states.choice.places]
     tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
-    breaks = break_times_of_each(kernels, states.p, run.times[0], run.times[-1])
     return states.choice.lanes.simulate(
         method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, breaks, tolerance=TOLERANCE, growth=GROWTH,
         max_step=0.0 if np.isinf(run.max_step) else run.max_step, max_steps=MOST_STEPS, **tolerances,

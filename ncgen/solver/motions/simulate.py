@@ -335,9 +335,9 @@ class _Motion:
         (times, looks), path = self._rows(), self.path
         if len(self.jumps):
             times = beside(self.breaks, times)  # a row at a jump is of the time before it
-        if not np.any(looks):
-            return replace(found, t=times)
-        shown = looks.copy()
+        elif not np.any(looks):
+            return found
+        shown = looks.copy() if np.any(looks) else np.ones(len(looks), dtype=bool)
         shown[[0, -1]] = True
         return replace(found, t=times[shown], q=path.q[shown], qd=path.qd[shown], work=path.work[shown])
 

@@ -20,11 +20,12 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO, INTEGRATORS, find_integrator
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.conditions import check_parameters
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
+from ncgen.solver.formalisms.impulse import Impulse, cross
 from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, values_by_name
 from ncgen.solver.motions.alone import Alone
+from ncgen.solver.parameter_checks import check_parameters
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.choice import ALL, EXPLICIT
 from ncgen.solver.runs.run import Initial, InitialArguments, relative_tolerance
@@ -158,6 +159,11 @@ class Simulation:
         """State derivatives of the last step."""
         return self._now.evaluations
 
+    @property
+    def impulses(self) -> tuple[Impulse, ...]:
+        """What drivers did in the last step where the velocity of one jumped."""
+        return self._now.impulses
+
     def drive(self, **inputs: float) -> Simulation:
         """Give inputs by their names; each keeps its value until it is given again. Raises ModelError for an unknown name and no number."""
         with self._alone:
@@ -281,7 +287,7 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
     from ncgen.mechanism.moving import Stepping
 
     dynamics = compiled.all_coordinates(kernels, form=form)
-    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double")), here
+    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double"), cross), here
 
 
 def outputs_at(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -23,12 +23,12 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.methods.table import AUTO
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.conditions import refused_parameters
 from ncgen.solver.engines.compiled import checked_compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, offer, positive, values_by_name
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.motions.simulation import explicit, known_text, outputs_at, prepared
+from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial, InitialArguments, relative_tolerance
 from ncgen.solver.trajectories.outputs import uses_accelerations
 

@@ -15,10 +15,10 @@ from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
-from ncgen.solver.conditions import refused_parameters
 from ncgen.solver.engines.compiled import checked_compiled, dynamics, refusal, refusal_of_size
 from ncgen.solver.geometry import angles, arms_have_parameters, measured_angles
 from ncgen.solver.given import known_name
+from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import Partitions, partitions_for
 from ncgen.solver.positions.position import TOLERANCE, check_finite, check_mirror_roots

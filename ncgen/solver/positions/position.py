@@ -71,6 +71,16 @@ def solve_position(
     tolerance, limit = given.positive(tolerance, "tolerance"), given.count(limit, "limit")
     names = given.names_of(held, "held", kernels.index)
     free = np.array([i for i, name in enumerate(kernels.coordinates) if name not in names], dtype=int)
+    return newton_position(kernels, q, t, p, free, tolerance, limit)
+
+
+def newton_position(
+    kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, free: np.ndarray, tolerance: float = TOLERANCE, limit: int = LIMIT
+) -> Position:
+    """As `solve_position`, for arguments that ncgen has made: no condition on parameters p (n_p,) is asked for.
+
+    free: numbers of the coordinates that may change
+    """
     sizes = kernels.row_sizes
     value = kernels.phi(q, t, p) / sizes
     history = [float(np.max(np.abs(value), initial=0.0))]

@@ -366,9 +366,10 @@ def positive(value: object, name: str, what: str = "number") -> float:
 
 def relative_tolerance(value: object) -> float:
     """A tolerance relative to what is integrated. Raises ModelError unless it is above 0 and below 1, from where on all would pass."""
-    if not positive(value, "rtol") < 1:
+    number = positive(value, "rtol")
+    if not number < 1:
         raise ModelError(f"rtol: {echo(value)} given; it must be below 1, such as 1e-8")
-    return float(value)
+    return number
 
 
 def count(value: object, name: str, least: int, why: str) -> int:

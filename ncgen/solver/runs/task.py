@@ -32,6 +32,7 @@ class Task:
         reached
     signals: what drives the mechanism, if anything does
     breaks (B, 2): the breaks of the laws in time (s), as `break_times` finds them; jumps (J, 2): those at which a driver's velocity jumps
+    rank: of Φ_q, None where it is not known yet
     before: when the run began (s), of which this is a part, and how many steps it has taken so far
     steps_to_rows: whether a method with a fixed step takes one from each time of the grid to the next, whatever max_step is
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
@@ -52,6 +53,7 @@ class Task:
     breaks: np.ndarray = field(default_factory=lambda: NO_BREAKS)
     looks: np.ndarray | None = None
     jumps: np.ndarray = field(default_factory=lambda: NO_BREAKS)
+    rank: int | None = None
     before: tuple[float, int] = (0.0, 0)
     steps_to_rows: bool = False
 

@@ -46,6 +46,8 @@ def about(run: Trajectory) -> dict[str, Any]:
     versions = {"ncgen": __version__, "numpy": np.__version__, "python": platform.python_version()}
     options = {name: value if isinstance(value, (bool, int, str)) else float(value) for name, value in run.options.items()}
     own = {"name": run.name, "chosen": list(run.chosen), "options": options, "statistics": asdict(run.statistics)}
+    if run.impulses:
+        own["impulses"] = [[each.t, each.driver, each.size] for each in run.impulses]
     return {"format": FORMAT, **versions, **said, **own}
 
 

@@ -25,10 +25,22 @@ Judged: TypeAlias = tuple[list[Condition], Program]
 """The conditions of a model that parameters have a say in, and a program of the numbers that they are about."""
 
 
+ACCEPTED = 16
+"""Parameters that are remembered as accepted: one call hands the same ones from function to function."""
+
+
 def check_parameters(kernels: Outline, p: np.ndarray) -> None:
     """Raise ModelError where parameters p (n_p,) are none that the model could have been made with, naming them and their numbers."""
-    if refused := refused_parameters(kernels, p[None]):
-        raise ModelError(f"p: {refused[0]}")
+
+    def accept() -> None:
+        if refused := refused_parameters(kernels, p[None]):
+            raise ModelError(f"p: {refused[0]}")
+
+    remember = getattr(kernels, "remember", None)
+    if remember:
+        remember("accepted p", p.tobytes(), accept, ACCEPTED)
+    else:
+        accept()
 
 
 def refused_parameters(kernels: Outline, p: np.ndarray) -> dict[int, str]:
@@ -62,7 +74,7 @@ def _found(model: Model) -> Judged:
 
 def _conditions(model: Model) -> Iterator[Condition]:
     for body in model.bodies.values():
-        if body.inertia is not None:
+        if body.inertia is not None and body.inertia.is_judged:
             yield from bodies.conditions(body.name, body.inertia.mass, body.inertia.tensor)
     for row in model.rows:
         yield from rows.conditions(row)
