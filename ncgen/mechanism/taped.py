@@ -17,7 +17,7 @@ from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.driving import Function, Pieces, told_at
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.moving import ANY_STEP
-from ncgen.mechanism.moving_breaks import Jump, Jumping, no_jumps
+from ncgen.mechanism.moving_breaks import Jump, Jumping
 from ncgen.mechanism.runtime import ConstrainedDynamics, Outcome
 from ncgen.mechanism.sweep import SMALL, Numbers, Sizes, Sweep, dual_numbers
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, Integrator, number_in_c
@@ -78,7 +78,7 @@ class Taped:
     def __init__(
         self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray,
         tolerances: Mapping[str, InC] | None = None, inputs: Sequence[Pieces | Function | None] = (), breaks: np.ndarray = NO_BREAKS,
-        jumps: Jumping = no_jumps, **options: InC,
+        jumps: Jumping | None = None, **options: InC,
     ) -> None:  # fmt: skip
         self._jumping = jumps
         self._dynamics, self._kernels = dynamics, dynamics.kernels
@@ -130,7 +130,7 @@ class Taped:
         numbers = Numbers(self._ffi, self._library, transposed, np.dtype(float), home)
         return Sweep(numbers, self._sizes, self._times, self._states, self._p, self.driven.values)
 
-    def states(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _states_at_ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """All instants at which steps end (steps + 1,), s, and q and q̇ there, (steps + 1, n)."""
         count, n = len(self._times), self._sizes.n_coordinates
         first = self._states[: (count - 1) * self._step_size].reshape(count - 1, self._step_size)[:, : 2 * n]
@@ -141,7 +141,7 @@ class Taped:
     @cached_property
     def jumps(self) -> Mapping[int, Jump]:
         """Those that parameters move, by the number of the instant just before."""
-        return {} if self._jumping is no_jumps else self._jumping(*self.states())
+        return self._jumping(*self._states_at_ends()) if self._jumping else {}
 
     def _pieces(self) -> list[tuple[int, int]]:
         """First and last instant of all parts of the run that no jump divides."""

@@ -117,13 +117,13 @@ def end_of(q, qd):
 
 
 WAYS = [
-    ("rk4", 90, "c", 3e-6), ("dop853", 20, "c", 1e-9), ("dopri5", 60, "c", 1e-8), ("rk4", 90, "numpy", 3e-6), ("rattle", 600, "c", 4e-5),
-    ("energy-momentum", 600, "c", 4e-5), ("generalized-alpha", 600, "c", 2e-4), ("generalized-alpha", 200, "numpy", 1.5e-3),
-    ("trapezoidal", 600, "c", 4e-5), ("trapezoidal", 200, "numpy", 4e-4), ("rattle", 200, "numpy", 4e-4),
+    ("rk4", 60, "c", 1e-5), ("dop853", 20, "c", 1e-9), ("dopri5", 40, "c", 2e-7), ("rattle", 60, "c", 4e-3),
+    ("energy-momentum", 60, "c", 4e-3), ("generalized-alpha", 60, "c", 6e-3), ("trapezoidal", 60, "c", 4e-3), ("rk4", 20, "numpy", 1e-3),
+    ("rattle", 20, "numpy", 3e-2), ("generalized-alpha", 20, "numpy", 6e-2), ("trapezoidal", 20, "numpy", 4e-2),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", [law if law in ("Heaviside", "smooth_step") else pytest.param(law, marks=pytest.mark.slow) for law in LAWS])
 @pytest.mark.parametrize(("integrator", "steps", "backend", "close"), WAYS)
 def test_a_parameter_that_moves_a_break(law, integrator, steps, backend, close):
     """Of jumps, corners and what is smooth: back and forth, against 40 digits, to the error of the steps."""
@@ -132,9 +132,36 @@ def test_a_parameter_that_moves_a_break(law, integrator, steps, backend, close):
     forward = ncgen.sensitivities(kernels, T, steps, integrator)
     assert found.value == pytest.approx(wanted["x"], abs=close)
     for name in AT:
-        assert found.slopes[name] == pytest.approx(wanted[name], rel=0, abs=close * 3), name
+        assert found.slopes[name] == pytest.approx(wanted[name], rel=0, abs=close), name
     assert list(found.slopes.values()) == pytest.approx(forward.q_by[-1, 0].tolist(), rel=1e-9, abs=1e-11)
     assert forward.q[-1, 0] == found.value
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("integrator", "backend"), [(way[0], way[2]) for way in WAYS if way[3] > 3e-4])
+def test_errors_of_implicit_steps_fall_with_their_square(law, integrator, backend):
+    """Whatever lies between the instants of the grid."""
+    kernels, wanted, off = block(LAWS[law][0], backend), expected(law), []
+    for steps in (150, 600):
+        found = ncgen.gradient(kernels, T, steps, end_of, integrator).slopes
+        off.append(max(abs(found[name] - wanted[name]) for name in AT))
+    assert off[1] < off[0] / 10
+
+
+def test_many_motions():
+    """One after the other where a law has breaks in the run, side by side where none has; a state without a derivative says why."""
+    kernels = block(LAWS["Heaviside"][0])
+    t1 = np.array([T1, 1.2, 0.0])
+    found = ncgen.gradient_batch(kernels, T, 20, end_of, "dop853", p={"t1": t1})
+    for k in (0, 1):
+        alone = ncgen.gradient(kernels, T, 20, end_of, "dop853", p={"t1": t1[k]})
+        assert found.values[k] == alone.value
+        assert found.slopes[k].tolist() == list(alone.slopes.values())
+    assert found.by("t1")[0] == pytest.approx(expected("Heaviside")["t1"], abs=1e-9)
+    assert found.ok.tolist() == [True, True, False] and np.isnan(found.values[2]) and np.all(np.isnan(found.slopes[2]))
+    assert "no derivative by t1" in found.status[2]
+    assert not np.any(ncgen.gradient_batch(kernels, 0.5, 20, end_of, p={"t1": t1[:2]}).alone)
 
 
 def test_a_long_run_in_segments_feels_jumps(monkeypatch):
@@ -152,32 +179,50 @@ def test_steps_by_tolerance_feel_jumps():
     assert [found.value, *found.slopes.values()][:4] == pytest.approx(list(wanted.values()), abs=1e-9)
 
 
+def of_an_input(t, t1, t2, w, m):
+    return sympy.Heaviside(m.input("F", "N") - w)
+
+
 REFUSED = {
-    "two that do not move together": (lambda t, t1, t2, w, m: sympy.Heaviside(t - t1) * sympy.Heaviside(t - T1), "t1"),
-    "the start": (lambda t, t1, t2, w, m: sympy.Heaviside(t - t1 + T1), "t1"),
-    "an input in the argument": (lambda t, t1, t2, w, m: sympy.Heaviside(m.input("F", "N") - w), "w"),
+    "two that do not move together": (LAWS["Heaviside"][0], ("t1", "t2", "w"), {"t1": T2 / W}),
+    "the start": (LAWS["Heaviside"][0], ("t1",), {"t1": 0.0}),
+    "an input in the argument": (of_an_input, ("w",), {}),
 }
 
 
 @pytest.mark.parametrize("integrator", ["rk4", "rattle", "trapezoidal"])
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_is_not_known_is_refused_by_name(case, integrator):
-    law, name = REFUSED[case]
+    law, names, p = REFUSED[case]
     kernels = block(law)
     inputs = {"F": ([0.0, T], [0.0, 4.0])} if kernels.inputs else None
-    others = [other for other in (*AT, "s") if other != name]
-    for call in (lambda **more: ncgen.gradient(kernels, T, 50, end_of, **more), lambda **more: ncgen.sensitivities(kernels, T, 50, **more)):
-        with pytest.raises(
-            ModelError, match=f"^block: there is no derivative by {name}, which moves .*; give {name} another value or leave"
-        ):
-            call(integrator=integrator, inputs=inputs)
-        call(integrator=integrator, inputs=inputs, by=others)
+
+    def calls(**more):
+        ncgen.gradient(kernels, T, 20, end_of, integrator, p=p, inputs=inputs, **more)
+        ncgen.sensitivities(kernels, T, 20, integrator, p=p, inputs=inputs, **more)
+
+    for name in names:
+        said = f"^block: there is no derivative by {name}, which moves .*; give {name} another value or leave"
+        with pytest.raises(ModelError, match=said):
+            ncgen.gradient(kernels, T, 20, end_of, integrator, by=name, p=p, inputs=inputs)
+        with pytest.raises(ModelError, match=said):
+            ncgen.sensitivities(kernels, T, 20, integrator, by=name, p=p, inputs=inputs)
+    with pytest.raises(ModelError, match="there is no derivative by"):
+        calls()
+    calls(by=[name for name in (*AT, "s") if name not in names])
+
+
+def test_a_corner_at_the_start_is_no_jump():
+    """Of a mechanism at rest, where all accelerations are rounding: Max(0, t − t₁) Min(w, t₂² − t) by t₁ is −Min(w, t₂² − t)."""
+    found = ncgen.gradient(block(LAWS["Max"][0]), T, 20, end_of, "dop853", p={"t1": 0.0})
+    wanted = -mpmath.quad(lambda s: mpmath.sin(OMEGA * (T - s)) / OMEGA * min(W, T2**2 - s), [0, T2**2 - W, T])
+    assert found.slopes["t1"] == pytest.approx(float(wanted), abs=1e-9)
 
 
 @pytest.mark.parametrize("law", ["Heaviside", "Max"])
 def test_second_derivatives_by_what_moves_a_corner_are_refused(law):
     with pytest.raises(
-        ModelError, match=r"^block: there are no second derivatives, since t1, t2(, w)? may move the corner or jump of a law at t = "
+        ModelError, match=r"^block: there are no second derivatives, since t1, t2, w may move the corner or jump of a law in time; take "
     ):
         ncgen.hessian(block(LAWS[law][0]), T, 50, lambda q, qd: (*end_of(q, qd), None))
 
@@ -192,18 +237,22 @@ def test_second_derivatives_over_breaks_that_move_smoothly():
         np.testing.assert_allclose(found.products[:3, k], wanted, rtol=0, atol=2e-6)
 
 
+@cache
+def pushed_by_an_input():
+    return block(lambda t, t1, t2, w, m: m.input("F", "N"))
+
+
 @pytest.mark.parametrize("integrator", ["rk4", "rattle", "energy-momentum", "generalized-alpha", "trapezoidal"])
 @pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
 def test_no_sample_is_passed_over(integrator, hold):
     """Steps five times as long as what lies between samples."""
-    kernels = block(lambda t, t1, t2, w, m: m.input("F", "N"))
-    times = np.linspace(0.0, T, 301)
-    found = ncgen.gradient(kernels, T, 60, end_of, integrator, inputs={"F": (times, np.cos(5 * times), hold)})
+    times = np.linspace(0.0, T, 101)
+    found = ncgen.gradient(pushed_by_an_input(), T, 20, end_of, integrator, inputs={"F": (times, np.cos(5 * times), hold)})
     slopes = found.by_inputs["F"]
-    wanted = np.sin(OMEGA * (T - times)) / OMEGA * 0.01
+    wanted = np.sin(OMEGA * (T - times)) / OMEGA * 0.03
     if hold == "zero":
         wanted[:-1] = (wanted[:-1] + wanted[1:]) / 2
-    np.testing.assert_allclose(slopes[12:-12], wanted[12:-12], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(slopes[12:-12], wanted[12:-12], rtol=0, atol=1e-4)
 
 
 def test_steps_are_those_of_a_run():

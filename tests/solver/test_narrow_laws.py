@@ -189,3 +189,9 @@ def test_a_function_is_asked_less_often_than_a_thousand_times():
         calls = []
         break_times(kernels, kernels.p0, 0.0, DURATION, [lambda t, f=function, c=calls: c.append(t) or f(t)])
         assert 400 < len(calls) < 1000 and all(type(t) is float for t in calls)
+
+
+def test_beside_a_jump_nothing_is_fast():
+    """A product of what jumps there: one break, and none on its flanks."""
+    m = ncgen.Model("product")
+    assert len(breaks_of(lambda t: sympy.Max(0, t - 0.62) ** 2 * sympy.Heaviside(t - 0.62))) == 1

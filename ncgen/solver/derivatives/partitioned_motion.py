@@ -56,8 +56,8 @@ class PartitionedMotion:
         self.signals = signals
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self.t = watched(kernels), begun.p, times
-        self.jumps = Jumps.of(kernels, begun.p, times, signals)
-        self._split = self.jumps.ends(times, begun.q)
+        self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
+        self._split = self.jumps.ends(times)
         self._ends, self._seen = self._split.t, self._split.seen
         self.partition = determined(begun.partitions).position
         independent = self.partition.independent
@@ -83,7 +83,7 @@ class PartitionedMotion:
     @cached_property
     def _jumps(self) -> Mapping[int, Jump]:
         """Jumps that parameters move, by the number of the step that goes across."""
-        if not len(self.jumps.breaks.moved):
+        if not self.jumps.breaks.moved:
             return {}
         return self.jumps(self._ends, *self._states)
 

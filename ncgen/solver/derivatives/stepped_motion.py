@@ -115,8 +115,8 @@ class SteppedMotion:
             raise ModelError(f"{kernels.name}: a force of a Python function has no derivative here; write it as an expression")
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self._method, self.signals = kernels, begun.p, method, signals
-        self.t, self.jumps = times, Jumps.of(kernels, begun.p, times, signals)
-        self._ends = self.jumps.ends(times, begun.q)
+        self.t, self.jumps = times, Jumps.of(kernels, begun.p, begun.q, times, signals)
+        self._ends = self.jumps.ends(times)
         found = run(self._ends.of_steps, self.jumps.rows)
         self._q, self._qd = self._ends.spread(found.q), self._ends.spread(found.qd)
         # A table's piece is that of the step's start.
@@ -249,7 +249,7 @@ class SteppedMotion:
     @cached_property
     def _jumps(self) -> Mapping[int, Jump]:
         """Jumps that parameters move, by the number of what stands in the place of a step there."""
-        return self.jumps(self._ends.t, self._q, self._qd) if len(self.jumps.breaks.moved) else {}
+        return self.jumps(self._ends.t, self._q, self._qd) if self.jumps.breaks.moved else {}
 
     def _linear(self, k: int) -> _Linear | None:
         """What a step changes with; None where a jump is crossed."""

@@ -20,7 +20,6 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.break_times import beside
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.mechanism.moving_breaks import no_jumps
 from ncgen.mechanism.sweep import SMALL, Sweep
 from ncgen.mechanism.taped import Driven, Segmented, taped
 from ncgen.solver.derivatives.jumps import Jumps
@@ -119,9 +118,9 @@ class TapedMotion:
         dynamics = all_coordinates(kernels, form="emitted")
         start = begun.q, begun.qd, begun.p
         told = signals.functions if signals else ()
-        self.jumps = Jumps.of(kernels, begun.p, times, signals)
+        self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
         given = {"rank": rank, "tolerance": closeness("double"), "inputs": told, "breaks": self.jumps.rows}
-        jumping = self.jumps if len(self.jumps.breaks.moved) else no_jumps
+        jumping = self.jumps if self.jumps.breaks.moved else None
         self._run = taped(dynamics, method, beside(self.jumps.rows, times), *start, allowed, jumps=jumping, **given)
         self._check()
 
@@ -177,7 +176,7 @@ class TapedMotion:
             raise ModelError(
                 f"{self.kernels.name}: {len(self.t) - 1} steps are too many for second derivatives; take fewer, or a shorter motion"
             )
-        self.jumps.check_second(*self._run.states())
+        self.jumps.check_second()
         seeds = self._seeds(directions)
         q, qd, sweeps = self._run.second(*seeds)
         found = np.empty(directions.shape)
