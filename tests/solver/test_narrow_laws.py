@@ -192,6 +192,11 @@ def test_a_function_is_asked_less_often_than_a_thousand_times():
 
 
 def test_beside_a_jump_nothing_is_fast():
-    """A product of what jumps there: one break, and none on its flanks."""
-    m = ncgen.Model("product")
-    assert len(breaks_of(lambda t: sympy.Max(0, t - 0.62) ** 2 * sympy.Heaviside(t - 0.62))) == 1
+    """The acceleration of a driver, a sum of products of what jumps, gives no breaks besides the jump."""
+    m = ncgen.Model("driven")
+    axis = m.vector("axis", (1, 0, 0), fixed=True)
+    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y")
+    m.body("block", [A], mass=MASS)
+    m.drive(m.slide("s", O, A, axis), m.parameter("w", 1.3) * sympy.Max(0, m.time - m.parameter("t1", 0.62)) ** 2)
+    kernels = ncgen.compile(m, "numpy")
+    assert break_times(kernels, kernels.p0, 0.0, 2.0) == pytest.approx(np.array([[0.62, 0.62]]), rel=1e-14)
