@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import math
 import shutil
 import sys
 
@@ -166,6 +167,36 @@ def test_no_push_is_missed(tmp_path):
             moved.advance(t)
         speed = moved.state[4 + (moved.size - 4) // 3]
         assert speed == pytest.approx(1.0, abs=1e-13 / width + 1e-7)
+
+
+SMOOTH = {
+    "gaussian": (lambda u: sympy.exp(-(u**2) / 2), math.sqrt(2 * math.pi)),
+    "sech": (lambda u: 1 / sympy.cosh(u), math.pi),
+    "lorentzian": (lambda u: (1 + u**2) ** -2, math.pi / 2),
+    "two tanh": (lambda u: sympy.tanh(u + 2) - sympy.tanh(u - 2), 8.0),
+}
+"""Laws of (t - begin) / width, and their areas."""
+
+
+def test_no_smooth_pulse_is_missed(tmp_path):
+    """Hundreds of random ones from 1e-6 of the run on, in few parts; and by steps of fixed length, which are much wider."""
+    m = sliding(lambda t, b, w: 0 * t)
+    u = (m.time - m.numbers["begin"]) / m.numbers["width"]
+    m.torque(m.elements["s"], sum(m.parameter(f"size{k}", 0.0) * law(u) for k, (law, _) in enumerate(SMOOTH.values())))
+    moved, random = Moved(m, tmp_path), np.random.default_rng(3)
+    speed = 4 + (moved.size - 4) // 3
+    for case in range(400):
+        begin, width = random.uniform(0.2, 9.8), 10.0 ** random.uniform(-5, -2)
+        sizes = {f"size{k}": (case % 4 == k) / (area * width) for k, (_, area) in enumerate(SMOOTH.values())}
+        moved.start(begin=begin, width=width, **sizes)
+        for t in (*sorted(random.uniform(0.0, 10.0, random.integers(3))), 10.0):
+            moved.advance(t, 1e-6)
+        assert moved.state[speed] == pytest.approx(1.0, abs=1e-5), (sizes, begin, width)
+        if case % 10 < 4:
+            moved.start(begin=begin, width=width, **sizes)
+            for _ in range(100):
+                moved.step(0.1)
+            assert moved.state[speed] == pytest.approx(1.0, abs=0.05), (sizes, begin, width)
 
 
 def test_a_law_that_switches_too_often_is_left_to_error_control(tmp_path):

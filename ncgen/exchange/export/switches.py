@@ -1,13 +1,16 @@
-"""When laws of time change their formula, as a program: what exported motions, whose parameters and end are not known here, ask for the
-time of the next break.
+"""When laws of time change their formula, or a smooth one has a pulse, as a program: what exported motions, whose parameters and end are
+not known here, ask for the time of the next break.
 
 switches(t, p) writes four numbers for every switch whose argument is a straight line between the breaks of others: b, n, its slope a and
 the size x of what the argument is a sum of. Where a is not 0, its formula changed last at b / a and changes next at n / a, known to the
 rounding of x / a. For every other switch it writes the number of the piece that it is in at t, which changes where the formula does.
+
+A pulse of a known form, such as exp(-((t - at) / width)^2), has a switch whose argument is the distance from its middle in its own widths.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +31,15 @@ INTERVALS = 10_000
 SHORTEST = 1e-6
 """Fraction of the described motion that two such times are at least apart."""
 
+DISTANCES = (1.0, 2.0, 3.0, 4.0, 6.0, *(8.0 * 4.0**k for k in range(14)))
+"""From the middle of a pulse, in its widths (of a Gaussian its standard deviation): close where steps of fixed length need them, then
+farther and farther apart, so that a step comes near the pulse. The last one is so far away that rounding hides a narrower pulse."""
+
+FLANKS = (*(-d for d in reversed(DISTANCES)), 0.0, *DISTANCES)
+
+FLANK = Pieces(FLANKS, tuple((FLANKS[0], float(k)) for k in range(len(FLANKS) + 1)))
+"""The parts of a pulse's flanks."""
+
 
 @dataclass(frozen=True, eq=False)
 class Switching:
@@ -47,20 +59,23 @@ class Switching:
 def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Switching | None:
     """The switches of a mechanism whose described motion takes `duration` (s); None where no law of time changes its formula."""
     laws = time_laws(kernels)
-    if not laws.switches:
+    if not laws.has_breaks:
         return None
     graph, nodes = _copied(laws)
     straight: list[int] = []
     curved: list[int] = []
     for switch in laws.switches:
         argument = nodes[switch.argument]
-        slope = tangent(graph, [argument], {graph.load(*TIME): graph.const(1.0)}).get(argument)
+        slope = _rate(graph, argument)
         if slope is None:
             continue  # it is constant between breaks of others
-        if tangent(graph, [slope], {graph.load(*TIME): graph.const(1.0)}).get(slope) is None:
+        if _rate(graph, slope) is None:
             straight += _line(graph, argument, slope, switch.pieces, duration)
         else:
             curved.append(graph.lookup(_numbered(switch.pieces), argument))
+    for argument in dict.fromkeys(_pulses(graph, [nodes[narrow] for narrow in laws.narrow])):
+        if (slope := _rate(graph, argument)) is not None:
+            straight += _line(graph, argument, slope, FLANK, duration)
     if not straight and not curved:
         return None
     program = line(graph, "switches", ("t", "p"), [*straight, *curved], equations)
@@ -73,6 +88,35 @@ def _copied(laws: TimeLaws) -> tuple[Graph, list[int]]:
     for op in laws.ops:
         nodes.append(graph.copied(op, [nodes[a] for a in op.args]))
     return graph, nodes
+
+
+def _rate(graph: Graph, node: int) -> int | None:
+    """The derivative of a node by time; None where it is constant between breaks."""
+    return tangent(graph, [node], {graph.load(*TIME): graph.const(1.0)}).get(node)
+
+
+def _pulses(graph: Graph, narrow: list[int]) -> Iterator[int]:
+    """Of what has a pulse, or a step, in laws that may be narrow: the distance from its middle in its widths, a straight line of time."""
+    for node in sorted(graph.below(narrow)):
+        op = graph.ops[node]
+        if op.code in ("tanh", "atan", "cosh"):
+            if (slope := _rate(graph, op.args[0])) is not None and _rate(graph, slope) is None:
+                yield op.args[0]
+        elif op.code == "exp":
+            yield from _on_a_parabola(graph, op.args[0], of_height=False)
+        elif op.code in ("div", "pow"):
+            yield from _on_a_parabola(graph, op.args[op.code == "div"], of_height=True)
+
+
+def _on_a_parabola(graph: Graph, node: int, of_height: bool) -> Iterator[int]:
+    """g' / √|g''| of a node g of second degree in time, or g' / √|g'' g_0|, g_0 being its extreme, to which it changes in relation."""
+    if (slope := _rate(graph, node)) is None or (bend := _rate(graph, slope)) is None or _rate(graph, bend) is not None:
+        return
+    scale = bend
+    if of_height:
+        middle = graph.neg(graph.div(graph.replaced(slope, {TIME: graph.const(0.0)}), bend))
+        scale = graph.mul(bend, graph.replaced(node, {TIME: middle}))
+    yield graph.div(slope, graph.call("sqrt", graph.call("abs", scale)))
 
 
 def _line(graph: Graph, argument: int, slope: int, pieces: Pieces, duration: float) -> tuple[int, int, int, int]:

@@ -14,10 +14,12 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.accounting import counted
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
 from ncgen.exchange.robots.markup import DEEPEST, UNLIMITED, Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Mimic, Robot, hung, unique
+from ncgen.exchange.robots.stops import FRICTION
 from ncgen.exchange.robots.written import document, element, number_text
 from ncgen.model.arithmetic import dot
 
@@ -116,7 +118,8 @@ class _Reader:
         words = (f"damping and springs of joints of several freedoms ({damped})",) if damped else ()
         dynamics = (each for each in self.model.walk() if each.tag == "dynamics")
         frictions = sum(_number(each, "friction") != 0.0 for each in dynamics)
-        return (*self.model.counted(OMITTED, frictions), *words, *unseen(self.looks))
+        said = [*(OMITTED[each.tag] for each in self.model.walk() if each.tag in OMITTED), *[FRICTION] * frictions]
+        return (*counted(said), *words, *unseen(self.looks))
 
     # -- where things are ----------------------------------------------------------------------
 
