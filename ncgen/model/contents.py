@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from itertools import islice
+from typing import TYPE_CHECKING, TypeAlias
 
-from ncgen.model.elements import AXES, Spatial
+import numpy as np
+
+from ncgen.model import arithmetic
+from ncgen.model.elements import AXES, Point, Spatial
 
 if TYPE_CHECKING:
     from ncgen.model.bodies import Body
@@ -18,6 +22,10 @@ if TYPE_CHECKING:
     from ncgen.model.rigid import Claims
     from ncgen.model.rows import Row
     from ncgen.model.values import Input, Parameter, Value
+
+
+Box: TypeAlias = tuple[int, np.ndarray, np.ndarray]
+"""How many elements are in it, and its lowest and highest corner (m)."""
 
 
 class Contents:
@@ -60,6 +68,7 @@ class Contents:
     facts: list[Fact]
     left_out: tuple[str, ...]
     _related: Claims
+    _box: Box | None
     _telling: bool
 
     @property
@@ -71,6 +80,15 @@ class Contents:
     def numbers(self) -> dict[str, Parameter]:
         """What the kernels read from `p`, by name: parameters, then inputs."""
         return {**self.parameters, **self.inputs}
+
+    def extent(self) -> float:
+        """The diagonal of the box that holds all points so far (m), in the initial position; 0 where all are in one place."""
+        count, low, high = self._box or (0, np.full(3, np.inf), np.full(3, -np.inf))
+        for element in islice(self.elements.values(), count, None):
+            if isinstance(element, Point):
+                low, high = np.minimum(low, element.initial), np.maximum(high, element.initial)
+        self._box = (len(self.elements), low, high)
+        return arithmetic.norm(high - low) if low[0] <= high[0] else 0.0
 
     def bearer(self, word: str) -> Element | Parameter | Component | Curve | None:
         """What has this name: an element, a parameter, a curve, or a coordinate of an element; None if nothing has."""

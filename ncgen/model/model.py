@@ -78,6 +78,7 @@ class Model(Joints, Loads, Pictures):
         self.simulation_options = {}
         self.ground = Body("ground", rigid=False, frame=Frame(Owner("body", "ground")))
         self._related = {}
+        self._box = None
         self.facts = []
         self.left_out = ()
         self._telling = False

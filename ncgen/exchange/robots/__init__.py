@@ -23,10 +23,10 @@ FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 TOLD = ("robot", "sdf")
 """Tags of formats that tell all problems of links and joints; MuJoCo tells the first one."""
 
-WRITTEN = {".urdf": "urdf", ".sdf": "sdf", ".xml": "mjcf", ".mjcf": "mjcf"}
+WRITTEN = {".urdf": "urdf", ".sdf": "sdf", ".xml": "mjcf_written", ".mjcf": "mjcf_written"}
 """{how a file's name ends: module} of formats that are written, too."""
 
-CLOSED = ("sdf", "mjcf")
+CLOSED = ("sdf", "mjcf_written")
 """Formats that say loops."""
 
 

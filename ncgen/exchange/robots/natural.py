@@ -10,7 +10,8 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
-from ncgen.exchange.robots.robot import Coupling, Mass, Robot, together
+from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
+from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import dot, unit
@@ -22,7 +23,7 @@ DURATION = 1.0
 """Of a run that says nothing else (s)."""
 
 NOTHING = 1e-15
-"""Moments of inertia below this share of the mass (m²) are rounding of whoever wrote the file."""
+"""Entries of a tensor below this, over mass · size² of the robot, are rounding of whoever wrote the file."""
 
 
 def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, friction: bool = False) -> Model:
@@ -64,6 +65,7 @@ class _Builder:
             self._follow(hold)
         for coupling in self.robot.rows:
             self._couple(coupling)
+        self._lift()
         self._draw()
         free = [c for hold in self.layout.holds if (c := self.coordinates.get(hold.joint.name)) and not hold.joint.mimic]
         if not (self.robot.loops or self.robot.rows):
@@ -98,7 +100,8 @@ class _Builder:
             if mass is None:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
-                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), _tensor(mass).tolist())
+                tensor = _tensor(mass, self.layout.size).tolist()
+                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor)
 
     def _show(self, solid: Solid, body: Body) -> None:
         """What a link looks like, on its body."""
@@ -108,16 +111,23 @@ class _Builder:
         for shape in link.shapes:
             shape.seen_from(frame).show(self.model, body)
 
+    def _lift(self) -> None:
+        """Compensated weights of what moves."""
+        for solid in self.layout.solids.values():
+            frame = self.layout.frames[solid.name]
+            masses = [mass.seen_from(frame) for mass in self.robot.links[solid.name].lifted]
+            lift(self.model, self.bodies[solid], masses, self.robot.gravity)
+
     # -- joints --------------------------------------------------------------------------------
 
     def _join(self, hold: Hold) -> None:
         a, b, joint = self.bodies[hold.parent], self.bodies[hold.child], hold.joint
-        if joint.kind == "revolute" and (not hold.closes or joint.damping or joint.stiffness):
+        if joint.kind == "revolute" and (not hold.closes or joint.has_spring):
             self.coordinates[joint.name] = self._angle(hold, a, b)
         elif joint.kind == "prismatic":
             start, end, axis = self._point(hold.start), self._point(hold.end), self._vector(hold.axis)
             self.model.prismatic(a, b, start, end, axis)
-            if not hold.closes or joint.damping or joint.stiffness:
+            if not hold.closes or joint.has_spring:
                 self.coordinates[joint.name] = self.model.slide(self._free(joint.name), start, end, hold.sign * axis)
         elif joint.kind == "planar":
             self.model.planar(a, b, self._point(hold.start), self._point(hold.end), self._vector(hold.axis))
@@ -130,11 +140,23 @@ class _Builder:
             )
             self.coordinates[joint.name] = angle
         elif joint.kind == "fixed":
-            self.model.rigid(a, b)
+            self._weld(joint, a, b)
         if joint.armature and (coordinate := self.coordinates.get(joint.name)):
             self.model.rotor(coordinate, joint.armature)
-        if (joint.damping or joint.stiffness) and (coordinate := self.coordinates.get(joint.name)):
-            self.model.torsion_spring(coordinate, joint.stiffness, joint.damping, joint.rest, label=f"spring of {coordinate.name}")
+        if joint.has_spring and (coordinate := self.coordinates.get(joint.name)):
+            label = f"spring of {coordinate.name}"
+            if any((*joint.more_stiffness, *joint.more_damping)):
+                self.model.torsion_spring(coordinate, law=polynomial(joint), label=label)
+            else:
+                self.model.torsion_spring(coordinate, joint.stiffness, joint.damping, joint.rest, label=label)
+        elif joint.has_spring and joint.kind in ("spherical", "floating"):
+            spring_of_ball(self.model, a, b, joint, self.layout.frames[hold.child.name])
+
+    def _weld(self, joint: Joint, a: Body, b: Body) -> None:
+        before = len(self.model.rows)
+        self.model.rigid(a, b)
+        if len(self.model.rows) == before:
+            raise ModelError(changes_nothing(joint, "its links move together already"))
 
     def _angle(self, hold: Hold, a: Body, b: Body) -> Relative:
         """A hinge's angle, measured from a direction of the parent to one of the child which are the same at 0."""
@@ -166,12 +188,15 @@ class _Builder:
 
     def _couple(self, coupling: Coupling) -> None:
         """The row of joints that move together."""
-        if missing := [name for name in coupling.shares if name not in self.coordinates]:
+        if missing := [name for name in (*coupling.shares, *coupling.others) if name not in self.coordinates]:
             raise ModelError(
                 f"{coupling.where}: {coupling.name}: joint {missing[0]} is no hinge or slider, so nothing can be coupled to it"
             )
-        total = sum(share * self.coordinates[name].symbol for name, share in coupling.shares.items())
-        self.model.constrain(total - coupling.offset, coupling.name)
+        own, other = (
+            sum(share * self.coordinates[name].symbol for name, share in shares.items()) for shares in (coupling.shares, coupling.others)
+        )
+        follows = sum(factor * other**power for power, factor in enumerate(coupling.powers, 1) if factor)
+        self.model.constrain(own - follows - coupling.offset, coupling.name)
 
     def _draw(self) -> None:
         """Every body from the joint that carries it to the others, and the axes of the joints."""
@@ -214,9 +239,10 @@ def word(name: str, what: str) -> str:
     return f"{kept}_" if keyword.iskeyword(kept) or (what == "joint" and kept in RESERVED) else kept
 
 
-def _tensor(mass: Mass) -> np.ndarray:
+def _tensor(mass: Mass, size: float) -> np.ndarray:
+    """The tensor about the centre of mass without what is rounding; size: of the robot (m)."""
     tensor = (mass.tensor + mass.tensor.T) / 2
-    return np.where(np.abs(tensor) < NOTHING * mass.mass, 0.0, tensor)
+    return np.where(np.abs(tensor) < NOTHING * mass.mass * size**2, 0.0, tensor)
 
 
 def _across(axis: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
