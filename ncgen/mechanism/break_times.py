@@ -82,6 +82,12 @@ def break_times(
     return merged(np.concatenate(found), start, end, gap)
 
 
+def breaks_of_laws(kernels: Kernels, laws: TimeLaws, start: float, end: float) -> np.ndarray:
+    """The breaks of some of a mechanism's laws with its own parameters, as of `break_times`."""
+    gap = UNCERTAINTY * DOUBLE * max(abs(start), abs(end))
+    return _merged(_of_laws(laws, np.asarray(kernels.p0), start, end, gap, ()), start, end, gap)
+
+
 def _of_laws(laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float, driven: Collection[int]) -> np.ndarray:
     """The breaks of the model's own laws, (K, 2) in no order. driven: positions in p of what changes otherwise"""
     given: dict[Input, float] = {Input("p", k): float(p[k]) for k in laws.parameters}

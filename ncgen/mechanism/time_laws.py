@@ -116,28 +116,44 @@ def _narrow_nodes(graph: Graph, roots: Iterable[int]) -> tuple[int, ...]:
     """What the roots, laws of time, need that may have a pulse although it is smooth: functions, quotients and products of what is no
     polynomial of time. Sums change as their terms do, and of what only its sign is asked for there are breaks."""
     signs = {node for node, op in enumerate(graph.ops) if op.code == "sign"}
-    degrees: dict[int, float] = {}
+    degrees = degrees_in_time(graph, graph.below(roots, signs))
     found: list[int] = []
-    for node in sorted(graph.below(roots, signs)):
+    for node, degree in degrees.items():
+        op, below = graph.ops[node], [degrees.get(a, 0.0) for a in graph.ops[node].args]
+        if op.code == "mul":
+            is_narrow = min(below) > HIGHEST_DEGREE
+        elif op.code in ("add", "sub", "neg") or (op.code == "div" and not below[1]):
+            is_narrow = False
+        else:
+            is_narrow = degree > 0.0 and not is_slow(op, below) and op.code not in SWITCHING
+        if is_narrow:
+            found.append(node)
+    return tuple(found)
+
+
+def is_slow(op: Op, below: Sequence[float]) -> bool:
+    """True for a function that has no pulse and no step; below: the degrees in time of its arguments."""
+    return not op.args or (op.code in SLOW and below[0] <= 1.0)
+
+
+def degrees_in_time(graph: Graph, nodes: Iterable[int]) -> dict[int, float]:
+    """{node: its degree as a polynomial of time, infinite for what is none of degree `HIGHEST_DEGREE` at most}, arguments first."""
+    degrees: dict[int, float] = {}
+    for node in sorted(nodes):
         op = graph.ops[node]
         below = [degrees.get(a, 0.0) for a in op.args]
-        is_narrow = False
         if not op.args:
             degree = float(op.leaf == TIME)
         elif op.code in ("add", "sub", "neg"):
             degree = max(below)
         elif op.code == "mul":
             degree = sum(below)
-            is_narrow = min(below) > HIGHEST_DEGREE
         elif op.code == "div" and not below[1]:
             degree = below[0]
         else:
             degree = np.inf if any(below) else 0.0
-            is_narrow = degree > 0.0 and op.code not in SWITCHING and (op.code not in SLOW or below[0] > 1.0)
         degrees[node] = degree if degree <= HIGHEST_DEGREE else np.inf
-        if is_narrow:
-            found.append(node)
-    return tuple(found)
+    return degrees
 
 
 def _without_others(graph: Graph, switches: Sequence[Switch], narrow: Sequence[int]) -> TimeLaws:

@@ -84,6 +84,7 @@ class Mimic:
 class Coupling:
     """A row over joints: Σ share · coordinate = offset (rad or m) + c₁ x + c₂ x² + …, where x is the sum over others.
 
+    Coordinates count from where the model begins.
     shares, others: {joint: share}; powers: c₁, c₂, …
     """
 
@@ -106,6 +107,7 @@ class Joint:
     damping: N m s/rad or N s/m; stiffness: N m/rad or N/m, of a spring at rest where the coordinate is `rest`; pitch: m a turn of a screw
     more_damping, more_stiffness: factors of v |v|, v³ and of x², x³ beside those of v and x, x from the rest
     limits: lowest and highest value (rad or m); friction: dry, N m or N
+    start: value of the coordinate where the model begins (rad or m)
     """
 
     name: str
@@ -124,6 +126,7 @@ class Joint:
     pitch: float = 0.0
     limits: tuple[float, float] | None = None
     friction: float = 0.0
+    start: float = 0.0
     mimic: Mimic | None = None
     where: str = ""
 
@@ -139,11 +142,28 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
+class Start:
+    """A named state of a file. values, rates: of joints with a coordinate (rad, m, and per second); time: s
+
+    turned: {ball: its rotation (3, 3) and angular velocity (3,), in its child}
+    free: {joint: the child's frame in the world, the velocity of its origin there (3,), its angular velocity in the child (3,)}
+    inputs: by name
+    """
+
+    values: Mapping[str, float]
+    rates: Mapping[str, float]
+    turned: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    free: Mapping[str, tuple[Placement, np.ndarray, np.ndarray]] = field(default_factory=dict)
+    inputs: Mapping[str, float] = field(default_factory=dict)
+    time: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
 class Robot:
     """links by name; joints: each with one parent and one child, a tree; loops: joints besides, which close it; rows over coordinates
 
     base: of the root in the world; gravity: m/s²; floats: whether the root is a free body
-    omitted: what the file says and a model does not, in words
+    omitted: what the file says and a model does not, in words; starts: states of the file, by name
     """
 
     name: str
@@ -155,16 +175,17 @@ class Robot:
     floats: bool = False
     omitted: tuple[str, ...] = ()
     rows: tuple[Coupling, ...] = ()
+    starts: Mapping[str, Start] = field(default_factory=dict)
 
     def ordered(self) -> Robot:
         """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""
         carried = self._carried()
         roots = [name for name in self.links if name not in carried]
         if not roots:
-            raise self._refused(self.joints[0].where, f"every link hangs on another: joint {self.joints[0].name} is in a circle; cut it")
+            raise refused(self.joints[0].where, f"every link hangs on another: joint {self.joints[0].name} is in a circle; cut it")
         root, *others = roots
         if others:
-            raise self._refused(
+            raise refused(
                 self.links[others[0]].where, f"links {root} and {others[0]} both hang on nothing; join them, a robot has one root"
             )
         children: dict[str, list[Joint]] = {name: [] for name in self.links}
@@ -176,7 +197,7 @@ class Robot:
             waiting += reversed(children[joint.child])
         if len(order) < len(self.joints):
             left = next(joint for joint in self.joints if joint not in set(order))
-            raise self._refused(left.where, f"joint {left.name}: its links {left.parent} and {left.child} are in a circle; cut it")
+            raise refused(left.where, f"joint {left.name}: its links {left.parent} and {left.child} are in a circle; cut it")
         return replace(self, joints=tuple(order))
 
     def grounded(self) -> Robot:
@@ -208,16 +229,17 @@ class Robot:
         for joint in self.joints:
             for name in (joint.parent, joint.child):
                 if name not in self.links:
-                    raise self._refused(joint.where, f"joint {joint.name}: there is no link {shown(name)}")
+                    raise refused(joint.where, f"joint {joint.name}: there is no link {shown(name)}")
             if joint.child in carried:
                 other = carried[joint.child].name
-                raise self._refused(joint.where, f"joint {joint.name}: link {joint.child} hangs on joint {other} already; a tree has one")
+                raise refused(joint.where, f"joint {joint.name}: link {joint.child} hangs on joint {other} already; a tree has one")
             carried[joint.child] = joint
         return carried
 
-    @staticmethod
-    def _refused(where: str, problem: str) -> ModelError:
-        return ModelError(f"{where}: {problem}" if where else problem)
+
+def refused(where: str, problem: str) -> ModelError:
+    """What is wrong, and where it stands in the file if that is known."""
+    return ModelError(f"{where}: {problem}" if where else problem)
 
 
 def hung(robot: Robot, places: Mapping[str, Placement]) -> Robot:
@@ -263,5 +285,13 @@ def together(robot: Robot) -> Robot:
         own, more = links[body], links.pop(joint.child).seen_from(here)
         mass = own.mass.plus(more.mass) if own.mass and more.mass else own.mass or more.mass
         links[body] = replace(own, mass=mass, shapes=(*own.shapes, *more.shapes), lifted=(*own.lifted, *more.lifted))
+    for loop in robot.loops:
+        if home[loop.parent][0] == home[loop.child][0]:
+            raise refused(loop.where, changes_nothing(loop, f"links {loop.parent} and {loop.child} are fixed to each other"))
     loops = tuple(replace(loop, parent=home[loop.parent][0], child=home[loop.child][0]) for loop in robot.loops)
     return replace(robot, links=links, joints=tuple(joints), loops=loops)
+
+
+def changes_nothing(loop: Joint, why: str) -> str:
+    """What is wrong with a joint that closes a loop and holds nothing."""
+    return f"joint {loop.name} changes nothing: {why}; leave it out"

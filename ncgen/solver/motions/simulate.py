@@ -105,7 +105,9 @@ def simulate(
     number: what C computes with: "double", "float" (as a small controller would) or "long double"; tolerances finer than
         its rounding are raised to that, and the trajectory has doubles in any case
     stop: {coordinate: value} to end where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction,
-        {"psi": (1.2, "rising")} or "falling". The last instant of the trajectory is that one, and its `stopped` is True
+        {"psi": (1.2, "rising")} or "falling". The last instant of the trajectory is that one, and its `stopped` is True. Within
+        a step the interpolant is a polynomial, and its first such passage is found by bounds, not by samples, however short it is; with
+        coordinate partitioning a coordinate that is not independent is a polynomial of degree 8 through nine states of the step
     progress: called with the time reached, again and again while the run goes on; True for a bar in a terminal or a notebook
 
     Raises ModelError for what cannot be asked, ConvergenceError naming the rows where the start does not close, SingularError for a

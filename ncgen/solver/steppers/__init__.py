@@ -82,11 +82,8 @@ def _step(path: Path, stepper: Stepper, before: State, grid: np.ndarray, stop: S
 
 def _stop(stepper: Stepper, before: State, stop: Stop, path: Path) -> tuple[float, tuple[np.ndarray, np.ndarray, float]] | None:
     """(time, (q, q̇, work)) at which the last step passed the stop, or None."""
-    t0, q0, qd0, _ = before
-    gaps = stop.gap(q0, qd0), stop.gap(stepper.q, stepper.qd)
-    if not stop.is_passed(*gaps):
-        return None
-    return stop.locate(t0, stepper.t, *gaps, lambda t: _between(stepper, before, t, path))
+    t0, q0, qd0, work = before
+    return stop.find(t0, stepper.t, (q0, qd0, work), (stepper.q, stepper.qd, stepper.work), lambda t: _between(stepper, before, t, path))
 
 
 def _between(stepper: Stepper, before: State, t: float, path: Path) -> tuple[np.ndarray, np.ndarray, float]:
