@@ -79,7 +79,7 @@ class Body:
 
     def copy(self) -> Body:
         """A body of its own with the same elements."""
-        frame = replace(self.frame, directions=list(self.frame.directions))
+        frame = replace(self.frame, directions=list(self.frame.directions), beside=list(self.frame.beside))
         return replace(self, points=list(self.points), vectors=list(self.vectors), frame=frame)
 
     @property
@@ -208,14 +208,15 @@ def symmetric(tensor: np.ndarray) -> np.ndarray:
 
 def choose_basis(body: Body) -> tuple[Spatial, ...]:
     """A point and up to three independent directions, in the order in which the body's elements were given."""
+    points = [point for point in body.points if point not in body.frame.beside]
     if body.frame.planar:
         # With the plane's normal, two points carry any planar inertia, and so do a point and a vector.
         across = [v for v in body.vectors if v.components[2].value == 0.0]
-        return tuple((body.points + across)[:2])
+        return tuple((points + across)[:2])
     chosen: list[Spatial] = [body.points[0]]
     found: list[np.ndarray] = []
     for least in (0.2, 1e-3):
-        for element in body.elements:
+        for element in (*points, *body.vectors):
             if element in chosen or len(found) == 3:
                 continue
             direction = element.initial - (body.points[0].initial if isinstance(element, Point) else 0.0)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from itertools import islice
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ncgen.model.elements import AXES, Spatial
+import numpy as np
+
+from ncgen.model import arithmetic
+from ncgen.model.elements import AXES, Point, Spatial
 
 if TYPE_CHECKING:
     from ncgen.model.bodies import Body
@@ -20,6 +24,10 @@ if TYPE_CHECKING:
     from ncgen.model.values import Input, Parameter, Value
 
 
+Box: TypeAlias = tuple[int, np.ndarray, np.ndarray]
+"""How many elements are in it, and its lowest and highest corner (m)."""
+
+
 class Contents:
     """What was said about a mechanism, by name or in the order in which it was said.
 
@@ -33,6 +41,7 @@ class Contents:
     conditions: on values that depend on parameters and stand in no body and no row of the catalogue by themselves, such as radii
     facts: how the model was told
     left_out: what a robot's file says beside all this, in words
+    starts: {name: arguments of `ncgen.simulate` (q0, qd0, t0)}, states that a robot's file names
     """
 
     name: str
@@ -59,7 +68,9 @@ class Contents:
     simulation_options: dict[str, object]
     facts: list[Fact]
     left_out: tuple[str, ...]
+    starts: dict[str, dict[str, Any]]
     _related: Claims
+    _box: Box | None
     _telling: bool
 
     @property
@@ -71,6 +82,15 @@ class Contents:
     def numbers(self) -> dict[str, Parameter]:
         """What the kernels read from `p`, by name: parameters, then inputs."""
         return {**self.parameters, **self.inputs}
+
+    def extent(self) -> float:
+        """The diagonal of the box that holds all points so far (m), in the initial position; 0 where all are in one place."""
+        count, low, high = self._box or (0, np.full(3, np.inf), np.full(3, -np.inf))
+        for element in islice(self.elements.values(), count, None):
+            if isinstance(element, Point):
+                low, high = np.minimum(low, element.initial), np.maximum(high, element.initial)
+        self._box = (len(self.elements), low, high)
+        return arithmetic.norm(high - low) if low[0] <= high[0] else 0.0
 
     def bearer(self, word: str) -> Element | Parameter | Component | Curve | None:
         """What has this name: an element, a parameter, a curve, or a coordinate of an element; None if nothing has."""

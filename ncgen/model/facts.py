@@ -89,4 +89,4 @@ class _State:
                 each.popitem() if isinstance(each, dict) else each.pop()
         for body, kept in self._bodies:
             vars(body).update(vars(kept))
-        self._model.chosen_independent = self._chosen
+        self._model.chosen_independent, self._model._box = self._chosen, None

@@ -87,10 +87,18 @@ class Joints(Structure):
 
     @fact
     def rigid(self, a: Body, b: Body) -> None:
-        """Body b is welded to body a: its elements belong to a as well. No degree of freedom."""
+        """Body b is welded to body a: its elements belong to a as well, and on the ground they rest. No degree of freedom."""
         if a is b:
             raise ModelError(f"rigid: body {a.name} is welded to itself; give two bodies")
-        self.extend(a, *b.elements)
+        if self.ground in (a, b):
+            body = b if a is self.ground else a
+            self._check_kept(body)
+            body.frame.resting = 0
+            self._rest(body)
+        else:
+            kept, other = (a, b) if a.rigid else (b, a)
+            self._check_kept(kept)
+            self.extend(kept, *other.elements)
 
     @fact
     def point_on_line(self, a: Body, point: Point, start: Point, axis: Vector) -> None:
@@ -105,7 +113,8 @@ class Joints(Structure):
         owner = owner or Owner("joint", f"{point.name} in plane of {a.name}", (a.name,))
         segment = as_combination(point) - start
         height = measures.along(segment, as_combination(normal))
-        return self._keep(row.dot(segment, as_combination(normal), height, _size(segment), owner, f"{point.name} in plane", self.scale))
+        size = measures.natural_length(segment, self.extent())
+        return self._keep(row.dot(segment, as_combination(normal), height, size, owner, f"{point.name} in plane", self.scale))
 
     @fact
     def gear(self, first: Relative, second: Relative, radius_first: Value, radius_second: Value) -> Row:
@@ -177,6 +186,11 @@ class Joints(Structure):
                 f"{where}: the disc lies flat, its axle {axle.name} is along the normal; a rim has no lowest point then, tilt it"
             )
 
+    @staticmethod
+    def _check_kept(body: Body) -> None:
+        if not body.rigid:
+            raise ModelError(f"rigid: body {body.name} has rows of its own (rigid=False); write those of the weld, too")
+
     def _check_radius(self, where: str, radius: Value) -> None:
         self._require(Bound(f"{where} is", radius, "!=", "m", "give another number, negative for teeth on the other side"))
 
@@ -193,8 +207,9 @@ class Joints(Structure):
 
     def _on_line(self, a: Body, point: Point, start: Point, axis: Vector, owner: Owner) -> None:
         segment = as_combination(point) - start
+        size = measures.natural_length(segment, self.extent())
         for across in self.directions_across(a, as_combination(axis)):
-            new = row.dot(segment, across, 0.0, _size(segment), owner, f"{point.name} on {axis.name}", self.scale)
+            new = row.dot(segment, across, 0.0, size, owner, f"{point.name} on {axis.name}", self.scale)
             if not row.is_trivial(new):
                 self._keep(new)
 
@@ -209,10 +224,6 @@ class Joints(Structure):
 
 def _joint(kind: str, a: Body, b: Body) -> Owner:
     return Owner("joint", f"{kind} {a.name}-{b.name}", (a.name, b.name))
-
-
-def _size(segment: Combination) -> float:
-    return arithmetic.norm(segment.initial) or 1.0
 
 
 def _height(normal: Values, centre: Point) -> Scalar:

@@ -20,6 +20,9 @@ from ncgen.model.values import Scalar, is_number, settled, total
 Scalars: TypeAlias = "Sequence[Scalar] | np.ndarray"
 """A vector of values."""
 
+NEAR = 1e-3
+"""A segment shorter than this, over the model's extent, is no length to measure with: ends may coincide but for rounding."""
+
 
 def shape(direction: Combination) -> str:
     """ "segment" for a difference of points, "vector" otherwise."""
@@ -31,6 +34,12 @@ def length(direction: Combination) -> Scalar:
     if shape(direction) == "vector" and len(direction.terms) == 1:
         return 1.0
     return norm(direction.given) if direction.is_parametric else arithmetic.norm(direction.initial)
+
+
+def natural_length(segment: Combination, extent: float) -> float:
+    """A length to divide by what happens along a segment (m): its own, or where it is short or 0 that of the whole model."""
+    own = arithmetic.norm(segment.initial)
+    return own if own > NEAR * extent else extent or 1.0
 
 
 def cosine(a: Combination, b: Combination) -> Scalar:

@@ -78,8 +78,10 @@ class Model(Joints, Loads, Pictures):
         self.simulation_options = {}
         self.ground = Body("ground", rigid=False, frame=Frame(Owner("body", "ground")))
         self._related = {}
+        self._box = None
         self.facts = []
         self.left_out = ()
+        self.starts = {}
         self._telling = False
 
     def __repr__(self) -> str:

@@ -32,6 +32,9 @@ BARELY = 1e-3
 SAME = 1e-10
 """Weights below this are rounding of the user's numbers."""
 
+ROUNDING = 1e-9
+"""Points nearer to each other than this, over the model's extent, coincide but for the rounding of whoever wrote their numbers."""
+
 NORMAL = Constant.of("z", (0.0, 0.0, 1.0))
 """The normal of the plane of planar bodies: a constant, no coordinate."""
 
@@ -41,12 +44,18 @@ Claims: TypeAlias = dict[tuple[str, ...], bool]
 
 @dataclass(eq=False)
 class Frame:
-    """The base of a body while its elements come in."""
+    """The base of a body while its elements come in.
+
+    beside: points so near to the origin that they show no direction
+    resting: of a body that is welded to the ground, how many of its directions have rows that say so; else None
+    """
 
     owner: Owner
     origin: Point | None = None
     directions: list[Combination] = field(default_factory=list)
     planar: bool = False
+    resting: int | None = None
+    beside: list[Point] = field(default_factory=list)
 
     @property
     def is_crossed(self) -> bool:
@@ -72,26 +81,41 @@ class Frame:
         return any(d.is_parametric for d in self.directions)
 
 
-def include(frame: Frame, elements: list[Spatial], known: Claims, parameters: dict[str, Parameter], scaled: bool) -> list[Row]:
-    """Rows that tie new elements to a body; `known` remembers which lengths and angles of the model have a row.
+def include(
+    frame: Frame, elements: list[Spatial], known: Claims, parameters: dict[str, Parameter], scaled: bool, extent: float
+) -> list[Row]:
+    """Rows that tie new elements to a body.
 
-    Raises ModelError where two points of the body coincide.
+    known: which lengths and angles of the model have a row; extent: of the whole model (m). A point that is near to the body's origin
+    beside it tells no direction: it is written as a combination of the base.
+    Raises ModelError where points coincide and nothing else shows a direction.
     """
     elements = sorted(elements, key=lambda e: not isinstance(e, Point))  # points first, otherwise as given
     if frame.origin is None:
         _start(frame, elements)
     waiting = [e for e in elements if e is not frame.origin]
     made: list[Row] = []
-    for least in (WELL, BARELY):
-        for element in list(waiting):
-            direction = _direction(frame, element)
-            if len(frame.matrix().T) < 3 and _distance_from_base(frame, direction) > least:
-                made += _base_rows(frame, element, direction, known, scaled)
-                frame.directions.append(direction)
-                waiting.remove(element)
+    for nearest in (measures.NEAR * extent, ROUNDING * extent):
+        for least in (WELL, BARELY):
+            for element in list(waiting):
+                direction = _direction(frame, element)
+                if len(frame.matrix().T) == 3 or not _shows_direction(direction, nearest):
+                    continue
+                if _distance_from_base(frame, direction) > least:
+                    made += _base_rows(frame, element, direction, known, scaled)
+                    frame.directions.append(direction)
+                    waiting.remove(element)
+    frame.beside += [e for e in waiting if isinstance(e, Point) and not _shows_direction(_direction(frame, e), measures.NEAR * extent)]
     for element in waiting:
-        made += _combined_rows(frame, element, parameters)
+        if len(frame.directions) == frame.planar and not arithmetic.norm(_direction(frame, element).initial) > 0:
+            raise ModelError(f"{frame.owner}: the points {element.name} and {_origin(frame).name} coincide; share one point instead")
+        made += _combined_rows(frame, element, parameters, extent)
     return [replace(r, measured=True) for r in made if not row.is_trivial(r)]
+
+
+def _shows_direction(direction: Combination, nearest: float) -> bool:
+    """True of a vector, and of a segment that is longer than `nearest` (m)."""
+    return measures.shape(direction) == "vector" or arithmetic.norm(direction.initial) > nearest
 
 
 def _start(frame: Frame, elements: Sequence[Spatial]) -> None:
@@ -111,11 +135,7 @@ def _in_plane(element: Spatial, origin: Point | None) -> bool:
 def _direction(frame: Frame, element: Spatial) -> Combination:
     if isinstance(element, Vector):
         return as_combination(element)
-    origin = _origin(frame)
-    direction = element - origin
-    if not np.linalg.norm(direction.initial) > 0:
-        raise ModelError(f"{frame.owner}: the points {element.name} and {origin.name} coincide; share one point instead")
-    return direction
+    return element - _origin(frame)
 
 
 def _origin(frame: Frame) -> Point:
@@ -177,13 +197,13 @@ def _end(segment: Combination) -> Point:
     return end
 
 
-def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Parameter]) -> list[Row]:
+def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Parameter], extent: float) -> list[Row]:
     """element = origin + Σ weight · direction, one linear row a component.
 
     What lies beside the plane of two directions, but too near to it to be a third one, takes their cross product besides.
     """
     direction = _direction(frame, element)
-    size = arithmetic.norm(direction.initial) if isinstance(element, Point) else 1.0
+    size = measures.natural_length(direction, extent) if isinstance(element, Point) else 1.0
     parametric = frame.is_parametric or direction.is_parametric
     weights = _parametric_weights(frame, element, direction, size, parameters) if parametric else _weights(frame, direction, size)
     turned = weights.pop() if len(weights) > len(frame.directions) else 0.0

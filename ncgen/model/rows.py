@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ncgen.model import arithmetic, measures
+from ncgen.model import measures
 from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
 from ncgen.model.conditions import Bound, Condition, Cosine
 from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, Spatial, as_combination
@@ -173,10 +173,10 @@ def length_row(s: Relative, segment: Combination, scaled: bool) -> Row:
     return Row(_coordinate(s), f"length {s.name}", None, ROW_TYPES["length"], arguments, {"L": measures.length(segment)}, scaled=scaled)
 
 
-def slide_row(s: Relative, segment: Combination, axis: Combination, scaled: bool) -> Row:
-    """segment·axis = s."""
+def slide_row(s: Relative, segment: Combination, axis: Combination, extent: float, scaled: bool) -> Row:
+    """segment·axis = s; extent: of the model (m)."""
     arguments = {"a": segment, "n": axis, "s": s.components[0]}
-    size = arithmetic.norm(segment.initial) or 1.0
+    size = measures.natural_length(segment, extent)
     return Row(_coordinate(s), f"slide {s.name}", None, ROW_TYPES["slide"], arguments, {"L": size}, scaled=scaled)
 
 

@@ -93,9 +93,11 @@ class Structure(Coordinates):
         if any(isinstance(e, Point) for e in new):
             check_given(body)  # vectors come with joints, too; what could turn with them alone has no inertia, which a run refuses
         if body.rigid and new:
-            self.rows += include(body.frame, new, self._related, self.parameters, self.scale)
+            self.rows += include(body.frame, new, self._related, self.parameters, self.scale, self.extent())
             if body.constant_mass:
                 self._complete(body)
+            if body.frame.resting is not None:
+                self._rest(body)
 
     @fact
     def attach_point(self, body: Body, name: str, position: Values) -> Point:
@@ -215,6 +217,27 @@ class Structure(Coordinates):
                 f'body {body.name}: inertia="rod" is between two points, and it has {len(body.points)}; give two as its basis, or numbers'
             )
         return ends
+
+    def _rest(self, body: Body) -> None:
+        """Rows that keep a body where it stands: its origin, and three components of the first two directions of its base."""
+        frame, owner = body.frame, Owner("joint", f"rigid {body.name}-{self.ground.name}", (body.name, self.ground.name))
+        made: list[Row] = []
+        if frame.resting == 0 and frame.origin is not None and not all(c.fixed for c in frame.origin.components):
+            place = self.point(self.free_name(f"{body.name}.rest"), frame.origin.given, fixed=True)
+            self.extend(self.ground, place)
+            offset = frame.origin - place
+            size = measures.natural_length(offset, self.extent())
+            made = [row.affine(axis, offset, offset, offset, 0.0, size, owner, f"rest of {frame.origin.name}") for axis in range(3)]
+        for number in range(frame.resting or 0, min(len(frame.directions), 2)):
+            direction = frame.directions[number]
+            if number == 0:
+                across = self.directions_across(self.ground, direction)
+            else:
+                normal = measures.cross(frame.directions[0].given, direction.given)
+                across = [as_combination(Constant.of("across", measures.unit(normal), self._numbers(measures.unit(normal))))]
+            made += [row.dot(direction, n, 0.0, arithmetic.norm(direction.initial), owner, f"rest {direction}", self.scale) for n in across]
+        frame.resting = max(1, len(frame.directions))
+        self.rows += [replace(new, measured=True) for new in made if not row.is_trivial(new)]
 
     def _tensor(self, name: str, given: Tensor) -> np.ndarray:
         """An inertia tensor as 3×3 values, from one for a flat body, its diagonal, or all."""

@@ -64,18 +64,21 @@ class Report:
         return "\n".join(lines + [f"  {judge}: {text}" for judge, text in self.findings])
 
 
-def examine(seed: int, watch=lambda what: None) -> Report:
-    """Make the model of a seed and let all judges look at it; `watch` is told of every call before it is made."""
+def examine(seed: int, watch=lambda what: None, make=Maker, judge=None) -> Report:
+    """Make the model of a seed and let all judges look at it; `watch` is told of every call before it is made.
+
+    make, judge: a maker and a subject of another kind
+    """
     start = process_time()
     report = Report(seed)
     try:
         watch("building")
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            maker = Maker(seed)
+            maker = make(seed)
         report.kind, report.model = maker.kind, maker.model
         report.counts["calls refused"] += sum(maker.refused.values())
-        subject = Subject(maker, report, watch)
+        subject = (judge or Subject)(maker, report, watch)
         subject.judge_warnings("building", caught)
         subject.judged()
     except Finding as found:
@@ -738,17 +741,22 @@ class Subject:
         total = energies[:, 0] + energies[:, 1] - run.work
         return bool(np.max(np.abs(total - total[0])) > 1e-9 * (np.max(np.abs(energies[:, 1])) + moved) and moved > 0)
 
+    def p_at(self, run, t: float) -> np.ndarray:
+        """The parameters of a run at a time (s)."""
+        return run.p
+
     def balance(self, what: str, run, qdd, lam) -> None:
         """M q̈ + Φ_qᵀ λ = Q, Φ_q q̈ = γ and Φ_q q̇ = ν at every instant."""
         k = self.kernels
         for t, q, qd, a, l in zip(run.t, run.q, run.qd, qdd, lam, strict=True):
-            mass, jacobian, force = k.mass_matrix(q, t, run.p), k.jacobian(q, t, run.p), k.force(q, qd, t, run.p)
+            p = self.p_at(run, t)
+            mass, jacobian, force = k.mass_matrix(q, t, p), k.jacobian(q, t, p), k.force(q, qd, t, p)
             if k.model.branches:
                 from ncgen.solver.positions.branches import refresh_branches
 
-                jacobian = k.jacobian(q, t, refresh_branches(k, q, run.p))
+                jacobian = k.jacobian(q, t, refresh_branches(k, q, p))
             rest = (mass @ a + jacobian.T @ l - force) * self.sizes
-            jump = np.abs(k.force(q, qd * (1 + 1e-9) + 1e-12 * self.sizes, t, run.p) - force) * self.sizes  # of a law with sign(v)
+            jump = np.abs(k.force(q, qd * (1 + 1e-9) + 1e-12 * self.sizes, t, p) - force) * self.sizes  # of a law with sign(v)
             size = (np.abs(mass) @ np.abs(a) + np.abs(jacobian.T) @ np.abs(l) + np.abs(force)) * self.sizes
             # Of accelerations of a size a second squared; multipliers that are iterated end there at their tolerance, not at rounding.
             rounding = (1e-9 if "augmented" in what else 1e-12) * np.max(np.abs(mass) @ self.sizes * self.sizes, initial=0.0)
@@ -762,8 +770,8 @@ class Subject:
                 continue
             if any(name in what for name in ("generalized-alpha", "energy-momentum")):
                 continue  # which keep the rows themselves alone
-            speed = (jacobian * qd).sum(axis=1) - k.nu(q, t, run.p)
-            size = np.abs(jacobian) @ np.abs(qd) + np.abs(k.nu(q, t, run.p))
+            speed = (jacobian * qd).sum(axis=1) - k.nu(q, t, p)
+            size = np.abs(jacobian) @ np.abs(qd) + np.abs(k.nu(q, t, p))
             contradicted = any("no velocities satisfy" in said for said in self.said)
             # Where the gradient of a row vanishes, as that of a sine at a right angle does, rounding of its natural size is left.
             rounding = 1e-12 * k.row_sizes * (1.0 + np.max(np.abs(qd) / self.sizes, initial=0.0))
@@ -774,7 +782,7 @@ class Subject:
                 return
             if contradicted or any("the position is singular" in said for said in self.said):
                 continue  # where accelerations need not exist, and ncgen has said so
-            gamma = k.gamma(q, qd, t, run.p)
+            gamma = k.gamma(q, qd, t, p)
             gap, size = jacobian @ a - gamma, np.abs(jacobian) @ np.abs(a) + np.abs(gamma)
             if not np.all(np.abs(gap) <= 1e-6 * np.max(size, initial=0.0) + 1e-12 * np.max(np.abs(jacobian) @ self.sizes, initial=0.0)):
                 self.find(what, f"at t = {t:.3g} s accelerations break row {self.model.rows[int(np.argmax(np.abs(gap)))].label}")

@@ -63,6 +63,9 @@ def check_message(error: Exception) -> None:
 class Maker:
     """One random model while it is made: `model`, of a `kind`, and the calls that were `refused`."""
 
+    kinds: tuple = ()
+    """(name, function that makes it) of each kind; `KINDS` where there are none."""
+
     def __init__(self, seed: int):
         self.rng = np.random.default_rng([20070904, seed])
         self.seed = seed
@@ -74,7 +77,7 @@ class Maker:
         self.used: set[str] = set()
         self.relatives: list = []
         self.bodies: list = []
-        self.kind, make = self.pick(KINDS)
+        self.kind, make = self.pick(self.kinds or KINDS)
         self.options = {"scale": self.chance(0.85), "form": self.pick(FORMS)}
         self.model = self.begin(self.name("model") if self.odd_names else f"random{seed}")
         make(self)

@@ -186,11 +186,13 @@ def test_stops_and_friction_of_a_robot(ncgen_main, folder):
     """What is asked for is no longer left out; a bar with a stop at −0.4 rad comes to rest there."""
     Path("bar.urdf").write_text(STOPPED, encoding="utf-8")
     omitted = json.loads(ncgen_main("inspect", "bar.urdf", "--with", "limits", "--json").out)["omitted"]
-    assert [what for what in omitted if "not modelled" in what] == ["friction of joints (1): not modelled"]
+    assert [what for what in omitted if "not modelled" in what] == [
+        f"{what} (1): not modelled" for what in ("friction of joints", "effort limits", "velocity limits")
+    ]
     both = "--with", "limits", "--with", "friction"
     said = ncgen_main("run", "bar.urdf", *both, "--duration", "3", "--rtol", "1e-6", "--no-files", "--json")
     assert json.loads(said.out)["final"]["hinge"] == pytest.approx(-0.4, abs=2e-3)
     refused = ncgen_main("convert", "bar.urdf", "--with", "limit")
-    assert refused.code == 2 and refused.err.strip() == "ncgen: --with limit: a robot's joints can have limits or friction"
+    assert refused.code == 2 and refused.err.strip() == "ncgen: --with limit: a robot's joints can have limits, friction, motors"
     refused = ncgen_main("convert", "pendulum", "--with", "limits")
     assert refused.code == 2 and "limits is for a robot's file" in refused.err

@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 
 import ncgen
 from ncgen.exchange.robots import read_robot
-from ncgen.exchange.robots.mjcf import text_of
+from ncgen.exchange.robots.mjcf_written import text_of
 from ncgen.exchange.robots.natural import model_of, word
 from ncgen.exchange.robots.robot import Joint, Robot, together
 from ncgen.program.ir.cost import cost

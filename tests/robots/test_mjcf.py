@@ -74,6 +74,10 @@ TENDON = """<tendon><fixed name="t"><joint joint="spin" coef="2"/><joint joint="
 <equality><tendon name="belt" tendon1="t" tendon2="s" polycoef="0 0.5 0 0 0"/></equality>"""
 
 
+POINTS = """<tendon><spatial name="t"><site site="here"/><site site="there"/></spatial></tendon>
+<equality><tendon name="belt" tendon1="t"/></equality>"""
+
+
 def test_coupled_tendons_are_rows_over_joints(tmp_path):
     """2 spin − nod = ½ · 3 look, from beginning to end."""
     path = tmp_path / "gantry.xml"
@@ -91,16 +95,14 @@ def test_coupled_tendons_are_rows_over_joints(tmp_path):
         ("<mujoco", "<mujoco></mujoco><mujoco", "line 1: no XML: junk after document element"),
         ('type="slide"', 'type="rope"', "gantry.xml: XML Error"),
         ('mass="3"', 'mass="-3"', "gantry.xml: "),
-        (
-            "<actuator>",
-            TENDON.replace("0 0.5 0 0 0", "0 0.5 1 0 0") + "<actuator>",
-            "equality belt is of a kind that is not read; connect and weld",
-        ),
+        ("<actuator>", POINTS + "<actuator>", "equality belt couples tendons through points; only those over joints are read"),
     ],
 )
 def test_what_is_wrong_is_one_line(tmp_path, old, new, said):
     text = (HERE / "gantry.xml").read_text().split("\n", 1)[1]
     path = tmp_path / "gantry.xml"
+    text = text.replace("<worldbody>", '<worldbody><site name="here"/>')
+    text = text.replace('<body name="tool"', '<site name="there"/><body name="tool"')
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(ModelError) as refused:
         ncgen.load(path)

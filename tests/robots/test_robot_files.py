@@ -57,7 +57,7 @@ def test_coordinates_have_the_names_and_zeros_of_the_file():
     assert [name for name in kernels.coordinates if name in names] == names
     assert np.max(np.abs(kernels.q0[[kernels.index[name] for name in names]])) < 1e-15
     assert ncgen.freedom(kernels).dof == 6
-    assert model.left_out == ("limits of joints (4)", "friction of joints (1)")
+    assert model.left_out == ("limits of joints (4)", "friction of joints (1)", "effort limits (4)", "velocity limits (4)")
 
 
 def test_elements_that_the_format_does_not_have_are_told(tmp_path):
@@ -68,7 +68,8 @@ def test_elements_that_the_format_does_not_have_are_told(tmp_path):
     )
     (tmp_path / "crane.urdf").write_text(text, encoding="utf-8")
     told = ncgen.load(tmp_path / "crane.urdf").left_out
-    assert {f"<{tag}>, which is none of URDF's elements (1)" for tag in ("xi:include", "dynamic")} <= set(told)
+    unknown = {f"<{tag}>, which is none of the format's elements (1)" for tag in ("xi:include> in <robot", "dynamic> in <joint")}
+    assert unknown <= set(told)
 
 
 def test_a_floating_base_is_a_body_more():
@@ -248,9 +249,13 @@ LINKS = '<link name="a"/><link name="b"><pose>1 0 0 0 0 0</pose></link>'
 JOINT = '<joint name="j" type="{}"><parent>a</parent><child>b</child>{}</joint>'
 
 BAD_SDF = [
-    ('<sdf version="1.7"/>', "0 models; a robot's file has one"),
+    ('<sdf version="1.7"/>', "it has no <model>; a robot's file has one"),
     (SDF.format(""), "<model> has no <link>"),
-    (SDF.format("<include/>"), "included files are not read; write its links and joints out"),
+    (SDF.format("<include/>"), "<include> has no <uri>; give it one"),
+    (
+        SDF.format("<include><uri>https://127.0.0.1:9/arm</uri></include>"),
+        "there is no file of 'https://127.0.0.1:9/arm' on this machine, and nothing is fetched; name the folder",
+    ),
     (SDF.format(LINKS + JOINT.format("piston", "")), "joint j: the type 'piston' is not read; known are fixed, revolute"),
     (SDF.format(LINKS + JOINT.format("gearbox", "")), "<joint> has no <gearbox_reference_body>; give it one"),
     (
@@ -259,7 +264,7 @@ BAD_SDF = [
     ),
     (SDF.format(LINKS + JOINT.format("revolute", "")), "joint j: it has no axis; give it one"),
     (SDF.format(LINKS + JOINT.format("revolute", "<axis><xyz>0 0 0</xyz></axis>")), "joint j: its axis is 0 0 0"),
-    (SDF.format('<link name="a"/>' + JOINT.format("ball", "")), "joint j: its child 'b' is no link of this model"),
+    (SDF.format('<link name="a"/>' + JOINT.format("ball", "")), "joint j: its child 'b' is no link, frame or model here"),
     (SDF.format('<link name="a"><pose>1 2 3</pose></link>'), "<pose>: 6 numbers are needed, '1 2 3' is given"),
     (SDF.format('<link name="a"><pose relative_to="c"/></link>'), "link a: there is no link, joint or frame 'c'"),
     (

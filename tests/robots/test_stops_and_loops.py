@@ -27,7 +27,7 @@ def bar(tmp_path):
 
 def test_stops_push_back_and_say_nothing_between(bar):
     model = ncgen.load(bar, limits=True)
-    assert model.left_out == ("friction of joints (1)",)
+    assert model.left_out == ("friction of joints (1)", "effort limits (1)", "velocity limits (1)")
     space = ncgen.joint_space(ncgen.compile(model, "numpy"))
     for angle, rate in ((0.0, 3.0), (-0.4, -1.0), (1.1, 1.0), (1.3, 0.7), (1.3, -0.7), (-0.9, 0.2), (-0.9, -0.2)):
         high, low = max(angle - 1.1, 0.0), max(-0.4 - angle, 0.0)
@@ -47,7 +47,7 @@ def test_a_bar_rests_on_its_stop(bar):
 
 def test_friction_is_dry_but_near_rest(bar):
     space = ncgen.joint_space(ncgen.compile(ncgen.load(bar, friction=True), "numpy"))
-    assert space.kernels.model.left_out == ("limits of joints (1)",)
+    assert space.kernels.model.left_out == ("limits of joints (1)", "effort limits (1)", "velocity limits (1)")
     q = space.position({"hinge": 0.3})
     for rate, expected in ((2.0, -1.5), (-0.5, 1.5), (0.0, 0.0), (CREEP, -1.5 * np.tanh(1.0))):
         assert space.loads(q, [rate]) == pytest.approx([expected], abs=1e-12)

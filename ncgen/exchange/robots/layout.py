@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.robots.robot import Joint, Robot
+from ncgen.exchange.robots.robot import Joint, Robot, changes_nothing, refused
 from ncgen.model.arithmetic import dot, norm, product, unit
+from ncgen.model.measures import NEAR
 
 SAME = 1e-9
 """Points nearer than this, over the robot's size, are one; directions whose sine is smaller are parallel."""
@@ -26,6 +27,10 @@ ASIDE = 0.1
 
 WELL = 0.2
 """A basis whose least singular value is smaller, directions having length 1, gets another vector."""
+
+
+SHARED = ("revolute", "spherical")
+"""Kinds of joints that are elements of both bodies, and no rows."""
 
 
 @dataclass(eq=False)
@@ -58,9 +63,9 @@ class Solid:
             self.places.append(place)
         return place
 
-    def directions(self) -> np.ndarray:
-        """Of its vectors and from its first point to the others, of length 1, as rows."""
-        segments = [p.value - self.points[0].value for p in self.points[1:]]
+    def directions(self, shortest: float) -> np.ndarray:
+        """Of its vectors and from its first point to others that are farther away than `shortest` (m), of length 1, as rows."""
+        segments = [d for p in self.points[1:] if norm(d := p.value - self.points[0].value) > shortest]
         return np.array([unit(d) for d in (*segments, *(v.value for v in self.vectors))]).reshape(-1, 3)
 
 
@@ -84,12 +89,16 @@ class Hold:
 
 @dataclass(eq=False)
 class Layout:
-    """ground: what rests, empty where the root moves; solids by link; holds in the order of the joints; frames: of the links."""
+    """ground: what rests, empty where the root moves; solids by link; holds in the order of the joints; frames: of the links.
+
+    size: of the robot (m)
+    """
 
     ground: Solid
     solids: dict[str, Solid]
     holds: list[Hold]
     frames: dict[str, Placement]
+    size: float
 
 
 class Layer:
@@ -102,7 +111,8 @@ class Layer:
         self.places = {joint: self.frames[joint.child] for joint in robot.joints} | {
             loop: robot.base @ loop.placement for loop in robot.loops
         }
-        self.size = float(np.ptp(origins, axis=0).max()) or 1.0
+        hearts = np.array([self._heart(name) for name in self.frames])
+        self.size = float(np.ptp(origins, axis=0).max()) or float(np.ptp([*origins, *hearts], axis=0).max()) or 1.0
         self.near, self.parallel = SAME * self.size, SAME_IN_LOOPS if robot.loops else SAME
         self.solids = {name: Solid(name) for name in self.frames}
         self.holds: list[Hold] = []
@@ -114,13 +124,16 @@ class Layer:
         ground = Solid("ground") if self.floating else self.solids.pop(self.robot.root)
         for name, solid in self.solids.items():
             self._complete(solid, self._heart(name))
-        return Layout(ground if self.floating else root, self.solids, self.holds, self.frames)
+        return Layout(ground if self.floating else root, self.solids, self.holds, self.frames, self.size)
 
     # -- joints --------------------------------------------------------------------------------
 
     def _hold(self, joint: Joint) -> Hold:
         hold = Hold(joint, self.solids[joint.parent], self.solids[joint.child], closes=joint in self.robot.loops)
+        before = len(hold.parent.places) + len(hold.child.places)
         getattr(self, f"_{joint.kind}")(hold)
+        if hold.closes and joint.kind in SHARED and len(hold.parent.places) + len(hold.child.places) == before:
+            raise refused(joint.where, changes_nothing(joint, "its links share its point and axis already"))
         return hold
 
     def _revolute(self, hold: Hold) -> None:
@@ -215,7 +228,7 @@ class Layer:
         """A point, and directions that span space."""
         if not solid.points:
             solid.take(Place(f"r_{solid.name}", heart, True))
-        while (rows := solid.directions()).shape[0] < 3 or np.linalg.svd(rows, compute_uv=False)[-1] < WELL:
+        while (rows := solid.directions(NEAR * self.size)).shape[0] < 3 or np.linalg.svd(rows, compute_uv=False)[-1] < WELL:
             number = len(solid.vectors) + 1
             solid.take(Place(f"e{number}_{solid.name}", _missing(rows, self.frames[solid.name]), False))
 

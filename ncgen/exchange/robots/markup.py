@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 from xml.parsers import expat
 
 import numpy as np
@@ -27,16 +26,40 @@ UNLIMITED = 1e15
 """Limits of joints beyond this are none."""
 
 
+class Attributes(dict[str, str]):
+    """An element's attributes, which know what of them has been read."""
+
+    def __init__(self, said: Mapping[str, str]) -> None:
+        super().__init__(said)
+        self.read: set[str] = set()
+
+    def __getitem__(self, name: str) -> str:
+        self.read.add(name)
+        return super().__getitem__(name)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """The text of an attribute, or the default."""
+        self.read.add(name)
+        return super().get(name, default)
+
+
 @dataclass(eq=False)
 class Markup:
-    """An element of a file. where: the file's name, for messages."""
+    """An element of a file. where: the file's name, for messages; raw: its text, which nobody has read yet unless `is_read`."""
 
     tag: str
-    attributes: dict[str, str]
+    attributes: Attributes
     line: int
     where: str
     children: list[Markup] = field(default_factory=list)
-    text: str = ""
+    raw: str = ""
+    is_read: bool = False
+
+    @property
+    def text(self) -> str:
+        """The element's text, which counts as read from now on."""
+        self.is_read = True
+        return self.raw
 
     def all(self, tag: str) -> list[Markup]:
         """Its children of a kind."""
@@ -86,12 +109,6 @@ class Markup:
     def unit(self, values: Sequence[float], joint: str) -> np.ndarray:
         """The axis of a joint (3,) with length 1."""
         return unit(values) if norm(values) > 0 else self.refuse(f"joint {joint}: its axis is 0 0 0; give a direction")
-
-    def counted(self, words: Mapping[str, str], friction: int) -> tuple[str, ...]:
-        """How many elements there are of some kinds, in words, and joints with friction. words: {tag: what they are}"""
-        counts = Counter(words[each.tag] for each in self.walk() if each.tag in words)
-        said = tuple(f"{what} ({count})" for what, count in counts.items())
-        return (*said, f"friction of joints ({friction})") if friction else said
 
     @property
     def place(self) -> str:
@@ -150,14 +167,14 @@ class _Reader:
 
     def __init__(self, where: str, parser: expat.XMLParserType) -> None:
         self.where, self.parser = where, parser
-        self.root = Markup("", {}, 1, where)
+        self.root = Markup("", Attributes({}), 1, where)
         self.open = [self.root]
         parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
         parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = self._text, self._document_type
         parser.buffer_text = True
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        element = Markup(tag, attributes, self.parser.CurrentLineNumber, self.where)
+        element = Markup(tag, Attributes(attributes), self.parser.CurrentLineNumber, self.where)
         if tag.startswith("xacro:"):
             name = self.where.removesuffix(XACRO)
             name = f"expanded-{name}" if name == self.where else name  # or the shell empties the file before xacro reads it
@@ -171,7 +188,7 @@ class _Reader:
         self.open.pop()
 
     def _text(self, text: str) -> None:
-        self.open[-1].text += text
+        self.open[-1].raw += text
 
     def _document_type(self, *declared: object) -> None:
         what = "document types and entities are not read; remove <!DOCTYPE …> and write out what it stands for"

@@ -53,17 +53,22 @@ class Mass:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """mass: None for a link without inertia; where: its place in the file, for messages; shapes: what it looks like, in its frame."""
+    """mass: None for a link without inertia; where: its place in the file, for messages; shapes: what it looks like, in its frame.
+
+    lifted: masses whose weight is compensated by a force at their centre; their tensors say nothing
+    """
 
     name: str
     mass: Mass | None
     where: str = ""
     shapes: tuple[Shape, ...] = ()
+    lifted: tuple[Mass, ...] = ()
 
     def seen_from(self, frame: Placement) -> Link:
         """The same, where its own frame stands in another one like this."""
         mass = None if self.mass is None else self.mass.seen_from(frame)
-        return replace(self, mass=mass, shapes=tuple(shape.seen_from(frame) for shape in self.shapes))
+        shapes, lifted = (tuple(each.seen_from(frame) for each in some) for some in (self.shapes, self.lifted))
+        return replace(self, mass=mass, shapes=shapes, lifted=lifted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +82,18 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """A row over joints: Σ share · coordinate = offset (rad or m). shares: {joint: share}"""
+    """A row over joints: Σ share · coordinate = offset (rad or m) + c₁ x + c₂ x² + …, where x is the sum over others.
+
+    Coordinates count from where the model begins.
+    shares, others: {joint: share}; powers: c₁, c₂, …
+    """
 
     name: str
     shares: Mapping[str, float]
     offset: float = 0.0
     where: str = ""
+    others: Mapping[str, float] = field(default_factory=dict)
+    powers: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +105,10 @@ class Joint:
     axis (3,): a unit vector in the joint's frame; second (3,): the other axis of a universal joint
     armature: of a rotor that turns with the coordinate (kg m²; kg along a distance), ratio of the gear squared in it
     damping: N m s/rad or N s/m; stiffness: N m/rad or N/m, of a spring at rest where the coordinate is `rest`; pitch: m a turn of a screw
+    more_damping, more_stiffness: factors of v |v|, v³ and of x², x³ beside those of v and x, x from the rest
     limits: lowest and highest value (rad or m); friction: dry, N m or N
+    effort: least and greatest force of all its motors (N m, N)
+    start: value of the coordinate where the model begins (rad or m)
     """
 
     name: str
@@ -107,12 +121,21 @@ class Joint:
     armature: float = 0.0
     damping: float = 0.0
     stiffness: float = 0.0
+    more_damping: tuple[float, ...] = ()
+    more_stiffness: tuple[float, ...] = ()
     rest: float = 0.0
     pitch: float = 0.0
     limits: tuple[float, float] | None = None
     friction: float = 0.0
+    effort: tuple[float, float] | None = None
+    start: float = 0.0
     mimic: Mimic | None = None
     where: str = ""
+
+    @property
+    def has_spring(self) -> bool:
+        """Whether a spring or a damper acts along it."""
+        return bool(self.stiffness or self.damping or any(self.more_damping) or any(self.more_stiffness))
 
     def turned(self) -> Joint:
         """The same joint with the same coordinate, said from child to parent. Its placement must be one in the world."""
@@ -121,11 +144,44 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
+class Actuator:
+    """A motor or a servo: its force is gain · u + bias, both factors times (1, l, l̇) of its length l = Σ share · coordinate, u its input.
+
+    shares: {joint: share}, by which the force acts, too; control, force: least and greatest u, and force
+    """
+
+    name: str
+    shares: Mapping[str, float]
+    gain: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    control: tuple[float, float] | None = None
+    force: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A named state of a file. values, rates: of joints with a coordinate (rad, m, and per second); time: s
+
+    turned: {ball: its rotation (3, 3) and angular velocity (3,), in its child}
+    free: {joint: the child's frame in the world, the velocity of its origin there (3,), its angular velocity in the child (3,)}
+    inputs: by name
+    """
+
+    values: Mapping[str, float]
+    rates: Mapping[str, float]
+    turned: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    free: Mapping[str, tuple[Placement, np.ndarray, np.ndarray]] = field(default_factory=dict)
+    inputs: Mapping[str, float] = field(default_factory=dict)
+    time: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
 class Robot:
     """links by name; joints: each with one parent and one child, a tree; loops: joints besides, which close it; rows over coordinates
 
     base: of the root in the world; gravity: m/s²; floats: whether the root is a free body
-    omitted: what the file says and a model does not, in words
+    omitted: what the file says and a model does not, in words; starts: states of the file, by name
+    actuators: of the file; None in formats without them
     """
 
     name: str
@@ -137,16 +193,18 @@ class Robot:
     floats: bool = False
     omitted: tuple[str, ...] = ()
     rows: tuple[Coupling, ...] = ()
+    starts: Mapping[str, Start] = field(default_factory=dict)
+    actuators: tuple[Actuator, ...] | None = None
 
     def ordered(self) -> Robot:
         """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""
         carried = self._carried()
         roots = [name for name in self.links if name not in carried]
         if not roots:
-            raise self._refused(self.joints[0].where, f"every link hangs on another: joint {self.joints[0].name} is in a circle; cut it")
+            raise refused(self.joints[0].where, f"every link hangs on another: joint {self.joints[0].name} is in a circle; cut it")
         root, *others = roots
         if others:
-            raise self._refused(
+            raise refused(
                 self.links[others[0]].where, f"links {root} and {others[0]} both hang on nothing; join them, a robot has one root"
             )
         children: dict[str, list[Joint]] = {name: [] for name in self.links}
@@ -158,7 +216,7 @@ class Robot:
             waiting += reversed(children[joint.child])
         if len(order) < len(self.joints):
             left = next(joint for joint in self.joints if joint not in set(order))
-            raise self._refused(left.where, f"joint {left.name}: its links {left.parent} and {left.child} are in a circle; cut it")
+            raise refused(left.where, f"joint {left.name}: its links {left.parent} and {left.child} are in a circle; cut it")
         return replace(self, joints=tuple(order))
 
     def grounded(self) -> Robot:
@@ -190,16 +248,17 @@ class Robot:
         for joint in self.joints:
             for name in (joint.parent, joint.child):
                 if name not in self.links:
-                    raise self._refused(joint.where, f"joint {joint.name}: there is no link {shown(name)}")
+                    raise refused(joint.where, f"joint {joint.name}: there is no link {shown(name)}")
             if joint.child in carried:
                 other = carried[joint.child].name
-                raise self._refused(joint.where, f"joint {joint.name}: link {joint.child} hangs on joint {other} already; a tree has one")
+                raise refused(joint.where, f"joint {joint.name}: link {joint.child} hangs on joint {other} already; a tree has one")
             carried[joint.child] = joint
         return carried
 
-    @staticmethod
-    def _refused(where: str, problem: str) -> ModelError:
-        return ModelError(f"{where}: {problem}" if where else problem)
+
+def refused(where: str, problem: str) -> ModelError:
+    """What is wrong, and where it stands in the file if that is known."""
+    return ModelError(f"{where}: {problem}" if where else problem)
 
 
 def hung(robot: Robot, places: Mapping[str, Placement]) -> Robot:
@@ -244,6 +303,14 @@ def together(robot: Robot) -> Robot:
         home[joint.child] = body, here
         own, more = links[body], links.pop(joint.child).seen_from(here)
         mass = own.mass.plus(more.mass) if own.mass and more.mass else own.mass or more.mass
-        links[body] = replace(own, mass=mass, shapes=(*own.shapes, *more.shapes))
+        links[body] = replace(own, mass=mass, shapes=(*own.shapes, *more.shapes), lifted=(*own.lifted, *more.lifted))
+    for loop in robot.loops:
+        if home[loop.parent][0] == home[loop.child][0]:
+            raise refused(loop.where, changes_nothing(loop, f"links {loop.parent} and {loop.child} are fixed to each other"))
     loops = tuple(replace(loop, parent=home[loop.parent][0], child=home[loop.child][0]) for loop in robot.loops)
     return replace(robot, links=links, joints=tuple(joints), loops=loops)
+
+
+def changes_nothing(loop: Joint, why: str) -> str:
+    """What is wrong with a joint that closes a loop and holds nothing."""
+    return f"joint {loop.name} changes nothing: {why}; leave it out"

@@ -30,6 +30,11 @@ LIMITS, FRICTION = "limits of joints", "friction of joints"
 """The words for both among what is left out."""
 
 
+def not_built(joints: Iterable[Joint]) -> list[str]:
+    """The words for limits and friction of joints, once for each that has some."""
+    return [words for joint in joints for words, has in ((LIMITS, joint.limits is not None), (FRICTION, joint.friction)) if has]
+
+
 def add_stops(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
     """Stops of the joints that have limits; how many there are."""
     limited = [(joint, coordinate) for joint, coordinate in joints if joint.limits is not None]

@@ -1,22 +1,22 @@
 """Robots from URDF, the unified robot description format of ROS (wiki.ros.org/urdf/XML).
 
-Read are links' inertias, what is seen of them (`<visual>`), and all joints. Limits, friction, safety controllers, transmissions, sensors
-and collisions are listed as omitted.
+Read are links' inertias, what is seen of them (`<visual>`), and all joints. `vocabulary/urdf.txt` says what becomes of every word.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
+from ncgen.exchange.robots.accounting import account, counted, vocabulary
+from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, looked, mesh, rgba_of, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, unique
+from ncgen.exchange.robots.stops import not_built
 from ncgen.exchange.robots.written import document, element
 
 KINDS = {
@@ -29,27 +29,19 @@ KINDS = {
 }
 """Joint types of the format, and what they are here."""
 
+ACTING = ("revolute", "continuous", "prismatic")
+"""Joints that have one coordinate, along which something can act."""
+
 UNLIMITED = 1e9
 """How far a slider may go where nothing says so (m)."""
-
-OMITTED = {
-    "transmission": "transmissions", "gazebo": "extensions for Gazebo", "ros2_control": "settings of ros2_control",
-    "limit": "limits of joints", "safety_controller": "safety controllers", "calibration": "calibrations",
-    "collision": "collision shapes", "sensor": "sensors", "contact": "contact coefficients",
-}  # fmt: skip
-"""What is not modelled: tags, and words for them."""
-
-READ = {
-    "robot": ("link", "joint", "material"),
-    "link": ("inertial", "visual"),
-    "joint": ("parent", "child", "origin", "axis", "dynamics", "mimic"),
-}
-"""What is read of an element; what else stands there is listed as omitted, too."""
 
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file, from its root element. Raises ModelError with file and line."""
-    looks = {each.name(): [_look(visual, root, path) for visual in each.all("visual")] for each in root.all("link")}
+    looks = {
+        each.name(): [looked(lambda visual=visual: _look(visual, root, path), "visual") for visual in each.all("visual")]
+        for each in root.all("link")
+    }
     links = [_link(each, looks[each.name()]) for each in root.all("link")]
     joints = [_joint(each) for each in root.all("joint")]
     if not links:
@@ -58,21 +50,13 @@ def robot_of(root: Markup, path: Path) -> Robot:
     unique(joints, "joint")
     name = root.attributes.get("name") or path.stem
     beside = unseen(each for found in looks.values() for each in found)
-    friction = sum(each.number("friction", 0.0) != 0.0 for each in root.walk() if each.tag == "dynamics")
-    omitted = root.counted(OMITTED, friction) + _unknown(root) + beside
+    omitted = counted([*not_built(joints), *account(root, vocabulary("urdf"), "robot")]) + beside
     return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=omitted).ordered()
 
 
 def problems_of(root: Markup, path: Path) -> list[str]:
     """What is wrong with links and joints, each looked at by itself."""
     return [*refusals(lambda each: _link(each, ()), root.all("link")), *refusals(_joint, root.all("joint"))]
-
-
-def _unknown(root: Markup) -> tuple[str, ...]:
-    """Elements that the format does not have."""
-    parts = [child for each in (root, *root.all("link"), *root.all("joint")) for child in each.children if child.tag not in READ[each.tag]]
-    counts = Counter(part.tag for part in parts if part.tag not in OMITTED)
-    return tuple(f"<{tag}>, which is none of URDF's elements ({count})" for tag, count in counts.items())
 
 
 def _pose(each: Markup) -> Placement:
@@ -130,7 +114,8 @@ def _joint(each: Markup) -> Joint:
     kind = each.name("type")
     if kind not in KINDS:
         each.refuse(f"joint {each.name()}: there is no type {kind}; known are {', '.join(KINDS)}")
-    dynamics, mimic = each.first("dynamics"), each.first("mimic")
+    dynamics = each.first("dynamics") if kind in ACTING else None
+    mimic = each.first("mimic")
     return Joint(
         each.name(),
         KINDS[kind],
@@ -140,6 +125,7 @@ def _joint(each: Markup) -> Joint:
         _axis(each) if kind not in ("fixed", "floating") else np.array([1.0, 0.0, 0.0]),
         damping=dynamics.number("damping", 0.0) if dynamics else 0.0,
         limits=_limits(each.first("limit")) if kind in ("revolute", "prismatic") else None,
+        effort=_effort(each.first("limit")) if kind in ACTING else None,
         friction=dynamics.number("friction", 0.0) if dynamics else 0.0,
         mimic=Mimic(mimic.name("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)) if mimic else None,
         where=each.place,
@@ -151,6 +137,12 @@ def _limits(limit: Markup | None) -> tuple[float, float] | None:
         return None
     lower, upper = (limit.limit(limit.attributes.get(end, "0"), end) for end in ("lower", "upper"))
     return lower, upper
+
+
+def _effort(limit: Markup | None) -> tuple[float, float] | None:
+    """None where it is 0, which files write that do not know it."""
+    effort = 0.0 if limit is None else limit.limit(limit.attributes.get("effort", "0"), "effort")
+    return (-effort, effort) if effort > 0 else None
 
 
 def _axis(joint: Markup) -> np.ndarray:

@@ -1,0 +1,136 @@
+"""What a robot's file says, and what became of it: every element and attribute is modelled, only looks, is left out or is refused.
+
+A format has a table of its vocabulary, `vocabulary/FORMAT.txt`, one line a word. At its end a reader asks `account` which words nobody has
+read.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from ncgen.exchange.robots.markup import Markup
+from ncgen.files import contents
+
+MEANINGS = ("modelled", "looks", "no effect", "left out", "refused")
+"""What becomes of a word that is not at its default: a reader reads it; it is only seen, or names something, or says how a file is to be
+handled, and is passed over; it is listed, and does not change the motion; it is listed, and would change it; the file is refused."""
+
+WITHOUT_EFFECT = frozenset(
+    {
+        "transmissions", "settings of ros2_control", "calibrations", "effort limits", "sensors", "projectors", "lights", "batteries",
+        "audio", "settings of physics engines", "roads", "magnetic fields", "atmospheres", "coordinates on the earth",
+        "settings for collision detection", "settings for inertias of meshes", "axes of joints that have none",
+        "screws and gears of joints that are none", "joints of models that rest", "meshes that are not there", "shapes of other kinds",
+    }
+)  # fmt: skip
+"""What is listed and does not change the motion."""
+
+
+@dataclass(frozen=True)
+class Word:
+    """A word of a format: an element, or an attribute of one.
+
+    path: tags from an anchor on, as `link/inertial/mass` or `link@name`; an anchor is a path without `/`
+    versions: of the format that have it; defaults: texts that say what is so without it
+    words: for what is left out, the reason for a refusal, or for a modelled word where nobody reads it
+    anchor: where the vocabulary of the element's inside stands, itself if empty
+    """
+
+    path: str
+    versions: str
+    defaults: tuple[str, ...]
+    meaning: str
+    words: str = ""
+    anchor: str = ""
+
+    def is_default(self, text: str) -> bool:
+        """Whether a text says what is so without it."""
+        return any(_plain(text) == _plain(default) for default in self.defaults)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something in a file that a model does not have. words: for people; meaning: "no effect" or "left out"."""
+
+    words: str
+    meaning: str
+
+
+def _plain(text: str) -> tuple[float | str, ...]:
+    """A text with numbers and truth values in one spelling."""
+    return tuple(_value(part) for part in text.split())
+
+
+def _value(part: str) -> float | str:
+    if part.lower() in ("true", "false"):
+        return float(part.lower() == "true")
+    try:
+        return float(part)
+    except ValueError:
+        return part
+
+
+@cache
+def vocabulary(name: str) -> dict[str, Word]:
+    """{path: word} of a format. A line is `path | versions | defaults, "or" between | meaning | words`; `path = anchor` goes on there."""
+    lines = contents(Path(__file__).parent / "vocabulary" / f"{name}.txt", 1_000_000).decode().splitlines()
+    words = (_word(line) for line in lines if line.strip() and not line.startswith("#"))
+    return {word.path: word for word in words}
+
+
+def _word(line: str) -> Word:
+    said, versions, default, meaning, words = (part.strip() for part in line.split("|"))
+    path, _, anchor = (part.strip() for part in said.partition("="))
+    return Word(path, versions, tuple(each.strip() for each in default.split(" or ")) if default else (), meaning, words, anchor)
+
+
+def account(root: Markup, words: dict[str, Word], anchor: str, compiled: bool = False) -> Iterator[Finding]:
+    """What a file says and a model does not have. Raises ModelError with file and line for what is refused.
+
+    words: the format's vocabulary; anchor: the path of what stands in `root`
+    compiled: somebody else read the file, so a modelled word counts as read; else what nobody has read is listed, too
+    """
+    for name, text in dict.items(root.attributes):
+        word = words.get(f"{anchor}@{name}")
+        if word is None:
+            if not name.startswith("xmlns"):
+                yield Finding(f"the attribute {name} of <{root.tag}>, which is none of the format's", "left out")
+        elif not word.is_default(text):
+            yield from _judged(root, word, f"the attribute {name} of <{root.tag}>", compiled or name in root.attributes.read)
+    for child in root.children:
+        word = words.get(f"{anchor}/{child.tag}")
+        if word is None:
+            yield Finding(f"<{child.tag}> in <{root.tag}>, which is none of the format's elements", "left out")
+            continue
+        what, text = f"<{child.tag}> in <{root.tag}>", child.raw.strip()
+        if word.meaning != "modelled":
+            if not (text and word.is_default(text)) or child.children:
+                yield from _judged(child, word, what, False)
+            continue
+        if text and not word.is_default(text):
+            yield from _judged(child, word, what, compiled or child.is_read)
+        yield from account(child, words, word.anchor or word.path, compiled)
+
+
+def _judged(element: Markup, word: Word, what: str, is_read: bool) -> Iterator[Finding]:
+    if word.meaning == "refused":
+        element.refuse(word.words)
+    if word.meaning in ("left out", "no effect"):
+        yield Finding(word.words or what, word.meaning)
+    if word.meaning == "modelled" and not is_read:
+        yield Finding(word.words or f"{what} that nothing reads", "left out")
+
+
+def counted(findings: Iterable[Finding | str]) -> tuple[str, ...]:
+    """What was found, in words with how often."""
+    counts = Counter(each if isinstance(each, str) else each.words for each in findings)
+    return tuple(f"{words} ({count})" for words, count in counts.items())
+
+
+def changes_motion(said: str) -> bool:
+    """Whether what `counted` says, without it, is a reason for another motion."""
+    return said.rpartition(" (")[0].partition(",")[0] not in WITHOUT_EFFECT

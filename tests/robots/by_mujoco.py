@@ -1,0 +1,157 @@
+"""Motions of MJCF beside MuJoCo's: natural coordinates where its bodies are, and their accelerations, from those of its joints.
+
+Every element of a body in ncgen's model is a point or a direction of one of MuJoCo's bodies, if these have one joint each: where the
+model begins its place in that body's frame is measured, and at any other state MuJoCo's frames, Jacobians and their rates say position,
+velocity and acceleration.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import ncgen
+from ncgen.exchange.robots.natural import word
+from ncgen.model.elements import Point, Spatial
+
+
+class Beside:
+    """A file in ncgen and in MuJoCo, without contacts and limits."""
+
+    def __init__(self, path: Path, **options) -> None:
+        import mujoco
+
+        self.mujoco = mujoco
+        self.model = ncgen.load(path, **options)
+        self.kernels = ncgen.compile(self.model, "numpy")
+        self.p = np.array(self.kernels.p0)
+        self.theirs = mujoco.MjModel.from_xml_path(str(path))
+        flags = mujoco.mjtDisableBit
+        self.theirs.opt.disableflags |= flags.mjDSBL_CONTACT | flags.mjDSBL_LIMIT | flags.mjDSBL_FRICTIONLOSS
+        self.theirs.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        self.data = mujoco.MjData(self.theirs)
+        self.joints = {}
+        for j in range(self.theirs.njnt):
+            if self.theirs.jnt_type[j] >= 2:
+                name = word(self.theirs.joint(j).name or f"joint{j}", "joint")
+                if name in self.model.elements:
+                    self.joints[name] = j
+        self._place()
+
+    def _place(self) -> None:
+        """{element: (number of MuJoCo's body, its place there)}."""
+        mujoco, m, d = self.mujoco, self.theirs, self.data
+        mujoco.mj_kinematics(m, d)
+        numbers = {word(m.body(i).name or f"body{i}", "link"): i for i in range(1, m.nbody)}
+        self.at = {}
+        for name, body in self.model.bodies.items():
+            for element in body.elements:
+                if not element.fixed and name in numbers:
+                    i = numbers[name]
+                    away = element.initial - d.xpos[i] if isinstance(element, Point) else element.initial
+                    self.at[element] = i, d.xmat[i].reshape(3, 3).T @ away
+        assert all(e in self.at for e in self.model.elements.values() if isinstance(e, Spatial) and not e.fixed), "a body between joints"
+
+    def state(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Natural coordinates and their rates at one of MuJoCo's states, which is set."""
+        self.data.qpos[:], self.data.qvel[:] = qpos, qvel
+        self.mujoco.mj_forward(self.theirs, self.data)
+        q, qd, _ = self._natural()
+        return q, qd
+
+    def accelerations(self) -> np.ndarray:
+        """Those of natural coordinates where MuJoCo's state is set."""
+        return self._natural()[2]
+
+    def _natural(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        mujoco, m, d = self.mujoco, self.theirs, self.data
+        index = self.kernels.index
+        found = np.zeros((3, self.kernels.n))
+        jacobians = np.zeros((2, 3, m.nv)), np.zeros((2, 3, m.nv))
+        for element, (i, place) in self.at.items():
+            arm = d.xmat[i].reshape(3, 3) @ place
+            point = d.xpos[i] + arm if isinstance(element, Point) else d.xpos[i]
+            (jp, jr), (dp, dr) = jacobians
+            mujoco.mj_jac(m, d, jp, jr, point, i)
+            mujoco.mj_jacDot(m, d, dp, dr, point, i)
+            turning, more = jr @ d.qvel, jr @ d.qacc + dr @ d.qvel
+            if isinstance(element, Point):
+                values = point, jp @ d.qvel, jp @ d.qacc + dp @ d.qvel
+            else:
+                values = arm, np.cross(turning, arm), np.cross(more, arm) + np.cross(turning, np.cross(turning, arm))
+            for axis, component in enumerate(element.components):
+                if not component.fixed:
+                    found[:, index[component.name]] = [value[axis] for value in values]
+        for name, j in self.joints.items():
+            dof = m.jnt_dofadr[j]
+            found[:, index[name]] = d.qpos[m.jnt_qposadr[j]], d.qvel[dof], d.qacc[dof]
+        return found[0], found[1], found[2]
+
+    def random(self, rng: np.random.Generator, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """A state of MuJoCo's, joints away from where they begin."""
+        m, qpos = self.theirs, self.theirs.qpos0.copy()
+        self.mujoco.mj_integratePos(m, qpos, rng.uniform(-size, size, m.nv), 1.0)
+        return qpos, rng.normal(size=m.nv) * size
+
+    # -- equalities ----------------------------------------------------------------------------
+
+    def _rows(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What equalities miss at a state of MuJoCo's, which is set, and their Jacobian (rows, nv)."""
+        d = self.data
+        d.qpos[:], d.qvel[:] = qpos, qvel
+        self.mujoco.mj_forward(self.theirs, d)
+        return d.efc_pos.copy(), d.efc_J.reshape(d.nefc, self.theirs.nv).copy()
+
+    def _moved(self, qpos: np.ndarray, step: np.ndarray) -> np.ndarray:
+        moved = qpos.copy()
+        self.mujoco.mj_integratePos(self.theirs, moved, step, 1.0)
+        return moved
+
+    def close(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A state nearby in which MuJoCo's equalities hold, and their accelerations without their softness: Newton's method, and KKT."""
+        m, d = self.theirs, self.data
+        for _ in range(50):
+            miss, rows = self._rows(qpos, qvel)
+            if np.max(np.abs(miss), initial=0.0) < 1e-13:
+                break
+            qpos = self._moved(qpos, -np.linalg.lstsq(rows, miss, rcond=1e-9)[0])
+        qvel = qvel - np.linalg.lstsq(rows, rows @ qvel, rcond=1e-9)[0]
+        h = 1e-3
+        beside = {k: self._rows(self._moved(qpos, k * h * qvel), qvel)[1] @ qvel for k in (-2, -1, 1, 2)}
+        change = (8 * (beside[1] - beside[-1]) - (beside[2] - beside[-2])) / (12 * h)
+        q, qd = self.state(qpos, qvel)
+        mass = np.zeros((m.nv, m.nv))
+        self.mujoco.mj_fullM(m, d, mass)
+        right = np.concatenate([d.qfrc_passive + d.qfrc_actuator - d.qfrc_bias, -change])
+        system = np.block([[mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+        d.qacc[:] = np.linalg.lstsq(system, right, rcond=1e-12)[0][: m.nv]
+        return q, qd
+
+    def closed_error(self, rng: np.random.Generator, states: int = 4, size: float = 0.3) -> float:
+        """The largest error at states in which equalities hold."""
+        return max(self.miss(*self.close(*self.random(rng, size))) for _ in range(states))
+
+    def error(self, rng: np.random.Generator, states: int = 5, size: float = 1.0, t: float = 0.0) -> float:
+        """The largest error of an acceleration, over 1 + the largest one, at random states of a tree."""
+        worst = 0.0
+        for _ in range(states):
+            q, qd = self.state(*self.random(rng, size))
+            worst = max(worst, self.miss(q, qd, t))
+        return worst
+
+    def miss(self, q: np.ndarray, qd: np.ndarray, t: float = 0.0) -> float:
+        """The error at one state, which MuJoCo is in."""
+        expected, k = self.accelerations(), self.kernels
+        closed = np.max(np.abs(k.phi(q, t, self.p)), initial=0.0)
+        assert closed < 1e-9, f"positions do not close: {closed:.1e}"
+        found = lagrange(k, q, qd, t, self.p)
+        return float(np.max(np.abs(found - expected)) / (1 + np.max(np.abs(expected))))
+
+
+def lagrange(k, q: np.ndarray, qd: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
+    """q̈ from M q̈ + Φ_qᵀ λ = Q and Φ_q q̈ = γ, by least squares with NumPy, so that redundant rows do no harm."""
+    mass, rows = k.mass_matrix(q, t, p), k.phi_q(q, t, p).toarray()
+    right = np.concatenate([k.force(q, qd, t, p), k.gamma(q, qd, t, p)])
+    system = np.block([[mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+    return np.linalg.lstsq(system, right, rcond=1e-13)[0][: k.n]

@@ -1,0 +1,84 @@
+"""Equalities of MJCF beside MuJoCo: positions in which they hold, and accelerations without MuJoCo's softness."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen.errors import ModelError
+
+pytest.importorskip("mujoco", reason="MJCF is read by MuJoCo: pip install 'ncgen[robots]'")
+
+from by_mujoco import Beside  # noqa: E402
+
+CHAIN = """<mujoco><compiler angle="radian"/>{option}<worldbody><site name="nail" pos="0.3 0 0.4" quat="0.8 0 0.6 0"/>
+<body name="a" pos="0 0 1"><joint name="q" axis="0 1 0"/><inertial pos="0 0 -0.3" mass="1" diaginertia="0.02 0.02 0.01"/>
+<body name="b" pos="0 0 -0.6"><joint name="r" axis="0 1 0" {r}/><inertial pos="0.3 0 0" mass="0.7" diaginertia="0.01 0.02 0.02"/>
+<site name="tip" pos="0.3 0 0" quat="0.8 0 0.6 0"/>
+<body name="c" pos="0.6 0 0"><joint name="s" type="slide" axis="1 0 0" {s}/>
+<inertial pos="0.1 0 0.1" mass="0.4" diaginertia="0.01 0.02 0.01"/>
+</body></body></body>
+<body name="d" pos="0.9 0 0.4"><joint name="u" axis="0 1 0.2"/><inertial pos="0 0.1 0.2" mass="0.5" diaginertia="0.01 0.02 0.02"/>
+<site name="hole" pos="-0.6 0 0"/></body>
+</worldbody>{tendon}<equality>{said}</equality></mujoco>"""
+
+TENDONS = """<tendon><fixed name="t"><joint joint="q" coef="2"/><joint joint="r" coef="-1"/></fixed>
+<fixed name="v"><joint joint="s" coef="3"/><joint joint="u" coef="0.5"/></fixed></tendon>"""
+
+ROWS = """<joint joint1="q" joint2="r" polycoef="0.1 0.8 -0.3 0.2 0.15"/><joint joint1="u" polycoef="0.2 0 0 0 0"/>
+<tendon tendon1="v" tendon2="t" polycoef="0.05 0.4 0.1 0 0"/>"""
+
+CASES = {
+    "a polynomial of fourth order": '<joint joint1="q" joint2="r" polycoef="0.1 0.8 -0.3 0.2 0.15"/>',
+    "a constant": '<joint joint1="q" polycoef="0.2 0 0 0 0"/>',
+    "two for one joint": '<joint joint1="q" joint2="r" polycoef="0 2 0 0 0"/><joint joint1="q" joint2="s" polycoef="0 -1 0 0 0"/>',
+    "tendons": '<tendon tendon1="t" tendon2="v" polycoef="0.1 0.5 0.2 -0.1 0.05"/>',
+    "a tendon's constant": '<tendon tendon1="t" polycoef="-0.1 0 0 0 0"/>',
+    "sites, a ball": '<connect site1="tip" site2="hole"/>',
+    "sites of the world, a ball": '<connect site1="tip" site2="nail"/>',
+}
+
+
+def chain(path: Path, said: str, **more: str) -> Path:
+    path.write_text(CHAIN.format(said=said, **{name: more.get(name, "") for name in ("option", "r", "s")}, tendon=TENDONS))
+    return path
+
+
+def test_rows_over_joints_equal_mujoco(tmp_path):
+    """A polynomial of fourth order, a constant, and sums of joints."""
+    both = Beside(chain(tmp_path / "chain.xml", ROWS))
+    assert ncgen.freedom(both.kernels).dof == 1
+    assert both.closed_error(np.random.default_rng(1)) < 1e-9
+
+
+def test_sites_equal_mujoco(tmp_path):
+    """A ball between two sites, which are one where the model begins."""
+    both = Beside(chain(tmp_path / "chain.xml", CASES["sites, a ball"]))
+    assert both.closed_error(np.random.default_rng(1)) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_each_equality_equals_mujoco(case, tmp_path):
+    both = Beside(chain(tmp_path / "chain.xml", CASES[case]))
+    assert both.closed_error(np.random.default_rng(1)) < 1e-9
+
+
+@pytest.mark.parametrize("flag", ["equality", "constraint"])
+def test_equalities_that_are_switched_off(flag, tmp_path):
+    said = CASES["a constant"] + '<weld body1="a" body2="d" active="false"/>'
+    off = ncgen.load(chain(tmp_path / "chain.xml", said, option=f'<option><flag {flag}="disable"/></option>'))
+    on = ncgen.load(chain(tmp_path / "on.xml", said))
+    assert len(off.rows) == len(on.rows) - 1
+
+
+def test_softness_is_told(tmp_path):
+    said = '<joint joint1="q" joint2="r" solref="0.005 1"/><joint joint1="u" joint2="r"/>'
+    assert "softness of equalities, which are rigid here (1)" in ncgen.load(chain(tmp_path / "chain.xml", said)).left_out
+
+
+def test_frames_that_are_apart_are_refused_with_the_gap(tmp_path):
+    said = '<weld name="glue" body1="a" body2="d" relpose="0.9 0 -0.5 1 0 0 0"/>'
+    with pytest.raises(ModelError, match="equality glue: its frames on a and d are 0.1 m apart where the model begins"):
+        ncgen.load(chain(tmp_path / "chain.xml", said))
