@@ -12,7 +12,7 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.accounting import account, counted, vocabulary
-from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
+from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, looked, mesh, rgba_of, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, unique
@@ -38,7 +38,10 @@ UNLIMITED = 1e9
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file, from its root element. Raises ModelError with file and line."""
-    looks = {each.name(): [_look(visual, root, path) for visual in each.all("visual")] for each in root.all("link")}
+    looks = {
+        each.name(): [looked(lambda visual=visual: _look(visual, root, path), "visual") for visual in each.all("visual")]
+        for each in root.all("link")
+    }
     links = [_link(each, looks[each.name()]) for each in root.all("link")]
     joints = [_joint(each) for each in root.all("joint")]
     if not links:
@@ -122,6 +125,7 @@ def _joint(each: Markup) -> Joint:
         _axis(each) if kind not in ("fixed", "floating") else np.array([1.0, 0.0, 0.0]),
         damping=dynamics.number("damping", 0.0) if dynamics else 0.0,
         limits=_limits(each.first("limit")) if kind in ("revolute", "prismatic") else None,
+        effort=_effort(each.first("limit")) if kind in ACTING else None,
         friction=dynamics.number("friction", 0.0) if dynamics else 0.0,
         mimic=Mimic(mimic.name("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)) if mimic else None,
         where=each.place,
@@ -133,6 +137,12 @@ def _limits(limit: Markup | None) -> tuple[float, float] | None:
         return None
     lower, upper = (limit.limit(limit.attributes.get(end, "0"), end) for end in ("lower", "upper"))
     return lower, upper
+
+
+def _effort(limit: Markup | None) -> tuple[float, float] | None:
+    """None where it is 0, which files write that do not know it."""
+    effort = 0.0 if limit is None else limit.limit(limit.attributes.get("effort", "0"), "effort")
+    return (-effort, effort) if effort > 0 else None
 
 
 def _axis(joint: Markup) -> np.ndarray:
