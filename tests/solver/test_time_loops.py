@@ -40,7 +40,7 @@ class Language:
 
 
 C = Language(
-    r"ncgen_next_break|next_breaks",
+    r"ncgen_next_break|ncgen_next_goal|next_breaks",
     r"\b(ncgen_accept\(r, (?!r->times\[0\])|ncgen_block_accept\(r, (?!r->running, r->start_t))",  # a run's begin is no advance
     r"^(?!typedef)[A-Za-z_][\w \*]*?\b(\w+)\([^;=]*$",
 )
