@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import keyword
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
 
 from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.closures import rotation_by
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
 from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
@@ -162,8 +164,10 @@ class _Builder:
         """A hinge's angle, measured from a direction of the parent to one of the child which are the same at 0."""
         axis = self._vector(hold.axis)
         across = _across(axis.initial, [place.value for solid in (hold.child, hold.parent) for place in solid.vectors])
-        start, end = (self._direction(body, across, hold) for body in (a, b))
-        return self.model.angle(self._free(hold.joint.name), start, end, hold.sign * axis)
+        at = hold.joint.at
+        turned = rotation_by(hold.sign * at * axis.initial) @ across if at else across
+        start, end = self._direction(a, across, hold), self._direction(b, turned, hold)
+        return self.model.angle(self._free(hold.joint.name), start, end, hold.sign * axis, initial=at if abs(at) > math.pi else None)
 
     def _direction(self, body: Body, direction: np.ndarray, hold: Hold) -> Spatial | Combination:
         """A direction of a body; on the ground one of its vectors, or a new one."""

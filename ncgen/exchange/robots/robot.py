@@ -106,6 +106,7 @@ class Joint:
     damping: N m s/rad or N s/m; stiffness: N m/rad or N/m, of a spring at rest where the coordinate is `rest`; pitch: m a turn of a screw
     more_damping, more_stiffness: factors of v |v|, v³ and of x², x³ beside those of v and x, x from the rest
     limits: lowest and highest value (rad or m); friction: dry, N m or N
+    at: the coordinate (rad or m) in the placement, of a hinge or a slider of a robot that was assembled
     """
 
     name: str
@@ -126,6 +127,7 @@ class Joint:
     friction: float = 0.0
     mimic: Mimic | None = None
     where: str = ""
+    at: float = 0.0
 
     @property
     def has_spring(self) -> bool:
@@ -144,6 +146,7 @@ class Robot:
 
     base: of the root in the world; gravity: m/s²; floats: whether the root is a free body
     omitted: what the file says and a model does not, in words
+    motors: names of joints that have one, where a file beside the robot's says so
     """
 
     name: str
@@ -155,6 +158,7 @@ class Robot:
     floats: bool = False
     omitted: tuple[str, ...] = ()
     rows: tuple[Coupling, ...] = ()
+    motors: tuple[str, ...] = ()
 
     def ordered(self) -> Robot:
         """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""
