@@ -63,11 +63,16 @@ def mesh_of(path: Path) -> Mesh | None:
 
 @lru_cache(maxsize=256)
 def _read(path: Path, changed: int, size: int) -> Mesh:
+    return simplified(whole(path))
+
+
+def whole(path: Path) -> Mesh:
+    """All triangles of a file. Raises Unreadable."""
     if path.suffix.lower() not in KINDS:
         raise Unreadable(f"files of meshes end with {', '.join(KINDS)}")
     if not is_file(path):
         raise Unreadable("it is no ordinary file")
-    if size > LARGEST:
+    if (size := path.stat().st_size) > LARGEST:
         raise Unreadable(f"it has {size} bytes, and {LARGEST} are read")
     data = contents(path, LARGEST)
     kind = path.suffix.lower()[1:]
@@ -77,7 +82,7 @@ def _read(path: Path, changed: int, size: int) -> Mesh:
     unit = UNIT.search(data) if kind == "dae" else None
     found = Mesh(found.vertices * float(unit[1]), found.triangles) if unit else found
     _check(found)
-    return simplified(found)
+    return found
 
 
 def _parsed(data: bytes, kind: str) -> Mesh:

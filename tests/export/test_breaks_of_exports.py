@@ -231,6 +231,26 @@ def test_a_driver_whose_velocity_jumps(tmp_path):
     assert moved.state[4 + names.index("A.x")] == pytest.approx(after_the_jerk(2.99), abs=1e-6)
 
 
+def gained(t: float) -> float:
+    """Kinetic and potential energy (J) of carriage and mass more than at rest, by SciPy."""
+    angle, rate = scipy.integrate.solve_ivp(
+        lambda t, y: [y[1], -9.81 * np.sin(y[0])], (1.0, t), (0.0, -1.0), "DOP853", rtol=1e-12, atol=1e-14
+    ).y[:, -1]
+    kinetic = 0.5 + (1 + rate * np.cos(angle)) ** 2 + (rate * np.sin(angle)) ** 2
+    return float(kinetic + 2 * 9.81 * (1 - np.cos(angle)))
+
+
+def test_the_work_of_an_impulse_counts(tmp_path):
+    """0.5 J at the jerk, which sets the carriage of 1 kg in motion and leaves the mass at rest; later that of the force, too."""
+    moved = Moved(towed(), tmp_path)
+    assert moved.advance(1.0 + 1e-9).state[1] == pytest.approx(0.5, abs=1e-6)
+    assert moved.advance(3.0).state[1] == pytest.approx(gained(3.0), abs=1e-7)
+    moved.start()
+    for _ in range(230):
+        moved.step(0.013)
+    assert moved.state[1] == pytest.approx(gained(2.99), abs=1e-6)
+
+
 @pytest.mark.parametrize("flags, tolerance", [("-DHANGING_NCGEN_SINGLE", 1e-3), ("-DHANGING_NCGEN_LONG_DOUBLE", 1e-6)])
 def test_every_number_type_compiles(flags, tolerance, tmp_path):
     export(hanging("sine"), "c", tmp_path)
@@ -309,3 +329,16 @@ def test_others_feel_a_jerk(moved_by, tmp_path):
     long, many, t, steps = moved_by(towed(), tmp_path, 3.0)
     assert [long, many] == pytest.approx([after_the_jerk(3.0)] * 2, abs=2e-7)
     assert steps == pytest.approx(after_the_jerk(t), abs=1e-6)
+
+
+def test_others_count_the_work_of_an_impulse(tmp_path):
+    model = towed()
+    export(model, "numpy", tmp_path / "numpy")
+    found = shell(f"{sys.executable} -c 'from towed import Motion; print(Motion().advance(3.0).work)'", tmp_path / "numpy")
+    assert float(found) == pytest.approx(gained(3.0), abs=1e-6)
+    if not shutil.which("node"):
+        pytest.skip("node is not installed")
+    export(model, "wasm", tmp_path / "wasm")
+    head, _ = NODE.split("const x = ")
+    (tmp_path / "wasm" / "x.mjs").write_text(head % ("Towed", "towed", "towed") + "console.log(m.advance(3.0).work);")
+    assert float(shell("node x.mjs", tmp_path / "wasm")) == pytest.approx(gained(3.0), abs=1e-6)

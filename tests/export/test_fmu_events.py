@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exported import STRICT, shell
-from test_breaks_of_exports import PULSES, after_the_jerk, hanging, swung, towed
+from test_breaks_of_exports import PULSES, after_the_jerk, gained, hanging, swung, towed
 
 import ncgen
 from ncgen.exchange.examples import load
@@ -46,9 +46,10 @@ def test_a_pendulum_at_rest_feels_a_push(pulse, version, tmp_path):
 def test_a_driver_whose_velocity_jumps(mode, version, tmp_path):
     export(towed(), f"fmu{version}", tmp_path)
     found = simulate_fmu(
-        str(tmp_path / "towed.fmu"), fmi_type=mode, stop_time=3.0, output_interval=0.4, relative_tolerance=1e-9, output=["A.x"]
+        str(tmp_path / "towed.fmu"), fmi_type=mode, stop_time=3.0, output_interval=0.4, relative_tolerance=1e-9, output=["A.x", "work"]
     )
     assert found["A.x"][-1] == pytest.approx(after_the_jerk(found["time"][-1]), abs=1e-6)
+    assert found["work"][-1] == pytest.approx(gained(found["time"][-1]), abs=1e-5)
 
 
 @VERSIONS

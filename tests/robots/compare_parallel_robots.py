@@ -104,13 +104,11 @@ def compare(table: Path) -> str:
             third = np.cross(old.axis, old.second)
             q[first.idx_q] = np.arctan2(moved @ third, moved @ old.second)
             rest = motion(old, np.array([q[first.idx_q], 0.0])).rotation.T @ turn
-            q[model.idx_q] = np.arctan2(third @ rest @ old.axis * np.sign(1), old.axis @ rest @ old.axis) * -np.sign(
-                np.cross(old.axis, old.second) @ np.cross(old.axis, old.second)
-            )
+            q[model.idx_q] = np.arctan2(-(third @ rest @ old.axis), old.axis @ rest @ old.axis)
         elif model.nq == 2:
-            q[model.idx_q : model.idx_q + 2] = np.cos(joint.at), np.sin(joint.at)
+            q[model.idx_q : model.idx_q + 2] = np.cos(joint.start), np.sin(joint.start)
         elif model.nq == 1:
-            q[model.idx_q] = joint.at
+            q[model.idx_q] = joint.start
     gaps, J = closing(theirs, pairs, types, q, fixed)
     values = np.linalg.svd(J, compute_uv=False)
     freedom = J.shape[1] - int(np.sum(values > 1e-6 * values[0]))

@@ -49,7 +49,43 @@ def test_urdf_has_every_word_of_its_schema():
     assert seen > 100
 
 
-@pytest.mark.parametrize("name", ["urdf"])
+def said_by_descriptions():
+    """{path: (versions, type, defaults)} of SDF, path beginning with a description's name."""
+    lines = (SCHEMAS / "sdf.txt").read_text(encoding="utf-8").splitlines()
+    return {path: (versions, kind, defaults) for path, versions, kind, defaults in (map(str.strip, line.split("|")) for line in lines)}
+
+
+def test_sdf_has_every_word_of_its_descriptions():
+    """From the root, through all descriptions that one includes; versions and defaults are the published ones."""
+    published, words, seen = said_by_descriptions(), vocabulary("sdf"), 0
+    inside: dict[str, list[str]] = {}
+    for path in published:
+        inside.setdefault(path.rpartition("@")[0] or path.rpartition("/")[0], []).append(path)
+    waiting, known = [("root", "root")], set()
+    while waiting:
+        place, anchor = waiting.pop()
+        for path in inside.get(place, []):
+            mark = "@" if "@" in path else "/"
+            word = words.get(f"{anchor}{mark}{path.rpartition(mark)[2]}")
+            assert word, f"{path} in {anchor}"
+            versions, kind, defaults = published[path]
+            if path == word.path:
+                assert word.versions in (versions, versions.partition("-")[0]), path
+            assert all(word.is_default(default) for default in defaults.split(" or ") if default), path
+            seen += 1
+            if word.meaning == "modelled" and mark == "/":
+                step = (kind[2:] if kind.startswith("= ") else path, word.anchor or word.path)
+                waiting += [step] if step not in known else []
+                known.add(step)
+    assert seen > 200
+
+
+def test_no_word_of_sdf_is_made_up():
+    published = said_by_descriptions()
+    assert [path for path in vocabulary("sdf") if path not in published] == []
+
+
+@pytest.mark.parametrize("name", ["urdf", "sdf"])
 def test_tables_can_be_walked(name):
     words = vocabulary(name)
     anchors = {word.anchor for word in words.values() if word.anchor}

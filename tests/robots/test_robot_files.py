@@ -249,9 +249,13 @@ LINKS = '<link name="a"/><link name="b"><pose>1 0 0 0 0 0</pose></link>'
 JOINT = '<joint name="j" type="{}"><parent>a</parent><child>b</child>{}</joint>'
 
 BAD_SDF = [
-    ('<sdf version="1.7"/>', "0 models; a robot's file has one"),
+    ('<sdf version="1.7"/>', "it has no <model>; a robot's file has one"),
     (SDF.format(""), "<model> has no <link>"),
-    (SDF.format("<include/>"), "included files are not read; write its links and joints out"),
+    (SDF.format("<include/>"), "<include> has no <uri>; give it one"),
+    (
+        SDF.format("<include><uri>https://127.0.0.1:9/arm</uri></include>"),
+        "there is no file of 'https://127.0.0.1:9/arm' on this machine, and nothing is fetched; name the folder",
+    ),
     (SDF.format(LINKS + JOINT.format("piston", "")), "joint j: the type 'piston' is not read; known are fixed, revolute"),
     (SDF.format(LINKS + JOINT.format("gearbox", "")), "<joint> has no <gearbox_reference_body>; give it one"),
     (
@@ -260,7 +264,7 @@ BAD_SDF = [
     ),
     (SDF.format(LINKS + JOINT.format("revolute", "")), "joint j: it has no axis; give it one"),
     (SDF.format(LINKS + JOINT.format("revolute", "<axis><xyz>0 0 0</xyz></axis>")), "joint j: its axis is 0 0 0"),
-    (SDF.format('<link name="a"/>' + JOINT.format("ball", "")), "joint j: its child 'b' is no link of this model"),
+    (SDF.format('<link name="a"/>' + JOINT.format("ball", "")), "joint j: its child 'b' is no link, frame or model here"),
     (SDF.format('<link name="a"><pose>1 2 3</pose></link>'), "<pose>: 6 numbers are needed, '1 2 3' is given"),
     (SDF.format('<link name="a"><pose relative_to="c"/></link>'), "link a: there is no link, joint or frame 'c'"),
     (

@@ -1,27 +1,31 @@
-"""When laws of time change their formula, or a smooth one has a pulse, as a program: what exported motions, whose parameters and end are
-not known here, ask for the time of the next break.
+"""When laws of time change their formula, as a program: what exported motions, whose parameters and end are not known here, ask for the
+time of the next break.
 
 switches(t, p) writes four numbers for every switch whose argument is a straight line between the breaks of others: b, n, its slope a and
 the size x of what the argument is a sum of. Where a is not 0, its formula changed last at b / a and changes next at n / a, known to the
 rounding of x / a. For every other switch it writes the number of the piece that it is in at t, which changes where the formula does.
 
-A pulse of a known form, such as exp(-((t - at) / width)^2), has a switch whose argument is the distance from its middle in its own widths.
+A smooth law that is narrow (`narrow_switches`) is as many pieces; one of which nothing can be said for all parameters is pieces of its
+values, where it is narrow in the described motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ncgen.mechanism.break_times import MOST_BREAKS, break_times
+from ncgen.exchange.export.narrow_switches import narrow_arguments
+from ncgen.mechanism.break_times import MOST_BREAKS, breaks_of_laws
+from ncgen.mechanism.driver_jumps import may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.time_laws import TIME, TimeLaws, time_laws
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient, tangent
-from ncgen.program.ir.graph import PIECES, Graph, Op
+from ncgen.program.ir.graph import PIECES, Graph, Input, Op
+from ncgen.program.ir.ranges import values
 from ncgen.program.lines import line
 from ncgen.symbolic.numbering import Terms
 
@@ -31,33 +35,33 @@ INTERVALS = 10_000
 SHORTEST = 1e-6
 """Fraction of the described motion that two such times are at least apart."""
 
-DISTANCES = (1.0, 2.0, 3.0, 4.0, 6.0, *(8.0 * 4.0**k for k in range(14)))
-"""From the middle of a pulse, in its widths (of a Gaussian its standard deviation): close where steps of fixed length need them, then
-farther and farther apart, so that a step comes near the pulse. The last one is so far away that rounding hides a narrower pulse."""
+LEVELS = (1e-8, 1e-5, 1e-3, 0.02, 0.125, 0.375, 0.625, 0.875, 0.98, 0.999, 1 - 1e-5, 1 - 1e-8)
+"""Fractions of a narrow law's range in the described motion at which steps end: dense where it begins and ceases to change."""
 
-FLANKS = (*(-d for d in reversed(DISTANCES)), 0.0, *DISTANCES)
-
-FLANK = Pieces(FLANKS, tuple((FLANKS[0], float(k)) for k in range(len(FLANKS) + 1)))
-"""The parts of a pulse's flanks."""
+MOST_CHANGES = 1000
+"""Steps that may end in the described motion for such a law; one that needs more is left to error control."""
 
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """program: the one above; lines, curves: switches whose arguments are straight, and others; interval: s between looks at the latter"""
+    """program: the one above; lines, curves: switches whose arguments are straight, and others; interval: s between looks at the latter;
+    jumps: whether the velocity of a driver may jump at a break"""
 
     program: Program
     lines: int
     curves: int
     interval: float
+    jumps: bool
 
     @property
     def described(self) -> dict[str, object]:
         """What templates are told."""
-        return {"lines": self.lines, "curves": self.curves, "size": self.program.size, "interval": repr(self.interval)}
+        counts = {"lines": self.lines, "curves": self.curves, "size": self.program.size}
+        return {**counts, "interval": repr(self.interval), "jumps": self.jumps}
 
 
 def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Switching | None:
-    """The switches of a mechanism whose described motion takes `duration` (s); None where no law of time changes its formula."""
+    """The switches of a mechanism whose described motion takes `duration` (s); None where no law of time has breaks."""
     laws = time_laws(kernels)
     if not laws.has_breaks:
         return None
@@ -66,20 +70,47 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
     curved: list[int] = []
     for switch in laws.switches:
         argument = nodes[switch.argument]
-        slope = _rate(graph, argument)
+        slope = _slope(graph, argument)
         if slope is None:
             continue  # it is constant between breaks of others
-        if _rate(graph, slope) is None:
+        if _slope(graph, slope) is None:
             straight += _line(graph, argument, slope, switch.pieces, duration)
         else:
             curved.append(graph.lookup(_numbered(switch.pieces), argument))
-    for argument in dict.fromkeys(_pulses(graph, [nodes[narrow] for narrow in laws.narrow])):
-        if (slope := _rate(graph, argument)) is not None:
-            straight += _line(graph, argument, slope, FLANK, duration)
+    defaults = {Input("p", k): float(kernels.p0[k]) for k in laws.parameters}
+    arguments, left = narrow_arguments(graph, [nodes[node] for node in laws.narrow], defaults)
+    for u, pieces in arguments:
+        slope = _slope(graph, u)
+        assert slope is not None, "a narrow law's argument does not depend on time"
+        straight += _line(graph, u, slope, pieces, duration)
+    watched = _narrow_here(kernels, laws, [node for node in laws.narrow if nodes[node] in left], duration)
+    curved += [graph.lookup(pieces, nodes[node]) for node, pieces in watched.items()]
     if not straight and not curved:
         return None
     program = line(graph, "switches", ("t", "p"), [*straight, *curved], equations)
-    return Switching(program, len(straight) // 4, len(curved), _interval(kernels, duration) if curved else 0.0)
+    interval = _interval(kernels, replace(laws, narrow=tuple(watched)), duration) if curved else 0.0
+    return Switching(program, len(straight) // 4, len(curved), interval, may_jump(kernels))
+
+
+def _slope(graph: Graph, node: int) -> int | None:
+    """The node of a derivative by time; None where that is 0."""
+    return tangent(graph, [node], {graph.load(*TIME): graph.const(1.0)}).get(node)
+
+
+def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duration: float) -> dict[int, Pieces]:
+    """{law that has narrow changes in the described motion: the number of the piece that its value is in}."""
+    given = {Input("p", k): float(kernels.p0[k]) for k in laws.parameters}
+    found = {}
+    for node in nodes:
+        breaks = breaks_of_laws(kernels, replace(laws, switches=(), narrow=(node,)), 0.0, duration)
+        if len(breaks):
+            t = np.sort(np.concatenate([np.linspace(0.0, duration, INTERVALS + 1), breaks[:, 0]]))
+            x = values(laws.ops, node, {**given, TIME: t})
+            low, high = np.min(x[np.isfinite(x)]), np.max(x[np.isfinite(x)])
+            knots = np.unique([float(f"{low + (high - low) * level:.12g}") for level in LEVELS]).tolist()
+            if np.count_nonzero(np.diff(np.searchsorted(knots, x))) <= MOST_CHANGES:
+                found[node] = Pieces(tuple(knots), tuple((0.0, float(k)) for k in range(len(knots) + 1)))
+    return found
 
 
 def _copied(laws: TimeLaws) -> tuple[Graph, list[int]]:
@@ -88,35 +119,6 @@ def _copied(laws: TimeLaws) -> tuple[Graph, list[int]]:
     for op in laws.ops:
         nodes.append(graph.copied(op, [nodes[a] for a in op.args]))
     return graph, nodes
-
-
-def _rate(graph: Graph, node: int) -> int | None:
-    """The derivative of a node by time; None where it is constant between breaks."""
-    return tangent(graph, [node], {graph.load(*TIME): graph.const(1.0)}).get(node)
-
-
-def _pulses(graph: Graph, narrow: list[int]) -> Iterator[int]:
-    """Of what has a pulse, or a step, in laws that may be narrow: the distance from its middle in its widths, a straight line of time."""
-    for node in sorted(graph.below(narrow)):
-        op = graph.ops[node]
-        if op.code in ("tanh", "atan", "cosh"):
-            if (slope := _rate(graph, op.args[0])) is not None and _rate(graph, slope) is None:
-                yield op.args[0]
-        elif op.code == "exp":
-            yield from _on_a_parabola(graph, op.args[0], of_height=False)
-        elif op.code in ("div", "pow"):
-            yield from _on_a_parabola(graph, op.args[op.code == "div"], of_height=True)
-
-
-def _on_a_parabola(graph: Graph, node: int, of_height: bool) -> Iterator[int]:
-    """g' / √|g''| of a node g of second degree in time, or g' / √|g'' g_0|, g_0 being its extreme, to which it changes in relation."""
-    if (slope := _rate(graph, node)) is None or (bend := _rate(graph, slope)) is None or _rate(graph, bend) is not None:
-        return
-    scale = bend
-    if of_height:
-        middle = graph.neg(graph.div(graph.replaced(slope, {TIME: graph.const(0.0)}), bend))
-        scale = graph.mul(bend, graph.replaced(node, {TIME: middle}))
-    yield graph.div(slope, graph.call("sqrt", graph.call("abs", scale)))
 
 
 def _line(graph: Graph, argument: int, slope: int, pieces: Pieces, duration: float) -> tuple[int, int, int, int]:
@@ -184,8 +186,8 @@ def _numbered(pieces: Pieces) -> Pieces:
     return Pieces(pieces.knots, tuple((pieces.knots[0], float(k)) for k in range(len(pieces.rows))), pieces.period)
 
 
-def _interval(kernels: Kernels, duration: float) -> float:
+def _interval(kernels: Kernels, laws: TimeLaws, duration: float) -> float:
     """How far apart in time (s) the curves are looked at: so that breaks of the described motion are seen one by one."""
-    found = break_times(kernels, np.asarray(kernels.p0), 0.0, duration).mean(axis=1)
+    found = breaks_of_laws(kernels, laws, 0.0, duration).mean(axis=1)
     gaps = np.diff(found, prepend=0.0, append=duration)
     return max(SHORTEST * duration, min(duration / INTERVALS, float(gaps[gaps > 0].min()) / 2))

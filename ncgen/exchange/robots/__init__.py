@@ -23,11 +23,11 @@ FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 TOLD = ("robot", "sdf")
 """Tags of formats that tell all problems of links and joints; MuJoCo tells the first one."""
 
-WRITTEN = {".urdf": "urdf", ".sdf": "sdf", ".xml": "mjcf_written", ".mjcf": "mjcf_written"}
+WRITTEN = {".urdf": "urdf", ".sdf": "sdf_written", ".xml": "mjcf_written", ".mjcf": "mjcf_written"}
 """{how a file's name ends: module} of formats that are written, too."""
 
-CLOSED = ("sdf", "mjcf_written")
-"""Formats that say loops."""
+CLOSED = ("sdf_written", "mjcf_written")
+"""Modules of formats that say loops."""
 
 
 def read_robot(path: Path) -> Robot:

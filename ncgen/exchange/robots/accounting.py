@@ -21,10 +21,10 @@ handled, and is passed over; it is listed, and does not change the motion; it is
 
 WITHOUT_EFFECT = frozenset(
     {
-        "transmissions", "settings of ros2_control", "calibrations", "effort limits", "sensors",
-        "projectors", "lights", "batteries", "audio", "cameras",
-        "views of the user interface", "settings of physics engines", "roads", "magnetic fields", "coordinates on the earth",
-        "recorded states", "settings for collision detection", "meshes that are not there", "shapes of other kinds",
+        "transmissions", "settings of ros2_control", "calibrations", "effort limits", "sensors", "projectors", "lights", "batteries",
+        "audio", "settings of physics engines", "roads", "magnetic fields", "atmospheres", "coordinates on the earth",
+        "settings for collision detection", "settings for inertias of meshes", "axes of joints that have none",
+        "screws and gears of joints that are none", "joints of models that rest", "meshes that are not there", "shapes of other kinds",
     }
 )  # fmt: skip
 """What is listed and does not change the motion."""

@@ -98,11 +98,13 @@ def with_closures(robot: Robot, closures: Sequence[Closure]) -> Robot:
 
 def follows_from_start(robot: Robot) -> bool:
     """Whether a joint that mimics another one is not at 0 where that one is."""
-    return any(joint.mimic and joint.mimic.offset for joint in robot.joints)
+    begins = {joint.name: joint.start for joint in robot.joints}
+    followers = ((joint, joint.mimic) for joint in robot.joints if joint.mimic)
+    return any(mimic.factor * begins.get(mimic.joint, 0.0) + mimic.offset != joint.start for joint, mimic in followers)
 
 
 def moved(robot: Robot, values: Mapping[str, np.ndarray]) -> Robot:
-    """The robot with joints at these values (m, rad; rotation vectors of balls), by their names; others stay where they are."""
+    """The robot with joints moved by these values (m, rad; rotation vectors of balls), by their names; others stay where they are."""
     joints = []
     for joint in robot.joints:
         x = values.get(joint.name)
@@ -111,8 +113,8 @@ def moved(robot: Robot, values: Mapping[str, np.ndarray]) -> Robot:
             continue
         place = joint.placement @ motion(joint, x)
         axis = _turn(joint.second, -x[1]) @ joint.axis if joint.kind == "universal" and joint.second is not None else joint.axis
-        at = float(x[0]) if joint.kind in ("revolute", "prismatic") else joint.at
-        joints.append(replace(joint, placement=place, axis=axis, at=at))
+        start = joint.start + float(x[0]) if joint.kind in ("revolute", "prismatic") else joint.start
+        joints.append(replace(joint, placement=place, axis=axis, start=start))
     return replace(robot, joints=tuple(joints))
 
 
@@ -153,12 +155,12 @@ class _Assembly:
 
     def __init__(self, robot: Robot, closures: Sequence[Closure]) -> None:
         self.robot, self.closures = robot, closures
-        leaders = {joint.name: joint for joint in robot.joints}
+        self.begins = {joint.name: joint.start for joint in robot.joints}
         self.free = [
             joint for joint in robot.joints if TURNS[joint.kind] and not joint.mimic and joint.kind not in ("floating", "planar", "screw")
         ]
         self.followers = [
-            joint for joint in robot.joints if joint.mimic and joint.mimic.joint in leaders and joint.kind in ("revolute", "prismatic")
+            joint for joint in robot.joints if joint.mimic and joint.mimic.joint in self.begins and joint.kind in ("revolute", "prismatic")
         ]
         counts = [TURNS[joint.kind] for joint in self.free]
         self.starts = dict(zip((joint.name for joint in self.free), np.cumsum([0, *counts[:-1]]), strict=True)) if counts else {}
@@ -203,7 +205,8 @@ class _Assembly:
             found[joint.name] = rotation_vector(rotation_by(old) @ rotation_by(change)) if joint.kind == "spherical" else old + change
         for joint in self._in_order_of_following():
             assert joint.mimic is not None
-            found[joint.name] = joint.mimic.factor * found.get(joint.mimic.joint, np.zeros(1)) + joint.mimic.offset
+            moved_by = found.get(joint.mimic.joint, np.zeros(1))
+            found[joint.name] = joint.mimic.factor * (self.begins[joint.mimic.joint] + moved_by) + joint.mimic.offset - joint.start
         return found
 
     def _in_order_of_following(self) -> Iterable[Joint]:

@@ -155,7 +155,7 @@ class Layer:
     def _prismatic(self, hold: Hold) -> None:
         self._share_axis(hold)
         hold.start = (hold.parent.points or [hold.parent.take(self._point(hold, "r", self._origin(hold.joint)))])[0]
-        hold.end = hold.child.take(self._point(hold, "s", hold.start.value + hold.joint.at * self._axis(hold.joint)))
+        hold.end = hold.child.take(self._point(hold, "s", hold.start.value))
 
     _planar = _screw = _prismatic
 

@@ -6,19 +6,20 @@ Meshes are names here: nothing opens them before a picture is made. Addresses ar
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 
+from ncgen.errors import ModelError
 from ncgen.exchange.robots.placement import Placement
 from ncgen.files import is_file
 from ncgen.model import Model
 from ncgen.model.bodies import Body
 
-PACKAGES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
+PACKAGES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "SDF_PATH")
 """Variables of the environment that name folders with packages and models, as ROS and Gazebo use them."""
 
 
@@ -66,6 +67,14 @@ class Unseen:
 def shape(kind: str, sizes: Sequence[float], place: Placement, colour: str | None) -> Shape | Unseen:
     """A shape whose sizes are numbers; one of no size is not seen."""
     return Shape(kind, tuple(map(float, sizes)), place, colour) if all(size > 0 for size in sizes) else Unseen(f"{kind} of no size")
+
+
+def looked(read: Callable[[], Shape | Unseen], kind: str) -> Shape | Unseen:
+    """What a reader finds; where it refuses a picture's numbers it is not shown, and nothing else is the worse for it."""
+    try:
+        return read()
+    except ModelError:
+        return Unseen(f"{kind} that cannot be read")
 
 
 def seen(found: Iterable[Shape | Unseen]) -> tuple[Shape, ...]:
@@ -120,14 +129,14 @@ def mesh_path(name: str, robot: Path) -> Path | None:
         found = [Path(unquote(rest))]
     elif kind in ("package", "model"):
         package, _, inside = rest.partition("/")
-        found = [root / inside for root in _packages(package, folder)]
+        found = [root / inside for root in folders_named(package, folder)]
     else:
         return None
     return next((path for path in found if "\0" not in str(path) and is_file(path)), None)
 
 
-def _packages(package: str, folder: Path) -> Iterable[Path]:
-    """Folders of that name: the robot's file is in it or beside it, or the environment names where it is."""
+def folders_named(package: str, folder: Path) -> Iterable[Path]:
+    """Folders of a name that may be there: the robot's file is in it or beside it, or the environment names where it is."""
     for parent in (folder, *folder.parents):
         if parent.name == package:
             yield parent

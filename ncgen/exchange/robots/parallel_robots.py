@@ -153,10 +153,10 @@ class _Tables:
         where = f"closed_loop {number}"
         if isinstance(pair, str) or len(pair) != 2:
             self._refuse(f"{where}: {shown(pair)} given; name two links")
-        links = [self._link(name, where) for name in pair]
+        parent, child = (self._link(name, where) for name in pair)
         if kind.lower() not in TYPES:
             self._refuse(f"{where}: there is no type {shown(kind)}; known are 6d and 3d")
-        return Closure("_".join(pair), TYPES[kind.lower()], *links, Placement(), Placement(), where=f"{self.path.name}, {where}")
+        return Closure("_".join(pair), TYPES[kind.lower()], parent, child, Placement(), Placement(), where=f"{self.path.name}, {where}")
 
     def _link(self, name: str, where: str) -> str:
         """A link by its name, or by that of the joint which carries it, as Pinocchio's frames are called."""

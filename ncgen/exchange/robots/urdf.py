@@ -12,7 +12,7 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.accounting import account, counted, vocabulary
-from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
+from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, looked, mesh, rgba_of, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, unique
@@ -38,7 +38,10 @@ UNLIMITED = 1e9
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file, from its root element. Raises ModelError with file and line."""
-    looks = {each.name(): [_look(visual, root, path) for visual in each.all("visual")] for each in root.all("link")}
+    looks = {
+        each.name(): [looked(lambda visual=visual: _look(visual, root, path), "visual") for visual in each.all("visual")]
+        for each in root.all("link")
+    }
     links = [_link(each, looks[each.name()]) for each in root.all("link")]
     joints = [_joint(each) for each in root.all("joint")]
     if not links:
