@@ -1,0 +1,68 @@
+"""Which tests are among the longer proofs: what the processor needed for each of them decides, not who wrote it.
+
+    python -m pytest -m "slow or not slow" --times times.jsonl     # a line a test: its name and seconds
+    python tests/times.py times.jsonl                              # writes tests/slow.txt anew
+
+Of a test with parameters all cases below SHORT stay in the ordinary suite, and the quickest one below LONG; so does a test that has
+one case. What the sources mark, `pytest.mark.slow`, is among the longer proofs in any case.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import pytest
+
+LISTED = Path(__file__).with_name("slow.txt")
+
+SHORT = 0.6
+LONG = 3.0
+"""Seconds of the processor, with those of compilers and other processes that a test starts."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--times", help="a file to which each test's name and processor time (s) are appended")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    listed = set(LISTED.read_text(encoding="utf-8").splitlines()) if LISTED.exists() else set()
+    for item in items:
+        if item.nodeid in listed:
+            item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    path = item.config.getoption("--times")
+    before = _seconds()
+    yield
+    if path:
+        with open(path, "a", encoding="utf-8") as lines:  # one write a line: workers append to the same file
+            lines.write(json.dumps([item.nodeid, round(_seconds() - before, 3)]) + "\n")
+
+
+def _seconds() -> float:
+    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in usage)
+
+
+def longer_proofs(times: Iterable[tuple[str, float]]) -> list[str]:
+    """Names of the tests that take too long for the ordinary suite, from the names and seconds of all."""
+    cases: dict[str, dict[str, float]] = defaultdict(dict)
+    for name, seconds in times:
+        cases[name.partition("[")[0]][name] = seconds
+    found = []
+    for each in cases.values():
+        quickest = min(each, key=lambda name: each[name])
+        found += [name for name, seconds in each.items() if seconds > (LONG if name == quickest else SHORT)]
+    return sorted(found)
+
+
+if __name__ == "__main__":
+    lines = [json.loads(line) for line in Path(sys.argv[1]).read_text(encoding="utf-8").splitlines()]
+    LISTED.write_text("".join(f"{name}\n" for name in longer_proofs((name, seconds) for name, seconds, *_ in lines)), encoding="utf-8")
