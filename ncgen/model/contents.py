@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import islice
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class Contents:
     conditions: on values that depend on parameters and stand in no body and no row of the catalogue by themselves, such as radii
     facts: how the model was told
     left_out: what a robot's file says beside all this, in words
+    starts: {name: arguments of `ncgen.simulate` (q0, qd0, t0)}, states that a robot's file names
     """
 
     name: str
@@ -67,6 +68,7 @@ class Contents:
     simulation_options: dict[str, object]
     facts: list[Fact]
     left_out: tuple[str, ...]
+    starts: dict[str, dict[str, Any]]
     _related: Claims
     _box: Box | None
     _telling: bool

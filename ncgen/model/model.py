@@ -81,6 +81,7 @@ class Model(Joints, Loads, Pictures):
         self._box = None
         self.facts = []
         self.left_out = ()
+        self.starts = {}
         self._telling = False
 
     def __repr__(self) -> str:

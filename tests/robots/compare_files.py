@@ -140,7 +140,7 @@ def beside_mujoco(file: Path, space, robot: Robot) -> Worst:
         mujoco.mj_forward(model, data)
         mass = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, mass)
-        here = space.position(dict(zip(names, values, strict=True)))
+        here = space.position(dict(zip(names, data.qpos[[model.jnt_qposadr[j] for j in joints]], strict=True)))
         worst.look("mass", space.mass_matrix(here)[np.ix_(mine, mine)], mass[np.ix_(dofs, dofs)])
         worst.look("bias", space.inverse_dynamics(here, v)[mine], data.qfrc_bias[dofs])
         for joint in outermost(robot):

@@ -1,7 +1,7 @@
 """Robots from MJCF, the format of MuJoCo, which reads and compiles them itself (`pip install 'ncgen[robots]'`).
 
 A body with several joints becomes a chain of bodies without mass. Connections, welds and couplings of joints (`<equality>`) close loops;
-armatures are rotors. Coordinates are 0 in the position that the file describes.
+armatures are rotors. Coordinates begin at the reference values of the file.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from ncgen.exchange.robots.mjcf_fields import (
     off,
     without_constraints,
 )
+from ncgen.exchange.robots.mjcf_keyframes import keyframes
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung
 from ncgen.exchange.text import placed
@@ -54,14 +55,12 @@ GREY = [0.5, 0.5, 0.5, 1.0]
 NUMBERS = (
     "body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness",
     "jnt_stiffnesspoly", "dof_armature", "dof_damping", "dof_dampingpoly", "dof_frictionloss", "eq_data", "body_gravcomp",
+    "key_qpos", "key_qvel", "key_time",
 )  # fmt: skip
 """Arrays of a compiled model that become numbers of ncgen's."""
 
 DIRECTIONS = ("quat", "iquat", "axis")
 """Arrays that MuJoCo gives the length 1, but for those whose length it could not compute."""
-
-WHOSE = {"body": "body", "jnt": "joint", "dof": "joint", "eq": "equality"}
-"""{what an array's name begins with: whose its rows are}."""
 
 
 def robot_of(root: Markup, path: Path) -> Robot:
@@ -73,20 +72,27 @@ def robot_of(root: Markup, path: Path) -> Robot:
 
 def _check_numbers(model: Compiled, where: str) -> None:
     """Raise ModelError where a number that is read is not finite, or larger than a model's numbers are: MuJoCo takes such ones."""
-    owners = {"body": model.nbody, "jnt": model.njnt, "dof": model.nv, "eq": model.neq}
-    kinds = {"body": model.body, "jnt": model.joint, "dof": lambda i: model.joint(int(model.dof_jntid[i])), "eq": model.equality}
+    objects = {
+        "body": (model.nbody, "body", model.body),
+        "jnt": (model.njnt, "joint", model.joint),
+        "dof": (model.nv, "joint", lambda i: model.joint(int(model.dof_jntid[i]))),
+        "eq": (model.neq, "equality", model.equality),
+        "key": (model.nkey, "keyframe", model.key),
+    }
     for name in NUMBERS:
         kind, _, what = name.partition("_")
+        count, whose, of = objects[kind]
         values = np.array(getattr(model, name), dtype=float)
-        values = values.reshape(owners[kind], values.size // max(1, owners[kind]))
+        values = values.reshape(count, values.size // max(1, count))
         large = ~(np.abs(values) <= LARGEST)
         wrong = np.flatnonzero(large.any(axis=1) | ((what in DIRECTIONS) & ~(np.abs(values).max(axis=1, initial=0.0) > 0.4)))
         if len(wrong):
             i = int(wrong[0])
-            owner = f"{WHOSE[kind]} {kinds[kind](i).name or f'number {i}'}"
+            owner = f"{whose} {of(i).name or f'number {i}'}"
             number = f"the number {values[i][large[i]][0]:g} ({what})" if large[i].any() else f"no direction ({what})"
             raise ModelError(placed(where, None, f"{owner} has {number}; the largest number is {LARGEST:g}, check the unit"))
-    for what, values in (("gravity", model.opt.gravity), ("a joint's reference", model.qpos0), ("a tendon's coefficient", model.wrap_prm)):
+    more = {"gravity": model.opt.gravity, "a joint's reference": model.qpos0, "a spring's reference": model.qpos_spring}
+    for what, values in (more | {"a tendon's coefficient": model.wrap_prm}).items():
         if not np.all(np.abs(values) <= LARGEST):
             raise ModelError(placed(where, None, f"{what} is not finite, or larger than {LARGEST:g}; check the unit"))
 
@@ -122,8 +128,9 @@ class _Reader:
         closed = equalities(self.m, self.bodies, self.joint_names, self.places, self.where)
         joints = tuple(replace(joint, mimic=closed.followers.get(joint.name)) for joint in self.joints)
         x, y, z = (0.0, 0.0, 0.0) if off(self.m, NO_GRAVITY) else map(float, self.m.opt.gravity)
+        starts = keyframes(self.m, self.joint_names)
         omitted = (*(f"{what} ({count})" for what, count in left_out(self.m).items()), *unseen(filter(None, self.looks)))
-        robot = Robot(self.name, self.links, joints, closed.loops, gravity=(x, y, z), omitted=omitted, rows=closed.rows)
+        robot = Robot(self.name, self.links, joints, closed.loops, gravity=(x, y, z), omitted=omitted, rows=closed.rows, starts=starts)
         return hung(robot, self.places)
 
     def _body(self, i: int) -> None:
@@ -193,8 +200,11 @@ class _Reader:
             joint,
             axis=unit(m.jnt_axis[j]),
             armature=float(m.dof_armature[dof]) + sum(armature for armature, _, _ in self._motors(j)),
-            rest=float(m.qpos_spring[m.jnt_qposadr[j]] - m.qpos0[m.jnt_qposadr[j]]),
-            limits=self._limits(j) if m.jnt_limited[j] and not without_constraints(m, NO_LIMITS) else None,
+            rest=float(m.qpos_spring[m.jnt_qposadr[j]]),
+            start=float(m.qpos0[m.jnt_qposadr[j]]),
+            limits=(float(m.jnt_range[j][0]), float(m.jnt_range[j][1]))
+            if m.jnt_limited[j] and not without_constraints(m, NO_LIMITS)
+            else None,
             friction=0.0 if without_constraints(m, NO_FRICTION) else float(m.dof_frictionloss[dof]),
         )
 
@@ -220,9 +230,3 @@ class _Reader:
                     (float(m.actuator_armature[k]) * square, float(m.actuator_damping[k]) * square, m.actuator_dampingpoly[k] * square)
                 )
         return found
-
-    def _limits(self, j: int) -> tuple[float, float]:
-        """Where the coordinate is 0 in the position of the file."""
-        m = self.m
-        low, high = (float(value - m.qpos0[m.jnt_qposadr[j]]) for value in m.jnt_range[j])
-        return low, high

@@ -80,13 +80,18 @@ class _Reader:
         if own == {follower: 1.0 for follower in own} and other == {followed: 1.0} and not any(powers[1:]) and {*own} != {followed}:
             (follower,) = own
             if follower not in self.followers:
-                self.followers[follower] = Mimic(followed, powers[0], offset)
+                begins = self._begins(follower) - powers[0] * self._begins(followed)
+                self.followers[follower] = Mimic(followed, powers[0], offset + begins)
                 return
         if not any(powers[1:]):  # one sum is enough
             for joint, share in other.items():
                 own[joint] = own.get(joint, 0.0) - powers[0] * share
             other, powers = {}, []
         self.rows.append(Coupling(name, own, offset, self.where, other, tuple(powers) if other else ()))
+
+    def _begins(self, joint: str) -> float:
+        """The value of a joint where the model begins."""
+        return float(self.m.qpos0[self.m.jnt_qposadr[self.joints.index(joint)]])
 
     # -- of bodies -----------------------------------------------------------------------------
 

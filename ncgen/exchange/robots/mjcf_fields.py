@@ -22,7 +22,8 @@ FIELDS = {
         jnt_range site_bodyid site_pos site_quat body_gravcomp
         dof_jntid dof_frictionloss dof_armature dof_damping dof_dampingpoly
         eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 eq_data tendon_type tendon_adr tendon_num wrap_type wrap_objid wrap_prm
-        actuator_trntype actuator_trnid actuator_gear actuator_outadr actuator_damping actuator_dampingpoly actuator_armature""",
+        actuator_trntype actuator_trnid actuator_gear actuator_outadr actuator_damping actuator_dampingpoly actuator_armature
+        key_time key_qpos key_qvel""",
     "looks": """
         geom_type geom_bodyid geom_dataid geom_matid geom_group geom_castshadow geom_size geom_pos geom_quat geom_rgba
         site_type site_dataid site_matid site_group site_size site_rgba jnt_group actuator_group tendon_matid tendon_group tendon_width
@@ -46,7 +47,7 @@ FIELDS = {
         tendon_damping tendon_dampingpoly tendon_armature tendon_frictionloss tendon_lengthspring tendon_springyield
         actuator_dyntype actuator_gaintype actuator_biastype actuator_ctrl* actuator_outnum actuator_act* actuator_cranklength
         actuator_dynprm actuator_gainprm actuator_biasprm actuator_history* actuator_delay actuator_plugin actuator_force*
-        sensor_* plugin plugin_* key_*""",
+        sensor_* plugin plugin_* key_act key_mpos key_mquat key_ctrl key_plastic""",
 }
 """{meaning: names of fields; * stands for anything, # for letters and digits}."""
 
@@ -157,7 +158,7 @@ def left_out(model: Compiled) -> dict[str, int]:
         "flexible bodies": m.nflex,
         "plugins": m.nplugin,
         "bodies moved by motion capture, which rest here": m.nmocap,
-        "keyframes": m.nkey,
+        "activations in keyframes": int(np.sum(np.any(np.asarray(m.key_act) != 0, axis=1))) if m.nkey and m.na else 0,
     }
     found = {what: int(count) for what, count in counts.items() if count}
     return found | dict.fromkeys(unlisted(m), 1)

@@ -12,9 +12,10 @@ from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
 from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
+from ncgen.exchange.robots.starts import named_start, rotation_about
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
-from ncgen.model.arithmetic import dot, unit
+from ncgen.model.arithmetic import dot, product, unit
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector
 from ncgen.model.names import RESERVED, normal, numbered
@@ -73,6 +74,9 @@ class _Builder:
         model.gravity(self.robot.gravity)
         model.simulation(duration=DURATION)
         model.left_out = self.robot.omitted
+        places = {self.elements[place]: (name, place.value) for name, solid in self.layout.solids.items() for place in solid.places}
+        for name, start in self.robot.starts.items():
+            model.starts[name] = named_start(start, self.robot, self.layout.frames, places, self.coordinates)
         return model
 
     def _elements(self) -> None:
@@ -128,7 +132,8 @@ class _Builder:
             start, end, axis = self._point(hold.start), self._point(hold.end), self._vector(hold.axis)
             self.model.prismatic(a, b, start, end, axis)
             if not hold.closes or joint.has_spring:
-                self.coordinates[joint.name] = self.model.slide(self._free(joint.name), start, end, hold.sign * axis)
+                zero = self._zero(joint, a, start, hold.sign * axis.initial)
+                self.coordinates[joint.name] = self.model.slide(self._free(joint.name), zero, end, hold.sign * axis)
         elif joint.kind == "planar":
             self.model.planar(a, b, self._point(hold.start), self._point(hold.end), self._vector(hold.axis))
         elif joint.kind == "universal":
@@ -167,8 +172,17 @@ class _Builder:
         """A hinge's angle, measured from a direction of the parent to one of the child which are the same at 0."""
         axis = self._vector(hold.axis)
         across = _across(axis.initial, [place.value for solid in (hold.child, hold.parent) for place in solid.vectors])
-        start, end = (self._direction(body, across, hold) for body in (a, b))
-        return self.model.angle(self._free(hold.joint.name), start, end, hold.sign * axis)
+        begins = hold.joint.start
+        back = product(rotation_about(hold.sign * axis.initial, -begins), across) if begins else across
+        start, end = self._direction(a, back, hold), self._direction(b, across, hold)
+        return self.model.angle(self._free(hold.joint.name), start, end, hold.sign * axis, initial=begins or None)
+
+    def _zero(self, joint: Joint, a: Body, start: Point, axis: np.ndarray) -> Point:
+        """The point of the parent from which a slider counts."""
+        if not joint.start:
+            return start
+        place, name = (start.initial - joint.start * axis).tolist(), self._free(f"z_{joint.name}")
+        return self.model.point(name, place, fixed=True) if a is self.model.ground else self.model.attach_point(a, name, place)
 
     def _direction(self, body: Body, direction: np.ndarray, hold: Hold) -> Spatial | Combination:
         """A direction of a body; on the ground one of its vectors, or a new one."""
@@ -198,7 +212,8 @@ class _Builder:
                 f"{coupling.where}: {coupling.name}: joint {missing[0]} is no hinge or slider, so nothing can be coupled to it"
             )
         own, other = (
-            sum(share * self.coordinates[name].symbol for name, share in shares.items()) for shares in (coupling.shares, coupling.others)
+            sum(share * (c.symbol - c.components[0].initial) for name, share in shares.items() for c in [self.coordinates[name]])
+            for shares in (coupling.shares, coupling.others)
         )
         follows = sum(factor * other**power for power, factor in enumerate(coupling.powers, 1) if factor)
         self.model.constrain(own - follows - coupling.offset, coupling.name)

@@ -32,12 +32,12 @@ def polynomial(joint: Joint) -> Law:
     return lambda x, v: (x - joint.rest) * _stiffness(joint, x - joint.rest) + v * _damping(joint, v)
 
 
-def _stiffness(joint: Joint, x: sympy.Expr) -> sympy.Expr:
+def _stiffness(joint: Joint, x: sympy.Expr) -> sympy.Expr | float:
     """Tension over x."""
     return joint.stiffness + sum(factor * x**power for power, factor in enumerate(joint.more_stiffness, 1) if factor)
 
 
-def _damping(joint: Joint, v: sympy.Expr) -> sympy.Expr:
+def _damping(joint: Joint, v: sympy.Expr) -> sympy.Expr | float:
     """Tension over v."""
     import sympy
 
@@ -72,8 +72,10 @@ def lift(model: Model, body: Body, masses: Iterable[Mass], gravity: Sequence[flo
     import sympy
 
     pull = sympy.Matrix(gravity)
-    energy = sum(mass.mass * pull.dot(expressions(point_of(model, body, mass.com))) for mass in masses)
-    if energy != 0:
+    lifted = sympy.zeros(3, 1)
+    for mass in masses:
+        lifted += mass.mass * expressions(point_of(model, body, mass.com))
+    if (energy := pull.dot(lifted)) != 0:
         model.potential(energy, f"compensated weight of {body.name}")
 
 
@@ -85,7 +87,7 @@ def spring_of_ball(model: Model, parent: Body, child: Body, joint: Joint, frame:
     a, b = ([expressions(each) for each in axes] for axes in (before, after))
     couple = sympy.zeros(3, 1)
     if joint.stiffness or any(joint.more_stiffness):
-        across = sum((x.cross(y) for x, y in zip(a, b, strict=True)), sympy.zeros(3, 1)) / 2
+        across = _turning(a, b)
         sine = sympy.sqrt(across.dot(across) + LEAST_SINE**2)
         angle = sympy.atan2(sine, (sum(x.dot(y) for x, y in zip(a, b, strict=True)) - 1) / 2)
         couple -= _stiffness(joint, angle) * angle / sine * across
@@ -101,20 +103,24 @@ def spring_of_ball(model: Model, parent: Body, child: Body, joint: Joint, frame:
 
 
 def _turning(axes: Sequence[sympy.Matrix], rates: Sequence[sympy.Matrix]) -> sympy.Matrix:
-    """The angular velocity of three directions that are perpendicular to each other."""
+    """½ Σ a × b: the angular velocity of three directions that are perpendicular to each other, from their rates."""
     import sympy
 
-    return sum((axis.cross(rate) for axis, rate in zip(axes, rates, strict=True)), sympy.zeros(3, 1)) / 2
+    found = sympy.zeros(3, 1)
+    for axis, rate in zip(axes, rates, strict=True):
+        found += axis.cross(rate) / 2
+    return found
 
 
 def _damped(joint: Joint, v: sympy.Matrix, axes: Sequence[sympy.Matrix]) -> sympy.Matrix:
     """The damper's vector at a velocity; powers are of its components along axes."""
-    import sympy
-
     if not any(joint.more_damping):
         return joint.damping * v
-    parts = [v.dot(axis) for axis in axes]
-    return sum((part * _damping(joint, part) * axis for part, axis in zip(parts, axes, strict=True)), sympy.zeros(3, 1))
+    found = 0 * v
+    for axis in axes:
+        along = v.dot(axis)
+        found += along * _damping(joint, along) * axis
+    return found
 
 
 def _spring_of_place(model: Model, body: Body, joint: Joint, origin: np.ndarray, label: str) -> None:

@@ -84,6 +84,7 @@ class Mimic:
 class Coupling:
     """A row over joints: Σ share · coordinate = offset (rad or m) + c₁ x + c₂ x² + …, where x is the sum over others.
 
+    Coordinates count from where the model begins.
     shares, others: {joint: share}; powers: c₁, c₂, …
     """
 
@@ -106,6 +107,7 @@ class Joint:
     damping: N m s/rad or N s/m; stiffness: N m/rad or N/m, of a spring at rest where the coordinate is `rest`; pitch: m a turn of a screw
     more_damping, more_stiffness: factors of v |v|, v³ and of x², x³ beside those of v and x, x from the rest
     limits: lowest and highest value (rad or m); friction: dry, N m or N
+    start: value of the coordinate where the model begins (rad or m)
     """
 
     name: str
@@ -124,6 +126,7 @@ class Joint:
     pitch: float = 0.0
     limits: tuple[float, float] | None = None
     friction: float = 0.0
+    start: float = 0.0
     mimic: Mimic | None = None
     where: str = ""
 
@@ -139,11 +142,28 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
+class Start:
+    """A named state of a file. values, rates: of joints with a coordinate (rad, m, and per second); time: s
+
+    turned: {ball: its rotation (3, 3) and angular velocity (3,), in its child}
+    free: {joint: the child's frame in the world, the velocity of its origin there (3,), its angular velocity in the child (3,)}
+    inputs: by name
+    """
+
+    values: Mapping[str, float]
+    rates: Mapping[str, float]
+    turned: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    free: Mapping[str, tuple[Placement, np.ndarray, np.ndarray]] = field(default_factory=dict)
+    inputs: Mapping[str, float] = field(default_factory=dict)
+    time: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
 class Robot:
     """links by name; joints: each with one parent and one child, a tree; loops: joints besides, which close it; rows over coordinates
 
     base: of the root in the world; gravity: m/s²; floats: whether the root is a free body
-    omitted: what the file says and a model does not, in words
+    omitted: what the file says and a model does not, in words; starts: states of the file, by name
     """
 
     name: str
@@ -155,6 +175,7 @@ class Robot:
     floats: bool = False
     omitted: tuple[str, ...] = ()
     rows: tuple[Coupling, ...] = ()
+    starts: Mapping[str, Start] = field(default_factory=dict)
 
     def ordered(self) -> Robot:
         """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""

@@ -1,0 +1,35 @@
+"""Keyframes of MJCF as named starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ncgen.exchange.robots.mjcf_compiled import Compiled
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.robot import Start
+
+FREE, BALL = 0, 1
+"""MuJoCo's numbers of joints with several degrees of freedom."""
+
+
+def keyframes(model: Compiled, joints: Sequence[str]) -> dict[str, Start]:
+    """{name: start} of all keyframes; joints: names by MuJoCo's numbers."""
+    return {model.key(k).name or f"key{k}": _start(model, k, joints) for k in range(model.nkey)}
+
+
+def _start(m: Compiled, k: int, joints: Sequence[str]) -> Start:
+    qpos, qvel = np.array(m.key_qpos[k]), np.array(m.key_qvel[k])
+    values, rates = dict[str, float](), dict[str, float]()
+    turned = dict[str, tuple[np.ndarray, np.ndarray]]()
+    free = dict[str, tuple[Placement, np.ndarray, np.ndarray]]()
+    for j, name in enumerate(joints):
+        at, dof = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
+        if m.jnt_type[j] == FREE:
+            free[name] = Placement.of_quaternion(qpos[at : at + 3], qpos[at + 3 : at + 7]), qvel[dof : dof + 3], qvel[dof + 3 : dof + 6]
+        elif m.jnt_type[j] == BALL:
+            turned[name] = Placement.of_quaternion(np.zeros(3), qpos[at : at + 4]).rotation, qvel[dof : dof + 3]
+        else:
+            values[name], rates[name] = float(qpos[at]), float(qvel[dof])
+    return Start(values, rates, turned, free, time=float(m.key_time[k]))

@@ -1,0 +1,86 @@
+"""Named states of a robot's file as starts of a run: natural coordinates where all joints have the values of the state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.robot import Joint, Robot, Start
+from ncgen.model.arithmetic import product
+from ncgen.model.elements import Point, Relative, Spatial
+
+
+@dataclass(frozen=True, eq=False)
+class _Moving:
+    """A frame in the world, the velocity of its origin (3,) in m/s, and its angular velocity (3,) in rad/s."""
+
+    frame: Placement
+    velocity: np.ndarray
+    turning: np.ndarray
+
+
+def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """The rotation (3, 3) by an angle (rad) about an axis of length 1: Rodrigues' formula."""
+    x, y, z = axis
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * product(skew, skew)
+
+
+def named_start(
+    start: Start,
+    robot: Robot,
+    frames: Mapping[str, Placement],
+    places: Mapping[Spatial, tuple[str, np.ndarray]],
+    coordinates: Mapping[str, Relative],
+) -> dict[str, Any]:
+    """Arguments of `ncgen.simulate` for a state of a file.
+
+    robot: without fixed joints; frames: of its links where the model begins; places: {element: its link, and where it is then (3,)};
+    coordinates: by joint
+    """
+    still = np.zeros(3)
+    moving = {robot.root: _Moving(frames[robot.root], still, still)}
+    for joint in robot.joints:
+        moving[joint.child] = _carried(moving[joint.parent], joint, start)
+    q0, qd0 = dict[str, float](), dict[str, float]()
+    for element, (link, place) in places.items():
+        now, before = moving[link], frames[link].inverse()
+        is_point = isinstance(element, Point)
+        arm = now.frame.along(before.at(place) if is_point else before.along(place))
+        there, rate = (now.frame.position + arm if is_point else arm), np.cross(now.turning, arm) + (now.velocity if is_point else 0.0)
+        for component, value, change in zip(element.components, there.tolist(), rate.tolist(), strict=True):
+            if not component.fixed:
+                q0[component.name], qd0[component.name] = value, change
+    for joint, coordinate in coordinates.items():
+        if joint in start.values:
+            q0[coordinate.name], qd0[coordinate.name] = start.values[joint], start.rates.get(joint, 0.0)
+    found: dict[str, Any] = {"q0": q0}
+    found |= {"qd0": qd0} if any(qd0.values()) else {}
+    found |= {"t0": start.time} if start.time else {}
+    return found | ({"inputs": dict(start.inputs)} if start.inputs else {})
+
+
+def _carried(parent: _Moving, joint: Joint, start: Start) -> _Moving:
+    """A joint's child where the joint has the values of a start."""
+    if joint.name in start.free:
+        frame, velocity, turning = start.free[joint.name]
+        return _Moving(frame, velocity, frame.along(turning))
+    here = parent.frame @ joint.placement
+    arm = here.position - parent.frame.position
+    velocity, turning = parent.velocity + np.cross(parent.turning, arm), parent.turning
+    value, rate = start.values.get(joint.name, joint.start) - joint.start, start.rates.get(joint.name, 0.0)
+    axis = here.along(joint.axis)
+    if joint.kind == "revolute":
+        return _Moving(here @ Placement(rotation_about(joint.axis, value)), velocity, turning + rate * axis)
+    if joint.kind == "prismatic":
+        slid = value * axis
+        return _Moving(here @ Placement(position=value * joint.axis), velocity + rate * axis + np.cross(turning, slid), turning)
+    if joint.name in start.turned:
+        rotation, own = start.turned[joint.name]
+        child = here @ Placement(rotation)
+        return _Moving(child, velocity, turning + child.along(own))
+    return _Moving(here, velocity, turning)
