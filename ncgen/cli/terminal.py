@@ -27,12 +27,14 @@ ModelName = Annotated[
 Floating = Annotated[
     bool | None, typer.Option("--floating/--fixed", help="a robot's base moves freely, or is ground [default: its file's]")
 ]
-JOINTS = ("limits", "friction")
+JOINTS = ("limits", "friction", "motors")
 """What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
 
 Having = Annotated[
     list[str] | None,
-    typer.Option("--with", help="limits or friction of a robot's joints, as its file says; may be repeated", autocompletion=lambda: JOINTS),
+    typer.Option(
+        "--with", help="limits, friction or motors of a robot's joints, as its file says; may be repeated", autocompletion=lambda: JOINTS
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 Backend = Annotated[str, typer.Option(help="auto, c or numpy", autocompletion=words_of("ncgen.compiler", "BACKENDS"))]
@@ -59,7 +61,7 @@ def of_robots(floating: bool | None, having: list[str] | None) -> dict[str, Any]
     """What `ncgen.load` is told of a robot. Raises ModelError naming a word that --with does not know."""
     for word in having or ():
         if word not in JOINTS:
-            raise ModelError(f"--with {word}: a robot's joints can have {' or '.join(JOINTS)}")
+            raise ModelError(f"--with {word}: a robot's joints can have {', '.join(JOINTS)}")
     return {"floating": floating, **{word: True for word in having or ()}}
 
 

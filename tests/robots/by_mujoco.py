@@ -25,6 +25,7 @@ class Beside:
         self.mujoco = mujoco
         self.model = ncgen.load(path, **options)
         self.kernels = ncgen.compile(self.model, "numpy")
+        self.p = np.array(self.kernels.p0)
         self.theirs = mujoco.MjModel.from_xml_path(str(path))
         flags = mujoco.mjtDisableBit
         self.theirs.opt.disableflags |= flags.mjDSBL_CONTACT | flags.mjDSBL_LIMIT | flags.mjDSBL_FRICTIONLOSS
@@ -142,15 +143,15 @@ class Beside:
     def miss(self, q: np.ndarray, qd: np.ndarray, t: float = 0.0) -> float:
         """The error at one state, which MuJoCo is in."""
         expected, k = self.accelerations(), self.kernels
-        closed = np.max(np.abs(k.phi(q, t)), initial=0.0)
+        closed = np.max(np.abs(k.phi(q, t, self.p)), initial=0.0)
         assert closed < 1e-9, f"positions do not close: {closed:.1e}"
-        found = lagrange(k, q, qd, t)
+        found = lagrange(k, q, qd, t, self.p)
         return float(np.max(np.abs(found - expected)) / (1 + np.max(np.abs(expected))))
 
 
-def lagrange(k, q: np.ndarray, qd: np.ndarray, t: float = 0.0) -> np.ndarray:
+def lagrange(k, q: np.ndarray, qd: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """q̈ from M q̈ + Φ_qᵀ λ = Q and Φ_q q̈ = γ, by least squares with NumPy, so that redundant rows do no harm."""
-    mass, rows = k.mass_matrix(q, t), k.phi_q(q, t).toarray()
-    right = np.concatenate([k.force(q, qd, t), k.gamma(q, qd, t)])
+    mass, rows = k.mass_matrix(q, t, p), k.phi_q(q, t, p).toarray()
+    right = np.concatenate([k.force(q, qd, t, p), k.gamma(q, qd, t, p)])
     system = np.block([[mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
     return np.linalg.lstsq(system, right, rcond=1e-13)[0][: k.n]

@@ -16,9 +16,11 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
+from ncgen.exchange.robots.mjcf_actuators import actuators
 from ncgen.exchange.robots.mjcf_compiled import Compiled, compiled, family
 from ncgen.exchange.robots.mjcf_equalities import equalities
 from ncgen.exchange.robots.mjcf_fields import (
+    AT_JOINT,
     NO_DAMPERS,
     NO_FRICTION,
     NO_GRAVITY,
@@ -43,9 +45,6 @@ KINDS = ("floating", "spherical", "prismatic", "revolute")
 PLANE, MESH, SHAPES = 0, 7, {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box"}
 """MuJoCo's numbers of geometries."""
 
-AT_JOINT = 0, 1
-"""MuJoCo's numbers of transmissions to a joint."""
-
 LAST_SEEN = 2
 """Groups of geometries beyond this one are hidden in MuJoCo's viewer, unless they are asked for: collision shapes by custom."""
 
@@ -55,7 +54,7 @@ GREY = [0.5, 0.5, 0.5, 1.0]
 NUMBERS = (
     "body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_range", "jnt_stiffness",
     "jnt_stiffnesspoly", "dof_armature", "dof_damping", "dof_dampingpoly", "dof_frictionloss", "eq_data", "body_gravcomp",
-    "key_qpos", "key_qvel", "key_time",
+    "key_qpos", "key_qvel", "key_time", "key_ctrl", "jnt_actfrcrange",
 )  # fmt: skip
 """Arrays of a compiled model that become numbers of ncgen's."""
 
@@ -92,6 +91,8 @@ def _check_numbers(model: Compiled, where: str) -> None:
             number = f"the number {values[i][large[i]][0]:g} ({what})" if large[i].any() else f"no direction ({what})"
             raise ModelError(placed(where, None, f"{owner} has {number}; the largest number is {LARGEST:g}, check the unit"))
     more = {"gravity": model.opt.gravity, "a joint's reference": model.qpos0, "a spring's reference": model.qpos_spring}
+    names = ("gear", "gainprm", "biasprm", "ctrlrange", "forcerange", "armature", "damping", "dampingpoly")
+    more["an actuator's number"] = np.concatenate([np.ravel(getattr(model, f"actuator_{name}")) for name in names])
     for what, values in (more | {"a tendon's coefficient": model.wrap_prm}).items():
         if not np.all(np.abs(values) <= LARGEST):
             raise ModelError(placed(where, None, f"{what} is not finite, or larger than {LARGEST:g}; check the unit"))
@@ -130,7 +131,18 @@ class _Reader:
         x, y, z = (0.0, 0.0, 0.0) if off(self.m, NO_GRAVITY) else map(float, self.m.opt.gravity)
         starts = keyframes(self.m, self.joint_names)
         omitted = (*(f"{what} ({count})" for what, count in left_out(self.m).items()), *unseen(filter(None, self.looks)))
-        robot = Robot(self.name, self.links, joints, closed.loops, gravity=(x, y, z), omitted=omitted, rows=closed.rows, starts=starts)
+        motors = actuators(self.m, self.joint_names)
+        robot = Robot(
+            self.name,
+            self.links,
+            joints,
+            closed.loops,
+            gravity=(x, y, z),
+            omitted=omitted,
+            rows=closed.rows,
+            starts=starts,
+            actuators=motors,
+        )
         return hung(robot, self.places)
 
     def _body(self, i: int) -> None:
@@ -205,6 +217,7 @@ class _Reader:
             limits=(float(m.jnt_range[j][0]), float(m.jnt_range[j][1]))
             if m.jnt_limited[j] and not without_constraints(m, NO_LIMITS)
             else None,
+            effort=(float(m.jnt_actfrcrange[j][0]), float(m.jnt_actfrcrange[j][1])) if m.jnt_actfrclimited[j] else None,
             friction=0.0 if without_constraints(m, NO_FRICTION) else float(m.dof_frictionloss[dof]),
         )
 

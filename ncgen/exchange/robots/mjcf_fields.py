@@ -23,7 +23,8 @@ FIELDS = {
         dof_jntid dof_frictionloss dof_armature dof_damping dof_dampingpoly
         eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 eq_data tendon_type tendon_adr tendon_num wrap_type wrap_objid wrap_prm
         actuator_trntype actuator_trnid actuator_gear actuator_outadr actuator_damping actuator_dampingpoly actuator_armature
-        key_time key_qpos key_qvel""",
+        actuator_gaintype actuator_biastype actuator_gainprm actuator_biasprm actuator_ctrladr actuator_ctrllimited actuator_ctrlrange
+        actuator_forcelimited actuator_forcerange jnt_actfrclimited jnt_actfrcrange key_ctrl key_time key_qpos key_qvel""",
     "looks": """
         geom_type geom_bodyid geom_dataid geom_matid geom_group geom_castshadow geom_size geom_pos geom_quat geom_rgba
         site_type site_dataid site_matid site_group site_size site_rgba jnt_group actuator_group tendon_matid tendon_group tendon_width
@@ -40,14 +41,14 @@ FIELDS = {
         actuator_acc0 actuator_length0 actuator_lengthrange""",
     "data": "body_user jnt_user geom_user site_user tendon_user actuator_user numeric_* text_* tuple_*",
     "listed": """
-        body_mocapid body_plugin jnt_springyield jnt_actfrclimited jnt_actfrcrange jnt_actgravcomp
+        body_mocapid body_plugin jnt_springyield jnt_actgravcomp
         geom_contype geom_conaffinity geom_condim geom_priority geom_plugin geom_solmix geom_solref geom_solimp geom_friction geom_margin
         geom_gap geom_surfacevel geom_adhesion geom_fluid flex_* flexedge_* hfield_* pair_* exclude_signature
         eq_solref eq_solimp tendon_limited tendon_actfrclimited tendon_range tendon_actfrcrange tendon_stiffness tendon_stiffnesspoly
         tendon_damping tendon_dampingpoly tendon_armature tendon_frictionloss tendon_lengthspring tendon_springyield
-        actuator_dyntype actuator_gaintype actuator_biastype actuator_ctrl* actuator_outnum actuator_act* actuator_cranklength
-        actuator_dynprm actuator_gainprm actuator_biasprm actuator_history* actuator_delay actuator_plugin actuator_force*
-        sensor_* plugin plugin_* key_act key_mpos key_mquat key_ctrl key_plastic""",
+        actuator_dyntype actuator_ctrlnum actuator_ctrlspec actuator_outnum actuator_act* actuator_cranklength actuator_dynprm
+        actuator_history* actuator_delay actuator_plugin
+        sensor_* plugin plugin_* key_act key_mpos key_mquat key_plastic""",
 }
 """{meaning: names of fields; * stands for anything, # for letters and digits}."""
 
@@ -60,8 +61,8 @@ OPTIONS = {
 }
 """The same of MuJoCo's options: wind and magnetic act only with a fluid and on sensors, what begins with o_ on contacts."""
 
-NO_CONSTRAINTS, NO_EQUALITIES, NO_FRICTION, NO_LIMITS, NO_CONTACTS, NO_SPRINGS, NO_DAMPERS, NO_GRAVITY, NO_ACTUATION = (
-    1 << bit for bit in (0, 1, 2, 3, 4, 5, 6, 7, 11)
+NO_CONSTRAINTS, NO_EQUALITIES, NO_FRICTION, NO_LIMITS, NO_CONTACTS, NO_SPRINGS, NO_DAMPERS, NO_GRAVITY, NO_CLAMPS, NO_ACTUATION = (
+    1 << bit for bit in (0, 1, 2, 3, 4, 5, 6, 7, 8, 11)
 )
 """MuJoCo's flags for what is switched off."""
 
@@ -69,11 +70,11 @@ KEEP_PARENTS = 1 << 10
 """MuJoCo's flag for contacts of a body with the one that carries it, which are else none."""
 
 DISABLED = {
-    "modelled": "CONSTRAINT EQUALITY FRICTIONLOSS LIMIT CONTACT SPRING DAMPER GRAVITY ACTUATION",
-    "listed": "CLAMPCTRL FILTERPARENT SENSOR",
+    "modelled": "CONSTRAINT EQUALITY FRICTIONLOSS LIMIT CONTACT SPRING DAMPER GRAVITY CLAMPCTRL ACTUATION",
+    "listed": "FILTERPARENT SENSOR",
     "method": "WARMSTART REFSAFE MIDPHASE EULERDAMP AUTORESET NATIVECCD ISLAND MULTICCD",
 }
-"""MuJoCo's names of flags that switch off (mjDSBL_…): those that are listed belong to actuators, contacts and sensors, which are."""
+"""MuJoCo's names of flags that switch off (mjDSBL_…): those that are listed belong to contacts and sensors, which are."""
 
 ENABLED = {"listed": "OVERRIDE IPC SPECULATIVE", "method": "ENERGY FWDINV INVDISCRETE SLEEP DIAGEXACT"}
 """The same of flags that switch on (mjENBL_…): those that are listed belong to contacts and flexible bodies."""
@@ -86,6 +87,12 @@ SCALAR = 2
 
 OVER_JOINT = 1
 """MuJoCo's number of what a fixed tendon, one without points, goes over."""
+
+AT_JOINT = 0, 1
+"""MuJoCo's numbers of transmissions of actuators to a joint."""
+
+NAMED_GROUPS = 31
+"""Groups of actuators that a file can switch off."""
 
 SOLREF, SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 """How stiff MuJoCo's equalities are unless a file says more."""
@@ -142,7 +149,7 @@ def left_out(model: Compiled) -> dict[str, int]:
     limits, friction = not without_constraints(m, NO_LIMITS), not without_constraints(m, NO_FRICTION)
     passive = not (off(m, NO_SPRINGS) and off(m, NO_DAMPERS))
     counts = {
-        "actuators": 0 if off(m, NO_ACTUATION) else m.nactuator,
+        "actuators": 0 if off(m, NO_ACTUATION) else sum(not is_disabled(m, k) for k in range(m.nactuator)),
         "tendons": _acting_tendons(m),
         "sensors": m.nsensor,
         "limits of joints": int(np.sum(m.jnt_limited)) if limits else 0,
@@ -162,6 +169,12 @@ def left_out(model: Compiled) -> dict[str, int]:
     }
     found = {what: int(count) for what, count in counts.items() if count}
     return found | dict.fromkeys(unlisted(m), 1)
+
+
+def is_disabled(m: Compiled, k: int) -> bool:
+    """Whether the file switches off the group of an actuator."""
+    group = int(m.actuator_group[k])
+    return 0 <= group < NAMED_GROUPS and bool(int(m.opt.disableactuator) & (1 << group))
 
 
 def _acting_tendons(m: Compiled) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ncgen.exchange.robots.mjcf_actuators import controls
 from ncgen.exchange.robots.mjcf_compiled import Compiled
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Start
@@ -32,4 +33,4 @@ def _start(m: Compiled, k: int, joints: Sequence[str]) -> Start:
             turned[name] = Placement.of_quaternion(np.zeros(3), qpos[at : at + 4]).rotation, qvel[dof : dof + 3]
         else:
             values[name], rates[name] = float(qpos[at]), float(qvel[dof])
-    return Start(values, rates, turned, free, time=float(m.key_time[k]))
+    return Start(values, rates, turned, free, controls(m, k), float(m.key_time[k]))

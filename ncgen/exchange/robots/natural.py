@@ -10,6 +10,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
+from ncgen.exchange.robots.motors import EFFORTS, MOTORS, add_motors
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
 from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
 from ncgen.exchange.robots.starts import named_start, rotation_about
@@ -27,11 +28,12 @@ NOTHING = 1e-15
 """Entries of a tensor below this, over mass · size² of the robot, are rounding of whoever wrote the file."""
 
 
-def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, friction: bool = False) -> Model:
+def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, friction: bool = False, motors: bool = False) -> Model:
     """The model of a robot whose joints are ordered, with all joint coordinates at 0.
 
     floating: the root is a free body instead of part of the ground; None for what the robot's file says
     limits, friction: joints have stops and dry friction (`ncgen.exchange.robots.stops`); else they are among what is left out
+    motors: inputs for actuators of the file, or for joints (`ncgen.exchange.robots.motors`)
     Raises ModelError naming a link with an impossible inertia, or a joint that cannot be as it is said.
     """
     builder = _Builder(together(robot), robot.floats if floating is None else floating)
@@ -40,6 +42,13 @@ def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, f
     for asked, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
         if asked:
             model.left_out = left(model.left_out, words, add(model, acting))
+    if motors:
+        inputs = add_motors(model, robot, {joint.name: joint for joint, _ in acting}, builder.coordinates)
+        bounded = sum(joint.effort is not None and joint.mimic is None for joint, _ in acting)
+        for words, count in ((MOTORS, len(inputs)), (EFFORTS, bounded)):
+            model.left_out = left(model.left_out, words, count)
+        for name, start in robot.starts.items():
+            model.starts[name] |= {"inputs": {inputs[each]: value for each, value in start.inputs.items() if each in inputs}}
     return model
 
 

@@ -107,6 +107,7 @@ class Joint:
     damping: N m s/rad or N s/m; stiffness: N m/rad or N/m, of a spring at rest where the coordinate is `rest`; pitch: m a turn of a screw
     more_damping, more_stiffness: factors of v |v|, v³ and of x², x³ beside those of v and x, x from the rest
     limits: lowest and highest value (rad or m); friction: dry, N m or N
+    effort: least and greatest force of all its motors (N m, N)
     start: value of the coordinate where the model begins (rad or m)
     """
 
@@ -126,6 +127,7 @@ class Joint:
     pitch: float = 0.0
     limits: tuple[float, float] | None = None
     friction: float = 0.0
+    effort: tuple[float, float] | None = None
     start: float = 0.0
     mimic: Mimic | None = None
     where: str = ""
@@ -139,6 +141,21 @@ class Joint:
         """The same joint with the same coordinate, said from child to parent. Its placement must be one in the world."""
         axis, second = (self.axis, None) if self.second is None else (self.second, -self.axis)
         return replace(self, parent=self.child, child=self.parent, axis=-axis, second=second)
+
+
+@dataclass(frozen=True, eq=False)
+class Actuator:
+    """A motor or a servo: its force is gain · u + bias, both factors times (1, l, l̇) of its length l = Σ share · coordinate, u its input.
+
+    shares: {joint: share}, by which the force acts, too; control, force: least and greatest u, and force
+    """
+
+    name: str
+    shares: Mapping[str, float]
+    gain: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    control: tuple[float, float] | None = None
+    force: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +181,7 @@ class Robot:
 
     base: of the root in the world; gravity: m/s²; floats: whether the root is a free body
     omitted: what the file says and a model does not, in words; starts: states of the file, by name
+    actuators: of the file; None in formats without them
     """
 
     name: str
@@ -176,6 +194,7 @@ class Robot:
     omitted: tuple[str, ...] = ()
     rows: tuple[Coupling, ...] = ()
     starts: Mapping[str, Start] = field(default_factory=dict)
+    actuators: tuple[Actuator, ...] | None = None
 
     def ordered(self) -> Robot:
         """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""

@@ -60,8 +60,7 @@ def named_start(
             q0[coordinate.name], qd0[coordinate.name] = start.values[joint], start.rates.get(joint, 0.0)
     found: dict[str, Any] = {"q0": q0}
     found |= {"qd0": qd0} if any(qd0.values()) else {}
-    found |= {"t0": start.time} if start.time else {}
-    return found | ({"inputs": dict(start.inputs)} if start.inputs else {})
+    return found | ({"t0": start.time} if start.time else {})
 
 
 def _carried(parent: _Moving, joint: Joint, start: Start) -> _Moving:

@@ -125,6 +125,7 @@ def _joint(each: Markup) -> Joint:
         _axis(each) if kind not in ("fixed", "floating") else np.array([1.0, 0.0, 0.0]),
         damping=dynamics.number("damping", 0.0) if dynamics else 0.0,
         limits=_limits(each.first("limit")) if kind in ("revolute", "prismatic") else None,
+        effort=_effort(each.first("limit")) if kind in ACTING else None,
         friction=dynamics.number("friction", 0.0) if dynamics else 0.0,
         mimic=Mimic(mimic.name("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)) if mimic else None,
         where=each.place,
@@ -136,6 +137,12 @@ def _limits(limit: Markup | None) -> tuple[float, float] | None:
         return None
     lower, upper = (limit.limit(limit.attributes.get(end, "0"), end) for end in ("lower", "upper"))
     return lower, upper
+
+
+def _effort(limit: Markup | None) -> tuple[float, float] | None:
+    """None where it is 0, which files write that do not know it."""
+    effort = 0.0 if limit is None else limit.limit(limit.attributes.get("effort", "0"), "effort")
+    return (-effort, effort) if effort > 0 else None
 
 
 def _axis(joint: Markup) -> np.ndarray:

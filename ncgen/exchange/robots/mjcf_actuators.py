@@ -1,0 +1,82 @@
+"""Actuators of MJCF: those over joints and fixed tendons whose force is affine in control, length and rate, without states of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ncgen.exchange.robots.mjcf_compiled import Compiled
+from ncgen.exchange.robots.mjcf_fields import AT_JOINT, NO_ACTUATION, NO_CLAMPS, OVER_JOINT, SCALAR, is_disabled, off
+from ncgen.exchange.robots.robot import Actuator
+
+TENDON = 3
+"""MuJoCo's number of transmissions to a tendon."""
+
+FIXED, AFFINE = 0, 1
+"""MuJoCo's numbers of gains and biases: a constant (a bias: none), and one that is affine in length and rate."""
+
+
+def actuators(model: Compiled, joints: Sequence[str]) -> tuple[Actuator, ...]:
+    """Those that are modelled; joints: names by MuJoCo's numbers. All others are counted as left out."""
+    m = model
+    if off(m, NO_ACTUATION):
+        return ()
+    found = []
+    for k in range(m.nactuator):
+        shares = _shares(m, k, joints)
+        if shares is not None and _is_affine(m, k) and not is_disabled(m, k):
+            found.append(_actuator(m, k, shares))
+    return tuple(found)
+
+
+def _is_affine(m: Compiled, k: int) -> bool:
+    """Whether the force is affine, of one control, and now."""
+    plain = m.actuator_dyntype[k] == 0 and m.actuator_plugin[k] < 0 and m.actuator_delay[k] == 0 and m.actuator_ctrlnum[k] == 1
+    return bool(plain and m.actuator_gaintype[k] in (FIXED, AFFINE) and m.actuator_biastype[k] in (FIXED, AFFINE))
+
+
+def _shares(m: Compiled, k: int, joints: Sequence[str]) -> dict[str, float] | None:
+    """Shares of joints in an actuator's length; None for one that is over something else."""
+    kind, target, gear = int(m.actuator_trntype[k]), int(m.actuator_trnid[k][0]), float(m.actuator_gear[m.actuator_outadr[k]][0])
+    if kind in AT_JOINT and m.jnt_type[target] >= SCALAR:
+        return {joints[target]: gear}
+    if kind != TENDON or m.tendon_actfrclimited[target]:
+        return None
+    shares = dict[str, float]()
+    for w in range(m.tendon_adr[target], m.tendon_adr[target] + m.tendon_num[target]):
+        if int(m.wrap_type[w]) != OVER_JOINT:
+            return None
+        joint = joints[int(m.wrap_objid[w])]
+        shares[joint] = shares.get(joint, 0.0) + gear * float(m.wrap_prm[w])
+    return shares
+
+
+def _actuator(m: Compiled, k: int, shares: dict[str, float]) -> Actuator:
+    gain = _factors(m.actuator_gainprm[k], m.actuator_gaintype[k] == AFFINE)
+    bias = _factors(m.actuator_biasprm[k], True) if m.actuator_biastype[k] == AFFINE else (0.0, 0.0, 0.0)
+    control = int(m.actuator_ctrladr[k])
+    return Actuator(
+        m.actuator(k).name or f"actuator{k}",
+        shares,
+        gain,
+        bias,
+        _range(m.actuator_ctrlrange[control]) if m.actuator_ctrllimited[control] and not off(m, NO_CLAMPS) else None,
+        _range(m.actuator_forcerange[k]) if m.actuator_forcelimited[k] else None,
+    )
+
+
+def _factors(prm: np.ndarray, is_affine: bool) -> tuple[float, float, float]:
+    a, b, c = map(float, prm[:3])
+    return (a, b, c) if is_affine else (a, 0.0, 0.0)
+
+
+def _range(limits: np.ndarray) -> tuple[float, float]:
+    low, high = map(float, limits)
+    return low, high
+
+
+def controls(m: Compiled, k: int) -> dict[str, float]:
+    """{actuator: its control} in a keyframe, of those with one control."""
+    single = (i for i in range(m.nactuator) if m.actuator_ctrlnum[i] == 1)
+    return {m.actuator(i).name or f"actuator{i}": float(m.key_ctrl[k][int(m.actuator_ctrladr[i])]) for i in single}

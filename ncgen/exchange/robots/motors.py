@@ -1,0 +1,66 @@
+"""Motors of a robot as inputs of its model, where they are asked for: with the names, gears, servos and limits of the file.
+
+In formats without actuators every hinge and slider that follows no other one has a motor, called motor_JOINT.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from ncgen.exchange.robots.robot import Actuator, Joint, Robot
+from ncgen.model import Model
+from ncgen.model.elements import Angle, Relative
+
+if TYPE_CHECKING:
+    import sympy
+
+MOTORS, EFFORTS = "actuators", "effort limits"
+"""The words for them and for their limits among what is left out."""
+
+PREFIX = "motor_"
+"""Before the name of a joint, or of an actuator that is called like something else."""
+
+
+def add_motors(model: Model, robot: Robot, joints: Mapping[str, Joint], coordinates: Mapping[str, Relative]) -> dict[str, str]:
+    """Inputs and what they do at the joints; {actuator: its input}. joints, coordinates: by the names of joints"""
+    inputs: dict[str, str] = {}
+    totals: dict[str, sympy.Expr] = {}
+    for actuator in _of_joints(joints, coordinates) if robot.actuators is None else robot.actuators:
+        if not all(name in coordinates for name in actuator.shares):
+            continue
+        inputs[actuator.name], force = _force(model, actuator, coordinates)
+        for name, share in actuator.shares.items():
+            totals[name] = totals.get(name, 0) + share * force
+    for name, total in totals.items():
+        model.torque(coordinates[name], bounded(total, joints[name].effort), f"motors of {coordinates[name].name}")
+    return inputs
+
+
+def _of_joints(joints: Mapping[str, Joint], coordinates: Mapping[str, Relative]) -> list[Actuator]:
+    """A motor for each joint that has a coordinate of its own."""
+    return [Actuator(PREFIX + name, {name: 1.0}) for name in coordinates if name in joints and joints[name].mimic is None]
+
+
+def _force(model: Model, actuator: Actuator, coordinates: Mapping[str, Relative]) -> tuple[str, sympy.Expr]:
+    """An actuator's input by name, and its force (N m or N over the shares)."""
+    import sympy
+
+    from ncgen.exchange.robots.natural import word
+
+    own = [(share, coordinates[name]) for name, share in actuator.shares.items()]
+    unit = "" if actuator.gain != (1.0, 0.0, 0.0) or len(own) > 1 or abs(own[0][0]) != 1 else "N m" if isinstance(own[0][1], Angle) else "N"
+    name = word(actuator.name, "motor")
+    name = model.free_name(name if model.bearer(name) is None else PREFIX + name)
+    u = bounded(model.input(name, unit).symbol, actuator.control)
+    length: sympy.Expr = sympy.Add(*(share * c.symbol for share, c in own))
+    rate: sympy.Expr = sympy.Add(*(share * c.rate for share, c in own))
+    gain, bias = (a + b * length + c * rate for a, b, c in (actuator.gain, actuator.bias))
+    return name, bounded(gain * u + bias, actuator.force)
+
+
+def bounded(value: sympy.Expr, limits: tuple[float, float] | None) -> sympy.Expr:
+    """A value between limits, if there are some."""
+    import sympy
+
+    return value if limits is None else sympy.Min(sympy.Max(value, limits[0]), limits[1])
