@@ -67,6 +67,7 @@ def load_robot(
     friction: bool = False,
     loops: str | Path | None = None,
     motors: bool = False,
+    inertias: str = "refused",
 ) -> Model:
     """The model of a robot's file.
 
@@ -74,14 +75,17 @@ def load_robot(
     limits, friction: of joints, as springs and couples; else they are left out
     motors: inputs for actuators of the file, or for joints; else they are left out
     loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
+    inertias: "refused", or "balanced" where no body has them
     Raises ModelError with file and line.
     """
+    from ncgen.exchange.robots.balance import check_word
     from ncgen.exchange.robots.loops import beside, closed
     from ncgen.exchange.robots.natural import model_of
 
+    check_word(inertias)
     robot = read_robot(path)
     table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
-    return model_of(closed(robot, table) if table else robot, floating, limits, friction, motors)
+    return model_of(closed(robot, table) if table else robot, floating, limits, friction, motors, inertias)
 
 
 def robot_text(model: Model, suffix: str) -> str:
