@@ -78,14 +78,18 @@ def load_robot(
     inertias: "refused", or "balanced" where no body has them
     Raises ModelError with file and line.
     """
-    from ncgen.exchange.robots.balance import check_word
+    from ncgen.exchange.robots.balance import balanced
+    from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
     from ncgen.exchange.robots.loops import beside, closed
     from ncgen.exchange.robots.natural import model_of
 
-    check_word(inertias)
-    robot = read_robot(path)
+    robot = balanced(read_robot(path), inertias)
     table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
-    return model_of(closed(robot, table) if table else robot, floating, limits, friction, motors, inertias)
+    if table:
+        robot = closed(robot, table)
+    elif follows_from_start(robot):
+        robot = with_closures(robot, closures_of(robot))
+    return model_of(robot, floating, limits, friction, motors)
 
 
 def robot_text(model: Model, suffix: str) -> str:

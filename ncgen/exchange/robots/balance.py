@@ -15,14 +15,15 @@ INERTIAS = ("refused", "balanced")
 """What can become of a link whose largest moment of inertia exceeds the sum of the others."""
 
 
-def check_word(inertias: str) -> None:
-    """Raise ModelError for another word than those of `INERTIAS`."""
+def balanced(robot: Robot, inertias: str) -> Robot:
+    """The robot, where "balanced" is asked for with all three moments of a link at their mean if no body has them.
+
+    That is what MuJoCo's `balanceinertia` does. Warns of how many links there are. Raises ModelError for a word that is none of `INERTIAS`.
+    """
     if inertias not in INERTIAS:
         raise ModelError(f"inertias: {shown(inertias)} given; give {' or '.join(map(repr, INERTIAS))}")
-
-
-def balanced(robot: Robot) -> Robot:
-    """The robot with all three moments at their mean where no body has them, as MuJoCo's `balanceinertia` does; warns of how many."""
+    if inertias == "refused":
+        return robot
     links, found = dict(robot.links), []
     for name, link in robot.links.items():
         if link.mass is None or conditions(name, link.mass.mass, link.mass.tensor)[1].holds(link.mass.tensor.ravel()):
@@ -34,6 +35,6 @@ def balanced(robot: Robot) -> Robot:
     if found:
         warnings.warn(
             f"{robot.name}: moments of inertia that no body has are replaced by their mean, those of {found[0]} first ({len(found)})",
-            stacklevel=5,
+            stacklevel=4,
         )
     return replace(robot, links=links)

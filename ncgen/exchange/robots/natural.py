@@ -9,7 +9,6 @@ from contextlib import contextmanager
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.exchange.robots.balance import balanced
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
 from ncgen.exchange.robots.motors import EFFORTS, MOTORS, add_motors
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
@@ -29,24 +28,15 @@ NOTHING = 1e-15
 """Entries of a tensor below this, over mass · size² of the robot, are rounding of whoever wrote the file."""
 
 
-def model_of(
-    robot: Robot,
-    floating: bool | None = None,
-    limits: bool = False,
-    friction: bool = False,
-    motors: bool = False,
-    inertias: str = "refused",
-) -> Model:
+def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, friction: bool = False, motors: bool = False) -> Model:
     """The model of a robot whose joints are ordered, with all joint coordinates at 0.
 
     floating: the root is a free body instead of part of the ground; None for what the robot's file says
     limits, friction: joints have stops and dry friction (`ncgen.exchange.robots.stops`); else they are among what is left out
     motors: inputs for actuators of the file, or for joints (`ncgen.exchange.robots.motors`)
-    inertias: what becomes of impossible ones, "refused" or "balanced" (`ncgen.exchange.robots.balance`)
     Raises ModelError naming a link with an impossible inertia, or a joint that cannot be as it is said.
     """
-    merged = together(robot)
-    builder = _Builder(balanced(merged) if inertias == "balanced" else merged, robot.floats if floating is None else floating)
+    builder = _Builder(together(robot), robot.floats if floating is None else floating)
     model = builder.build()
     acting = [(hold.joint, builder.coordinates[hold.joint.name]) for hold in builder.layout.holds if hold.joint.name in builder.coordinates]
     for asked, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
