@@ -67,12 +67,13 @@ def load_robot(
     friction: bool = False,
     loops: str | Path | None = None,
     motors: bool = False,
+    sensors: bool = False,
 ) -> Model:
     """The model of a robot's file.
 
     floating: the root is a free body; None for what the file says
     limits, friction: of joints, as springs and couples; else they are left out
-    motors: inputs for actuators of the file, or for joints; else they are left out
+    motors, sensors: inputs for actuators of the file, or for joints; outputs for its sensors; else they are left out
     loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
     Raises ModelError with file and line.
     """
@@ -81,7 +82,7 @@ def load_robot(
 
     robot = read_robot(path)
     table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
-    return model_of(closed(robot, table) if table else robot, floating, limits, friction, motors)
+    return model_of(closed(robot, table) if table else robot, floating, limits, friction, motors, sensors)
 
 
 def robot_text(model: Model, suffix: str) -> str:

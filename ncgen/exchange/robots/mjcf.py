@@ -31,6 +31,7 @@ from ncgen.exchange.robots.mjcf_fields import (
     without_constraints,
 )
 from ncgen.exchange.robots.mjcf_keyframes import keyframes
+from ncgen.exchange.robots.mjcf_sensors import frames_of, sensors
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung
 from ncgen.exchange.text import placed
@@ -116,6 +117,7 @@ class _Reader:
         self.geoms: dict[int, list[int]] = {}
         for g, body in enumerate(model.geom_bodyid):
             self.geoms.setdefault(int(body), []).append(g)
+        self.frames = frames_of(model)
         self.name = files[0].attributes.get("model") or path.stem
         self.bodies = [WORLD, *(model.body(i).name or f"body{i}" for i in range(1, model.nbody))]
         self.places: dict[str, Placement] = {WORLD: Placement()}
@@ -141,6 +143,7 @@ class _Reader:
             omitted=omitted,
             rows=closed.rows,
             starts=starts,
+            sensors=sensors(self.m, self.joint_names),
             actuators=motors,
         )
         return hung(robot, self.places)
@@ -159,7 +162,10 @@ class _Reader:
             parent = child
         if not own:
             self.joints.append(Joint(f"{name}.fixed", "fixed", parent, name, place, where=self.where))
-        self.places[name], self.links[name] = place, Link(name, self._mass(i), self.where, self._seen(i), self._lifted(i))
+        self.places[name], self.links[name] = (
+            place,
+            Link(name, self._mass(i), self.where, self._seen(i), self._lifted(i), self.frames.get(i, {})),
+        )
 
     def _seen(self, i: int) -> tuple[Shape, ...]:
         """The shapes of a body."""
