@@ -832,310 +832,367 @@ int arm_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     return NCGEN_OK;
 }
+static NCGEN_APART void arm_gamma_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
+{
+    /* row 1: 1000 distance r0-r1 (body link1): |a|^2 - L^2 = 0 with a = r0-r1, L = 0.305164 */
+    const ncgen_real dr1_x = qd[0];
+    const ncgen_real dr1_y = qd[1];
+    const ncgen_real dr1_z = qd[2];
+    const ncgen_real x1 = R(3.276927682076162) * (dr1_x * dr1_x + dr1_y * dr1_y + dr1_z * dr1_z);
+    gamma[0] = -x1;
+    /* row 2: 1001 unit u1 (body link1): |u|^2 - 1 = 0 with u = u1 */
+    const ncgen_real du1_x = qd[21];
+    const ncgen_real du1_y = qd[22];
+    const ncgen_real du1_z = qd[23];
+    gamma[1] = -(du1_x * du1_x + du1_y * du1_y + du1_z * du1_z);
+    /* row 3: 1002 angle u1, r1-r0 (body link1): u.a - L c = 0 with u = u1, a = r1-r0, L = 0.305164, c = 0.163846 */
+    const ncgen_real x2 = R(6.553855364152324) * (dr1_x * du1_x + dr1_y * du1_y + dr1_z * du1_z);
+    gamma[2] = -x2;
+    gamma[3] = NCGEN_SPLAT(R(0.0));
+    gamma[4] = NCGEN_SPLAT(R(0.0));
+    /* row 6: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = y, b = u1, n = u0, psi = psi1, ln = 1 */
+    const ncgen_real dpsi1 = qd[42];
+    const ncgen_real x3 = dpsi1 * dpsi1;
+    const ncgen_real u1_y = q[22];
+    const ncgen_real x4 = R(2.0) * dpsi1;
+    const ncgen_real sin_psi1 = sine[0];
+    const ncgen_real u1_x = q[21];
+    const ncgen_real cos_psi1 = cosine[0];
+    const ncgen_real x5 = sin_psi1 * (u1_y * x3 + du1_x * x4) + cos_psi1 * (u1_x * x3 - du1_y * x4);
+    gamma[5] = x5;
+    /* row 7: 1000 distance r1-r2 (body link2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.305164 */
+    const ncgen_real dr2_x = qd[3];
+    const ncgen_real x6 = dr1_x - dr2_x;
+    const ncgen_real dr2_y = qd[4];
+    const ncgen_real x7 = dr1_y - dr2_y;
+    const ncgen_real dr2_z = qd[5];
+    const ncgen_real x8 = dr1_z - dr2_z;
+    gamma[6] = -(R(3.276927682076162) * (x6 * x6 + x7 * x7 + x8 * x8));
+    /* row 8: 1002 angle u1, r2-r1 (body link2): u.a - L c = 0 with u = u1, a = r2-r1, L = 0.305164, c = -0.163846 */
+    const ncgen_real x9 = R(6.553855364152324) * (du1_x * x6 + du1_y * x7 + du1_z * x8);
+    gamma[7] = x9;
+    /* row 9: 1001 unit u2 (body link2): |u|^2 - 1 = 0 with u = u2 */
+    const ncgen_real du2_x = qd[24];
+    const ncgen_real du2_y = qd[25];
+    const ncgen_real du2_z = qd[26];
+    gamma[8] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z);
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    const ncgen_real x10 = R(6.553855364152324) * (du2_x * x6 + du2_y * x7 + du2_z * x8);
+    gamma[9] = x10;
+    /* row 11: 1003 angle u2, u1 (body link2): u.v - c = 0 with u = u2, v = u1, c = 0 */
+    const ncgen_real x11 = -(R(2.0) * (du1_x * du2_x + du1_y * du2_y + du1_z * du2_z));
+    gamma[10] = x11;
+    /* row 12: 1012 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u0, b = u2, n = u1, psi = psi2, ln = 1 */
+    const ncgen_real u2_y = q[25];
+    const ncgen_real u2_x = q[24];
+    const ncgen_real x12 = du2_x * u1_y - (du2_y * u1_x + du1_x * u2_y) + du1_y * u2_x;
+    const ncgen_real dpsi2 = qd[43];
+    const ncgen_real x13 = R(2.0) * dpsi2;
+    const ncgen_real x14 = dpsi2 * dpsi2;
+    const ncgen_real u2_z = q[26];
+    const ncgen_real sin_psi2 = sine[1];
+    const ncgen_real x15 = R(2.0) * (du1_y * du2_x - du1_x * du2_y) - du2_z * x13 - x14 * (u1_y * u2_x - u1_x * u2_y);
+    const ncgen_real cos_psi2 = cosine[1];
+    gamma[11] = sin_psi2 * (u2_z * x14 - x13 * x12) + cos_psi2 * x15;
+    /* row 13: 1000 distance r2-r3 (body link3): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.305164 */
+    const ncgen_real dr3_x = qd[6];
+    const ncgen_real x16 = dr2_x - dr3_x;
+    const ncgen_real dr3_y = qd[7];
+    const ncgen_real x17 = dr2_y - dr3_y;
+    const ncgen_real dr3_z = qd[8];
+    const ncgen_real x18 = dr2_z - dr3_z;
+    const ncgen_real x19 = R(3.276927682076162) * (x16 * x16 + x17 * x17 + x18 * x18);
+    gamma[12] = -x19;
+    /* row 14: 1001 unit u3 (body link3): |u|^2 - 1 = 0 with u = u3 */
+    const ncgen_real du3_x = qd[27];
+    const ncgen_real du3_y = qd[28];
+    const ncgen_real du3_z = qd[29];
+    gamma[13] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
+    /* row 15: 1002 angle u3, r3-r2 (body link3): u.a - L c = 0 with u = u3, a = r3-r2, L = 0.305164, c = 0.163846 */
+    const ncgen_real x20 = R(6.553855364152324) * (du3_x * x16 + du3_y * x17 + du3_z * x18);
+    gamma[14] = x20;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    const ncgen_real x21 = R(6.553855364152324) * (du2_x * x16 + du2_y * x17 + du2_z * x18);
+    gamma[15] = x21;
+    /* row 17: 1003 angle u2, u3 (body link3): u.v - c = 0 with u = u2, v = u3, c = 0 */
+    const ncgen_real x22 = -(R(2.0) * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z));
+    gamma[16] = x22;
+    /* row 18: 1012 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = u3, n = u2, psi = psi3, ln = 1 */
+    const ncgen_real u3_z = q[29];
+    const ncgen_real u1_z = q[23];
+    const ncgen_real u3_y = q[28];
+    const ncgen_real x23 = du3_z * u1_y + du1_y * u3_z - du3_y * u1_z - du1_z * u3_y;
+    const ncgen_real u3_x = q[27];
+    const ncgen_real x24 = du3_y * u1_x + du1_x * u3_y - du3_x * u1_y - du1_y * u3_x;
+    const ncgen_real x25 = u1_y * u3_z - u1_z * u3_y;
+    const ncgen_real x26 = u1_x * u3_y - u1_y * u3_x;
+    const ncgen_real x27 = du3_z * u1_x + du1_x * u3_z - du3_x * u1_z - du1_z * u3_x;
+    const ncgen_real x28 = u2_x * x23 + u2_z * x24 + du2_x * x25 + du2_z * x26 - u2_y * x27;
+    const ncgen_real x29 = u1_z * u3_x - u1_x * u3_z;
+    const ncgen_real dpsi3 = qd[44];
+    const ncgen_real x30 = R(2.0) * dpsi3;
+    const ncgen_real x31 = dpsi3 * dpsi3;
+    const ncgen_real x32 = (u1_x * u3_x + u1_y * u3_y + u1_z * u3_z) * x31 - R(2.0) * (du1_x * du3_x + du1_y * du3_y + du1_z * du3_z);
+    const ncgen_real sin_psi3 = sine[2];
+    const ncgen_real x33 = u2_x * (du1_y * du3_z - du1_z * du3_y) + u2_z * (du1_x * du3_y - du1_y * du3_x);
+    const ncgen_real x34 = x33 + du2_x * x23 + du2_z * x24 - u2_y * (du1_x * du3_z - du1_z * du3_x);
+    const ncgen_real x35 = du3_x * u1_x + du3_y * u1_y + du3_z * u1_z + du1_x * u3_x;
+    const ncgen_real x36 = R(2.0) * (x34 - du2_y * x27) - x30 * (x35 + du1_y * u3_y + du1_z * u3_z);
+    const ncgen_real cos_psi3 = cosine[2];
+    const ncgen_real x37 = cos_psi3 * (x36 - x31 * (u2_y * x29 + (u2_x * x25 + u2_z * x26)));
+    gamma[17] = sin_psi3 * (x32 - x30 * (x28 + du2_y * x29)) + x37;
+    const ncgen_real dr4_x = qd[9];
+    const ncgen_real x38 = dr3_x - dr4_x;
+    kept[0] = x38;
+    const ncgen_real dr4_y = qd[10];
+    const ncgen_real x39 = dr3_y - dr4_y;
+    kept[1] = x39;
+    const ncgen_real dr4_z = qd[11];
+    const ncgen_real x40 = dr3_z - dr4_z;
+    kept[2] = x40;
+    /* row 19: 1000 distance r3-r4 (body link4): |a|^2 - L^2 = 0 with a = r3-r4, L = 0.305164 */
+    const ncgen_real x41 = R(3.2769276820761624) * (x38 * x38 + x39 * x39 + x40 * x40);
+    gamma[18] = -x41;
+    /* row 20: 1002 angle u3, r4-r3 (body link4): u.a - L c = 0 with u = u3, a = r4-r3, L = 0.305164, c = -0.163846 */
+    const ncgen_real x42 = R(6.553855364152325) * (du3_x * x38 + du3_y * x39 + du3_z * x40);
+    gamma[19] = x42;
+}
+
+static NCGEN_APART void arm_gamma_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
+{
+    /* row 21: 1001 unit u4 (body link4): |u|^2 - 1 = 0 with u = u4 */
+    const ncgen_real du4_x = qd[30];
+    const ncgen_real du4_y = qd[31];
+    const ncgen_real du4_z = qd[32];
+    gamma[20] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
+    /* row 22: 1002 angle u4, r4-r3 (body link4): u.a - L c = 0 with u = u4, a = r4-r3, L = 0.305164, c = 0.978628 */
+    const ncgen_real x1 = kept[0];
+    const ncgen_real x2 = kept[1];
+    const ncgen_real x3 = kept[2];
+    const ncgen_real x4 = R(6.553855364152325) * (du4_x * x1 + du4_y * x2 + du4_z * x3);
+    gamma[21] = x4;
+    /* row 23: 1003 angle u4, u3 (body link4): u.v - c = 0 with u = u4, v = u3, c = 0 */
+    const ncgen_real du3_x = qd[27];
+    const ncgen_real du3_y = qd[28];
+    const ncgen_real du3_z = qd[29];
+    const ncgen_real x5 = -(R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
+    gamma[22] = x5;
+    /* row 24: 1012 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u4, n = u3, psi = psi4, ln = 1 */
+    const ncgen_real u2_y = q[25];
+    const ncgen_real u4_z = q[32];
+    const ncgen_real du2_y = qd[25];
+    const ncgen_real u2_z = q[26];
+    const ncgen_real u4_y = q[31];
+    const ncgen_real du2_z = qd[26];
+    const ncgen_real x6 = du4_z * u2_y + du2_y * u4_z - du4_y * u2_z - du2_z * u4_y;
+    const ncgen_real u3_x = q[27];
+    const ncgen_real u2_x = q[24];
+    const ncgen_real du2_x = qd[24];
+    const ncgen_real u4_x = q[30];
+    const ncgen_real x7 = du4_y * u2_x + du2_x * u4_y - du4_x * u2_y - du2_y * u4_x;
+    const ncgen_real u3_z = q[29];
+    const ncgen_real x8 = u2_y * u4_z - u2_z * u4_y;
+    const ncgen_real x9 = u2_x * u4_y - u2_y * u4_x;
+    const ncgen_real x10 = du4_z * u2_x + du2_x * u4_z - du4_x * u2_z - du2_z * u4_x;
+    const ncgen_real u3_y = q[28];
+    const ncgen_real x11 = u3_x * x6 + u3_z * x7 + du3_x * x8 + du3_z * x9 - u3_y * x10;
+    const ncgen_real x12 = u2_z * u4_x - u2_x * u4_z;
+    const ncgen_real dpsi4 = qd[45];
+    const ncgen_real x13 = R(2.0) * dpsi4;
+    const ncgen_real x14 = dpsi4 * dpsi4;
+    const ncgen_real x15 = (u2_x * u4_x + u2_y * u4_y + u2_z * u4_z) * x14 - R(2.0) * (du2_x * du4_x + du2_y * du4_y + du2_z * du4_z);
+    const ncgen_real sin_psi4 = sine[3];
+    const ncgen_real x16 = u3_x * (du2_y * du4_z - du2_z * du4_y) + u3_z * (du2_x * du4_y - du2_y * du4_x);
+    const ncgen_real x17 = x16 + du3_x * x6 + du3_z * x7 - u3_y * (du2_x * du4_z - du2_z * du4_x);
+    const ncgen_real x18 = du4_x * u2_x + du4_y * u2_y + du4_z * u2_z + du2_x * u4_x;
+    const ncgen_real x19 = R(2.0) * (x17 - du3_y * x10) - x13 * (x18 + du2_y * u4_y + du2_z * u4_z);
+    const ncgen_real cos_psi4 = cosine[3];
+    const ncgen_real x20 = cos_psi4 * (x19 - x14 * (u3_y * x12 + (u3_x * x8 + u3_z * x9)));
+    gamma[23] = sin_psi4 * (x15 - x13 * (x11 + du3_y * x12)) + x20;
+    /* row 25: 1000 distance r4-r5 (body link5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.305164 */
+    const ncgen_real dr5_x = qd[12];
+    const ncgen_real dr4_x = qd[9];
+    const ncgen_real x21 = dr4_x - dr5_x;
+    const ncgen_real dr5_y = qd[13];
+    const ncgen_real dr4_y = qd[10];
+    const ncgen_real x22 = dr4_y - dr5_y;
+    const ncgen_real dr5_z = qd[14];
+    const ncgen_real dr4_z = qd[11];
+    const ncgen_real x23 = dr4_z - dr5_z;
+    const ncgen_real x24 = R(3.2769276820761615) * (x21 * x21 + x22 * x22 + x23 * x23);
+    gamma[24] = -x24;
+    /* row 26: 1001 unit u5 (body link5): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real du5_x = qd[33];
+    const ncgen_real du5_y = qd[34];
+    const ncgen_real du5_z = qd[35];
+    gamma[25] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
+    /* row 27: 1002 angle u5, r5-r4 (body link5): u.a - L c = 0 with u = u5, a = r5-r4, L = 0.305164, c = 0.163846 */
+    const ncgen_real x25 = R(6.553855364152323) * (du5_x * x21 + du5_y * x22 + du5_z * x23);
+    gamma[26] = x25;
+    /* row 28: 1002 angle u4, r5-r4 (body link5): u.a - L c = 0 with u = u4, a = r5-r4, L = 0.305164, c = 0.983078 */
+    const ncgen_real x26 = R(6.553855364152323) * (du4_x * x21 + du4_y * x22 + du4_z * x23);
+    gamma[27] = x26;
+    /* row 29: 1003 angle u4, u5 (body link5): u.v - c = 0 with u = u4, v = u5, c = 0 */
+    const ncgen_real x27 = -(R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
+    gamma[28] = x27;
+    /* row 30: 1012 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u5, n = u4, psi = psi5, ln = 1 */
+    const ncgen_real u5_z = q[35];
+    const ncgen_real u5_y = q[34];
+    const ncgen_real x28 = du5_z * u3_y + du3_y * u5_z - du5_y * u3_z - du3_z * u5_y;
+    const ncgen_real u5_x = q[33];
+    const ncgen_real x29 = du5_y * u3_x + du3_x * u5_y - du5_x * u3_y - du3_y * u5_x;
+    const ncgen_real x30 = u3_y * u5_z - u3_z * u5_y;
+    const ncgen_real x31 = u3_x * u5_y - u3_y * u5_x;
+    const ncgen_real x32 = du5_z * u3_x + du3_x * u5_z - du5_x * u3_z - du3_z * u5_x;
+    const ncgen_real x33 = u4_x * x28 + u4_z * x29 + du4_x * x30 + du4_z * x31 - u4_y * x32;
+    const ncgen_real x34 = u3_z * u5_x - u3_x * u5_z;
+    const ncgen_real dpsi5 = qd[46];
+    const ncgen_real x35 = R(2.0) * dpsi5;
+    const ncgen_real x36 = dpsi5 * dpsi5;
+    const ncgen_real x37 = (u3_x * u5_x + u3_y * u5_y + u3_z * u5_z) * x36 - R(2.0) * (du3_x * du5_x + du3_y * du5_y + du3_z * du5_z);
+    const ncgen_real sin_psi5 = sine[4];
+    const ncgen_real x38 = u4_x * (du3_y * du5_z - du3_z * du5_y) + u4_z * (du3_x * du5_y - du3_y * du5_x);
+    const ncgen_real x39 = x38 + du4_x * x28 + du4_z * x29 - u4_y * (du3_x * du5_z - du3_z * du5_x);
+    const ncgen_real x40 = du5_x * u3_x + du5_y * u3_y + du5_z * u3_z + du3_x * u5_x;
+    const ncgen_real x41 = R(2.0) * (x39 - du4_y * x32) - x35 * (x40 + du3_y * u5_y + du3_z * u5_z);
+    const ncgen_real cos_psi5 = cosine[4];
+    const ncgen_real x42 = cos_psi5 * (x41 - x36 * (u4_y * x34 + (u4_x * x30 + u4_z * x31)));
+    gamma[29] = sin_psi5 * (x37 - x35 * (x33 + du4_y * x34)) + x42;
+    const ncgen_real dr6_x = qd[15];
+    const ncgen_real x43 = dr5_x - dr6_x;
+    kept[3] = x43;
+    const ncgen_real dr6_y = qd[16];
+    const ncgen_real x44 = dr5_y - dr6_y;
+    kept[4] = x44;
+    kept[5] = x43 * x43 + x44 * x44;
+    const ncgen_real dr6_z = qd[17];
+    const ncgen_real x45 = dr5_z - dr6_z;
+    kept[6] = x45;
+    kept[7] = x45 * x45;
+}
+
+static NCGEN_APART void arm_gamma_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
+{
+    /* row 31: 1000 distance r5-r6 (body link6): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.305164 */
+    const ncgen_real x1 = kept[5];
+    const ncgen_real x2 = kept[7];
+    gamma[30] = -(R(3.2769276820761606) * (x1 + x2));
+    /* row 32: 1002 angle u5, r6-r5 (body link6): u.a - L c = 0 with u = u5, a = r6-r5, L = 0.305164, c = -0.163846 */
+    const ncgen_real du5_x = qd[33];
+    const ncgen_real x3 = kept[3];
+    const ncgen_real du5_y = qd[34];
+    const ncgen_real x4 = kept[4];
+    const ncgen_real du5_z = qd[35];
+    const ncgen_real x5 = kept[6];
+    const ncgen_real x6 = R(6.553855364152321) * (du5_x * x3 + du5_y * x4 + du5_z * x5);
+    gamma[31] = x6;
+    /* row 33: 1001 unit u6 (body link6): |u|^2 - 1 = 0 with u = u6 */
+    const ncgen_real du6_x = qd[36];
+    const ncgen_real du6_y = qd[37];
+    const ncgen_real du6_z = qd[38];
+    gamma[32] = -(du6_x * du6_x + du6_y * du6_y + du6_z * du6_z);
+    /* row 34: 1002 angle u6, r6-r5 (body link6): u.a - L c = 0 with u = u6, a = r6-r5, L = 0.305164, c = 0.978628 */
+    const ncgen_real x7 = R(6.553855364152321) * (du6_x * x3 + du6_y * x4 + du6_z * x5);
+    gamma[33] = x7;
+    /* row 35: 1003 angle u6, u5 (body link6): u.v - c = 0 with u = u6, v = u5, c = 0 */
+    const ncgen_real x8 = -(R(2.0) * (du5_x * du6_x + du5_y * du6_y + du5_z * du6_z));
+    gamma[34] = x8;
+    /* row 36: 1012 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u6, n = u5, psi = psi6, ln = 1 */
+    const ncgen_real u4_y = q[31];
+    const ncgen_real u6_z = q[38];
+    const ncgen_real du4_y = qd[31];
+    const ncgen_real u4_z = q[32];
+    const ncgen_real u6_y = q[37];
+    const ncgen_real du4_z = qd[32];
+    const ncgen_real x9 = du6_z * u4_y + du4_y * u6_z - du6_y * u4_z - du4_z * u6_y;
+    const ncgen_real u5_x = q[33];
+    const ncgen_real u4_x = q[30];
+    const ncgen_real du4_x = qd[30];
+    const ncgen_real u6_x = q[36];
+    const ncgen_real x10 = du6_y * u4_x + du4_x * u6_y - du6_x * u4_y - du4_y * u6_x;
+    const ncgen_real u5_z = q[35];
+    const ncgen_real x11 = u4_y * u6_z - u4_z * u6_y;
+    const ncgen_real x12 = u4_x * u6_y - u4_y * u6_x;
+    const ncgen_real x13 = du6_z * u4_x + du4_x * u6_z - du6_x * u4_z - du4_z * u6_x;
+    const ncgen_real u5_y = q[34];
+    const ncgen_real x14 = u5_x * x9 + u5_z * x10 + du5_x * x11 + du5_z * x12 - u5_y * x13;
+    const ncgen_real x15 = u4_z * u6_x - u4_x * u6_z;
+    const ncgen_real dpsi6 = qd[47];
+    const ncgen_real x16 = R(2.0) * dpsi6;
+    const ncgen_real x17 = dpsi6 * dpsi6;
+    const ncgen_real x18 = (u4_x * u6_x + u4_y * u6_y + u4_z * u6_z) * x17 - R(2.0) * (du4_x * du6_x + du4_y * du6_y + du4_z * du6_z);
+    const ncgen_real sin_psi6 = sine[5];
+    const ncgen_real x19 = u5_x * (du4_y * du6_z - du4_z * du6_y) + u5_z * (du4_x * du6_y - du4_y * du6_x);
+    const ncgen_real x20 = x19 + du5_x * x9 + du5_z * x10 - u5_y * (du4_x * du6_z - du4_z * du6_x);
+    const ncgen_real x21 = du6_x * u4_x + du6_y * u4_y + du6_z * u4_z + du4_x * u6_x;
+    const ncgen_real x22 = R(2.0) * (x20 - du5_y * x13) - x16 * (x21 + du4_y * u6_y + du4_z * u6_z);
+    const ncgen_real cos_psi6 = cosine[5];
+    const ncgen_real x23 = cos_psi6 * (x22 - x17 * (u5_y * x15 + (u5_x * x11 + u5_z * x12)));
+    gamma[35] = sin_psi6 * (x18 - x16 * (x14 + du5_y * x15)) + x23;
+    /* row 37: 1000 distance r6-r7 (body link7): |a|^2 - L^2 = 0 with a = r6-r7, L = 0.305164 */
+    const ncgen_real dr7_x = qd[18];
+    const ncgen_real dr6_x = qd[15];
+    const ncgen_real x24 = dr6_x - dr7_x;
+    const ncgen_real dr7_y = qd[19];
+    const ncgen_real dr6_y = qd[16];
+    const ncgen_real x25 = dr6_y - dr7_y;
+    const ncgen_real dr7_z = qd[20];
+    const ncgen_real dr6_z = qd[17];
+    const ncgen_real x26 = dr6_z - dr7_z;
+    const ncgen_real x27 = R(3.2769276820761615) * (x24 * x24 + x25 * x25 + x26 * x26);
+    gamma[36] = -x27;
+    /* row 38: 1001 unit u7 (body link7): |u|^2 - 1 = 0 with u = u7 */
+    const ncgen_real du7_x = qd[39];
+    const ncgen_real du7_y = qd[40];
+    const ncgen_real du7_z = qd[41];
+    gamma[37] = -(du7_x * du7_x + du7_y * du7_y + du7_z * du7_z);
+    /* row 39: 1002 angle u7, r7-r6 (body link7): u.a - L c = 0 with u = u7, a = r7-r6, L = 0.305164, c = 0.163846 */
+    const ncgen_real x28 = R(6.553855364152323) * (du7_x * x24 + du7_y * x25 + du7_z * x26);
+    gamma[38] = x28;
+    /* row 40: 1002 angle u6, r7-r6 (body link7): u.a - L c = 0 with u = u6, a = r7-r6, L = 0.305164, c = 0.983078 */
+    const ncgen_real x29 = R(6.553855364152323) * (du6_x * x24 + du6_y * x25 + du6_z * x26);
+    gamma[39] = x29;
+    /* row 41: 1003 angle u6, u7 (body link7): u.v - c = 0 with u = u6, v = u7, c = 0 */
+    const ncgen_real x30 = -(R(2.0) * (du6_x * du7_x + du6_y * du7_y + du6_z * du7_z));
+    gamma[40] = x30;
+    /* row 42: 1012 angle psi7 (coordinate psi7): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u5, b = u7, n = u6, psi = psi7, ln = 1 */
+    const ncgen_real u7_z = q[41];
+    const ncgen_real u7_y = q[40];
+    const ncgen_real x31 = du7_z * u5_y + du5_y * u7_z - du7_y * u5_z - du5_z * u7_y;
+    const ncgen_real u7_x = q[39];
+    const ncgen_real x32 = du7_y * u5_x + du5_x * u7_y - du7_x * u5_y - du5_y * u7_x;
+    const ncgen_real x33 = u5_y * u7_z - u5_z * u7_y;
+    const ncgen_real x34 = u5_x * u7_y - u5_y * u7_x;
+    const ncgen_real x35 = du7_z * u5_x + du5_x * u7_z - du7_x * u5_z - du5_z * u7_x;
+    const ncgen_real x36 = u6_x * x31 + u6_z * x32 + du6_x * x33 + du6_z * x34 - u6_y * x35;
+    const ncgen_real x37 = u5_z * u7_x - u5_x * u7_z;
+    const ncgen_real dpsi7 = qd[48];
+    const ncgen_real x38 = R(2.0) * dpsi7;
+    const ncgen_real x39 = dpsi7 * dpsi7;
+    const ncgen_real x40 = (u5_x * u7_x + u5_y * u7_y + u5_z * u7_z) * x39 - R(2.0) * (du5_x * du7_x + du5_y * du7_y + du5_z * du7_z);
+    const ncgen_real sin_psi7 = sine[6];
+    const ncgen_real x41 = u6_x * (du5_y * du7_z - du5_z * du7_y) + u6_z * (du5_x * du7_y - du5_y * du7_x);
+    const ncgen_real x42 = x41 + du6_x * x31 + du6_z * x32 - u6_y * (du5_x * du7_z - du5_z * du7_x);
+    const ncgen_real x43 = du7_x * u5_x + du7_y * u5_y + du7_z * u5_z + du5_x * u7_x;
+    const ncgen_real x44 = R(2.0) * (x42 - du6_y * x35) - x38 * (x43 + du5_y * u7_y + du5_z * u7_z);
+    const ncgen_real cos_psi7 = cosine[6];
+    const ncgen_real x45 = cos_psi7 * (x44 - x39 * (u6_y * x37 + (u6_x * x33 + u6_z * x34)));
+    gamma[41] = sin_psi7 * (x40 - x38 * (x36 + du6_y * x37)) + x45;
+}
+
 /* gamma: 791 operations, 14 of them elementary functions */
 int arm_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real kept[8];
     ncgen_real sine[7], cosine[7];
     (void)t;
     (void)p;
 
     ncgen_sincos(7, q + 42, sine, cosine);
 
-    {
-        /* row 1: 1000 distance r0-r1 (body link1): |a|^2 - L^2 = 0 with a = r0-r1, L = 0.305164 */
-        const ncgen_real dr1_x = qd[0];
-        const ncgen_real dr1_y = qd[1];
-        const ncgen_real dr1_z = qd[2];
-        const ncgen_real x1 = R(3.276927682076162) * (dr1_x * dr1_x + dr1_y * dr1_y + dr1_z * dr1_z);
-        gamma[0] = -x1;
-        /* row 2: 1001 unit u1 (body link1): |u|^2 - 1 = 0 with u = u1 */
-        const ncgen_real du1_x = qd[21];
-        const ncgen_real du1_y = qd[22];
-        const ncgen_real du1_z = qd[23];
-        gamma[1] = -(du1_x * du1_x + du1_y * du1_y + du1_z * du1_z);
-        /* row 3: 1002 angle u1, r1-r0 (body link1): u.a - L c = 0 with u = u1, a = r1-r0, L = 0.305164, c = 0.163846 */
-        const ncgen_real x2 = R(6.553855364152324) * (dr1_x * du1_x + dr1_y * du1_y + dr1_z * du1_z);
-        gamma[2] = -x2;
-        gamma[3] = NCGEN_SPLAT(R(0.0));
-        gamma[4] = NCGEN_SPLAT(R(0.0));
-        /* row 6: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = y, b = u1, n = u0, psi = psi1, ln = 1 */
-        const ncgen_real dpsi1 = qd[42];
-        const ncgen_real x3 = dpsi1 * dpsi1;
-        const ncgen_real u1_y = q[22];
-        const ncgen_real x4 = R(2.0) * dpsi1;
-        const ncgen_real sin_psi1 = sine[0];
-        const ncgen_real u1_x = q[21];
-        const ncgen_real cos_psi1 = cosine[0];
-        const ncgen_real x5 = sin_psi1 * (u1_y * x3 + du1_x * x4) + cos_psi1 * (u1_x * x3 - du1_y * x4);
-        gamma[5] = x5;
-        /* row 7: 1000 distance r1-r2 (body link2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.305164 */
-        const ncgen_real dr2_x = qd[3];
-        const ncgen_real x6 = dr1_x - dr2_x;
-        const ncgen_real dr2_y = qd[4];
-        const ncgen_real x7 = dr1_y - dr2_y;
-        const ncgen_real dr2_z = qd[5];
-        const ncgen_real x8 = dr1_z - dr2_z;
-        gamma[6] = -(R(3.276927682076162) * (x6 * x6 + x7 * x7 + x8 * x8));
-        /* row 8: 1002 angle u1, r2-r1 (body link2): u.a - L c = 0 with u = u1, a = r2-r1, L = 0.305164, c = -0.163846 */
-        const ncgen_real x9 = R(6.553855364152324) * (du1_x * x6 + du1_y * x7 + du1_z * x8);
-        gamma[7] = x9;
-        /* row 9: 1001 unit u2 (body link2): |u|^2 - 1 = 0 with u = u2 */
-        const ncgen_real du2_x = qd[24];
-        const ncgen_real du2_y = qd[25];
-        const ncgen_real du2_z = qd[26];
-        gamma[8] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z);
-        /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
-        const ncgen_real x10 = R(6.553855364152324) * (du2_x * x6 + du2_y * x7 + du2_z * x8);
-        gamma[9] = x10;
-        /* row 11: 1003 angle u2, u1 (body link2): u.v - c = 0 with u = u2, v = u1, c = 0 */
-        const ncgen_real x11 = -(R(2.0) * (du1_x * du2_x + du1_y * du2_y + du1_z * du2_z));
-        gamma[10] = x11;
-        /* row 12: 1012 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u0, b = u2, n = u1, psi = psi2, ln = 1 */
-        const ncgen_real u2_y = q[25];
-        const ncgen_real u2_x = q[24];
-        const ncgen_real x12 = du2_x * u1_y - (du2_y * u1_x + du1_x * u2_y) + du1_y * u2_x;
-        const ncgen_real dpsi2 = qd[43];
-        const ncgen_real x13 = R(2.0) * dpsi2;
-        const ncgen_real x14 = dpsi2 * dpsi2;
-        const ncgen_real u2_z = q[26];
-        const ncgen_real sin_psi2 = sine[1];
-        const ncgen_real x15 = R(2.0) * (du1_y * du2_x - du1_x * du2_y) - du2_z * x13 - x14 * (u1_y * u2_x - u1_x * u2_y);
-        const ncgen_real cos_psi2 = cosine[1];
-        gamma[11] = sin_psi2 * (u2_z * x14 - x13 * x12) + cos_psi2 * x15;
-        /* row 13: 1000 distance r2-r3 (body link3): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.305164 */
-        const ncgen_real dr3_x = qd[6];
-        const ncgen_real x16 = dr2_x - dr3_x;
-        const ncgen_real dr3_y = qd[7];
-        const ncgen_real x17 = dr2_y - dr3_y;
-        const ncgen_real dr3_z = qd[8];
-        const ncgen_real x18 = dr2_z - dr3_z;
-        const ncgen_real x19 = R(3.276927682076162) * (x16 * x16 + x17 * x17 + x18 * x18);
-        gamma[12] = -x19;
-        /* row 14: 1001 unit u3 (body link3): |u|^2 - 1 = 0 with u = u3 */
-        const ncgen_real du3_x = qd[27];
-        const ncgen_real du3_y = qd[28];
-        const ncgen_real du3_z = qd[29];
-        gamma[13] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
-        /* row 15: 1002 angle u3, r3-r2 (body link3): u.a - L c = 0 with u = u3, a = r3-r2, L = 0.305164, c = 0.163846 */
-        const ncgen_real x20 = R(6.553855364152324) * (du3_x * x16 + du3_y * x17 + du3_z * x18);
-        gamma[14] = x20;
-        /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
-        const ncgen_real x21 = R(6.553855364152324) * (du2_x * x16 + du2_y * x17 + du2_z * x18);
-        gamma[15] = x21;
-        /* row 17: 1003 angle u2, u3 (body link3): u.v - c = 0 with u = u2, v = u3, c = 0 */
-        const ncgen_real x22 = -(R(2.0) * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z));
-        gamma[16] = x22;
-        /* row 18: 1012 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = u3, n = u2, psi = psi3, ln = 1 */
-        const ncgen_real u3_z = q[29];
-        const ncgen_real u1_z = q[23];
-        const ncgen_real u3_y = q[28];
-        const ncgen_real x23 = du3_z * u1_y + du1_y * u3_z - du3_y * u1_z - du1_z * u3_y;
-        const ncgen_real u3_x = q[27];
-        const ncgen_real x24 = du3_y * u1_x + du1_x * u3_y - du3_x * u1_y - du1_y * u3_x;
-        const ncgen_real x25 = u1_y * u3_z - u1_z * u3_y;
-        const ncgen_real x26 = u1_x * u3_y - u1_y * u3_x;
-        const ncgen_real x27 = du3_z * u1_x + du1_x * u3_z - du3_x * u1_z - du1_z * u3_x;
-        const ncgen_real x28 = u2_x * x23 + u2_z * x24 + du2_x * x25 + du2_z * x26 - u2_y * x27;
-        const ncgen_real x29 = u1_z * u3_x - u1_x * u3_z;
-        const ncgen_real dpsi3 = qd[44];
-        const ncgen_real x30 = R(2.0) * dpsi3;
-        const ncgen_real x31 = dpsi3 * dpsi3;
-        const ncgen_real x32 = (u1_x * u3_x + u1_y * u3_y + u1_z * u3_z) * x31 - R(2.0) * (du1_x * du3_x + du1_y * du3_y + du1_z * du3_z);
-        const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real x33 = u2_x * (du1_y * du3_z - du1_z * du3_y) + u2_z * (du1_x * du3_y - du1_y * du3_x);
-        const ncgen_real x34 = x33 + du2_x * x23 + du2_z * x24 - u2_y * (du1_x * du3_z - du1_z * du3_x);
-        const ncgen_real x35 = du3_x * u1_x + du3_y * u1_y + du3_z * u1_z + du1_x * u3_x;
-        const ncgen_real x36 = R(2.0) * (x34 - du2_y * x27) - x30 * (x35 + du1_y * u3_y + du1_z * u3_z);
-        const ncgen_real cos_psi3 = cosine[2];
-        const ncgen_real x37 = cos_psi3 * (x36 - x31 * (u2_y * x29 + (u2_x * x25 + u2_z * x26)));
-        gamma[17] = sin_psi3 * (x32 - x30 * (x28 + du2_y * x29)) + x37;
-        /* row 19: 1000 distance r3-r4 (body link4): |a|^2 - L^2 = 0 with a = r3-r4, L = 0.305164 */
-        const ncgen_real dr4_x = qd[9];
-        const ncgen_real x38 = dr3_x - dr4_x;
-        const ncgen_real dr4_y = qd[10];
-        const ncgen_real x39 = dr3_y - dr4_y;
-        const ncgen_real dr4_z = qd[11];
-        const ncgen_real x40 = dr3_z - dr4_z;
-        const ncgen_real x41 = R(3.2769276820761624) * (x38 * x38 + x39 * x39 + x40 * x40);
-        gamma[18] = -x41;
-        /* row 20: 1002 angle u3, r4-r3 (body link4): u.a - L c = 0 with u = u3, a = r4-r3, L = 0.305164, c = -0.163846 */
-        const ncgen_real x42 = R(6.553855364152325) * (du3_x * x38 + du3_y * x39 + du3_z * x40);
-        gamma[19] = x42;
-        /* row 21: 1001 unit u4 (body link4): |u|^2 - 1 = 0 with u = u4 */
-        const ncgen_real du4_x = qd[30];
-        const ncgen_real du4_y = qd[31];
-        const ncgen_real du4_z = qd[32];
-        gamma[20] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
-        /* row 22: 1002 angle u4, r4-r3 (body link4): u.a - L c = 0 with u = u4, a = r4-r3, L = 0.305164, c = 0.978628 */
-        const ncgen_real x43 = R(6.553855364152325) * (du4_x * x38 + du4_y * x39 + du4_z * x40);
-        gamma[21] = x43;
-        /* row 23: 1003 angle u4, u3 (body link4): u.v - c = 0 with u = u4, v = u3, c = 0 */
-        const ncgen_real x44 = -(R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
-        gamma[22] = x44;
-        /* row 24: 1012 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u4, n = u3, psi = psi4, ln = 1 */
-        const ncgen_real u4_z = q[32];
-        const ncgen_real u4_y = q[31];
-        const ncgen_real x45 = du4_z * u2_y + du2_y * u4_z - du4_y * u2_z - du2_z * u4_y;
-        const ncgen_real u4_x = q[30];
-        const ncgen_real x46 = du4_y * u2_x + du2_x * u4_y - du4_x * u2_y - du2_y * u4_x;
-        const ncgen_real x47 = u2_y * u4_z - u2_z * u4_y;
-        const ncgen_real x48 = u2_x * u4_y - u2_y * u4_x;
-        const ncgen_real x49 = du4_z * u2_x + du2_x * u4_z - du4_x * u2_z - du2_z * u4_x;
-        const ncgen_real x50 = u3_x * x45 + u3_z * x46 + du3_x * x47 + du3_z * x48 - u3_y * x49;
-        const ncgen_real x51 = u2_z * u4_x - u2_x * u4_z;
-        const ncgen_real dpsi4 = qd[45];
-        const ncgen_real x52 = R(2.0) * dpsi4;
-        const ncgen_real x53 = dpsi4 * dpsi4;
-        const ncgen_real x54 = (u2_x * u4_x + u2_y * u4_y + u2_z * u4_z) * x53 - R(2.0) * (du2_x * du4_x + du2_y * du4_y + du2_z * du4_z);
-        const ncgen_real sin_psi4 = sine[3];
-        const ncgen_real x55 = u3_x * (du2_y * du4_z - du2_z * du4_y) + u3_z * (du2_x * du4_y - du2_y * du4_x);
-        const ncgen_real x56 = x55 + du3_x * x45 + du3_z * x46 - u3_y * (du2_x * du4_z - du2_z * du4_x);
-        const ncgen_real x57 = du4_x * u2_x + du4_y * u2_y + du4_z * u2_z + du2_x * u4_x;
-        const ncgen_real x58 = R(2.0) * (x56 - du3_y * x49) - x52 * (x57 + du2_y * u4_y + du2_z * u4_z);
-        const ncgen_real cos_psi4 = cosine[3];
-        const ncgen_real x59 = cos_psi4 * (x58 - x53 * (u3_y * x51 + (u3_x * x47 + u3_z * x48)));
-        gamma[23] = sin_psi4 * (x54 - x52 * (x50 + du3_y * x51)) + x59;
-        /* row 25: 1000 distance r4-r5 (body link5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.305164 */
-        const ncgen_real dr5_x = qd[12];
-        const ncgen_real x60 = dr4_x - dr5_x;
-        const ncgen_real dr5_y = qd[13];
-        const ncgen_real x61 = dr4_y - dr5_y;
-        const ncgen_real dr5_z = qd[14];
-        const ncgen_real x62 = dr4_z - dr5_z;
-        const ncgen_real x63 = R(3.2769276820761615) * (x60 * x60 + x61 * x61 + x62 * x62);
-        gamma[24] = -x63;
-        /* row 26: 1001 unit u5 (body link5): |u|^2 - 1 = 0 with u = u5 */
-        const ncgen_real du5_x = qd[33];
-        const ncgen_real du5_y = qd[34];
-        const ncgen_real du5_z = qd[35];
-        gamma[25] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
-        /* row 27: 1002 angle u5, r5-r4 (body link5): u.a - L c = 0 with u = u5, a = r5-r4, L = 0.305164, c = 0.163846 */
-        const ncgen_real x64 = R(6.553855364152323) * (du5_x * x60 + du5_y * x61 + du5_z * x62);
-        gamma[26] = x64;
-        /* row 28: 1002 angle u4, r5-r4 (body link5): u.a - L c = 0 with u = u4, a = r5-r4, L = 0.305164, c = 0.983078 */
-        const ncgen_real x65 = R(6.553855364152323) * (du4_x * x60 + du4_y * x61 + du4_z * x62);
-        gamma[27] = x65;
-        /* row 29: 1003 angle u4, u5 (body link5): u.v - c = 0 with u = u4, v = u5, c = 0 */
-        const ncgen_real x66 = -(R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
-        gamma[28] = x66;
-        /* row 30: 1012 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u5, n = u4, psi = psi5, ln = 1 */
-        const ncgen_real u5_z = q[35];
-        const ncgen_real u5_y = q[34];
-        const ncgen_real x67 = du5_z * u3_y + du3_y * u5_z - du5_y * u3_z - du3_z * u5_y;
-        const ncgen_real u5_x = q[33];
-        const ncgen_real x68 = du5_y * u3_x + du3_x * u5_y - du5_x * u3_y - du3_y * u5_x;
-        const ncgen_real x69 = u3_y * u5_z - u3_z * u5_y;
-        const ncgen_real x70 = u3_x * u5_y - u3_y * u5_x;
-        const ncgen_real x71 = du5_z * u3_x + du3_x * u5_z - du5_x * u3_z - du3_z * u5_x;
-        const ncgen_real x72 = u4_x * x67 + u4_z * x68 + du4_x * x69 + du4_z * x70 - u4_y * x71;
-        const ncgen_real x73 = u3_z * u5_x - u3_x * u5_z;
-        const ncgen_real dpsi5 = qd[46];
-        const ncgen_real x74 = R(2.0) * dpsi5;
-        const ncgen_real x75 = dpsi5 * dpsi5;
-        const ncgen_real x76 = (u3_x * u5_x + u3_y * u5_y + u3_z * u5_z) * x75 - R(2.0) * (du3_x * du5_x + du3_y * du5_y + du3_z * du5_z);
-        const ncgen_real sin_psi5 = sine[4];
-        const ncgen_real x77 = u4_x * (du3_y * du5_z - du3_z * du5_y) + u4_z * (du3_x * du5_y - du3_y * du5_x);
-        const ncgen_real x78 = x77 + du4_x * x67 + du4_z * x68 - u4_y * (du3_x * du5_z - du3_z * du5_x);
-        const ncgen_real x79 = du5_x * u3_x + du5_y * u3_y + du5_z * u3_z + du3_x * u5_x;
-        const ncgen_real x80 = R(2.0) * (x78 - du4_y * x71) - x74 * (x79 + du3_y * u5_y + du3_z * u5_z);
-        const ncgen_real cos_psi5 = cosine[4];
-        const ncgen_real x81 = cos_psi5 * (x80 - x75 * (u4_y * x73 + (u4_x * x69 + u4_z * x70)));
-        gamma[29] = sin_psi5 * (x76 - x74 * (x72 + du4_y * x73)) + x81;
-        /* row 31: 1000 distance r5-r6 (body link6): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.305164 */
-        const ncgen_real dr6_x = qd[15];
-        const ncgen_real x82 = dr5_x - dr6_x;
-        const ncgen_real dr6_y = qd[16];
-        const ncgen_real x83 = dr5_y - dr6_y;
-        const ncgen_real dr6_z = qd[17];
-        const ncgen_real x84 = dr5_z - dr6_z;
-        const ncgen_real x85 = R(3.2769276820761606) * (x82 * x82 + x83 * x83 + x84 * x84);
-        gamma[30] = -x85;
-        /* row 32: 1002 angle u5, r6-r5 (body link6): u.a - L c = 0 with u = u5, a = r6-r5, L = 0.305164, c = -0.163846 */
-        const ncgen_real x86 = R(6.553855364152321) * (du5_x * x82 + du5_y * x83 + du5_z * x84);
-        gamma[31] = x86;
-        /* row 33: 1001 unit u6 (body link6): |u|^2 - 1 = 0 with u = u6 */
-        const ncgen_real du6_x = qd[36];
-        const ncgen_real du6_y = qd[37];
-        const ncgen_real du6_z = qd[38];
-        gamma[32] = -(du6_x * du6_x + du6_y * du6_y + du6_z * du6_z);
-        /* row 34: 1002 angle u6, r6-r5 (body link6): u.a - L c = 0 with u = u6, a = r6-r5, L = 0.305164, c = 0.978628 */
-        const ncgen_real x87 = R(6.553855364152321) * (du6_x * x82 + du6_y * x83 + du6_z * x84);
-        gamma[33] = x87;
-        /* row 35: 1003 angle u6, u5 (body link6): u.v - c = 0 with u = u6, v = u5, c = 0 */
-        const ncgen_real x88 = -(R(2.0) * (du5_x * du6_x + du5_y * du6_y + du5_z * du6_z));
-        gamma[34] = x88;
-        /* row 36: 1012 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u6, n = u5, psi = psi6, ln = 1 */
-        const ncgen_real u6_z = q[38];
-        const ncgen_real u6_y = q[37];
-        const ncgen_real x89 = du6_z * u4_y + du4_y * u6_z - du6_y * u4_z - du4_z * u6_y;
-        const ncgen_real u6_x = q[36];
-        const ncgen_real x90 = du6_y * u4_x + du4_x * u6_y - du6_x * u4_y - du4_y * u6_x;
-        const ncgen_real x91 = u4_y * u6_z - u4_z * u6_y;
-        const ncgen_real x92 = u4_x * u6_y - u4_y * u6_x;
-        const ncgen_real x93 = du6_z * u4_x + du4_x * u6_z - du6_x * u4_z - du4_z * u6_x;
-        const ncgen_real x94 = u5_x * x89 + u5_z * x90 + du5_x * x91 + du5_z * x92 - u5_y * x93;
-        const ncgen_real x95 = u4_z * u6_x - u4_x * u6_z;
-        const ncgen_real dpsi6 = qd[47];
-        const ncgen_real x96 = R(2.0) * dpsi6;
-        const ncgen_real x97 = dpsi6 * dpsi6;
-        const ncgen_real x98 = (u4_x * u6_x + u4_y * u6_y + u4_z * u6_z) * x97 - R(2.0) * (du4_x * du6_x + du4_y * du6_y + du4_z * du6_z);
-        const ncgen_real sin_psi6 = sine[5];
-        const ncgen_real x99 = u5_x * (du4_y * du6_z - du4_z * du6_y) + u5_z * (du4_x * du6_y - du4_y * du6_x);
-        const ncgen_real x100 = x99 + du5_x * x89 + du5_z * x90 - u5_y * (du4_x * du6_z - du4_z * du6_x);
-        const ncgen_real x101 = du6_x * u4_x + du6_y * u4_y + du6_z * u4_z + du4_x * u6_x;
-        const ncgen_real x102 = R(2.0) * (x100 - du5_y * x93) - x96 * (x101 + du4_y * u6_y + du4_z * u6_z);
-        const ncgen_real cos_psi6 = cosine[5];
-        const ncgen_real x103 = cos_psi6 * (x102 - x97 * (u5_y * x95 + (u5_x * x91 + u5_z * x92)));
-        gamma[35] = sin_psi6 * (x98 - x96 * (x94 + du5_y * x95)) + x103;
-        /* row 37: 1000 distance r6-r7 (body link7): |a|^2 - L^2 = 0 with a = r6-r7, L = 0.305164 */
-        const ncgen_real dr7_x = qd[18];
-        const ncgen_real x104 = dr6_x - dr7_x;
-        const ncgen_real dr7_y = qd[19];
-        const ncgen_real x105 = dr6_y - dr7_y;
-        const ncgen_real dr7_z = qd[20];
-        const ncgen_real x106 = dr6_z - dr7_z;
-        const ncgen_real x107 = R(3.2769276820761615) * (x104 * x104 + x105 * x105 + x106 * x106);
-        gamma[36] = -x107;
-        /* row 38: 1001 unit u7 (body link7): |u|^2 - 1 = 0 with u = u7 */
-        const ncgen_real du7_x = qd[39];
-        const ncgen_real du7_y = qd[40];
-        const ncgen_real du7_z = qd[41];
-        gamma[37] = -(du7_x * du7_x + du7_y * du7_y + du7_z * du7_z);
-        /* row 39: 1002 angle u7, r7-r6 (body link7): u.a - L c = 0 with u = u7, a = r7-r6, L = 0.305164, c = 0.163846 */
-        const ncgen_real x108 = R(6.553855364152323) * (du7_x * x104 + du7_y * x105 + du7_z * x106);
-        gamma[38] = x108;
-        /* row 40: 1002 angle u6, r7-r6 (body link7): u.a - L c = 0 with u = u6, a = r7-r6, L = 0.305164, c = 0.983078 */
-        const ncgen_real x109 = R(6.553855364152323) * (du6_x * x104 + du6_y * x105 + du6_z * x106);
-        gamma[39] = x109;
-        /* row 41: 1003 angle u6, u7 (body link7): u.v - c = 0 with u = u6, v = u7, c = 0 */
-        const ncgen_real x110 = -(R(2.0) * (du6_x * du7_x + du6_y * du7_y + du6_z * du7_z));
-        gamma[40] = x110;
-        /* row 42: 1012 angle psi7 (coordinate psi7): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u5, b = u7, n = u6, psi = psi7, ln = 1 */
-        const ncgen_real u7_z = q[41];
-        const ncgen_real u7_y = q[40];
-        const ncgen_real x111 = du7_z * u5_y + du5_y * u7_z - du7_y * u5_z - du5_z * u7_y;
-        const ncgen_real u7_x = q[39];
-        const ncgen_real x112 = du7_y * u5_x + du5_x * u7_y - du7_x * u5_y - du5_y * u7_x;
-        const ncgen_real x113 = u5_y * u7_z - u5_z * u7_y;
-        const ncgen_real x114 = u5_x * u7_y - u5_y * u7_x;
-        const ncgen_real x115 = du7_z * u5_x + du5_x * u7_z - du7_x * u5_z - du5_z * u7_x;
-        const ncgen_real x116 = u6_x * x111 + u6_z * x112 + du6_x * x113 + du6_z * x114 - u6_y * x115;
-        const ncgen_real x117 = u5_z * u7_x - u5_x * u7_z;
-        const ncgen_real dpsi7 = qd[48];
-        const ncgen_real x118 = R(2.0) * dpsi7;
-        const ncgen_real x119 = dpsi7 * dpsi7;
-        const ncgen_real x120 = (u5_x * u7_x + u5_y * u7_y + u5_z * u7_z) * x119 - R(2.0) * (du5_x * du7_x + du5_y * du7_y + du5_z * du7_z);
-        const ncgen_real sin_psi7 = sine[6];
-        const ncgen_real x121 = u6_x * (du5_y * du7_z - du5_z * du7_y) + u6_z * (du5_x * du7_y - du5_y * du7_x);
-        const ncgen_real x122 = x121 + du6_x * x111 + du6_z * x112 - u6_y * (du5_x * du7_z - du5_z * du7_x);
-        const ncgen_real x123 = du7_x * u5_x + du7_y * u5_y + du7_z * u5_z + du5_x * u7_x;
-        const ncgen_real x124 = R(2.0) * (x122 - du6_y * x115) - x118 * (x123 + du5_y * u7_y + du5_z * u7_z);
-        const ncgen_real x125 = x124 - x119 * (u6_y * x117 + (u6_x * x113 + u6_z * x114));
-        const ncgen_real cos_psi7 = cosine[6];
-        const ncgen_real x126 = sin_psi7 * (x120 - x118 * (x116 + du6_y * x117)) + cos_psi7 * x125;
-        gamma[41] = x126;
-    }
-
+    arm_gamma_1(q, qd, sine, cosine, kept, gamma);
+    arm_gamma_2(q, qd, sine, cosine, kept, gamma);
+    arm_gamma_3(q, qd, sine, cosine, kept, gamma);
     return NCGEN_OK;
 }
 /* mass: 0 operations */
@@ -1302,804 +1359,1091 @@ int arm_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
+static NCGEN_APART void arm_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 1: 1000 distance r0-r1 (body link1): |a|^2 - L^2 = 0 with a = r0-r1, L = 0.305164 */
+    const ncgen_real r1_x = q[0];
+    const ncgen_real r1_y = q[1];
+    const ncgen_real r1_z = q[2];
+    const ncgen_real x1 = R(1.638463841038081) * (r1_x * r1_x + r1_y * r1_y + r1_z * r1_z - R(0.093125));
+    constraints[0] = x1;
+    constraints[54] = NCGEN_SPLAT(R(3.276927682076162));
+    const ncgen_real x2 = R(3.276927682076162) * r1_x;
+    constraints[42] = x2;
+    /* row 3: 1002 angle u1, r1-r0 (body link1): u.a - L c = 0 with u = u1, a = r1-r0, L = 0.305164, c = 0.163846 */
+    constraints[51] = x2;
+    /* row 1: 1000 distance r0-r1 (body link1): |a|^2 - L^2 = 0 with a = r0-r1, L = 0.305164 */
+    const ncgen_real x3 = R(3.276927682076162) * r1_y;
+    constraints[43] = x3;
+    /* row 3: 1002 angle u1, r1-r0 (body link1): u.a - L c = 0 with u = u1, a = r1-r0, L = 0.305164, c = 0.163846 */
+    constraints[52] = x3;
+    /* row 1: 1000 distance r0-r1 (body link1): |a|^2 - L^2 = 0 with a = r0-r1, L = 0.305164 */
+    const ncgen_real x4 = R(3.276927682076162) * r1_z;
+    constraints[44] = x4;
+    /* row 3: 1002 angle u1, r1-r0 (body link1): u.a - L c = 0 with u = u1, a = r1-r0, L = 0.305164, c = 0.163846 */
+    constraints[53] = x4;
+    /* row 1: 1000 distance r0-r1 (body link1): |a|^2 - L^2 = 0 with a = r0-r1, L = 0.305164 */
+    const ncgen_real dr1_x = qd[0];
+    const ncgen_real dr1_y = qd[1];
+    const ncgen_real dr1_z = qd[2];
+    const ncgen_real x5 = R(3.276927682076162) * (dr1_x * dr1_x + dr1_y * dr1_y + dr1_z * dr1_z);
+    constraints[313] = -x5;
+    /* row 2: 1001 unit u1 (body link1): |u|^2 - 1 = 0 with u = u1 */
+    const ncgen_real u1_x = q[21];
+    constraints[45] = u1_x;
+    /* row 11: 1003 angle u2, u1 (body link2): u.v - c = 0 with u = u2, v = u1, c = 0 */
+    constraints[89] = u1_x;
+    /* row 2: 1001 unit u1 (body link1): |u|^2 - 1 = 0 with u = u1 */
+    const ncgen_real u1_y = q[22];
+    constraints[46] = u1_y;
+    /* row 11: 1003 angle u2, u1 (body link2): u.v - c = 0 with u = u2, v = u1, c = 0 */
+    constraints[90] = u1_y;
+    /* row 2: 1001 unit u1 (body link1): |u|^2 - 1 = 0 with u = u1 */
+    const ncgen_real u1_z = q[23];
+    constraints[47] = u1_z;
+    /* row 5: 1003 angle u0, u1 (body link1): u.v - c = 0 with u = u0, v = u1, c = 0 */
+    constraints[4] = u1_z;
+    /* row 11: 1003 angle u2, u1 (body link2): u.v - c = 0 with u = u2, v = u1, c = 0 */
+    constraints[91] = u1_z;
+    constraints[55] = NCGEN_SPLAT(R(1.0));
+    /* row 2: 1001 unit u1 (body link1): |u|^2 - 1 = 0 with u = u1 */
+    const ncgen_real x6 = R(0.5) * (u1_x * u1_x + u1_y * u1_y + u1_z * u1_z - R(1.0));
+    constraints[1] = x6;
+    const ncgen_real du1_x = qd[21];
+    const ncgen_real du1_y = qd[22];
+    const ncgen_real du1_z = qd[23];
+    constraints[314] = -(du1_x * du1_x + du1_y * du1_y + du1_z * du1_z);
+    /* row 3: 1002 angle u1, r1-r0 (body link1): u.a - L c = 0 with u = u1, a = r1-r0, L = 0.305164, c = 0.163846 */
+    const ncgen_real x7 = R(3.276927682076162) * (r1_x * u1_x + r1_y * u1_y + r1_z * u1_z - R(0.05));
+    constraints[2] = x7;
+    const ncgen_real x8 = R(3.276927682076162) * u1_x;
+    constraints[48] = x8;
+    /* row 8: 1002 angle u1, r2-r1 (body link2): u.a - L c = 0 with u = u1, a = r2-r1, L = 0.305164, c = -0.163846 */
+    constraints[68] = x8;
+    /* row 3: 1002 angle u1, r1-r0 (body link1): u.a - L c = 0 with u = u1, a = r1-r0, L = 0.305164, c = 0.163846 */
+    const ncgen_real x9 = R(3.276927682076162) * u1_y;
+    constraints[49] = x9;
+    /* row 8: 1002 angle u1, r2-r1 (body link2): u.a - L c = 0 with u = u1, a = r2-r1, L = 0.305164, c = -0.163846 */
+    constraints[69] = x9;
+    /* row 3: 1002 angle u1, r1-r0 (body link1): u.a - L c = 0 with u = u1, a = r1-r0, L = 0.305164, c = 0.163846 */
+    const ncgen_real x10 = R(3.276927682076162) * u1_z;
+    constraints[50] = x10;
+    /* row 8: 1002 angle u1, r2-r1 (body link2): u.a - L c = 0 with u = u1, a = r2-r1, L = 0.305164, c = -0.163846 */
+    constraints[70] = x10;
+    /* row 3: 1002 angle u1, r1-r0 (body link1): u.a - L c = 0 with u = u1, a = r1-r0, L = 0.305164, c = 0.163846 */
+    const ncgen_real x11 = R(6.553855364152324) * (dr1_x * du1_x + dr1_y * du1_y + dr1_z * du1_z);
+    constraints[315] = -x11;
+    /* row 4: 1002 angle u0, r1-r0 (body link1): u.a - L c = 0 with u = u0, a = r1-r0, L = 0.305164, c = 0.983078 */
+    constraints[3] = R(3.276927682076162) * (r1_z - R(0.3));
+    constraints[316] = NCGEN_SPLAT(R(0.0));
+    constraints[317] = NCGEN_SPLAT(R(0.0));
+    /* row 6: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = y, b = u1, n = u0, psi = psi1, ln = 1 */
+    const ncgen_real sin_psi1 = sine[0];
+    constraints[57] = sin_psi1;
+    const ncgen_real cos_psi1 = cosine[0];
+    constraints[56] = cos_psi1;
+    constraints[5] = u1_y * sin_psi1 + u1_x * cos_psi1;
+    constraints[58] = u1_y * cos_psi1 - u1_x * sin_psi1;
+    const ncgen_real dpsi1 = qd[42];
+    const ncgen_real x12 = dpsi1 * dpsi1;
+    const ncgen_real x13 = R(2.0) * dpsi1;
+    const ncgen_real x14 = sin_psi1 * (u1_y * x12 + du1_x * x13) + cos_psi1 * (u1_x * x12 - du1_y * x13);
+    constraints[318] = x14;
+    /* row 7: 1000 distance r1-r2 (body link2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.305164 */
+    const ncgen_real r2_x = q[3];
+    const ncgen_real x15 = r1_x - r2_x;
+    const ncgen_real r2_y = q[4];
+    const ncgen_real x16 = r1_y - r2_y;
+    const ncgen_real r2_z = q[5];
+    const ncgen_real x17 = r1_z - r2_z;
+    const ncgen_real x18 = R(1.638463841038081) * (x15 * x15 + x16 * x16 + x17 * x17 - R(0.093125));
+    constraints[6] = x18;
+    const ncgen_real x19 = R(3.276927682076162) * x15;
+    constraints[59] = x19;
+    const ncgen_real x20 = R(3.276927682076162) * x16;
+    constraints[60] = x20;
+    const ncgen_real x21 = R(3.276927682076162) * x17;
+    constraints[61] = x21;
+    const ncgen_real x22 = -x19;
+    constraints[62] = x22;
+    /* row 8: 1002 angle u1, r2-r1 (body link2): u.a - L c = 0 with u = u1, a = r2-r1, L = 0.305164, c = -0.163846 */
+    constraints[71] = x22;
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    constraints[83] = x22;
+    /* row 7: 1000 distance r1-r2 (body link2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.305164 */
+    const ncgen_real x23 = -x20;
+    constraints[63] = x23;
+    /* row 8: 1002 angle u1, r2-r1 (body link2): u.a - L c = 0 with u = u1, a = r2-r1, L = 0.305164, c = -0.163846 */
+    constraints[72] = x23;
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    constraints[84] = x23;
+    /* row 7: 1000 distance r1-r2 (body link2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.305164 */
+    const ncgen_real x24 = -x21;
+    constraints[64] = x24;
+    /* row 8: 1002 angle u1, r2-r1 (body link2): u.a - L c = 0 with u = u1, a = r2-r1, L = 0.305164, c = -0.163846 */
+    constraints[73] = x24;
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    constraints[85] = x24;
+    /* row 7: 1000 distance r1-r2 (body link2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.305164 */
+    const ncgen_real dr2_x = qd[3];
+    const ncgen_real x25 = dr1_x - dr2_x;
+    const ncgen_real dr2_y = qd[4];
+    const ncgen_real x26 = dr1_y - dr2_y;
+    const ncgen_real dr2_z = qd[5];
+    const ncgen_real x27 = dr1_z - dr2_z;
+    const ncgen_real x28 = R(3.276927682076162) * (x25 * x25 + x26 * x26 + x27 * x27);
+    constraints[319] = -x28;
+    /* row 8: 1002 angle u1, r2-r1 (body link2): u.a - L c = 0 with u = u1, a = r2-r1, L = 0.305164, c = -0.163846 */
+    const ncgen_real x29 = R(3.276927682076162) * (R(0.05) - (u1_x * x15 + u1_y * x16 + u1_z * x17));
+    constraints[7] = x29;
+    constraints[65] = -x8;
+    constraints[66] = -x9;
+    constraints[67] = -x10;
+    const ncgen_real x30 = R(6.553855364152324) * (du1_x * x25 + du1_y * x26 + du1_z * x27);
+    constraints[320] = x30;
+    /* row 9: 1001 unit u2 (body link2): |u|^2 - 1 = 0 with u = u2 */
+    const ncgen_real u2_x = q[24];
+    constraints[74] = u2_x;
+    /* row 11: 1003 angle u2, u1 (body link2): u.v - c = 0 with u = u2, v = u1, c = 0 */
+    constraints[86] = u2_x;
+    /* row 17: 1003 angle u2, u3 (body link3): u.v - c = 0 with u = u2, v = u3, c = 0 */
+    constraints[128] = u2_x;
+    /* row 9: 1001 unit u2 (body link2): |u|^2 - 1 = 0 with u = u2 */
+    const ncgen_real u2_y = q[25];
+    constraints[75] = u2_y;
+    /* row 11: 1003 angle u2, u1 (body link2): u.v - c = 0 with u = u2, v = u1, c = 0 */
+    constraints[87] = u2_y;
+    /* row 17: 1003 angle u2, u3 (body link3): u.v - c = 0 with u = u2, v = u3, c = 0 */
+    constraints[129] = u2_y;
+    /* row 9: 1001 unit u2 (body link2): |u|^2 - 1 = 0 with u = u2 */
+    const ncgen_real u2_z = q[26];
+    constraints[76] = u2_z;
+    /* row 11: 1003 angle u2, u1 (body link2): u.v - c = 0 with u = u2, v = u1, c = 0 */
+    constraints[88] = u2_z;
+    /* row 17: 1003 angle u2, u3 (body link3): u.v - c = 0 with u = u2, v = u3, c = 0 */
+    constraints[130] = u2_z;
+    /* row 9: 1001 unit u2 (body link2): |u|^2 - 1 = 0 with u = u2 */
+    const ncgen_real x31 = R(0.5) * (u2_x * u2_x + u2_y * u2_y + u2_z * u2_z - R(1.0));
+    constraints[8] = x31;
+    const ncgen_real du2_x = qd[24];
+    const ncgen_real du2_y = qd[25];
+    const ncgen_real du2_z = qd[26];
+    constraints[321] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z);
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    const ncgen_real x32 = x15 * u2_x + x16 * u2_y + x17 * u2_z + R(0.2986420724905857);
+    constraints[9] = -(R(3.276927682076162) * x32);
+    const ncgen_real x33 = R(3.276927682076162) * u2_x;
+    constraints[80] = x33;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    constraints[119] = x33;
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    const ncgen_real x34 = -x33;
+    constraints[77] = x34;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    constraints[116] = x34;
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    const ncgen_real x35 = R(3.276927682076162) * u2_y;
+    constraints[81] = x35;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    constraints[120] = x35;
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    const ncgen_real x36 = -x35;
+    constraints[78] = x36;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    constraints[117] = x36;
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    const ncgen_real x37 = R(3.276927682076162) * u2_z;
+    constraints[82] = x37;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    constraints[121] = x37;
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    const ncgen_real x38 = -x37;
+    constraints[79] = x38;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    constraints[118] = x38;
+    /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
+    const ncgen_real x39 = R(6.553855364152324) * (x25 * du2_x + x26 * du2_y + x27 * du2_z);
+    constraints[322] = x39;
+    /* row 11: 1003 angle u2, u1 (body link2): u.v - c = 0 with u = u2, v = u1, c = 0 */
+    constraints[10] = u1_x * u2_x + u1_y * u2_y + u1_z * u2_z;
+    const ncgen_real x40 = -(R(2.0) * (du1_x * du2_x + du1_y * du2_y + du1_z * du2_z));
+    constraints[323] = x40;
+    const ncgen_real x41 = u1_y * u2_x - u1_x * u2_y;
+    kept[0] = x41;
+    /* row 12: 1012 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u0, b = u2, n = u1, psi = psi2, ln = 1 */
+    const ncgen_real cos_psi2 = cosine[1];
+    const ncgen_real sin_psi2 = sine[1];
+    constraints[96] = sin_psi2;
+    constraints[11] = u2_z * sin_psi2 - x41 * cos_psi2;
+    constraints[92] = u2_y * cos_psi2;
+    constraints[93] = -(u2_x * cos_psi2);
+    constraints[94] = -(u1_y * cos_psi2);
+    constraints[95] = u1_x * cos_psi2;
+    constraints[97] = x41 * sin_psi2 + u2_z * cos_psi2;
+    const ncgen_real x42 = u1_y * du2_x - (u1_x * du2_y + u2_y * du1_x) + u2_x * du1_y;
+    const ncgen_real dpsi2 = qd[43];
+    const ncgen_real x43 = R(2.0) * dpsi2;
+    const ncgen_real x44 = dpsi2 * dpsi2;
+    const ncgen_real x45 = R(2.0) * (du1_y * du2_x - du1_x * du2_y) - du2_z * x43 - x41 * x44;
+    constraints[324] = sin_psi2 * (u2_z * x44 - x42 * x43) + cos_psi2 * x45;
+    /* row 13: 1000 distance r2-r3 (body link3): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.305164 */
+    const ncgen_real r3_x = q[6];
+    const ncgen_real x46 = r2_x - r3_x;
+    const ncgen_real r3_y = q[7];
+    const ncgen_real x47 = r2_y - r3_y;
+    const ncgen_real r3_z = q[8];
+    const ncgen_real x48 = r2_z - r3_z;
+    const ncgen_real x49 = R(1.638463841038081) * (x46 * x46 + x47 * x47 + x48 * x48 - R(0.093125));
+    constraints[12] = x49;
+    const ncgen_real x50 = R(3.276927682076162) * x46;
+    constraints[98] = x50;
+    const ncgen_real x51 = R(3.276927682076162) * x47;
+    constraints[99] = x51;
+    const ncgen_real x52 = R(3.276927682076162) * x48;
+    constraints[100] = x52;
+    const ncgen_real x53 = -x50;
+    constraints[101] = x53;
+    /* row 15: 1002 angle u3, r3-r2 (body link3): u.a - L c = 0 with u = u3, a = r3-r2, L = 0.305164, c = 0.163846 */
+    constraints[113] = x53;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    constraints[122] = x53;
+    /* row 13: 1000 distance r2-r3 (body link3): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.305164 */
+    const ncgen_real x54 = -x51;
+    constraints[102] = x54;
+    /* row 15: 1002 angle u3, r3-r2 (body link3): u.a - L c = 0 with u = u3, a = r3-r2, L = 0.305164, c = 0.163846 */
+    constraints[114] = x54;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    constraints[123] = x54;
+    /* row 13: 1000 distance r2-r3 (body link3): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.305164 */
+    const ncgen_real x55 = -x52;
+    constraints[103] = x55;
+    /* row 15: 1002 angle u3, r3-r2 (body link3): u.a - L c = 0 with u = u3, a = r3-r2, L = 0.305164, c = 0.163846 */
+    constraints[115] = x55;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    constraints[124] = x55;
+    /* row 13: 1000 distance r2-r3 (body link3): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.305164 */
+    const ncgen_real dr3_x = qd[6];
+    const ncgen_real x56 = dr2_x - dr3_x;
+    const ncgen_real dr3_y = qd[7];
+    const ncgen_real x57 = dr2_y - dr3_y;
+    const ncgen_real dr3_z = qd[8];
+    const ncgen_real x58 = dr2_z - dr3_z;
+    const ncgen_real x59 = R(3.276927682076162) * (x56 * x56 + x57 * x57 + x58 * x58);
+    constraints[325] = -x59;
+    /* row 14: 1001 unit u3 (body link3): |u|^2 - 1 = 0 with u = u3 */
+    const ncgen_real u3_x = q[27];
+    constraints[104] = u3_x;
+    /* row 17: 1003 angle u2, u3 (body link3): u.v - c = 0 with u = u2, v = u3, c = 0 */
+    constraints[125] = u3_x;
+    /* row 23: 1003 angle u4, u3 (body link4): u.v - c = 0 with u = u4, v = u3, c = 0 */
+    constraints[171] = u3_x;
+    /* row 14: 1001 unit u3 (body link3): |u|^2 - 1 = 0 with u = u3 */
+    const ncgen_real u3_y = q[28];
+    constraints[105] = u3_y;
+    /* row 17: 1003 angle u2, u3 (body link3): u.v - c = 0 with u = u2, v = u3, c = 0 */
+    constraints[126] = u3_y;
+    /* row 23: 1003 angle u4, u3 (body link4): u.v - c = 0 with u = u4, v = u3, c = 0 */
+    constraints[172] = u3_y;
+    /* row 14: 1001 unit u3 (body link3): |u|^2 - 1 = 0 with u = u3 */
+    const ncgen_real u3_z = q[29];
+    constraints[106] = u3_z;
+    /* row 17: 1003 angle u2, u3 (body link3): u.v - c = 0 with u = u2, v = u3, c = 0 */
+    constraints[127] = u3_z;
+    /* row 23: 1003 angle u4, u3 (body link4): u.v - c = 0 with u = u4, v = u3, c = 0 */
+    constraints[173] = u3_z;
+    /* row 14: 1001 unit u3 (body link3): |u|^2 - 1 = 0 with u = u3 */
+    const ncgen_real x60 = R(0.5) * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - R(1.0));
+    constraints[13] = x60;
+    const ncgen_real du3_x = qd[27];
+    const ncgen_real du3_y = qd[28];
+    const ncgen_real du3_z = qd[29];
+    constraints[326] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
+    /* row 15: 1002 angle u3, r3-r2 (body link3): u.a - L c = 0 with u = u3, a = r3-r2, L = 0.305164, c = 0.163846 */
+    const ncgen_real x61 = R(3.276927682076162) * (R(0.05) + (x46 * u3_x + x47 * u3_y + x48 * u3_z));
+    constraints[14] = -x61;
+    const ncgen_real x62 = R(3.276927682076162) * u3_x;
+    constraints[110] = x62;
+    constraints[107] = -x62;
+    const ncgen_real x63 = R(3.276927682076162) * u3_y;
+    constraints[111] = x63;
+    constraints[108] = -x63;
+    const ncgen_real x64 = R(3.276927682076162) * u3_z;
+    constraints[112] = x64;
+    constraints[109] = -x64;
+    const ncgen_real x65 = R(6.553855364152324) * (x56 * du3_x + x57 * du3_y + x58 * du3_z);
+    constraints[327] = x65;
+    /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
+    const ncgen_real x66 = u2_x * x46 + u2_y * x47 + u2_z * x48 + R(0.30000000000000004);
+    constraints[15] = -(R(3.276927682076162) * x66);
+    const ncgen_real x67 = R(6.553855364152324) * (du2_x * x56 + du2_y * x57 + du2_z * x58);
+    constraints[328] = x67;
+    /* row 17: 1003 angle u2, u3 (body link3): u.v - c = 0 with u = u2, v = u3, c = 0 */
+    constraints[16] = u2_x * u3_x + u2_y * u3_y + u2_z * u3_z;
+    const ncgen_real x68 = -(R(2.0) * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z));
+    constraints[329] = x68;
+    const ncgen_real x69 = u1_y * u3_z - u1_z * u3_y;
+    kept[1] = x69;
+    const ncgen_real x70 = u2_x * x69;
+    kept[2] = x70;
+    const ncgen_real x71 = u1_z * u3_x - u1_x * u3_z;
+    kept[3] = x71;
+    const ncgen_real x72 = u2_y * x71;
+    kept[4] = x72;
+    const ncgen_real x73 = u1_x * u3_y - u1_y * u3_x;
+    kept[5] = x73;
+    const ncgen_real x74 = u2_z * x73;
+    kept[6] = x74;
+    const ncgen_real x75 = x70 + x72 + x74;
+    kept[7] = x75;
+    const ncgen_real cos_psi3 = cosine[2];
+    const ncgen_real x76 = u1_x * u3_x + u1_y * u3_y + u1_z * u3_z;
+    kept[8] = x76;
+    /* row 18: 1012 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = u3, n = u2, psi = psi3, ln = 1 */
+    const ncgen_real sin_psi3 = sine[2];
+    constraints[17] = x76 * sin_psi3 - x75 * cos_psi3;
+    const ncgen_real x77 = u2_z * u3_y - u2_y * u3_z;
+    kept[9] = x77;
+    constraints[131] = u3_x * sin_psi3 - cos_psi3 * x77;
+    const ncgen_real x78 = u2_x * u3_z - u2_z * u3_x;
+    kept[10] = x78;
+    constraints[132] = u3_y * sin_psi3 - cos_psi3 * x78;
+    const ncgen_real x79 = u2_y * u3_x - u2_x * u3_y;
+    kept[11] = x79;
+    constraints[133] = u3_z * sin_psi3 - cos_psi3 * x79;
+    constraints[134] = -(x69 * cos_psi3);
+}
+
+static NCGEN_APART void arm_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 18: 1012 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = u3, n = u2, psi = psi3, ln = 1 */
+    const ncgen_real x1 = kept[3];
+    const ncgen_real cos_psi3 = cosine[2];
+    constraints[135] = -(x1 * cos_psi3);
+    const ncgen_real x2 = kept[5];
+    constraints[136] = -(x2 * cos_psi3);
+    const ncgen_real u1_z = q[23];
+    const ncgen_real u2_y = q[25];
+    const ncgen_real u1_y = q[22];
+    const ncgen_real u2_z = q[26];
+    const ncgen_real u1_x = q[21];
+    const ncgen_real sin_psi3 = sine[2];
+    constraints[137] = u1_x * sin_psi3 - cos_psi3 * (u1_z * u2_y - u1_y * u2_z);
+    const ncgen_real u2_x = q[24];
+    constraints[138] = u1_y * sin_psi3 - cos_psi3 * (u1_x * u2_z - u1_z * u2_x);
+    const ncgen_real x3 = kept[0];
+    constraints[139] = u1_z * sin_psi3 - x3 * cos_psi3;
+    const ncgen_real x4 = kept[7];
+    const ncgen_real x5 = kept[8];
+    constraints[140] = x4 * sin_psi3 + cos_psi3 * x5;
+    const ncgen_real du3_z = qd[29];
+    const ncgen_real u3_z = q[29];
+    const ncgen_real du1_y = qd[22];
+    const ncgen_real du3_y = qd[28];
+    const ncgen_real u3_y = q[28];
+    const ncgen_real du1_z = qd[23];
+    const ncgen_real x6 = u1_y * du3_z + u3_z * du1_y - u1_z * du3_y - u3_y * du1_z;
+    const ncgen_real du1_x = qd[21];
+    const ncgen_real du3_x = qd[27];
+    const ncgen_real u3_x = q[27];
+    const ncgen_real x7 = u1_x * du3_y + u3_y * du1_x - u1_y * du3_x - u3_x * du1_y;
+    const ncgen_real x8 = kept[1];
+    const ncgen_real du2_x = qd[24];
+    const ncgen_real du2_z = qd[26];
+    const ncgen_real x9 = u1_x * du3_z + u3_z * du1_x - u1_z * du3_x - u3_x * du1_z;
+    const ncgen_real x10 = u2_x * x6 + u2_z * x7 + x8 * du2_x + x2 * du2_z - u2_y * x9;
+    const ncgen_real du2_y = qd[25];
+    const ncgen_real dpsi3 = qd[44];
+    const ncgen_real x11 = R(2.0) * dpsi3;
+    const ncgen_real x12 = dpsi3 * dpsi3;
+    const ncgen_real x13 = x5 * x12 - R(2.0) * (du1_x * du3_x + du1_y * du3_y + du1_z * du3_z);
+    const ncgen_real x14 = u2_x * (du1_y * du3_z - du1_z * du3_y) + u2_z * (du1_x * du3_y - du1_y * du3_x);
+    const ncgen_real x15 = du2_x * x6 + x14 + du2_z * x7 - u2_y * (du1_x * du3_z - du1_z * du3_x);
+    const ncgen_real x16 = u1_x * du3_x + u1_y * du3_y + u1_z * du3_z + u3_x * du1_x;
+    const ncgen_real x17 = R(2.0) * (x15 - du2_y * x9) - x11 * (x16 + u3_y * du1_y + u3_z * du1_z);
+    const ncgen_real x18 = kept[2];
+    const ncgen_real x19 = kept[6];
+    const ncgen_real x20 = kept[4];
+    const ncgen_real x21 = sin_psi3 * (x13 - (x10 + x1 * du2_y) * x11) + cos_psi3 * (x17 - x12 * (x20 + (x18 + x19)));
+    constraints[330] = x21;
+    /* row 19: 1000 distance r3-r4 (body link4): |a|^2 - L^2 = 0 with a = r3-r4, L = 0.305164 */
+    const ncgen_real r4_x = q[9];
+    const ncgen_real r3_x = q[6];
+    const ncgen_real x22 = r3_x - r4_x;
+    const ncgen_real r4_y = q[10];
+    const ncgen_real r3_y = q[7];
+    const ncgen_real x23 = r3_y - r4_y;
+    const ncgen_real r4_z = q[11];
+    const ncgen_real r3_z = q[8];
+    const ncgen_real x24 = r3_z - r4_z;
+    const ncgen_real x25 = x22 * x22 + x23 * x23 + x24 * x24 - R(0.09312499999999997);
+    constraints[18] = R(1.6384638410380812) * x25;
+    const ncgen_real x26 = R(3.2769276820761624) * x22;
+    constraints[141] = x26;
+    const ncgen_real x27 = R(3.2769276820761624) * x23;
+    constraints[142] = x27;
+    const ncgen_real x28 = R(3.2769276820761624) * x24;
+    constraints[143] = x28;
+    const ncgen_real x29 = -x26;
+    constraints[144] = x29;
+    /* row 20: 1002 angle u3, r4-r3 (body link4): u.a - L c = 0 with u = u3, a = r4-r3, L = 0.305164, c = -0.163846 */
+    constraints[153] = x29;
+    /* row 22: 1002 angle u4, r4-r3 (body link4): u.a - L c = 0 with u = u4, a = r4-r3, L = 0.305164, c = 0.978628 */
+    constraints[165] = x29;
+    /* row 19: 1000 distance r3-r4 (body link4): |a|^2 - L^2 = 0 with a = r3-r4, L = 0.305164 */
+    const ncgen_real x30 = -x27;
+    constraints[145] = x30;
+    /* row 20: 1002 angle u3, r4-r3 (body link4): u.a - L c = 0 with u = u3, a = r4-r3, L = 0.305164, c = -0.163846 */
+    constraints[154] = x30;
+    /* row 22: 1002 angle u4, r4-r3 (body link4): u.a - L c = 0 with u = u4, a = r4-r3, L = 0.305164, c = 0.978628 */
+    constraints[166] = x30;
+    /* row 19: 1000 distance r3-r4 (body link4): |a|^2 - L^2 = 0 with a = r3-r4, L = 0.305164 */
+    const ncgen_real x31 = -x28;
+    constraints[146] = x31;
+    /* row 20: 1002 angle u3, r4-r3 (body link4): u.a - L c = 0 with u = u3, a = r4-r3, L = 0.305164, c = -0.163846 */
+    constraints[155] = x31;
+    /* row 22: 1002 angle u4, r4-r3 (body link4): u.a - L c = 0 with u = u4, a = r4-r3, L = 0.305164, c = 0.978628 */
+    constraints[167] = x31;
+    /* row 19: 1000 distance r3-r4 (body link4): |a|^2 - L^2 = 0 with a = r3-r4, L = 0.305164 */
+    const ncgen_real dr4_x = qd[9];
+    const ncgen_real dr3_x = qd[6];
+    const ncgen_real x32 = dr3_x - dr4_x;
+    const ncgen_real dr4_y = qd[10];
+    const ncgen_real dr3_y = qd[7];
+    const ncgen_real x33 = dr3_y - dr4_y;
+    const ncgen_real dr4_z = qd[11];
+    const ncgen_real dr3_z = qd[8];
+    const ncgen_real x34 = dr3_z - dr4_z;
+    const ncgen_real x35 = R(3.2769276820761624) * (x32 * x32 + x33 * x33 + x34 * x34);
+    constraints[331] = -x35;
+    /* row 20: 1002 angle u3, r4-r3 (body link4): u.a - L c = 0 with u = u3, a = r4-r3, L = 0.305164, c = -0.163846 */
+    const ncgen_real x36 = R(3.2769276820761624) * (R(0.05) - (u3_x * x22 + u3_y * x23 + u3_z * x24));
+    constraints[19] = x36;
+    const ncgen_real x37 = R(3.2769276820761624) * u3_x;
+    constraints[150] = x37;
+    constraints[147] = -x37;
+    const ncgen_real x38 = R(3.2769276820761624) * u3_y;
+    constraints[151] = x38;
+    constraints[148] = -x38;
+    const ncgen_real x39 = R(3.2769276820761624) * u3_z;
+    constraints[152] = x39;
+    constraints[149] = -x39;
+    const ncgen_real x40 = R(6.553855364152325) * (du3_x * x32 + du3_y * x33 + du3_z * x34);
+    constraints[332] = x40;
+    /* row 21: 1001 unit u4 (body link4): |u|^2 - 1 = 0 with u = u4 */
+    const ncgen_real u4_x = q[30];
+    constraints[156] = u4_x;
+    /* row 23: 1003 angle u4, u3 (body link4): u.v - c = 0 with u = u4, v = u3, c = 0 */
+    constraints[168] = u4_x;
+    /* row 29: 1003 angle u4, u5 (body link5): u.v - c = 0 with u = u4, v = u5, c = 0 */
+    constraints[214] = u4_x;
+    /* row 21: 1001 unit u4 (body link4): |u|^2 - 1 = 0 with u = u4 */
+    const ncgen_real u4_y = q[31];
+    constraints[157] = u4_y;
+    /* row 23: 1003 angle u4, u3 (body link4): u.v - c = 0 with u = u4, v = u3, c = 0 */
+    constraints[169] = u4_y;
+    /* row 29: 1003 angle u4, u5 (body link5): u.v - c = 0 with u = u4, v = u5, c = 0 */
+    constraints[215] = u4_y;
+    /* row 21: 1001 unit u4 (body link4): |u|^2 - 1 = 0 with u = u4 */
+    const ncgen_real u4_z = q[32];
+    constraints[158] = u4_z;
+    /* row 23: 1003 angle u4, u3 (body link4): u.v - c = 0 with u = u4, v = u3, c = 0 */
+    constraints[170] = u4_z;
+    /* row 29: 1003 angle u4, u5 (body link5): u.v - c = 0 with u = u4, v = u5, c = 0 */
+    constraints[216] = u4_z;
+    /* row 21: 1001 unit u4 (body link4): |u|^2 - 1 = 0 with u = u4 */
+    const ncgen_real x41 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
+    constraints[20] = x41;
+    const ncgen_real du4_x = qd[30];
+    const ncgen_real du4_y = qd[31];
+    const ncgen_real du4_z = qd[32];
+    constraints[333] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
+    /* row 22: 1002 angle u4, r4-r3 (body link4): u.a - L c = 0 with u = u4, a = r4-r3, L = 0.305164, c = 0.978628 */
+    const ncgen_real x42 = x22 * u4_x + x23 * u4_y + x24 * u4_z + R(0.29864207249058566);
+    constraints[21] = -(R(3.2769276820761624) * x42);
+    const ncgen_real x43 = R(3.2769276820761624) * u4_x;
+    constraints[162] = x43;
+    constraints[159] = -x43;
+    const ncgen_real x44 = R(3.2769276820761624) * u4_y;
+    constraints[163] = x44;
+    constraints[160] = -x44;
+    const ncgen_real x45 = R(3.2769276820761624) * u4_z;
+    constraints[164] = x45;
+    constraints[161] = -x45;
+    const ncgen_real x46 = R(6.553855364152325) * (x32 * du4_x + x33 * du4_y + x34 * du4_z);
+    constraints[334] = x46;
+    /* row 23: 1003 angle u4, u3 (body link4): u.v - c = 0 with u = u4, v = u3, c = 0 */
+    constraints[22] = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z;
+    const ncgen_real x47 = -(R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
+    constraints[335] = x47;
+    /* row 24: 1012 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u4, n = u3, psi = psi4, ln = 1 */
+    const ncgen_real x48 = u2_y * u4_z - u2_z * u4_y;
+    const ncgen_real x49 = u3_x * x48;
+    const ncgen_real x50 = u2_z * u4_x - u2_x * u4_z;
+    const ncgen_real x51 = u3_y * x50;
+    const ncgen_real x52 = u2_x * u4_y - u2_y * u4_x;
+    const ncgen_real x53 = u3_z * x52;
+    const ncgen_real x54 = x49 + x51 + x53;
+    const ncgen_real cos_psi4 = cosine[3];
+    const ncgen_real x55 = u2_x * u4_x + u2_y * u4_y + u2_z * u4_z;
+    const ncgen_real sin_psi4 = sine[3];
+    constraints[23] = x55 * sin_psi4 - x54 * cos_psi4;
+    const ncgen_real x56 = u3_z * u4_y - u3_y * u4_z;
+    kept[12] = x56;
+    constraints[174] = u4_x * sin_psi4 - cos_psi4 * x56;
+    const ncgen_real x57 = u3_x * u4_z - u3_z * u4_x;
+    kept[13] = x57;
+    constraints[175] = u4_y * sin_psi4 - cos_psi4 * x57;
+    const ncgen_real x58 = u3_y * u4_x - u3_x * u4_y;
+    kept[14] = x58;
+    constraints[176] = u4_z * sin_psi4 - cos_psi4 * x58;
+    constraints[177] = -(x48 * cos_psi4);
+    constraints[178] = -(x50 * cos_psi4);
+    constraints[179] = -(x52 * cos_psi4);
+    const ncgen_real x59 = kept[9];
+    constraints[180] = u2_x * sin_psi4 - cos_psi4 * x59;
+    const ncgen_real x60 = kept[10];
+    constraints[181] = u2_y * sin_psi4 - cos_psi4 * x60;
+    const ncgen_real x61 = kept[11];
+    constraints[182] = u2_z * sin_psi4 - cos_psi4 * x61;
+    constraints[183] = x54 * sin_psi4 + cos_psi4 * x55;
+    const ncgen_real x62 = u2_y * du4_z + u4_z * du2_y - u2_z * du4_y - u4_y * du2_z;
+    const ncgen_real x63 = u2_x * du4_y + u4_y * du2_x - u2_y * du4_x - u4_x * du2_y;
+    const ncgen_real x64 = u2_x * du4_z + u4_z * du2_x - u2_z * du4_x - u4_x * du2_z;
+    const ncgen_real x65 = u3_x * x62 + u3_z * x63 + x48 * du3_x + x52 * du3_z - u3_y * x64;
+    const ncgen_real dpsi4 = qd[45];
+    const ncgen_real x66 = R(2.0) * dpsi4;
+    const ncgen_real x67 = dpsi4 * dpsi4;
+    const ncgen_real x68 = x55 * x67 - R(2.0) * (du2_x * du4_x + du2_y * du4_y + du2_z * du4_z);
+    const ncgen_real x69 = u3_x * (du2_y * du4_z - du2_z * du4_y) + u3_z * (du2_x * du4_y - du2_y * du4_x);
+    const ncgen_real x70 = du3_x * x62 + x69 + du3_z * x63 - u3_y * (du2_x * du4_z - du2_z * du4_x);
+    const ncgen_real x71 = u2_x * du4_x + u2_y * du4_y + u2_z * du4_z + u4_x * du2_x;
+    const ncgen_real x72 = R(2.0) * (x70 - du3_y * x64) - x66 * (x71 + u4_y * du2_y + u4_z * du2_z);
+    const ncgen_real x73 = sin_psi4 * (x68 - (x65 + x50 * du3_y) * x66) + cos_psi4 * (x72 - x67 * (x51 + (x49 + x53)));
+    constraints[336] = x73;
+    const ncgen_real r5_x = q[12];
+    const ncgen_real x74 = r4_x - r5_x;
+    kept[15] = x74;
+    const ncgen_real r5_y = q[13];
+    const ncgen_real x75 = r4_y - r5_y;
+    kept[16] = x75;
+    const ncgen_real r5_z = q[14];
+    const ncgen_real x76 = r4_z - r5_z;
+    kept[17] = x76;
+    kept[18] = x74 * x74 + x75 * x75 + x76 * x76;
+}
+
+static NCGEN_APART void arm_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 25: 1000 distance r4-r5 (body link5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.305164 */
+    const ncgen_real x1 = kept[18];
+    constraints[24] = R(1.6384638410380807) * (x1 - R(0.09312500000000003));
+    const ncgen_real x2 = kept[15];
+    const ncgen_real x3 = R(3.2769276820761615) * x2;
+    constraints[184] = x3;
+    const ncgen_real x4 = kept[16];
+    const ncgen_real x5 = R(3.2769276820761615) * x4;
+    constraints[185] = x5;
+    const ncgen_real x6 = kept[17];
+    const ncgen_real x7 = R(3.2769276820761615) * x6;
+    constraints[186] = x7;
+    const ncgen_real x8 = -x3;
+    constraints[187] = x8;
+    /* row 27: 1002 angle u5, r5-r4 (body link5): u.a - L c = 0 with u = u5, a = r5-r4, L = 0.305164, c = 0.163846 */
+    constraints[199] = x8;
+    /* row 28: 1002 angle u4, r5-r4 (body link5): u.a - L c = 0 with u = u4, a = r5-r4, L = 0.305164, c = 0.983078 */
+    constraints[208] = x8;
+    /* row 25: 1000 distance r4-r5 (body link5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.305164 */
+    const ncgen_real x9 = -x5;
+    constraints[188] = x9;
+    /* row 27: 1002 angle u5, r5-r4 (body link5): u.a - L c = 0 with u = u5, a = r5-r4, L = 0.305164, c = 0.163846 */
+    constraints[200] = x9;
+    /* row 28: 1002 angle u4, r5-r4 (body link5): u.a - L c = 0 with u = u4, a = r5-r4, L = 0.305164, c = 0.983078 */
+    constraints[209] = x9;
+    /* row 25: 1000 distance r4-r5 (body link5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.305164 */
+    const ncgen_real x10 = -x7;
+    constraints[189] = x10;
+    /* row 27: 1002 angle u5, r5-r4 (body link5): u.a - L c = 0 with u = u5, a = r5-r4, L = 0.305164, c = 0.163846 */
+    constraints[201] = x10;
+    /* row 28: 1002 angle u4, r5-r4 (body link5): u.a - L c = 0 with u = u4, a = r5-r4, L = 0.305164, c = 0.983078 */
+    constraints[210] = x10;
+    /* row 25: 1000 distance r4-r5 (body link5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.305164 */
+    const ncgen_real dr5_x = qd[12];
+    const ncgen_real dr4_x = qd[9];
+    const ncgen_real x11 = dr4_x - dr5_x;
+    const ncgen_real dr5_y = qd[13];
+    const ncgen_real dr4_y = qd[10];
+    const ncgen_real x12 = dr4_y - dr5_y;
+    const ncgen_real dr5_z = qd[14];
+    const ncgen_real dr4_z = qd[11];
+    const ncgen_real x13 = dr4_z - dr5_z;
+    const ncgen_real x14 = R(3.2769276820761615) * (x11 * x11 + x12 * x12 + x13 * x13);
+    constraints[337] = -x14;
+    /* row 26: 1001 unit u5 (body link5): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real u5_x = q[33];
+    constraints[190] = u5_x;
+    /* row 29: 1003 angle u4, u5 (body link5): u.v - c = 0 with u = u4, v = u5, c = 0 */
+    constraints[211] = u5_x;
+    /* row 35: 1003 angle u6, u5 (body link6): u.v - c = 0 with u = u6, v = u5, c = 0 */
+    constraints[257] = u5_x;
+    /* row 26: 1001 unit u5 (body link5): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real u5_y = q[34];
+    constraints[191] = u5_y;
+    /* row 29: 1003 angle u4, u5 (body link5): u.v - c = 0 with u = u4, v = u5, c = 0 */
+    constraints[212] = u5_y;
+    /* row 35: 1003 angle u6, u5 (body link6): u.v - c = 0 with u = u6, v = u5, c = 0 */
+    constraints[258] = u5_y;
+    /* row 26: 1001 unit u5 (body link5): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real u5_z = q[35];
+    constraints[192] = u5_z;
+    /* row 29: 1003 angle u4, u5 (body link5): u.v - c = 0 with u = u4, v = u5, c = 0 */
+    constraints[213] = u5_z;
+    /* row 35: 1003 angle u6, u5 (body link6): u.v - c = 0 with u = u6, v = u5, c = 0 */
+    constraints[259] = u5_z;
+    /* row 26: 1001 unit u5 (body link5): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real x15 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
+    constraints[25] = x15;
+    const ncgen_real du5_x = qd[33];
+    const ncgen_real du5_y = qd[34];
+    const ncgen_real du5_z = qd[35];
+    constraints[338] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
+    /* row 27: 1002 angle u5, r5-r4 (body link5): u.a - L c = 0 with u = u5, a = r5-r4, L = 0.305164, c = 0.163846 */
+    const ncgen_real x16 = x2 * u5_x + x4 * u5_y + x6 * u5_z + R(0.05000000000000001);
+    constraints[26] = -(R(3.2769276820761615) * x16);
+    const ncgen_real x17 = R(3.2769276820761615) * u5_x;
+    constraints[196] = x17;
+    constraints[193] = -x17;
+    const ncgen_real x18 = R(3.2769276820761615) * u5_y;
+    constraints[197] = x18;
+    constraints[194] = -x18;
+    const ncgen_real x19 = R(3.2769276820761615) * u5_z;
+    constraints[198] = x19;
+    constraints[195] = -x19;
+    const ncgen_real x20 = R(6.553855364152323) * (x11 * du5_x + x12 * du5_y + x13 * du5_z);
+    constraints[339] = x20;
+    /* row 28: 1002 angle u4, r5-r4 (body link5): u.a - L c = 0 with u = u4, a = r5-r4, L = 0.305164, c = 0.983078 */
+    const ncgen_real u4_x = q[30];
+    const ncgen_real u4_y = q[31];
+    const ncgen_real u4_z = q[32];
+    const ncgen_real x21 = R(0.30000000000000004) + (u4_x * x2 + u4_y * x4 + u4_z * x6);
+    constraints[27] = -(R(3.2769276820761615) * x21);
+    const ncgen_real x22 = R(3.2769276820761615) * u4_x;
+    constraints[205] = x22;
+    constraints[202] = -x22;
+    const ncgen_real x23 = R(3.2769276820761615) * u4_y;
+    constraints[206] = x23;
+    constraints[203] = -x23;
+    const ncgen_real x24 = R(3.2769276820761615) * u4_z;
+    constraints[207] = x24;
+    constraints[204] = -x24;
+    const ncgen_real du4_x = qd[30];
+    const ncgen_real du4_y = qd[31];
+    const ncgen_real du4_z = qd[32];
+    const ncgen_real x25 = R(6.553855364152323) * (du4_x * x11 + du4_y * x12 + du4_z * x13);
+    constraints[340] = x25;
+    /* row 29: 1003 angle u4, u5 (body link5): u.v - c = 0 with u = u4, v = u5, c = 0 */
+    constraints[28] = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z;
+    const ncgen_real x26 = -(R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
+    constraints[341] = x26;
+    /* row 30: 1012 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u5, n = u4, psi = psi5, ln = 1 */
+    const ncgen_real u3_y = q[28];
+    const ncgen_real u3_z = q[29];
+    const ncgen_real x27 = u3_y * u5_z - u3_z * u5_y;
+    const ncgen_real x28 = u4_x * x27;
+    const ncgen_real u3_x = q[27];
+    const ncgen_real x29 = u3_z * u5_x - u3_x * u5_z;
+    const ncgen_real x30 = u4_y * x29;
+    const ncgen_real x31 = u3_x * u5_y - u3_y * u5_x;
+    const ncgen_real x32 = u4_z * x31;
+    const ncgen_real x33 = x28 + x30 + x32;
+    const ncgen_real cos_psi5 = cosine[4];
+    const ncgen_real x34 = u3_x * u5_x + u3_y * u5_y + u3_z * u5_z;
+    const ncgen_real sin_psi5 = sine[4];
+    constraints[29] = x34 * sin_psi5 - x33 * cos_psi5;
+    const ncgen_real x35 = u4_z * u5_y - u4_y * u5_z;
+    kept[11] = x35;
+    constraints[217] = u5_x * sin_psi5 - cos_psi5 * x35;
+    const ncgen_real x36 = u4_x * u5_z - u4_z * u5_x;
+    kept[10] = x36;
+    constraints[218] = u5_y * sin_psi5 - cos_psi5 * x36;
+    const ncgen_real x37 = u4_y * u5_x - u4_x * u5_y;
+    kept[9] = x37;
+    constraints[219] = u5_z * sin_psi5 - cos_psi5 * x37;
+    constraints[220] = -(x27 * cos_psi5);
+    constraints[221] = -(x29 * cos_psi5);
+    constraints[222] = -(x31 * cos_psi5);
+    const ncgen_real x38 = kept[12];
+    constraints[223] = u3_x * sin_psi5 - cos_psi5 * x38;
+    const ncgen_real x39 = kept[13];
+    constraints[224] = u3_y * sin_psi5 - cos_psi5 * x39;
+    const ncgen_real x40 = kept[14];
+    constraints[225] = u3_z * sin_psi5 - cos_psi5 * x40;
+    constraints[226] = x33 * sin_psi5 + cos_psi5 * x34;
+    const ncgen_real du3_y = qd[28];
+    const ncgen_real du3_z = qd[29];
+    const ncgen_real x41 = u3_y * du5_z + u5_z * du3_y - u3_z * du5_y - u5_y * du3_z;
+    const ncgen_real du3_x = qd[27];
+    const ncgen_real x42 = u3_x * du5_y + u5_y * du3_x - u3_y * du5_x - u5_x * du3_y;
+    const ncgen_real x43 = u3_x * du5_z + u5_z * du3_x - u3_z * du5_x - u5_x * du3_z;
+    const ncgen_real x44 = u4_x * x41 + u4_z * x42 + x27 * du4_x + x31 * du4_z - u4_y * x43;
+    const ncgen_real dpsi5 = qd[46];
+    const ncgen_real x45 = R(2.0) * dpsi5;
+    const ncgen_real x46 = dpsi5 * dpsi5;
+    const ncgen_real x47 = x34 * x46 - R(2.0) * (du3_x * du5_x + du3_y * du5_y + du3_z * du5_z);
+    const ncgen_real x48 = u4_x * (du3_y * du5_z - du3_z * du5_y) + u4_z * (du3_x * du5_y - du3_y * du5_x);
+    const ncgen_real x49 = du4_x * x41 + x48 + du4_z * x42 - u4_y * (du3_x * du5_z - du3_z * du5_x);
+    const ncgen_real x50 = u3_x * du5_x + u3_y * du5_y + u3_z * du5_z + u5_x * du3_x;
+    const ncgen_real x51 = R(2.0) * (x49 - du4_y * x43) - x45 * (x50 + u5_y * du3_y + u5_z * du3_z);
+    const ncgen_real x52 = sin_psi5 * (x47 - (x44 + x29 * du4_y) * x45) + cos_psi5 * (x51 - x46 * (x30 + (x28 + x32)));
+    constraints[342] = x52;
+    /* row 31: 1000 distance r5-r6 (body link6): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.305164 */
+    const ncgen_real r6_x = q[15];
+    const ncgen_real r5_x = q[12];
+    const ncgen_real x53 = r5_x - r6_x;
+    const ncgen_real r6_y = q[16];
+    const ncgen_real r5_y = q[13];
+    const ncgen_real x54 = r5_y - r6_y;
+    const ncgen_real r6_z = q[17];
+    const ncgen_real r5_z = q[14];
+    const ncgen_real x55 = r5_z - r6_z;
+    const ncgen_real x56 = x53 * x53 + x54 * x54 + x55 * x55 - R(0.09312500000000007);
+    constraints[30] = R(1.6384638410380803) * x56;
+    const ncgen_real x57 = R(3.2769276820761606) * x53;
+    constraints[227] = x57;
+    const ncgen_real x58 = R(3.2769276820761606) * x54;
+    constraints[228] = x58;
+    const ncgen_real x59 = R(3.2769276820761606) * x55;
+    constraints[229] = x59;
+    const ncgen_real x60 = -x57;
+    constraints[230] = x60;
+    /* row 32: 1002 angle u5, r6-r5 (body link6): u.a - L c = 0 with u = u5, a = r6-r5, L = 0.305164, c = -0.163846 */
+    constraints[239] = x60;
+    /* row 34: 1002 angle u6, r6-r5 (body link6): u.a - L c = 0 with u = u6, a = r6-r5, L = 0.305164, c = 0.978628 */
+    constraints[251] = x60;
+    /* row 31: 1000 distance r5-r6 (body link6): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.305164 */
+    const ncgen_real x61 = -x58;
+    constraints[231] = x61;
+    /* row 32: 1002 angle u5, r6-r5 (body link6): u.a - L c = 0 with u = u5, a = r6-r5, L = 0.305164, c = -0.163846 */
+    constraints[240] = x61;
+    /* row 34: 1002 angle u6, r6-r5 (body link6): u.a - L c = 0 with u = u6, a = r6-r5, L = 0.305164, c = 0.978628 */
+    constraints[252] = x61;
+    /* row 31: 1000 distance r5-r6 (body link6): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.305164 */
+    const ncgen_real x62 = -x59;
+    constraints[232] = x62;
+    /* row 32: 1002 angle u5, r6-r5 (body link6): u.a - L c = 0 with u = u5, a = r6-r5, L = 0.305164, c = -0.163846 */
+    constraints[241] = x62;
+    /* row 34: 1002 angle u6, r6-r5 (body link6): u.a - L c = 0 with u = u6, a = r6-r5, L = 0.305164, c = 0.978628 */
+    constraints[253] = x62;
+    /* row 31: 1000 distance r5-r6 (body link6): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.305164 */
+    const ncgen_real dr6_x = qd[15];
+    const ncgen_real x63 = dr5_x - dr6_x;
+    const ncgen_real dr6_y = qd[16];
+    const ncgen_real x64 = dr5_y - dr6_y;
+    const ncgen_real dr6_z = qd[17];
+    const ncgen_real x65 = dr5_z - dr6_z;
+    const ncgen_real x66 = R(3.2769276820761606) * (x63 * x63 + x64 * x64 + x65 * x65);
+    constraints[343] = -x66;
+    /* row 32: 1002 angle u5, r6-r5 (body link6): u.a - L c = 0 with u = u5, a = r6-r5, L = 0.305164, c = -0.163846 */
+    const ncgen_real x67 = R(0.049999999999999996) - (u5_x * x53 + u5_y * x54 + u5_z * x55);
+    constraints[31] = R(3.2769276820761606) * x67;
+    const ncgen_real x68 = R(3.2769276820761606) * u5_x;
+    constraints[236] = x68;
+    constraints[233] = -x68;
+    const ncgen_real x69 = R(3.2769276820761606) * u5_y;
+    constraints[237] = x69;
+    constraints[234] = -x69;
+    const ncgen_real x70 = R(3.2769276820761606) * u5_z;
+    constraints[238] = x70;
+    constraints[235] = -x70;
+    const ncgen_real x71 = R(6.553855364152321) * (du5_x * x63 + du5_y * x64 + du5_z * x65);
+    constraints[344] = x71;
+    /* row 33: 1001 unit u6 (body link6): |u|^2 - 1 = 0 with u = u6 */
+    const ncgen_real u6_x = q[36];
+    constraints[242] = u6_x;
+    /* row 35: 1003 angle u6, u5 (body link6): u.v - c = 0 with u = u6, v = u5, c = 0 */
+    constraints[254] = u6_x;
+    /* row 41: 1003 angle u6, u7 (body link7): u.v - c = 0 with u = u6, v = u7, c = 0 */
+    constraints[300] = u6_x;
+    /* row 33: 1001 unit u6 (body link6): |u|^2 - 1 = 0 with u = u6 */
+    const ncgen_real u6_y = q[37];
+    constraints[243] = u6_y;
+    /* row 35: 1003 angle u6, u5 (body link6): u.v - c = 0 with u = u6, v = u5, c = 0 */
+    constraints[255] = u6_y;
+    /* row 41: 1003 angle u6, u7 (body link7): u.v - c = 0 with u = u6, v = u7, c = 0 */
+    constraints[301] = u6_y;
+    /* row 33: 1001 unit u6 (body link6): |u|^2 - 1 = 0 with u = u6 */
+    const ncgen_real u6_z = q[38];
+    constraints[244] = u6_z;
+    /* row 35: 1003 angle u6, u5 (body link6): u.v - c = 0 with u = u6, v = u5, c = 0 */
+    constraints[256] = u6_z;
+    /* row 41: 1003 angle u6, u7 (body link7): u.v - c = 0 with u = u6, v = u7, c = 0 */
+    constraints[302] = u6_z;
+    /* row 33: 1001 unit u6 (body link6): |u|^2 - 1 = 0 with u = u6 */
+    const ncgen_real x72 = R(0.5) * (u6_x * u6_x + u6_y * u6_y + u6_z * u6_z - R(1.0));
+    constraints[32] = x72;
+    const ncgen_real du6_x = qd[36];
+    const ncgen_real du6_y = qd[37];
+    const ncgen_real du6_z = qd[38];
+    constraints[345] = -(du6_x * du6_x + du6_y * du6_y + du6_z * du6_z);
+    /* row 34: 1002 angle u6, r6-r5 (body link6): u.a - L c = 0 with u = u6, a = r6-r5, L = 0.305164, c = 0.978628 */
+    const ncgen_real x73 = x53 * u6_x + x54 * u6_y + x55 * u6_z + R(0.29864207249058583);
+    constraints[33] = -(R(3.2769276820761606) * x73);
+    const ncgen_real x74 = R(3.2769276820761606) * u6_x;
+    constraints[248] = x74;
+    constraints[245] = -x74;
+    const ncgen_real x75 = R(3.2769276820761606) * u6_y;
+    constraints[249] = x75;
+    constraints[246] = -x75;
+    const ncgen_real x76 = R(3.2769276820761606) * u6_z;
+    constraints[250] = x76;
+    constraints[247] = -x76;
+    const ncgen_real x77 = R(6.553855364152321) * (x63 * du6_x + x64 * du6_y + x65 * du6_z);
+    constraints[346] = x77;
+    /* row 35: 1003 angle u6, u5 (body link6): u.v - c = 0 with u = u6, v = u5, c = 0 */
+    constraints[34] = u5_x * u6_x + u5_y * u6_y + u5_z * u6_z;
+    const ncgen_real x78 = -(R(2.0) * (du5_x * du6_x + du5_y * du6_y + du5_z * du6_z));
+    constraints[347] = x78;
+    const ncgen_real x79 = u4_y * u6_z - u4_z * u6_y;
+    kept[8] = x79;
+    const ncgen_real x80 = u5_x * x79;
+    kept[7] = x80;
+    const ncgen_real x81 = u4_z * u6_x - u4_x * u6_z;
+    kept[6] = x81;
+    const ncgen_real x82 = u5_y * x81;
+    kept[5] = x82;
+    const ncgen_real x83 = u4_x * u6_y - u4_y * u6_x;
+    kept[4] = x83;
+    const ncgen_real x84 = u5_z * x83;
+    kept[3] = x84;
+    const ncgen_real x85 = x80 + x82 + x84;
+    kept[2] = x85;
+    const ncgen_real cos_psi6 = cosine[5];
+    kept[1] = x85 * cos_psi6;
+    const ncgen_real x86 = u4_x * u6_x + u4_y * u6_y + u4_z * u6_z;
+    kept[0] = x86;
+    const ncgen_real sin_psi6 = sine[5];
+    kept[19] = x86 * sin_psi6;
+}
+
+static NCGEN_APART void arm_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 36: 1012 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u6, n = u5, psi = psi6, ln = 1 */
+    const ncgen_real x1 = kept[19];
+    const ncgen_real x2 = kept[1];
+    constraints[35] = x1 - x2;
+    const ncgen_real u5_z = q[35];
+    const ncgen_real u6_y = q[37];
+    const ncgen_real u5_y = q[34];
+    const ncgen_real u6_z = q[38];
+    const ncgen_real x3 = u5_z * u6_y - u5_y * u6_z;
+    const ncgen_real cos_psi6 = cosine[5];
+    const ncgen_real u6_x = q[36];
+    const ncgen_real sin_psi6 = sine[5];
+    constraints[260] = u6_x * sin_psi6 - cos_psi6 * x3;
+    const ncgen_real u5_x = q[33];
+    const ncgen_real x4 = u5_x * u6_z - u5_z * u6_x;
+    constraints[261] = u6_y * sin_psi6 - cos_psi6 * x4;
+    const ncgen_real x5 = u5_y * u6_x - u5_x * u6_y;
+    constraints[262] = u6_z * sin_psi6 - cos_psi6 * x5;
+    const ncgen_real x6 = kept[8];
+    constraints[263] = -(x6 * cos_psi6);
+    const ncgen_real x7 = kept[6];
+    constraints[264] = -(x7 * cos_psi6);
+    const ncgen_real x8 = kept[4];
+    constraints[265] = -(x8 * cos_psi6);
+    const ncgen_real x9 = kept[11];
+    const ncgen_real u4_x = q[30];
+    constraints[266] = u4_x * sin_psi6 - cos_psi6 * x9;
+    const ncgen_real x10 = kept[10];
+    const ncgen_real u4_y = q[31];
+    constraints[267] = u4_y * sin_psi6 - cos_psi6 * x10;
+    const ncgen_real x11 = kept[9];
+    const ncgen_real u4_z = q[32];
+    constraints[268] = u4_z * sin_psi6 - cos_psi6 * x11;
+    const ncgen_real x12 = kept[2];
+    const ncgen_real x13 = kept[0];
+    constraints[269] = x12 * sin_psi6 + cos_psi6 * x13;
+    const ncgen_real du6_z = qd[38];
+    const ncgen_real du4_y = qd[31];
+    const ncgen_real du6_y = qd[37];
+    const ncgen_real du4_z = qd[32];
+    const ncgen_real x14 = u4_y * du6_z + u6_z * du4_y - u4_z * du6_y - u6_y * du4_z;
+    const ncgen_real du4_x = qd[30];
+    const ncgen_real du6_x = qd[36];
+    const ncgen_real x15 = u4_x * du6_y + u6_y * du4_x - u4_y * du6_x - u6_x * du4_y;
+    const ncgen_real du5_x = qd[33];
+    const ncgen_real du5_z = qd[35];
+    const ncgen_real x16 = u4_x * du6_z + u6_z * du4_x - u4_z * du6_x - u6_x * du4_z;
+    const ncgen_real x17 = u5_x * x14 + u5_z * x15 + x6 * du5_x + x8 * du5_z - u5_y * x16;
+    const ncgen_real du5_y = qd[34];
+    const ncgen_real dpsi6 = qd[47];
+    const ncgen_real x18 = R(2.0) * dpsi6;
+    const ncgen_real x19 = dpsi6 * dpsi6;
+    const ncgen_real x20 = x13 * x19 - R(2.0) * (du4_x * du6_x + du4_y * du6_y + du4_z * du6_z);
+    const ncgen_real x21 = u5_x * (du4_y * du6_z - du4_z * du6_y) + u5_z * (du4_x * du6_y - du4_y * du6_x);
+    const ncgen_real x22 = du5_x * x14 + x21 + du5_z * x15 - u5_y * (du4_x * du6_z - du4_z * du6_x);
+    const ncgen_real x23 = u4_x * du6_x + u4_y * du6_y + u4_z * du6_z + u6_x * du4_x;
+    const ncgen_real x24 = R(2.0) * (x22 - du5_y * x16) - x18 * (x23 + u6_y * du4_y + u6_z * du4_z);
+    const ncgen_real x25 = kept[7];
+    const ncgen_real x26 = kept[3];
+    const ncgen_real x27 = kept[5];
+    const ncgen_real x28 = sin_psi6 * (x20 - (x17 + x7 * du5_y) * x18) + cos_psi6 * (x24 - x19 * (x27 + (x25 + x26)));
+    constraints[348] = x28;
+    /* row 37: 1000 distance r6-r7 (body link7): |a|^2 - L^2 = 0 with a = r6-r7, L = 0.305164 */
+    const ncgen_real r7_x = q[18];
+    const ncgen_real r6_x = q[15];
+    const ncgen_real x29 = r6_x - r7_x;
+    const ncgen_real r7_y = q[19];
+    const ncgen_real r6_y = q[16];
+    const ncgen_real x30 = r6_y - r7_y;
+    const ncgen_real r7_z = q[20];
+    const ncgen_real r6_z = q[17];
+    const ncgen_real x31 = r6_z - r7_z;
+    const ncgen_real x32 = x29 * x29 + x30 * x30 + x31 * x31 - R(0.09312500000000003);
+    constraints[36] = R(1.6384638410380807) * x32;
+    const ncgen_real x33 = R(3.2769276820761615) * x29;
+    constraints[270] = x33;
+    const ncgen_real x34 = R(3.2769276820761615) * x30;
+    constraints[271] = x34;
+    const ncgen_real x35 = R(3.2769276820761615) * x31;
+    constraints[272] = x35;
+    const ncgen_real x36 = -x33;
+    constraints[273] = x36;
+    /* row 39: 1002 angle u7, r7-r6 (body link7): u.a - L c = 0 with u = u7, a = r7-r6, L = 0.305164, c = 0.163846 */
+    constraints[285] = x36;
+    /* row 40: 1002 angle u6, r7-r6 (body link7): u.a - L c = 0 with u = u6, a = r7-r6, L = 0.305164, c = 0.983078 */
+    constraints[294] = x36;
+    /* row 37: 1000 distance r6-r7 (body link7): |a|^2 - L^2 = 0 with a = r6-r7, L = 0.305164 */
+    const ncgen_real x37 = -x34;
+    constraints[274] = x37;
+    /* row 39: 1002 angle u7, r7-r6 (body link7): u.a - L c = 0 with u = u7, a = r7-r6, L = 0.305164, c = 0.163846 */
+    constraints[286] = x37;
+    /* row 40: 1002 angle u6, r7-r6 (body link7): u.a - L c = 0 with u = u6, a = r7-r6, L = 0.305164, c = 0.983078 */
+    constraints[295] = x37;
+    /* row 37: 1000 distance r6-r7 (body link7): |a|^2 - L^2 = 0 with a = r6-r7, L = 0.305164 */
+    const ncgen_real x38 = -x35;
+    constraints[275] = x38;
+    /* row 39: 1002 angle u7, r7-r6 (body link7): u.a - L c = 0 with u = u7, a = r7-r6, L = 0.305164, c = 0.163846 */
+    constraints[287] = x38;
+    /* row 40: 1002 angle u6, r7-r6 (body link7): u.a - L c = 0 with u = u6, a = r7-r6, L = 0.305164, c = 0.983078 */
+    constraints[296] = x38;
+    /* row 37: 1000 distance r6-r7 (body link7): |a|^2 - L^2 = 0 with a = r6-r7, L = 0.305164 */
+    const ncgen_real dr7_x = qd[18];
+    const ncgen_real dr6_x = qd[15];
+    const ncgen_real x39 = dr6_x - dr7_x;
+    const ncgen_real dr7_y = qd[19];
+    const ncgen_real dr6_y = qd[16];
+    const ncgen_real x40 = dr6_y - dr7_y;
+    const ncgen_real dr7_z = qd[20];
+    const ncgen_real dr6_z = qd[17];
+    const ncgen_real x41 = dr6_z - dr7_z;
+    const ncgen_real x42 = R(3.2769276820761615) * (x39 * x39 + x40 * x40 + x41 * x41);
+    constraints[349] = -x42;
+    /* row 38: 1001 unit u7 (body link7): |u|^2 - 1 = 0 with u = u7 */
+    const ncgen_real u7_x = q[39];
+    constraints[276] = u7_x;
+    /* row 41: 1003 angle u6, u7 (body link7): u.v - c = 0 with u = u6, v = u7, c = 0 */
+    constraints[297] = u7_x;
+    /* row 38: 1001 unit u7 (body link7): |u|^2 - 1 = 0 with u = u7 */
+    const ncgen_real u7_y = q[40];
+    constraints[277] = u7_y;
+    /* row 41: 1003 angle u6, u7 (body link7): u.v - c = 0 with u = u6, v = u7, c = 0 */
+    constraints[298] = u7_y;
+    /* row 38: 1001 unit u7 (body link7): |u|^2 - 1 = 0 with u = u7 */
+    const ncgen_real u7_z = q[41];
+    constraints[278] = u7_z;
+    /* row 41: 1003 angle u6, u7 (body link7): u.v - c = 0 with u = u6, v = u7, c = 0 */
+    constraints[299] = u7_z;
+    /* row 38: 1001 unit u7 (body link7): |u|^2 - 1 = 0 with u = u7 */
+    const ncgen_real x43 = R(0.5) * (u7_x * u7_x + u7_y * u7_y + u7_z * u7_z - R(1.0));
+    constraints[37] = x43;
+    const ncgen_real du7_x = qd[39];
+    const ncgen_real du7_y = qd[40];
+    const ncgen_real du7_z = qd[41];
+    constraints[350] = -(du7_x * du7_x + du7_y * du7_y + du7_z * du7_z);
+    /* row 39: 1002 angle u7, r7-r6 (body link7): u.a - L c = 0 with u = u7, a = r7-r6, L = 0.305164, c = 0.163846 */
+    const ncgen_real x44 = R(0.05000000000000001) + (x29 * u7_x + x30 * u7_y + x31 * u7_z);
+    constraints[38] = -(R(3.2769276820761615) * x44);
+    const ncgen_real x45 = R(3.2769276820761615) * u7_x;
+    constraints[282] = x45;
+    constraints[279] = -x45;
+    const ncgen_real x46 = R(3.2769276820761615) * u7_y;
+    constraints[283] = x46;
+    constraints[280] = -x46;
+    const ncgen_real x47 = R(3.2769276820761615) * u7_z;
+    constraints[284] = x47;
+    constraints[281] = -x47;
+    const ncgen_real x48 = R(6.553855364152323) * (x39 * du7_x + x40 * du7_y + x41 * du7_z);
+    constraints[351] = x48;
+    /* row 40: 1002 angle u6, r7-r6 (body link7): u.a - L c = 0 with u = u6, a = r7-r6, L = 0.305164, c = 0.983078 */
+    const ncgen_real x49 = u6_x * x29 + u6_y * x30 + u6_z * x31 + R(0.3000000000000001);
+    constraints[39] = -(R(3.2769276820761615) * x49);
+    const ncgen_real x50 = R(3.2769276820761615) * u6_x;
+    constraints[291] = x50;
+    constraints[288] = -x50;
+    const ncgen_real x51 = R(3.2769276820761615) * u6_y;
+    constraints[292] = x51;
+    constraints[289] = -x51;
+    const ncgen_real x52 = R(3.2769276820761615) * u6_z;
+    constraints[293] = x52;
+    constraints[290] = -x52;
+    const ncgen_real x53 = R(6.553855364152323) * (du6_x * x39 + du6_y * x40 + du6_z * x41);
+    constraints[352] = x53;
+    /* row 41: 1003 angle u6, u7 (body link7): u.v - c = 0 with u = u6, v = u7, c = 0 */
+    constraints[40] = u6_x * u7_x + u6_y * u7_y + u6_z * u7_z;
+    const ncgen_real x54 = -(R(2.0) * (du6_x * du7_x + du6_y * du7_y + du6_z * du7_z));
+    constraints[353] = x54;
+    /* row 42: 1012 angle psi7 (coordinate psi7): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u5, b = u7, n = u6, psi = psi7, ln = 1 */
+    const ncgen_real x55 = u5_y * u7_z - u5_z * u7_y;
+    const ncgen_real x56 = u6_x * x55;
+    const ncgen_real x57 = u5_z * u7_x - u5_x * u7_z;
+    const ncgen_real x58 = u6_y * x57;
+    const ncgen_real x59 = u5_x * u7_y - u5_y * u7_x;
+    const ncgen_real x60 = u6_z * x59;
+    const ncgen_real x61 = x56 + x58 + x60;
+    const ncgen_real cos_psi7 = cosine[6];
+    const ncgen_real x62 = u5_x * u7_x + u5_y * u7_y + u5_z * u7_z;
+    const ncgen_real sin_psi7 = sine[6];
+    constraints[41] = x62 * sin_psi7 - x61 * cos_psi7;
+    constraints[303] = u7_x * sin_psi7 - cos_psi7 * (u6_z * u7_y - u6_y * u7_z);
+    constraints[304] = u7_y * sin_psi7 - cos_psi7 * (u6_x * u7_z - u6_z * u7_x);
+    constraints[305] = u7_z * sin_psi7 - cos_psi7 * (u6_y * u7_x - u6_x * u7_y);
+    constraints[306] = -(x55 * cos_psi7);
+    constraints[307] = -(x57 * cos_psi7);
+    constraints[308] = -(x59 * cos_psi7);
+    constraints[309] = u5_x * sin_psi7 - cos_psi7 * x3;
+    constraints[310] = u5_y * sin_psi7 - cos_psi7 * x4;
+    constraints[311] = u5_z * sin_psi7 - cos_psi7 * x5;
+    constraints[312] = x61 * sin_psi7 + cos_psi7 * x62;
+    const ncgen_real x63 = u5_y * du7_z + u7_z * du5_y - u5_z * du7_y - u7_y * du5_z;
+    const ncgen_real x64 = u5_x * du7_y + u7_y * du5_x - u5_y * du7_x - u7_x * du5_y;
+    const ncgen_real x65 = u5_x * du7_z + u7_z * du5_x - u5_z * du7_x - u7_x * du5_z;
+    const ncgen_real x66 = u6_x * x63 + u6_z * x64 + x55 * du6_x + x59 * du6_z - u6_y * x65;
+    const ncgen_real dpsi7 = qd[48];
+    const ncgen_real x67 = R(2.0) * dpsi7;
+    const ncgen_real x68 = dpsi7 * dpsi7;
+    const ncgen_real x69 = x62 * x68 - R(2.0) * (du5_x * du7_x + du5_y * du7_y + du5_z * du7_z);
+    const ncgen_real x70 = u6_x * (du5_y * du7_z - du5_z * du7_y) + u6_z * (du5_x * du7_y - du5_y * du7_x);
+    const ncgen_real x71 = du6_x * x63 + x70 + du6_z * x64 - u6_y * (du5_x * du7_z - du5_z * du7_x);
+    const ncgen_real x72 = u5_x * du7_x + u5_y * du7_y + u5_z * du7_z + u7_x * du5_x;
+    const ncgen_real x73 = R(2.0) * (x71 - du6_y * x65) - x67 * (x72 + u7_y * du5_y + u7_z * du5_z);
+    const ncgen_real x74 = sin_psi7 * (x69 - (x66 + x57 * du6_y) * x67) + cos_psi7 * (x73 - x68 * (x58 + (x56 + x60)));
+    constraints[354] = x74;
+}
+
 /* constraints: 1373 operations, 14 of them elementary functions */
 int arm_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
+    ncgen_real kept[20];
     ncgen_real sine[7], cosine[7];
     (void)t;
     (void)p;
 
     ncgen_sincos(7, q + 42, sine, cosine);
 
-    {
-        /* row 1: 1000 distance r0-r1 (body link1): |a|^2 - L^2 = 0 with a = r0-r1, L = 0.305164 */
-        const ncgen_real r1_x = q[0];
-        const ncgen_real r1_y = q[1];
-        const ncgen_real r1_z = q[2];
-        const ncgen_real x1 = R(1.638463841038081) * (r1_x * r1_x + r1_y * r1_y + r1_z * r1_z - R(0.093125));
-        constraints[0] = x1;
-        const ncgen_real x2 = R(3.276927682076162) * r1_x;
-        constraints[42] = x2;
-        const ncgen_real x3 = R(3.276927682076162) * r1_y;
-        constraints[43] = x3;
-        const ncgen_real x4 = R(3.276927682076162) * r1_z;
-        constraints[44] = x4;
-        const ncgen_real dr1_x = qd[0];
-        const ncgen_real dr1_y = qd[1];
-        const ncgen_real dr1_z = qd[2];
-        const ncgen_real x5 = R(3.276927682076162) * (dr1_x * dr1_x + dr1_y * dr1_y + dr1_z * dr1_z);
-        constraints[313] = -x5;
-        /* row 2: 1001 unit u1 (body link1): |u|^2 - 1 = 0 with u = u1 */
-        const ncgen_real u1_x = q[21];
-        const ncgen_real u1_y = q[22];
-        const ncgen_real u1_z = q[23];
-        const ncgen_real x6 = R(0.5) * (u1_x * u1_x + u1_y * u1_y + u1_z * u1_z - R(1.0));
-        constraints[1] = x6;
-        constraints[45] = u1_x;
-        constraints[46] = u1_y;
-        constraints[47] = u1_z;
-        const ncgen_real du1_x = qd[21];
-        const ncgen_real du1_y = qd[22];
-        const ncgen_real du1_z = qd[23];
-        constraints[314] = -(du1_x * du1_x + du1_y * du1_y + du1_z * du1_z);
-        /* row 3: 1002 angle u1, r1-r0 (body link1): u.a - L c = 0 with u = u1, a = r1-r0, L = 0.305164, c = 0.163846 */
-        const ncgen_real x7 = R(3.276927682076162) * (r1_x * u1_x + r1_y * u1_y + r1_z * u1_z - R(0.05));
-        constraints[2] = x7;
-        const ncgen_real x8 = R(3.276927682076162) * u1_x;
-        constraints[48] = x8;
-        const ncgen_real x9 = R(3.276927682076162) * u1_y;
-        constraints[49] = x9;
-        const ncgen_real x10 = R(3.276927682076162) * u1_z;
-        constraints[50] = x10;
-        constraints[51] = x2;
-        constraints[52] = x3;
-        constraints[53] = x4;
-        const ncgen_real x11 = R(6.553855364152324) * (dr1_x * du1_x + dr1_y * du1_y + dr1_z * du1_z);
-        constraints[315] = -x11;
-        /* row 4: 1002 angle u0, r1-r0 (body link1): u.a - L c = 0 with u = u0, a = r1-r0, L = 0.305164, c = 0.983078 */
-        constraints[3] = R(3.276927682076162) * (r1_z - R(0.3));
-        constraints[54] = NCGEN_SPLAT(R(3.276927682076162));
-        constraints[316] = NCGEN_SPLAT(R(0.0));
-        /* row 5: 1003 angle u0, u1 (body link1): u.v - c = 0 with u = u0, v = u1, c = 0 */
-        constraints[4] = u1_z;
-        constraints[55] = NCGEN_SPLAT(R(1.0));
-        constraints[317] = NCGEN_SPLAT(R(0.0));
-        /* row 6: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = y, b = u1, n = u0, psi = psi1, ln = 1 */
-        const ncgen_real sin_psi1 = sine[0];
-        const ncgen_real cos_psi1 = cosine[0];
-        constraints[5] = u1_y * sin_psi1 + u1_x * cos_psi1;
-        constraints[56] = cos_psi1;
-        constraints[57] = sin_psi1;
-        constraints[58] = u1_y * cos_psi1 - u1_x * sin_psi1;
-        const ncgen_real dpsi1 = qd[42];
-        const ncgen_real x12 = dpsi1 * dpsi1;
-        const ncgen_real x13 = R(2.0) * dpsi1;
-        const ncgen_real x14 = sin_psi1 * (u1_y * x12 + du1_x * x13) + cos_psi1 * (u1_x * x12 - du1_y * x13);
-        constraints[318] = x14;
-        /* row 7: 1000 distance r1-r2 (body link2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.305164 */
-        const ncgen_real r2_x = q[3];
-        const ncgen_real x15 = r1_x - r2_x;
-        const ncgen_real r2_y = q[4];
-        const ncgen_real x16 = r1_y - r2_y;
-        const ncgen_real r2_z = q[5];
-        const ncgen_real x17 = r1_z - r2_z;
-        const ncgen_real x18 = R(1.638463841038081) * (x15 * x15 + x16 * x16 + x17 * x17 - R(0.093125));
-        constraints[6] = x18;
-        const ncgen_real x19 = R(3.276927682076162) * x15;
-        constraints[59] = x19;
-        const ncgen_real x20 = R(3.276927682076162) * x16;
-        constraints[60] = x20;
-        const ncgen_real x21 = R(3.276927682076162) * x17;
-        constraints[61] = x21;
-        const ncgen_real x22 = -x19;
-        constraints[62] = x22;
-        const ncgen_real x23 = -x20;
-        constraints[63] = x23;
-        const ncgen_real x24 = -x21;
-        constraints[64] = x24;
-        const ncgen_real dr2_x = qd[3];
-        const ncgen_real x25 = dr1_x - dr2_x;
-        const ncgen_real dr2_y = qd[4];
-        const ncgen_real x26 = dr1_y - dr2_y;
-        const ncgen_real dr2_z = qd[5];
-        const ncgen_real x27 = dr1_z - dr2_z;
-        const ncgen_real x28 = R(3.276927682076162) * (x25 * x25 + x26 * x26 + x27 * x27);
-        constraints[319] = -x28;
-        /* row 8: 1002 angle u1, r2-r1 (body link2): u.a - L c = 0 with u = u1, a = r2-r1, L = 0.305164, c = -0.163846 */
-        const ncgen_real x29 = R(3.276927682076162) * (R(0.05) - (u1_x * x15 + u1_y * x16 + u1_z * x17));
-        constraints[7] = x29;
-        constraints[65] = -x8;
-        constraints[66] = -x9;
-        constraints[67] = -x10;
-        constraints[68] = x8;
-        constraints[69] = x9;
-        constraints[70] = x10;
-        constraints[71] = x22;
-        constraints[72] = x23;
-        constraints[73] = x24;
-        const ncgen_real x30 = R(6.553855364152324) * (du1_x * x25 + du1_y * x26 + du1_z * x27);
-        constraints[320] = x30;
-        /* row 9: 1001 unit u2 (body link2): |u|^2 - 1 = 0 with u = u2 */
-        const ncgen_real u2_x = q[24];
-        const ncgen_real u2_y = q[25];
-        const ncgen_real u2_z = q[26];
-        const ncgen_real x31 = R(0.5) * (u2_x * u2_x + u2_y * u2_y + u2_z * u2_z - R(1.0));
-        constraints[8] = x31;
-        constraints[74] = u2_x;
-        constraints[75] = u2_y;
-        constraints[76] = u2_z;
-        const ncgen_real du2_x = qd[24];
-        const ncgen_real du2_y = qd[25];
-        const ncgen_real du2_z = qd[26];
-        constraints[321] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z);
-        /* row 10: 1002 angle u2, r2-r1 (body link2): u.a - L c = 0 with u = u2, a = r2-r1, L = 0.305164, c = 0.978628 */
-        const ncgen_real x32 = x15 * u2_x + x16 * u2_y + x17 * u2_z + R(0.2986420724905857);
-        constraints[9] = -(R(3.276927682076162) * x32);
-        const ncgen_real x33 = R(3.276927682076162) * u2_x;
-        const ncgen_real x34 = -x33;
-        constraints[77] = x34;
-        const ncgen_real x35 = R(3.276927682076162) * u2_y;
-        const ncgen_real x36 = -x35;
-        constraints[78] = x36;
-        const ncgen_real x37 = R(3.276927682076162) * u2_z;
-        const ncgen_real x38 = -x37;
-        constraints[79] = x38;
-        constraints[80] = x33;
-        constraints[81] = x35;
-        constraints[82] = x37;
-        constraints[83] = x22;
-        constraints[84] = x23;
-        constraints[85] = x24;
-        const ncgen_real x39 = R(6.553855364152324) * (x25 * du2_x + x26 * du2_y + x27 * du2_z);
-        constraints[322] = x39;
-        /* row 11: 1003 angle u2, u1 (body link2): u.v - c = 0 with u = u2, v = u1, c = 0 */
-        constraints[10] = u1_x * u2_x + u1_y * u2_y + u1_z * u2_z;
-        constraints[86] = u2_x;
-        constraints[87] = u2_y;
-        constraints[88] = u2_z;
-        constraints[89] = u1_x;
-        constraints[90] = u1_y;
-        constraints[91] = u1_z;
-        const ncgen_real x40 = -(R(2.0) * (du1_x * du2_x + du1_y * du2_y + du1_z * du2_z));
-        constraints[323] = x40;
-        /* row 12: 1012 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u0, b = u2, n = u1, psi = psi2, ln = 1 */
-        const ncgen_real x41 = u1_y * u2_x - u1_x * u2_y;
-        const ncgen_real cos_psi2 = cosine[1];
-        const ncgen_real sin_psi2 = sine[1];
-        constraints[11] = u2_z * sin_psi2 - x41 * cos_psi2;
-        constraints[92] = u2_y * cos_psi2;
-        constraints[93] = -(u2_x * cos_psi2);
-        constraints[94] = -(u1_y * cos_psi2);
-        constraints[95] = u1_x * cos_psi2;
-        constraints[96] = sin_psi2;
-        constraints[97] = x41 * sin_psi2 + u2_z * cos_psi2;
-        const ncgen_real x42 = u1_y * du2_x - (u1_x * du2_y + u2_y * du1_x) + u2_x * du1_y;
-        const ncgen_real dpsi2 = qd[43];
-        const ncgen_real x43 = R(2.0) * dpsi2;
-        const ncgen_real x44 = dpsi2 * dpsi2;
-        const ncgen_real x45 = R(2.0) * (du1_y * du2_x - du1_x * du2_y) - du2_z * x43 - x41 * x44;
-        constraints[324] = sin_psi2 * (u2_z * x44 - x42 * x43) + cos_psi2 * x45;
-        /* row 13: 1000 distance r2-r3 (body link3): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.305164 */
-        const ncgen_real r3_x = q[6];
-        const ncgen_real x46 = r2_x - r3_x;
-        const ncgen_real r3_y = q[7];
-        const ncgen_real x47 = r2_y - r3_y;
-        const ncgen_real r3_z = q[8];
-        const ncgen_real x48 = r2_z - r3_z;
-        const ncgen_real x49 = R(1.638463841038081) * (x46 * x46 + x47 * x47 + x48 * x48 - R(0.093125));
-        constraints[12] = x49;
-        const ncgen_real x50 = R(3.276927682076162) * x46;
-        constraints[98] = x50;
-        const ncgen_real x51 = R(3.276927682076162) * x47;
-        constraints[99] = x51;
-        const ncgen_real x52 = R(3.276927682076162) * x48;
-        constraints[100] = x52;
-        const ncgen_real x53 = -x50;
-        constraints[101] = x53;
-        const ncgen_real x54 = -x51;
-        constraints[102] = x54;
-        const ncgen_real x55 = -x52;
-        constraints[103] = x55;
-        const ncgen_real dr3_x = qd[6];
-        const ncgen_real x56 = dr2_x - dr3_x;
-        const ncgen_real dr3_y = qd[7];
-        const ncgen_real x57 = dr2_y - dr3_y;
-        const ncgen_real dr3_z = qd[8];
-        const ncgen_real x58 = dr2_z - dr3_z;
-        const ncgen_real x59 = R(3.276927682076162) * (x56 * x56 + x57 * x57 + x58 * x58);
-        constraints[325] = -x59;
-        /* row 14: 1001 unit u3 (body link3): |u|^2 - 1 = 0 with u = u3 */
-        const ncgen_real u3_x = q[27];
-        const ncgen_real u3_y = q[28];
-        const ncgen_real u3_z = q[29];
-        const ncgen_real x60 = R(0.5) * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - R(1.0));
-        constraints[13] = x60;
-        constraints[104] = u3_x;
-        constraints[105] = u3_y;
-        constraints[106] = u3_z;
-        const ncgen_real du3_x = qd[27];
-        const ncgen_real du3_y = qd[28];
-        const ncgen_real du3_z = qd[29];
-        constraints[326] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
-        /* row 15: 1002 angle u3, r3-r2 (body link3): u.a - L c = 0 with u = u3, a = r3-r2, L = 0.305164, c = 0.163846 */
-        const ncgen_real x61 = R(3.276927682076162) * (R(0.05) + (x46 * u3_x + x47 * u3_y + x48 * u3_z));
-        constraints[14] = -x61;
-        const ncgen_real x62 = R(3.276927682076162) * u3_x;
-        constraints[107] = -x62;
-        const ncgen_real x63 = R(3.276927682076162) * u3_y;
-        constraints[108] = -x63;
-        const ncgen_real x64 = R(3.276927682076162) * u3_z;
-        constraints[109] = -x64;
-        constraints[110] = x62;
-        constraints[111] = x63;
-        constraints[112] = x64;
-        constraints[113] = x53;
-        constraints[114] = x54;
-        constraints[115] = x55;
-        const ncgen_real x65 = R(6.553855364152324) * (x56 * du3_x + x57 * du3_y + x58 * du3_z);
-        constraints[327] = x65;
-        /* row 16: 1002 angle u2, r3-r2 (body link3): u.a - L c = 0 with u = u2, a = r3-r2, L = 0.305164, c = 0.983078 */
-        const ncgen_real x66 = u2_x * x46 + u2_y * x47 + u2_z * x48 + R(0.30000000000000004);
-        constraints[15] = -(R(3.276927682076162) * x66);
-        constraints[116] = x34;
-        constraints[117] = x36;
-        constraints[118] = x38;
-        constraints[119] = x33;
-        constraints[120] = x35;
-        constraints[121] = x37;
-        constraints[122] = x53;
-        constraints[123] = x54;
-        constraints[124] = x55;
-        const ncgen_real x67 = R(6.553855364152324) * (du2_x * x56 + du2_y * x57 + du2_z * x58);
-        constraints[328] = x67;
-        /* row 17: 1003 angle u2, u3 (body link3): u.v - c = 0 with u = u2, v = u3, c = 0 */
-        constraints[16] = u2_x * u3_x + u2_y * u3_y + u2_z * u3_z;
-        constraints[125] = u3_x;
-        constraints[126] = u3_y;
-        constraints[127] = u3_z;
-        constraints[128] = u2_x;
-        constraints[129] = u2_y;
-        constraints[130] = u2_z;
-        const ncgen_real x68 = -(R(2.0) * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z));
-        constraints[329] = x68;
-        /* row 18: 1012 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = u3, n = u2, psi = psi3, ln = 1 */
-        const ncgen_real x69 = u1_y * u3_z - u1_z * u3_y;
-        const ncgen_real x70 = u2_x * x69;
-        const ncgen_real x71 = u1_z * u3_x - u1_x * u3_z;
-        const ncgen_real x72 = u2_y * x71;
-        const ncgen_real x73 = u1_x * u3_y - u1_y * u3_x;
-        const ncgen_real x74 = u2_z * x73;
-        const ncgen_real x75 = x70 + x72 + x74;
-        const ncgen_real cos_psi3 = cosine[2];
-        const ncgen_real x76 = u1_x * u3_x + u1_y * u3_y + u1_z * u3_z;
-        const ncgen_real sin_psi3 = sine[2];
-        constraints[17] = x76 * sin_psi3 - x75 * cos_psi3;
-        const ncgen_real x77 = u2_z * u3_y - u2_y * u3_z;
-        constraints[131] = u3_x * sin_psi3 - cos_psi3 * x77;
-        const ncgen_real x78 = u2_x * u3_z - u2_z * u3_x;
-        constraints[132] = u3_y * sin_psi3 - cos_psi3 * x78;
-        const ncgen_real x79 = u2_y * u3_x - u2_x * u3_y;
-        constraints[133] = u3_z * sin_psi3 - cos_psi3 * x79;
-        constraints[134] = -(x69 * cos_psi3);
-        constraints[135] = -(x71 * cos_psi3);
-        constraints[136] = -(x73 * cos_psi3);
-        constraints[137] = u1_x * sin_psi3 - cos_psi3 * (u1_z * u2_y - u1_y * u2_z);
-        constraints[138] = u1_y * sin_psi3 - cos_psi3 * (u1_x * u2_z - u1_z * u2_x);
-        constraints[139] = u1_z * sin_psi3 - x41 * cos_psi3;
-        constraints[140] = x75 * sin_psi3 + cos_psi3 * x76;
-        const ncgen_real x80 = u1_y * du3_z + u3_z * du1_y - u1_z * du3_y - u3_y * du1_z;
-        const ncgen_real x81 = u1_x * du3_y + u3_y * du1_x - u1_y * du3_x - u3_x * du1_y;
-        const ncgen_real x82 = u1_x * du3_z + u3_z * du1_x - u1_z * du3_x - u3_x * du1_z;
-        const ncgen_real x83 = u2_x * x80 + u2_z * x81 + x69 * du2_x + x73 * du2_z - u2_y * x82;
-        const ncgen_real dpsi3 = qd[44];
-        const ncgen_real x84 = R(2.0) * dpsi3;
-        const ncgen_real x85 = dpsi3 * dpsi3;
-        const ncgen_real x86 = x76 * x85 - R(2.0) * (du1_x * du3_x + du1_y * du3_y + du1_z * du3_z);
-        const ncgen_real x87 = u2_x * (du1_y * du3_z - du1_z * du3_y) + u2_z * (du1_x * du3_y - du1_y * du3_x);
-        const ncgen_real x88 = du2_x * x80 + x87 + du2_z * x81 - u2_y * (du1_x * du3_z - du1_z * du3_x);
-        const ncgen_real x89 = u1_x * du3_x + u1_y * du3_y + u1_z * du3_z + u3_x * du1_x;
-        const ncgen_real x90 = R(2.0) * (x88 - du2_y * x82) - x84 * (x89 + u3_y * du1_y + u3_z * du1_z);
-        const ncgen_real x91 = sin_psi3 * (x86 - (x83 + x71 * du2_y) * x84) + cos_psi3 * (x90 - x85 * (x72 + (x70 + x74)));
-        constraints[330] = x91;
-        /* row 19: 1000 distance r3-r4 (body link4): |a|^2 - L^2 = 0 with a = r3-r4, L = 0.305164 */
-        const ncgen_real r4_x = q[9];
-        const ncgen_real x92 = r3_x - r4_x;
-        const ncgen_real r4_y = q[10];
-        const ncgen_real x93 = r3_y - r4_y;
-        const ncgen_real r4_z = q[11];
-        const ncgen_real x94 = r3_z - r4_z;
-        const ncgen_real x95 = x92 * x92 + x93 * x93 + x94 * x94 - R(0.09312499999999997);
-        constraints[18] = R(1.6384638410380812) * x95;
-        const ncgen_real x96 = R(3.2769276820761624) * x92;
-        constraints[141] = x96;
-        const ncgen_real x97 = R(3.2769276820761624) * x93;
-        constraints[142] = x97;
-        const ncgen_real x98 = R(3.2769276820761624) * x94;
-        constraints[143] = x98;
-        const ncgen_real x99 = -x96;
-        constraints[144] = x99;
-        const ncgen_real x100 = -x97;
-        constraints[145] = x100;
-        const ncgen_real x101 = -x98;
-        constraints[146] = x101;
-        const ncgen_real dr4_x = qd[9];
-        const ncgen_real x102 = dr3_x - dr4_x;
-        const ncgen_real dr4_y = qd[10];
-        const ncgen_real x103 = dr3_y - dr4_y;
-        const ncgen_real dr4_z = qd[11];
-        const ncgen_real x104 = dr3_z - dr4_z;
-        const ncgen_real x105 = R(3.2769276820761624) * (x102 * x102 + x103 * x103 + x104 * x104);
-        constraints[331] = -x105;
-        /* row 20: 1002 angle u3, r4-r3 (body link4): u.a - L c = 0 with u = u3, a = r4-r3, L = 0.305164, c = -0.163846 */
-        const ncgen_real x106 = R(3.2769276820761624) * (R(0.05) - (u3_x * x92 + u3_y * x93 + u3_z * x94));
-        constraints[19] = x106;
-        const ncgen_real x107 = R(3.2769276820761624) * u3_x;
-        constraints[147] = -x107;
-        const ncgen_real x108 = R(3.2769276820761624) * u3_y;
-        constraints[148] = -x108;
-        const ncgen_real x109 = R(3.2769276820761624) * u3_z;
-        constraints[149] = -x109;
-        constraints[150] = x107;
-        constraints[151] = x108;
-        constraints[152] = x109;
-        constraints[153] = x99;
-        constraints[154] = x100;
-        constraints[155] = x101;
-        const ncgen_real x110 = R(6.553855364152325) * (du3_x * x102 + du3_y * x103 + du3_z * x104);
-        constraints[332] = x110;
-        /* row 21: 1001 unit u4 (body link4): |u|^2 - 1 = 0 with u = u4 */
-        const ncgen_real u4_x = q[30];
-        const ncgen_real u4_y = q[31];
-        const ncgen_real u4_z = q[32];
-        const ncgen_real x111 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
-        constraints[20] = x111;
-        constraints[156] = u4_x;
-        constraints[157] = u4_y;
-        constraints[158] = u4_z;
-        const ncgen_real du4_x = qd[30];
-        const ncgen_real du4_y = qd[31];
-        const ncgen_real du4_z = qd[32];
-        constraints[333] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
-        /* row 22: 1002 angle u4, r4-r3 (body link4): u.a - L c = 0 with u = u4, a = r4-r3, L = 0.305164, c = 0.978628 */
-        const ncgen_real x112 = x92 * u4_x + x93 * u4_y + x94 * u4_z + R(0.29864207249058566);
-        constraints[21] = -(R(3.2769276820761624) * x112);
-        const ncgen_real x113 = R(3.2769276820761624) * u4_x;
-        constraints[159] = -x113;
-        const ncgen_real x114 = R(3.2769276820761624) * u4_y;
-        constraints[160] = -x114;
-        const ncgen_real x115 = R(3.2769276820761624) * u4_z;
-        constraints[161] = -x115;
-        constraints[162] = x113;
-        constraints[163] = x114;
-        constraints[164] = x115;
-        constraints[165] = x99;
-        constraints[166] = x100;
-        constraints[167] = x101;
-        const ncgen_real x116 = R(6.553855364152325) * (x102 * du4_x + x103 * du4_y + x104 * du4_z);
-        constraints[334] = x116;
-        /* row 23: 1003 angle u4, u3 (body link4): u.v - c = 0 with u = u4, v = u3, c = 0 */
-        constraints[22] = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z;
-        constraints[168] = u4_x;
-        constraints[169] = u4_y;
-        constraints[170] = u4_z;
-        constraints[171] = u3_x;
-        constraints[172] = u3_y;
-        constraints[173] = u3_z;
-        const ncgen_real x117 = -(R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
-        constraints[335] = x117;
-        /* row 24: 1012 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u4, n = u3, psi = psi4, ln = 1 */
-        const ncgen_real x118 = u2_y * u4_z - u2_z * u4_y;
-        const ncgen_real x119 = u3_x * x118;
-        const ncgen_real x120 = u2_z * u4_x - u2_x * u4_z;
-        const ncgen_real x121 = u3_y * x120;
-        const ncgen_real x122 = u2_x * u4_y - u2_y * u4_x;
-        const ncgen_real x123 = u3_z * x122;
-        const ncgen_real x124 = x119 + x121 + x123;
-        const ncgen_real cos_psi4 = cosine[3];
-        const ncgen_real x125 = u2_x * u4_x + u2_y * u4_y + u2_z * u4_z;
-        const ncgen_real sin_psi4 = sine[3];
-        constraints[23] = x125 * sin_psi4 - x124 * cos_psi4;
-        const ncgen_real x126 = u3_z * u4_y - u3_y * u4_z;
-        constraints[174] = u4_x * sin_psi4 - cos_psi4 * x126;
-        const ncgen_real x127 = u3_x * u4_z - u3_z * u4_x;
-        constraints[175] = u4_y * sin_psi4 - cos_psi4 * x127;
-        const ncgen_real x128 = u3_y * u4_x - u3_x * u4_y;
-        constraints[176] = u4_z * sin_psi4 - cos_psi4 * x128;
-        constraints[177] = -(x118 * cos_psi4);
-        constraints[178] = -(x120 * cos_psi4);
-        constraints[179] = -(x122 * cos_psi4);
-        constraints[180] = u2_x * sin_psi4 - cos_psi4 * x77;
-        constraints[181] = u2_y * sin_psi4 - cos_psi4 * x78;
-        constraints[182] = u2_z * sin_psi4 - cos_psi4 * x79;
-        constraints[183] = x124 * sin_psi4 + cos_psi4 * x125;
-        const ncgen_real x129 = u2_y * du4_z + u4_z * du2_y - u2_z * du4_y - u4_y * du2_z;
-        const ncgen_real x130 = u2_x * du4_y + u4_y * du2_x - u2_y * du4_x - u4_x * du2_y;
-        const ncgen_real x131 = u2_x * du4_z + u4_z * du2_x - u2_z * du4_x - u4_x * du2_z;
-        const ncgen_real x132 = u3_x * x129 + u3_z * x130 + x118 * du3_x + x122 * du3_z - u3_y * x131;
-        const ncgen_real dpsi4 = qd[45];
-        const ncgen_real x133 = R(2.0) * dpsi4;
-        const ncgen_real x134 = dpsi4 * dpsi4;
-        const ncgen_real x135 = x125 * x134 - R(2.0) * (du2_x * du4_x + du2_y * du4_y + du2_z * du4_z);
-        const ncgen_real x136 = u3_x * (du2_y * du4_z - du2_z * du4_y) + u3_z * (du2_x * du4_y - du2_y * du4_x);
-        const ncgen_real x137 = du3_x * x129 + x136 + du3_z * x130 - u3_y * (du2_x * du4_z - du2_z * du4_x);
-        const ncgen_real x138 = u2_x * du4_x + u2_y * du4_y + u2_z * du4_z + u4_x * du2_x;
-        const ncgen_real x139 = R(2.0) * (x137 - du3_y * x131) - x133 * (x138 + u4_y * du2_y + u4_z * du2_z);
-        const ncgen_real x140 = sin_psi4 * (x135 - (x132 + x120 * du3_y) * x133) + cos_psi4 * (x139 - x134 * (x121 + (x119 + x123)));
-        constraints[336] = x140;
-        /* row 25: 1000 distance r4-r5 (body link5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.305164 */
-        const ncgen_real r5_x = q[12];
-        const ncgen_real x141 = r4_x - r5_x;
-        const ncgen_real r5_y = q[13];
-        const ncgen_real x142 = r4_y - r5_y;
-        const ncgen_real r5_z = q[14];
-        const ncgen_real x143 = r4_z - r5_z;
-        const ncgen_real x144 = x141 * x141 + x142 * x142 + x143 * x143 - R(0.09312500000000003);
-        constraints[24] = R(1.6384638410380807) * x144;
-        const ncgen_real x145 = R(3.2769276820761615) * x141;
-        constraints[184] = x145;
-        const ncgen_real x146 = R(3.2769276820761615) * x142;
-        constraints[185] = x146;
-        const ncgen_real x147 = R(3.2769276820761615) * x143;
-        constraints[186] = x147;
-        const ncgen_real x148 = -x145;
-        constraints[187] = x148;
-        const ncgen_real x149 = -x146;
-        constraints[188] = x149;
-        const ncgen_real x150 = -x147;
-        constraints[189] = x150;
-        const ncgen_real dr5_x = qd[12];
-        const ncgen_real x151 = dr4_x - dr5_x;
-        const ncgen_real dr5_y = qd[13];
-        const ncgen_real x152 = dr4_y - dr5_y;
-        const ncgen_real dr5_z = qd[14];
-        const ncgen_real x153 = dr4_z - dr5_z;
-        const ncgen_real x154 = R(3.2769276820761615) * (x151 * x151 + x152 * x152 + x153 * x153);
-        constraints[337] = -x154;
-        /* row 26: 1001 unit u5 (body link5): |u|^2 - 1 = 0 with u = u5 */
-        const ncgen_real u5_x = q[33];
-        const ncgen_real u5_y = q[34];
-        const ncgen_real u5_z = q[35];
-        const ncgen_real x155 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
-        constraints[25] = x155;
-        constraints[190] = u5_x;
-        constraints[191] = u5_y;
-        constraints[192] = u5_z;
-        const ncgen_real du5_x = qd[33];
-        const ncgen_real du5_y = qd[34];
-        const ncgen_real du5_z = qd[35];
-        constraints[338] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
-        /* row 27: 1002 angle u5, r5-r4 (body link5): u.a - L c = 0 with u = u5, a = r5-r4, L = 0.305164, c = 0.163846 */
-        const ncgen_real x156 = x141 * u5_x + x142 * u5_y + x143 * u5_z + R(0.05000000000000001);
-        constraints[26] = -(R(3.2769276820761615) * x156);
-        const ncgen_real x157 = R(3.2769276820761615) * u5_x;
-        constraints[193] = -x157;
-        const ncgen_real x158 = R(3.2769276820761615) * u5_y;
-        constraints[194] = -x158;
-        const ncgen_real x159 = R(3.2769276820761615) * u5_z;
-        constraints[195] = -x159;
-        constraints[196] = x157;
-        constraints[197] = x158;
-        constraints[198] = x159;
-        constraints[199] = x148;
-        constraints[200] = x149;
-        constraints[201] = x150;
-        const ncgen_real x160 = R(6.553855364152323) * (x151 * du5_x + x152 * du5_y + x153 * du5_z);
-        constraints[339] = x160;
-        /* row 28: 1002 angle u4, r5-r4 (body link5): u.a - L c = 0 with u = u4, a = r5-r4, L = 0.305164, c = 0.983078 */
-        const ncgen_real x161 = R(0.30000000000000004) + (u4_x * x141 + u4_y * x142 + u4_z * x143);
-        constraints[27] = -(R(3.2769276820761615) * x161);
-        const ncgen_real x162 = R(3.2769276820761615) * u4_x;
-        constraints[202] = -x162;
-        const ncgen_real x163 = R(3.2769276820761615) * u4_y;
-        constraints[203] = -x163;
-        const ncgen_real x164 = R(3.2769276820761615) * u4_z;
-        constraints[204] = -x164;
-        constraints[205] = x162;
-        constraints[206] = x163;
-        constraints[207] = x164;
-        constraints[208] = x148;
-        constraints[209] = x149;
-        constraints[210] = x150;
-        const ncgen_real x165 = R(6.553855364152323) * (du4_x * x151 + du4_y * x152 + du4_z * x153);
-        constraints[340] = x165;
-        /* row 29: 1003 angle u4, u5 (body link5): u.v - c = 0 with u = u4, v = u5, c = 0 */
-        constraints[28] = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z;
-        constraints[211] = u5_x;
-        constraints[212] = u5_y;
-        constraints[213] = u5_z;
-        constraints[214] = u4_x;
-        constraints[215] = u4_y;
-        constraints[216] = u4_z;
-        const ncgen_real x166 = -(R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
-        constraints[341] = x166;
-        /* row 30: 1012 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u5, n = u4, psi = psi5, ln = 1 */
-        const ncgen_real x167 = u3_y * u5_z - u3_z * u5_y;
-        const ncgen_real x168 = u4_x * x167;
-        const ncgen_real x169 = u3_z * u5_x - u3_x * u5_z;
-        const ncgen_real x170 = u4_y * x169;
-        const ncgen_real x171 = u3_x * u5_y - u3_y * u5_x;
-        const ncgen_real x172 = u4_z * x171;
-        const ncgen_real x173 = x168 + x170 + x172;
-        const ncgen_real cos_psi5 = cosine[4];
-        const ncgen_real x174 = u3_x * u5_x + u3_y * u5_y + u3_z * u5_z;
-        const ncgen_real sin_psi5 = sine[4];
-        constraints[29] = x174 * sin_psi5 - x173 * cos_psi5;
-        const ncgen_real x175 = u4_z * u5_y - u4_y * u5_z;
-        constraints[217] = u5_x * sin_psi5 - cos_psi5 * x175;
-        const ncgen_real x176 = u4_x * u5_z - u4_z * u5_x;
-        constraints[218] = u5_y * sin_psi5 - cos_psi5 * x176;
-        const ncgen_real x177 = u4_y * u5_x - u4_x * u5_y;
-        constraints[219] = u5_z * sin_psi5 - cos_psi5 * x177;
-        constraints[220] = -(x167 * cos_psi5);
-        constraints[221] = -(x169 * cos_psi5);
-        constraints[222] = -(x171 * cos_psi5);
-        constraints[223] = u3_x * sin_psi5 - cos_psi5 * x126;
-        constraints[224] = u3_y * sin_psi5 - cos_psi5 * x127;
-        constraints[225] = u3_z * sin_psi5 - cos_psi5 * x128;
-        constraints[226] = x173 * sin_psi5 + cos_psi5 * x174;
-        const ncgen_real x178 = u3_y * du5_z + u5_z * du3_y - u3_z * du5_y - u5_y * du3_z;
-        const ncgen_real x179 = u3_x * du5_y + u5_y * du3_x - u3_y * du5_x - u5_x * du3_y;
-        const ncgen_real x180 = u3_x * du5_z + u5_z * du3_x - u3_z * du5_x - u5_x * du3_z;
-        const ncgen_real x181 = u4_x * x178 + u4_z * x179 + x167 * du4_x + x171 * du4_z - u4_y * x180;
-        const ncgen_real dpsi5 = qd[46];
-        const ncgen_real x182 = R(2.0) * dpsi5;
-        const ncgen_real x183 = dpsi5 * dpsi5;
-        const ncgen_real x184 = x174 * x183 - R(2.0) * (du3_x * du5_x + du3_y * du5_y + du3_z * du5_z);
-        const ncgen_real x185 = u4_x * (du3_y * du5_z - du3_z * du5_y) + u4_z * (du3_x * du5_y - du3_y * du5_x);
-        const ncgen_real x186 = du4_x * x178 + x185 + du4_z * x179 - u4_y * (du3_x * du5_z - du3_z * du5_x);
-        const ncgen_real x187 = u3_x * du5_x + u3_y * du5_y + u3_z * du5_z + u5_x * du3_x;
-        const ncgen_real x188 = R(2.0) * (x186 - du4_y * x180) - x182 * (x187 + u5_y * du3_y + u5_z * du3_z);
-        const ncgen_real x189 = sin_psi5 * (x184 - (x181 + x169 * du4_y) * x182) + cos_psi5 * (x188 - x183 * (x170 + (x168 + x172)));
-        constraints[342] = x189;
-        /* row 31: 1000 distance r5-r6 (body link6): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.305164 */
-        const ncgen_real r6_x = q[15];
-        const ncgen_real x190 = r5_x - r6_x;
-        const ncgen_real r6_y = q[16];
-        const ncgen_real x191 = r5_y - r6_y;
-        const ncgen_real r6_z = q[17];
-        const ncgen_real x192 = r5_z - r6_z;
-        const ncgen_real x193 = x190 * x190 + x191 * x191 + x192 * x192 - R(0.09312500000000007);
-        constraints[30] = R(1.6384638410380803) * x193;
-        const ncgen_real x194 = R(3.2769276820761606) * x190;
-        constraints[227] = x194;
-        const ncgen_real x195 = R(3.2769276820761606) * x191;
-        constraints[228] = x195;
-        const ncgen_real x196 = R(3.2769276820761606) * x192;
-        constraints[229] = x196;
-        const ncgen_real x197 = -x194;
-        constraints[230] = x197;
-        const ncgen_real x198 = -x195;
-        constraints[231] = x198;
-        const ncgen_real x199 = -x196;
-        constraints[232] = x199;
-        const ncgen_real dr6_x = qd[15];
-        const ncgen_real x200 = dr5_x - dr6_x;
-        const ncgen_real dr6_y = qd[16];
-        const ncgen_real x201 = dr5_y - dr6_y;
-        const ncgen_real dr6_z = qd[17];
-        const ncgen_real x202 = dr5_z - dr6_z;
-        const ncgen_real x203 = R(3.2769276820761606) * (x200 * x200 + x201 * x201 + x202 * x202);
-        constraints[343] = -x203;
-        /* row 32: 1002 angle u5, r6-r5 (body link6): u.a - L c = 0 with u = u5, a = r6-r5, L = 0.305164, c = -0.163846 */
-        const ncgen_real x204 = R(0.049999999999999996) - (u5_x * x190 + u5_y * x191 + u5_z * x192);
-        constraints[31] = R(3.2769276820761606) * x204;
-        const ncgen_real x205 = R(3.2769276820761606) * u5_x;
-        constraints[233] = -x205;
-        const ncgen_real x206 = R(3.2769276820761606) * u5_y;
-        constraints[234] = -x206;
-        const ncgen_real x207 = R(3.2769276820761606) * u5_z;
-        constraints[235] = -x207;
-        constraints[236] = x205;
-        constraints[237] = x206;
-        constraints[238] = x207;
-        constraints[239] = x197;
-        constraints[240] = x198;
-        constraints[241] = x199;
-        const ncgen_real x208 = R(6.553855364152321) * (du5_x * x200 + du5_y * x201 + du5_z * x202);
-        constraints[344] = x208;
-        /* row 33: 1001 unit u6 (body link6): |u|^2 - 1 = 0 with u = u6 */
-        const ncgen_real u6_x = q[36];
-        const ncgen_real u6_y = q[37];
-        const ncgen_real u6_z = q[38];
-        const ncgen_real x209 = R(0.5) * (u6_x * u6_x + u6_y * u6_y + u6_z * u6_z - R(1.0));
-        constraints[32] = x209;
-        constraints[242] = u6_x;
-        constraints[243] = u6_y;
-        constraints[244] = u6_z;
-        const ncgen_real du6_x = qd[36];
-        const ncgen_real du6_y = qd[37];
-        const ncgen_real du6_z = qd[38];
-        constraints[345] = -(du6_x * du6_x + du6_y * du6_y + du6_z * du6_z);
-        /* row 34: 1002 angle u6, r6-r5 (body link6): u.a - L c = 0 with u = u6, a = r6-r5, L = 0.305164, c = 0.978628 */
-        const ncgen_real x210 = x190 * u6_x + x191 * u6_y + x192 * u6_z + R(0.29864207249058583);
-        constraints[33] = -(R(3.2769276820761606) * x210);
-        const ncgen_real x211 = R(3.2769276820761606) * u6_x;
-        constraints[245] = -x211;
-        const ncgen_real x212 = R(3.2769276820761606) * u6_y;
-        constraints[246] = -x212;
-        const ncgen_real x213 = R(3.2769276820761606) * u6_z;
-        constraints[247] = -x213;
-        constraints[248] = x211;
-        constraints[249] = x212;
-        constraints[250] = x213;
-        constraints[251] = x197;
-        constraints[252] = x198;
-        constraints[253] = x199;
-        const ncgen_real x214 = R(6.553855364152321) * (x200 * du6_x + x201 * du6_y + x202 * du6_z);
-        constraints[346] = x214;
-        /* row 35: 1003 angle u6, u5 (body link6): u.v - c = 0 with u = u6, v = u5, c = 0 */
-        constraints[34] = u5_x * u6_x + u5_y * u6_y + u5_z * u6_z;
-        constraints[254] = u6_x;
-        constraints[255] = u6_y;
-        constraints[256] = u6_z;
-        constraints[257] = u5_x;
-        constraints[258] = u5_y;
-        constraints[259] = u5_z;
-        const ncgen_real x215 = -(R(2.0) * (du5_x * du6_x + du5_y * du6_y + du5_z * du6_z));
-        constraints[347] = x215;
-        /* row 36: 1012 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u6, n = u5, psi = psi6, ln = 1 */
-        const ncgen_real x216 = u4_y * u6_z - u4_z * u6_y;
-        const ncgen_real x217 = u5_x * x216;
-        const ncgen_real x218 = u4_z * u6_x - u4_x * u6_z;
-        const ncgen_real x219 = u5_y * x218;
-        const ncgen_real x220 = u4_x * u6_y - u4_y * u6_x;
-        const ncgen_real x221 = u5_z * x220;
-        const ncgen_real x222 = x217 + x219 + x221;
-        const ncgen_real cos_psi6 = cosine[5];
-        const ncgen_real x223 = u4_x * u6_x + u4_y * u6_y + u4_z * u6_z;
-        const ncgen_real sin_psi6 = sine[5];
-        constraints[35] = x223 * sin_psi6 - x222 * cos_psi6;
-        const ncgen_real x224 = u5_z * u6_y - u5_y * u6_z;
-        constraints[260] = u6_x * sin_psi6 - cos_psi6 * x224;
-        const ncgen_real x225 = u5_x * u6_z - u5_z * u6_x;
-        constraints[261] = u6_y * sin_psi6 - cos_psi6 * x225;
-        const ncgen_real x226 = u5_y * u6_x - u5_x * u6_y;
-        constraints[262] = u6_z * sin_psi6 - cos_psi6 * x226;
-        constraints[263] = -(x216 * cos_psi6);
-        constraints[264] = -(x218 * cos_psi6);
-        constraints[265] = -(x220 * cos_psi6);
-        constraints[266] = u4_x * sin_psi6 - cos_psi6 * x175;
-        constraints[267] = u4_y * sin_psi6 - cos_psi6 * x176;
-        constraints[268] = u4_z * sin_psi6 - cos_psi6 * x177;
-        constraints[269] = x222 * sin_psi6 + cos_psi6 * x223;
-        const ncgen_real x227 = u4_y * du6_z + u6_z * du4_y - u4_z * du6_y - u6_y * du4_z;
-        const ncgen_real x228 = u4_x * du6_y + u6_y * du4_x - u4_y * du6_x - u6_x * du4_y;
-        const ncgen_real x229 = u4_x * du6_z + u6_z * du4_x - u4_z * du6_x - u6_x * du4_z;
-        const ncgen_real x230 = u5_x * x227 + u5_z * x228 + x216 * du5_x + x220 * du5_z - u5_y * x229;
-        const ncgen_real dpsi6 = qd[47];
-        const ncgen_real x231 = R(2.0) * dpsi6;
-        const ncgen_real x232 = dpsi6 * dpsi6;
-        const ncgen_real x233 = x223 * x232 - R(2.0) * (du4_x * du6_x + du4_y * du6_y + du4_z * du6_z);
-        const ncgen_real x234 = u5_x * (du4_y * du6_z - du4_z * du6_y) + u5_z * (du4_x * du6_y - du4_y * du6_x);
-        const ncgen_real x235 = du5_x * x227 + x234 + du5_z * x228 - u5_y * (du4_x * du6_z - du4_z * du6_x);
-        const ncgen_real x236 = u4_x * du6_x + u4_y * du6_y + u4_z * du6_z + u6_x * du4_x;
-        const ncgen_real x237 = R(2.0) * (x235 - du5_y * x229) - x231 * (x236 + u6_y * du4_y + u6_z * du4_z);
-        const ncgen_real x238 = sin_psi6 * (x233 - (x230 + x218 * du5_y) * x231) + cos_psi6 * (x237 - x232 * (x219 + (x217 + x221)));
-        constraints[348] = x238;
-        /* row 37: 1000 distance r6-r7 (body link7): |a|^2 - L^2 = 0 with a = r6-r7, L = 0.305164 */
-        const ncgen_real r7_x = q[18];
-        const ncgen_real x239 = r6_x - r7_x;
-        const ncgen_real r7_y = q[19];
-        const ncgen_real x240 = r6_y - r7_y;
-        const ncgen_real r7_z = q[20];
-        const ncgen_real x241 = r6_z - r7_z;
-        const ncgen_real x242 = x239 * x239 + x240 * x240 + x241 * x241 - R(0.09312500000000003);
-        constraints[36] = R(1.6384638410380807) * x242;
-        const ncgen_real x243 = R(3.2769276820761615) * x239;
-        constraints[270] = x243;
-        const ncgen_real x244 = R(3.2769276820761615) * x240;
-        constraints[271] = x244;
-        const ncgen_real x245 = R(3.2769276820761615) * x241;
-        constraints[272] = x245;
-        const ncgen_real x246 = -x243;
-        constraints[273] = x246;
-        const ncgen_real x247 = -x244;
-        constraints[274] = x247;
-        const ncgen_real x248 = -x245;
-        constraints[275] = x248;
-        const ncgen_real dr7_x = qd[18];
-        const ncgen_real x249 = dr6_x - dr7_x;
-        const ncgen_real dr7_y = qd[19];
-        const ncgen_real x250 = dr6_y - dr7_y;
-        const ncgen_real dr7_z = qd[20];
-        const ncgen_real x251 = dr6_z - dr7_z;
-        const ncgen_real x252 = R(3.2769276820761615) * (x249 * x249 + x250 * x250 + x251 * x251);
-        constraints[349] = -x252;
-        /* row 38: 1001 unit u7 (body link7): |u|^2 - 1 = 0 with u = u7 */
-        const ncgen_real u7_x = q[39];
-        const ncgen_real u7_y = q[40];
-        const ncgen_real u7_z = q[41];
-        const ncgen_real x253 = R(0.5) * (u7_x * u7_x + u7_y * u7_y + u7_z * u7_z - R(1.0));
-        constraints[37] = x253;
-        constraints[276] = u7_x;
-        constraints[277] = u7_y;
-        constraints[278] = u7_z;
-        const ncgen_real du7_x = qd[39];
-        const ncgen_real du7_y = qd[40];
-        const ncgen_real du7_z = qd[41];
-        constraints[350] = -(du7_x * du7_x + du7_y * du7_y + du7_z * du7_z);
-        /* row 39: 1002 angle u7, r7-r6 (body link7): u.a - L c = 0 with u = u7, a = r7-r6, L = 0.305164, c = 0.163846 */
-        const ncgen_real x254 = R(0.05000000000000001) + (x239 * u7_x + x240 * u7_y + x241 * u7_z);
-        constraints[38] = -(R(3.2769276820761615) * x254);
-        const ncgen_real x255 = R(3.2769276820761615) * u7_x;
-        constraints[279] = -x255;
-        const ncgen_real x256 = R(3.2769276820761615) * u7_y;
-        constraints[280] = -x256;
-        const ncgen_real x257 = R(3.2769276820761615) * u7_z;
-        constraints[281] = -x257;
-        constraints[282] = x255;
-        constraints[283] = x256;
-        constraints[284] = x257;
-        constraints[285] = x246;
-        constraints[286] = x247;
-        constraints[287] = x248;
-        const ncgen_real x258 = R(6.553855364152323) * (x249 * du7_x + x250 * du7_y + x251 * du7_z);
-        constraints[351] = x258;
-        /* row 40: 1002 angle u6, r7-r6 (body link7): u.a - L c = 0 with u = u6, a = r7-r6, L = 0.305164, c = 0.983078 */
-        const ncgen_real x259 = u6_x * x239 + u6_y * x240 + u6_z * x241 + R(0.3000000000000001);
-        constraints[39] = -(R(3.2769276820761615) * x259);
-        const ncgen_real x260 = R(3.2769276820761615) * u6_x;
-        constraints[288] = -x260;
-        const ncgen_real x261 = R(3.2769276820761615) * u6_y;
-        constraints[289] = -x261;
-        const ncgen_real x262 = R(3.2769276820761615) * u6_z;
-        constraints[290] = -x262;
-        constraints[291] = x260;
-        constraints[292] = x261;
-        constraints[293] = x262;
-        constraints[294] = x246;
-        constraints[295] = x247;
-        constraints[296] = x248;
-        const ncgen_real x263 = R(6.553855364152323) * (du6_x * x249 + du6_y * x250 + du6_z * x251);
-        constraints[352] = x263;
-        /* row 41: 1003 angle u6, u7 (body link7): u.v - c = 0 with u = u6, v = u7, c = 0 */
-        constraints[40] = u6_x * u7_x + u6_y * u7_y + u6_z * u7_z;
-        constraints[297] = u7_x;
-        constraints[298] = u7_y;
-        constraints[299] = u7_z;
-        constraints[300] = u6_x;
-        constraints[301] = u6_y;
-        constraints[302] = u6_z;
-        const ncgen_real x264 = -(R(2.0) * (du6_x * du7_x + du6_y * du7_y + du6_z * du7_z));
-        constraints[353] = x264;
-        /* row 42: 1012 angle psi7 (coordinate psi7): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u5, b = u7, n = u6, psi = psi7, ln = 1 */
-        const ncgen_real x265 = u5_y * u7_z - u5_z * u7_y;
-        const ncgen_real x266 = u6_x * x265;
-        const ncgen_real x267 = u5_z * u7_x - u5_x * u7_z;
-        const ncgen_real x268 = u6_y * x267;
-        const ncgen_real x269 = u5_x * u7_y - u5_y * u7_x;
-        const ncgen_real x270 = u6_z * x269;
-        const ncgen_real x271 = x266 + x268 + x270;
-        const ncgen_real cos_psi7 = cosine[6];
-        const ncgen_real x272 = u5_x * u7_x + u5_y * u7_y + u5_z * u7_z;
-        const ncgen_real sin_psi7 = sine[6];
-        constraints[41] = x272 * sin_psi7 - x271 * cos_psi7;
-        constraints[303] = u7_x * sin_psi7 - cos_psi7 * (u6_z * u7_y - u6_y * u7_z);
-        constraints[304] = u7_y * sin_psi7 - cos_psi7 * (u6_x * u7_z - u6_z * u7_x);
-        constraints[305] = u7_z * sin_psi7 - cos_psi7 * (u6_y * u7_x - u6_x * u7_y);
-        constraints[306] = -(x265 * cos_psi7);
-        constraints[307] = -(x267 * cos_psi7);
-        constraints[308] = -(x269 * cos_psi7);
-        constraints[309] = u5_x * sin_psi7 - cos_psi7 * x224;
-        constraints[310] = u5_y * sin_psi7 - cos_psi7 * x225;
-        constraints[311] = u5_z * sin_psi7 - cos_psi7 * x226;
-        constraints[312] = x271 * sin_psi7 + cos_psi7 * x272;
-        const ncgen_real x273 = u5_y * du7_z + u7_z * du5_y - u5_z * du7_y - u7_y * du5_z;
-        const ncgen_real x274 = u5_x * du7_y + u7_y * du5_x - u5_y * du7_x - u7_x * du5_y;
-        const ncgen_real x275 = u5_x * du7_z + u7_z * du5_x - u5_z * du7_x - u7_x * du5_z;
-        const ncgen_real x276 = u6_x * x273 + u6_z * x274 + x265 * du6_x + x269 * du6_z - u6_y * x275;
-        const ncgen_real dpsi7 = qd[48];
-        const ncgen_real x277 = R(2.0) * dpsi7;
-        const ncgen_real x278 = dpsi7 * dpsi7;
-        const ncgen_real x279 = x272 * x278 - R(2.0) * (du5_x * du7_x + du5_y * du7_y + du5_z * du7_z);
-        const ncgen_real x280 = u6_x * (du5_y * du7_z - du5_z * du7_y) + u6_z * (du5_x * du7_y - du5_y * du7_x);
-        const ncgen_real x281 = du6_x * x273 + x280 + du6_z * x274 - u6_y * (du5_x * du7_z - du5_z * du7_x);
-        const ncgen_real x282 = u5_x * du7_x + u5_y * du7_y + u5_z * du7_z + u7_x * du5_x;
-        const ncgen_real x283 = R(2.0) * (x281 - du6_y * x275) - x277 * (x282 + u7_y * du5_y + u7_z * du5_z);
-        const ncgen_real x284 = sin_psi7 * (x279 - (x276 + x267 * du6_y) * x277) + cos_psi7 * (x283 - x278 * (x268 + (x266 + x270)));
-        constraints[354] = x284;
-    }
-
+    arm_constraints_1(q, qd, sine, cosine, kept, constraints);
+    arm_constraints_2(q, qd, sine, cosine, kept, constraints);
+    arm_constraints_3(q, qd, sine, cosine, kept, constraints);
+    arm_constraints_4(q, qd, sine, cosine, kept, constraints);
     return NCGEN_OK;
 }
 static const char *const arm_coordinate_names[] = {
@@ -2272,7 +2616,7 @@ const ncgen_model *arm_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "arm",
-        .fingerprint = "d2ad4af0623027cc",
+        .fingerprint = "ee0362e8d38702f7",
         .n_coordinates = 49,
         .n_rows = 42,
         .n_parameters = 7,

@@ -1306,9 +1306,1184 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
+static NCGEN_APART void delta_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 1: 1000 distance A1-E1 (body arm1): |a|^2 - L^2 = 0 with a = A1-E1, L = 0.42 */
+    const ncgen_real E1_x = q[0];
+    const ncgen_real x1 = R(0.2857883832488648) - E1_x;
+    const ncgen_real E1_y = q[1];
+    const ncgen_real x2 = R(0.16499999999999998) - E1_y;
+    const ncgen_real E1_z = q[2];
+    const ncgen_real x3 = R(1.1904761904761905) * (x1 * x1 + x2 * x2 + E1_z * E1_z - R(0.17639999999999997));
+    constraints[0] = x3;
+    constraints[108] = NCGEN_SPLAT(R(2.380952380952381));
+    constraints[63] = -(R(2.380952380952381) * x1);
+    constraints[64] = -(R(2.380952380952381) * x2);
+    constraints[65] = R(2.380952380952381) * E1_z;
+    const ncgen_real dE1_x = qd[0];
+    const ncgen_real dE1_y = qd[1];
+    const ncgen_real dE1_z = qd[2];
+    const ncgen_real x4 = R(2.380952380952381) * (dE1_x * dE1_x + dE1_y * dE1_y + dE1_z * dE1_z);
+    constraints[351] = -x4;
+    constraints[67] = NCGEN_SPLAT(R(2.0619652471058063));
+    /* row 2: 1002 angle t1, E1-A1 (body arm1): u.a - L c = 0 with u = t1, a = E1-A1, L = 0.42, c = 0 */
+    constraints[1] = R(1.1904761904761902) * x1 - R(2.0619652471058063) * x2;
+    constraints[66] = NCGEN_SPLAT(-R(1.1904761904761902));
+    constraints[352] = NCGEN_SPLAT(R(0.0));
+    constraints[353] = NCGEN_SPLAT(R(0.0));
+    constraints[354] = NCGEN_SPLAT(R(0.0));
+    constraints[355] = NCGEN_SPLAT(R(0.0));
+    constraints[356] = NCGEN_SPLAT(R(0.0));
+    constraints[357] = NCGEN_SPLAT(R(0.0));
+    constraints[358] = NCGEN_SPLAT(R(0.0));
+    constraints[361] = NCGEN_SPLAT(R(0.0));
+    constraints[362] = NCGEN_SPLAT(R(0.0));
+    constraints[363] = NCGEN_SPLAT(R(0.0));
+    constraints[364] = NCGEN_SPLAT(R(0.0));
+    constraints[365] = NCGEN_SPLAT(R(0.0));
+    constraints[366] = NCGEN_SPLAT(R(0.0));
+    constraints[367] = NCGEN_SPLAT(R(0.0));
+    constraints[370] = NCGEN_SPLAT(R(0.0));
+    constraints[371] = NCGEN_SPLAT(R(0.0));
+    constraints[372] = NCGEN_SPLAT(R(0.0));
+    constraints[373] = NCGEN_SPLAT(R(0.0));
+    constraints[374] = NCGEN_SPLAT(R(0.0));
+    constraints[375] = NCGEN_SPLAT(R(0.0));
+    constraints[376] = NCGEN_SPLAT(R(0.0));
+    constraints[390] = NCGEN_SPLAT(R(0.0));
+    constraints[391] = NCGEN_SPLAT(R(0.0));
+    constraints[392] = NCGEN_SPLAT(R(0.0));
+    constraints[393] = NCGEN_SPLAT(R(0.0));
+    constraints[394] = NCGEN_SPLAT(R(0.0));
+    constraints[395] = NCGEN_SPLAT(R(0.0));
+    constraints[396] = NCGEN_SPLAT(R(0.0));
+    constraints[397] = NCGEN_SPLAT(R(0.0));
+    constraints[398] = NCGEN_SPLAT(R(0.0));
+    /* row 3: combination E1a.x (body arm1): (e - c a x b).x = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
+    const ncgen_real E1a_x = q[3];
+    constraints[2] = E1a_x - E1_x - R(0.04);
+    constraints[68] = NCGEN_SPLAT(-R(1.0));
+    constraints[70] = NCGEN_SPLAT(-R(1.0));
+    constraints[72] = NCGEN_SPLAT(-R(1.0));
+    constraints[89] = NCGEN_SPLAT(-R(1.0));
+    constraints[91] = NCGEN_SPLAT(-R(1.0));
+    constraints[93] = NCGEN_SPLAT(-R(1.0));
+    constraints[95] = NCGEN_SPLAT(-R(1.0));
+    constraints[97] = NCGEN_SPLAT(-R(1.0));
+    constraints[99] = NCGEN_SPLAT(-R(1.0));
+    constraints[110] = NCGEN_SPLAT(-R(1.0));
+    constraints[112] = NCGEN_SPLAT(-R(1.0));
+    constraints[114] = NCGEN_SPLAT(-R(1.0));
+    constraints[116] = NCGEN_SPLAT(-R(1.0));
+    constraints[118] = NCGEN_SPLAT(-R(1.0));
+    constraints[120] = NCGEN_SPLAT(-R(1.0));
+    constraints[69] = NCGEN_SPLAT(R(1.0));
+    constraints[71] = NCGEN_SPLAT(R(1.0));
+    constraints[73] = NCGEN_SPLAT(R(1.0));
+    constraints[75] = NCGEN_SPLAT(R(1.0));
+    constraints[77] = NCGEN_SPLAT(R(1.0));
+    constraints[79] = NCGEN_SPLAT(R(1.0));
+    constraints[90] = NCGEN_SPLAT(R(1.0));
+    constraints[92] = NCGEN_SPLAT(R(1.0));
+    constraints[94] = NCGEN_SPLAT(R(1.0));
+    constraints[96] = NCGEN_SPLAT(R(1.0));
+    constraints[98] = NCGEN_SPLAT(R(1.0));
+    constraints[100] = NCGEN_SPLAT(R(1.0));
+    constraints[111] = NCGEN_SPLAT(R(1.0));
+    constraints[113] = NCGEN_SPLAT(R(1.0));
+    constraints[115] = NCGEN_SPLAT(R(1.0));
+    constraints[117] = NCGEN_SPLAT(R(1.0));
+    constraints[119] = NCGEN_SPLAT(R(1.0));
+    constraints[121] = NCGEN_SPLAT(R(1.0));
+    constraints[201] = NCGEN_SPLAT(R(1.0));
+    constraints[205] = NCGEN_SPLAT(R(1.0));
+    constraints[209] = NCGEN_SPLAT(R(1.0));
+    constraints[213] = NCGEN_SPLAT(R(1.0));
+    constraints[217] = NCGEN_SPLAT(R(1.0));
+    constraints[221] = NCGEN_SPLAT(R(1.0));
+    constraints[225] = NCGEN_SPLAT(R(1.0));
+    constraints[229] = NCGEN_SPLAT(R(1.0));
+    constraints[233] = NCGEN_SPLAT(R(1.0));
+    /* row 4: combination E1a.y (body arm1): (e - c a x b).y = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
+    const ncgen_real E1a_y = q[4];
+    constraints[3] = E1a_y - E1_y + R(0.0692820323027551);
+    /* row 5: combination E1a.z (body arm1): (e - c a x b).z = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
+    const ncgen_real E1a_z = q[5];
+    constraints[4] = E1a_z - E1_z;
+    /* row 6: combination E1b.x (body arm1): (e - c a x b).x = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
+    const ncgen_real E1b_x = q[6];
+    const ncgen_real x5 = E1b_x - R(3.172888432532881e-17) - R(0.9999999999999999) * E1_x;
+    constraints[5] = R(0.04) + x5;
+    constraints[74] = NCGEN_SPLAT(-R(0.9999999999999999));
+    constraints[76] = NCGEN_SPLAT(-R(0.9999999999999999));
+    constraints[78] = NCGEN_SPLAT(-R(0.9999999999999999));
+    /* row 7: combination E1b.y (body arm1): (e - c a x b).y = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
+    const ncgen_real E1b_y = q[7];
+    const ncgen_real x6 = E1b_y - R(1.831867990631508e-17) - R(0.9999999999999999) * E1_y;
+    constraints[6] = x6 - R(0.0692820323027551);
+    /* row 8: combination E1b.z (body arm1): (e - c a x b).z = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
+    const ncgen_real E1b_z = q[8];
+    constraints[7] = E1b_z - R(0.9999999999999999) * E1_z;
+    /* row 9: 1014 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
+    const ncgen_real x7 = R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2;
+    const ncgen_real sin_psi1 = sine[0];
+    const ncgen_real cos_psi1 = cosine[0];
+    constraints[8] = R(2.380952380952381) * (E1_z * cos_psi1 - x7 * sin_psi1);
+    constraints[80] = R(2.0619652471058063) * sin_psi1;
+    constraints[81] = R(1.1904761904761902) * sin_psi1;
+    constraints[82] = R(2.380952380952381) * cos_psi1;
+    const ncgen_real x8 = -(R(2.380952380952381) * (x7 * cos_psi1 + E1_z * sin_psi1));
+    constraints[83] = x8;
+    const ncgen_real dpsi1 = qd[9];
+    const ncgen_real x9 = dpsi1 * dpsi1;
+    const ncgen_real x10 = R(2.0) * dpsi1;
+    const ncgen_real x11 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
+    const ncgen_real x12 = sin_psi1 * (dE1_z * x10 - x7 * x9) + cos_psi1 * (E1_z * x9 - x10 * x11);
+    constraints[359] = R(2.380952380952381) * x12;
+    /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
+    const ncgen_real E2_x = q[10];
+    const ncgen_real x13 = -R(0.28578838324886474) - E2_x;
+    const ncgen_real E2_y = q[11];
+    const ncgen_real x14 = R(0.16500000000000012) - E2_y;
+    const ncgen_real E2_z = q[12];
+    const ncgen_real x15 = x13 * x13 + x14 * x14 + E2_z * E2_z - R(0.17639999999999997);
+    constraints[9] = R(1.1904761904761905) * x15;
+    constraints[84] = -(R(2.380952380952381) * x13);
+    constraints[85] = -(R(2.380952380952381) * x14);
+    constraints[86] = R(2.380952380952381) * E2_z;
+    const ncgen_real dE2_x = qd[10];
+    const ncgen_real dE2_y = qd[11];
+    const ncgen_real dE2_z = qd[12];
+    const ncgen_real x16 = R(2.380952380952381) * (dE2_x * dE2_x + dE2_y * dE2_y + dE2_z * dE2_z);
+    constraints[360] = -x16;
+    /* row 11: 1002 angle t2, E2-A2 (body arm2): u.a - L c = 0 with u = t2, a = E2-A2, L = 0.42, c = 0 */
+    const ncgen_real x17 = E2_x + R(0.28578838324886474);
+    constraints[10] = R(2.061965247105806) * x14 - R(1.1904761904761914) * x17;
+    constraints[87] = NCGEN_SPLAT(-R(1.1904761904761914));
+    constraints[88] = NCGEN_SPLAT(-R(2.061965247105806));
+    /* row 12: combination E2a.x (body arm2): (e - c a x b).x = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
+    const ncgen_real E2a_x = q[13];
+    constraints[11] = E2a_x - E2_x - R(0.04000000000000002);
+    /* row 13: combination E2a.y (body arm2): (e - c a x b).y = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
+    const ncgen_real E2a_y = q[14];
+    constraints[12] = E2a_y - E2_y - R(0.06928203230275506);
+    /* row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
+    const ncgen_real E2a_z = q[15];
+    constraints[13] = E2a_z - E2_z;
+    /* row 15: combination E2b.x (body arm2): (e - c a x b).x = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
+    const ncgen_real E2b_x = q[16];
+    constraints[14] = E2b_x - E2_x + R(0.040000000000000036);
+    /* row 16: combination E2b.y (body arm2): (e - c a x b).y = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
+    const ncgen_real E2b_y = q[17];
+    constraints[15] = E2b_y - E2_y + R(0.06928203230275509);
+    /* row 17: combination E2b.z (body arm2): (e - c a x b).z = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
+    const ncgen_real E2b_z = q[18];
+    constraints[16] = E2b_z - E2_z;
+    /* row 18: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
+    const ncgen_real x18 = R(0.8660254037844385) * x17 + R(0.5000000000000003) * x14;
+    const ncgen_real sin_psi2 = sine[1];
+    const ncgen_real cos_psi2 = cosine[1];
+    const ncgen_real x19 = R(2.380952380952381) * (E2_z * cos_psi2 - x18 * sin_psi2);
+    constraints[17] = x19;
+    constraints[101] = -(R(2.061965247105806) * sin_psi2);
+    constraints[102] = R(1.1904761904761914) * sin_psi2;
+    constraints[103] = R(2.380952380952381) * cos_psi2;
+    const ncgen_real x20 = R(2.380952380952381) * (x18 * cos_psi2 + E2_z * sin_psi2);
+    constraints[104] = -x20;
+    const ncgen_real dpsi2 = qd[19];
+    const ncgen_real x21 = dpsi2 * dpsi2;
+    const ncgen_real x22 = R(2.0) * dpsi2;
+    const ncgen_real x23 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
+    const ncgen_real x24 = sin_psi2 * (dE2_z * x22 - x18 * x21) + cos_psi2 * (E2_z * x21 - x22 * x23);
+    constraints[368] = R(2.380952380952381) * x24;
+    /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
+    const ncgen_real E3_x = q[20];
+    const ncgen_real x25 = -R(6.062001655779399e-17) - E3_x;
+    const ncgen_real E3_y = q[21];
+    const ncgen_real x26 = -R(0.33) - E3_y;
+    const ncgen_real E3_z = q[22];
+    const ncgen_real x27 = x25 * x25 + x26 * x26 + E3_z * E3_z - R(0.17639999999999997);
+    constraints[18] = R(1.1904761904761905) * x27;
+    constraints[105] = -(R(2.380952380952381) * x25);
+    constraints[106] = -(R(2.380952380952381) * x26);
+    constraints[107] = R(2.380952380952381) * E3_z;
+    const ncgen_real dE3_x = qd[20];
+    const ncgen_real dE3_y = qd[21];
+    const ncgen_real dE3_z = qd[22];
+    const ncgen_real x28 = R(2.380952380952381) * (dE3_x * dE3_x + dE3_y * dE3_y + dE3_z * dE3_z);
+    constraints[369] = -x28;
+    /* row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0 */
+    const ncgen_real x29 = E3_y + R(0.33);
+    const ncgen_real x30 = E3_x + R(6.062001655779399e-17);
+    const ncgen_real x31 = R(2.380952380952381) * (x30 - R(1.8369701987210297e-16) * x29);
+    constraints[19] = x31;
+    constraints[109] = NCGEN_SPLAT(-R(4.373738568383404e-16));
+    /* row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
+    const ncgen_real E3a_x = q[23];
+    constraints[20] = E3a_x - E3_x + R(0.08000000000000002);
+    /* row 22: combination E3a.y (body arm3): (e - c a x b).y = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
+    const ncgen_real E3a_y = q[24];
+    constraints[21] = E3a_y - E3_y - R(1.469576158976824e-17);
+    /* row 23: combination E3a.z (body arm3): (e - c a x b).z = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
+    const ncgen_real E3a_z = q[25];
+    constraints[22] = E3a_z - E3_z;
+    /* row 24: combination E3b.x (body arm3): (e - c a x b).x = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
+    const ncgen_real E3b_x = q[26];
+    constraints[23] = E3b_x - E3_x - R(0.07999999999999999);
+    /* row 25: combination E3b.y (body arm3): (e - c a x b).y = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
+    const ncgen_real E3b_y = q[27];
+    constraints[24] = E3b_y - E3_y + R(1.4695761589768237e-17);
+    /* row 26: combination E3b.z (body arm3): (e - c a x b).z = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
+    const ncgen_real E3b_z = q[28];
+    constraints[25] = E3b_z - E3_z;
+    /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
+    const ncgen_real x32 = x29 + R(1.8369701987210297e-16) * x30;
+    const ncgen_real sin_psi3 = sine[2];
+    const ncgen_real x33 = E3_z + R(3.374459510989179e-32) * E3_z;
+    const ncgen_real cos_psi3 = cosine[2];
+    constraints[26] = R(2.380952380952381) * (x33 * cos_psi3 - x32 * sin_psi3);
+    constraints[122] = -(R(4.373738568383404e-16) * sin_psi3);
+    constraints[123] = -(R(2.380952380952381) * sin_psi3);
+    constraints[124] = R(2.380952380952381) * cos_psi3;
+    const ncgen_real x34 = -(R(2.380952380952381) * (x32 * cos_psi3 + sin_psi3 * x33));
+    constraints[125] = x34;
+    const ncgen_real dpsi3 = qd[29];
+    const ncgen_real x35 = dpsi3 * dpsi3;
+    const ncgen_real x36 = R(2.0) * dpsi3;
+    const ncgen_real x37 = (dE3_z + R(3.374459510989179e-32) * dE3_z) * x36 - x32 * x35;
+    const ncgen_real x38 = x36 * (dE3_y + R(1.8369701987210297e-16) * dE3_x) + x33 * x35;
+    constraints[377] = R(2.380952380952381) * (sin_psi3 * x37 + cos_psi3 * x38);
+    const ncgen_real P1a_x = q[30];
+    const ncgen_real x39 = E1a_x - P1a_x;
+    kept[0] = x39;
+    const ncgen_real P1a_y = q[31];
+    const ncgen_real x40 = E1a_y - P1a_y;
+    kept[1] = x40;
+    const ncgen_real P1a_z = q[32];
+    const ncgen_real x41 = E1a_z - P1a_z;
+    kept[2] = x41;
+    /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
+    const ncgen_real x42 = R(0.47393364928909953) * (x39 * x39 + x40 * x40 + x41 * x41 - R(1.113025));
+    constraints[27] = x42;
+    const ncgen_real x43 = R(0.9478672985781991) * x39;
+    constraints[126] = x43;
+    const ncgen_real x44 = R(0.9478672985781991) * x40;
+    constraints[127] = x44;
+    const ncgen_real x45 = R(0.9478672985781991) * x41;
+    constraints[128] = x45;
+    const ncgen_real x46 = -x43;
+    constraints[129] = x46;
+    /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+    constraints[243] = x46;
+    /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
+    const ncgen_real x47 = -x44;
+    constraints[130] = x47;
+    /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+    constraints[244] = x47;
+    /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
+    const ncgen_real x48 = -x45;
+    constraints[131] = x48;
+    /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+    constraints[245] = x48;
+    const ncgen_real dE1a_x = qd[3];
+    const ncgen_real dP1a_x = qd[30];
+    const ncgen_real x49 = dE1a_x - dP1a_x;
+    kept[3] = x49;
+    const ncgen_real dE1a_y = qd[4];
+    const ncgen_real dP1a_y = qd[31];
+    const ncgen_real x50 = dE1a_y - dP1a_y;
+    kept[4] = x50;
+    const ncgen_real dE1a_z = qd[5];
+    const ncgen_real dP1a_z = qd[32];
+    const ncgen_real x51 = dE1a_z - dP1a_z;
+    kept[5] = x51;
+    /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
+    const ncgen_real x52 = R(0.9478672985781991) * (x49 * x49 + x50 * x50 + x51 * x51);
+    constraints[378] = -x52;
+    const ncgen_real P1b_x = q[33];
+    const ncgen_real x53 = E1b_x - P1b_x;
+    kept[6] = x53;
+    const ncgen_real P1b_y = q[34];
+    const ncgen_real x54 = E1b_y - P1b_y;
+    kept[7] = x54;
+    const ncgen_real P1b_z = q[35];
+    const ncgen_real x55 = E1b_z - P1b_z;
+    kept[8] = x55;
+    /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
+    const ncgen_real x56 = R(0.47393364928909953) * (x53 * x53 + x54 * x54 + x55 * x55 - R(1.113025));
+    constraints[28] = x56;
+    const ncgen_real x57 = R(0.9478672985781991) * x53;
+    constraints[132] = x57;
+    const ncgen_real x58 = R(0.9478672985781991) * x54;
+    constraints[133] = x58;
+    const ncgen_real x59 = R(0.9478672985781991) * x55;
+    constraints[134] = x59;
+    const ncgen_real x60 = -x57;
+    constraints[135] = x60;
+    /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+    constraints[252] = x60;
+    /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
+    const ncgen_real x61 = -x58;
+    constraints[136] = x61;
+    /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+    constraints[253] = x61;
+    /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
+    const ncgen_real x62 = -x59;
+    constraints[137] = x62;
+    /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+    constraints[254] = x62;
+}
+
+static NCGEN_APART void delta_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    const ncgen_real dP1b_x = qd[33];
+    const ncgen_real dE1b_x = qd[6];
+    const ncgen_real x1 = dE1b_x - dP1b_x;
+    kept[9] = x1;
+    const ncgen_real dE1b_y = qd[7];
+    const ncgen_real dP1b_y = qd[34];
+    const ncgen_real x2 = dE1b_y - dP1b_y;
+    kept[10] = x2;
+    const ncgen_real dE1b_z = qd[8];
+    const ncgen_real dP1b_z = qd[35];
+    const ncgen_real x3 = dE1b_z - dP1b_z;
+    kept[11] = x3;
+    /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
+    constraints[379] = -(R(0.9478672985781991) * (x1 * x1 + x2 * x2 + x3 * x3));
+    const ncgen_real P2a_x = q[36];
+    const ncgen_real E2a_x = q[13];
+    const ncgen_real x4 = E2a_x - P2a_x;
+    kept[12] = x4;
+    const ncgen_real P2a_y = q[37];
+    const ncgen_real E2a_y = q[14];
+    const ncgen_real x5 = E2a_y - P2a_y;
+    kept[13] = x5;
+    const ncgen_real P2a_z = q[38];
+    const ncgen_real E2a_z = q[15];
+    const ncgen_real x6 = E2a_z - P2a_z;
+    kept[14] = x6;
+    /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
+    const ncgen_real x7 = R(0.4739336492890995) * (x4 * x4 + x5 * x5 + x6 * x6 - R(1.1130250000000004));
+    constraints[29] = x7;
+    const ncgen_real x8 = R(0.947867298578199) * x4;
+    constraints[138] = x8;
+    const ncgen_real x9 = R(0.947867298578199) * x5;
+    constraints[139] = x9;
+    const ncgen_real x10 = R(0.947867298578199) * x6;
+    constraints[140] = x10;
+    const ncgen_real x11 = -x8;
+    constraints[141] = x11;
+    /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+    constraints[282] = x11;
+    /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
+    const ncgen_real x12 = -x9;
+    constraints[142] = x12;
+    /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+    constraints[283] = x12;
+    /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
+    const ncgen_real x13 = -x10;
+    constraints[143] = x13;
+    /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+    constraints[284] = x13;
+    const ncgen_real dE2a_x = qd[13];
+    const ncgen_real dP2a_x = qd[36];
+    const ncgen_real x14 = dE2a_x - dP2a_x;
+    kept[15] = x14;
+    const ncgen_real dE2a_y = qd[14];
+    const ncgen_real dP2a_y = qd[37];
+    const ncgen_real x15 = dE2a_y - dP2a_y;
+    kept[16] = x15;
+    const ncgen_real dE2a_z = qd[15];
+    const ncgen_real dP2a_z = qd[38];
+    const ncgen_real x16 = dE2a_z - dP2a_z;
+    kept[17] = x16;
+    /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
+    const ncgen_real x17 = R(0.947867298578199) * (x14 * x14 + x15 * x15 + x16 * x16);
+    constraints[380] = -x17;
+    const ncgen_real P2b_x = q[39];
+    const ncgen_real E2b_x = q[16];
+    const ncgen_real x18 = E2b_x - P2b_x;
+    kept[18] = x18;
+    const ncgen_real P2b_y = q[40];
+    const ncgen_real E2b_y = q[17];
+    const ncgen_real x19 = E2b_y - P2b_y;
+    kept[19] = x19;
+    const ncgen_real P2b_z = q[41];
+    const ncgen_real E2b_z = q[18];
+    const ncgen_real x20 = E2b_z - P2b_z;
+    kept[20] = x20;
+    /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
+    const ncgen_real x21 = x18 * x18 + x19 * x19 + x20 * x20 - R(1.1130250000000004);
+    constraints[30] = R(0.4739336492890995) * x21;
+    const ncgen_real x22 = R(0.947867298578199) * x18;
+    constraints[144] = x22;
+    const ncgen_real x23 = R(0.947867298578199) * x19;
+    constraints[145] = x23;
+    const ncgen_real x24 = R(0.947867298578199) * x20;
+    constraints[146] = x24;
+    const ncgen_real x25 = -x22;
+    constraints[147] = x25;
+    /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+    constraints[291] = x25;
+    /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
+    const ncgen_real x26 = -x23;
+    constraints[148] = x26;
+    /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+    constraints[292] = x26;
+    /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
+    const ncgen_real x27 = -x24;
+    constraints[149] = x27;
+    /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+    constraints[293] = x27;
+    const ncgen_real dE2b_x = qd[16];
+    const ncgen_real dP2b_x = qd[39];
+    const ncgen_real x28 = dE2b_x - dP2b_x;
+    kept[21] = x28;
+    const ncgen_real dE2b_y = qd[17];
+    const ncgen_real dP2b_y = qd[40];
+    const ncgen_real x29 = dE2b_y - dP2b_y;
+    kept[22] = x29;
+    const ncgen_real dE2b_z = qd[18];
+    const ncgen_real dP2b_z = qd[41];
+    const ncgen_real x30 = dE2b_z - dP2b_z;
+    kept[23] = x30;
+    /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
+    const ncgen_real x31 = R(0.947867298578199) * (x28 * x28 + x29 * x29 + x30 * x30);
+    constraints[381] = -x31;
+    const ncgen_real P3a_x = q[42];
+    const ncgen_real E3a_x = q[23];
+    const ncgen_real x32 = E3a_x - P3a_x;
+    kept[24] = x32;
+    const ncgen_real P3a_y = q[43];
+    const ncgen_real E3a_y = q[24];
+    const ncgen_real x33 = E3a_y - P3a_y;
+    kept[25] = x33;
+    const ncgen_real P3a_z = q[44];
+    const ncgen_real E3a_z = q[25];
+    const ncgen_real x34 = E3a_z - P3a_z;
+    kept[26] = x34;
+    /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
+    const ncgen_real x35 = x32 * x32 + x33 * x33 + x34 * x34 - R(1.1130250000000004);
+    constraints[31] = R(0.4739336492890995) * x35;
+    const ncgen_real x36 = R(0.947867298578199) * x32;
+    constraints[150] = x36;
+    const ncgen_real x37 = R(0.947867298578199) * x33;
+    constraints[151] = x37;
+    const ncgen_real x38 = R(0.947867298578199) * x34;
+    constraints[152] = x38;
+    const ncgen_real x39 = -x36;
+    constraints[153] = x39;
+    /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+    constraints[321] = x39;
+    /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
+    const ncgen_real x40 = -x37;
+    constraints[154] = x40;
+    /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+    constraints[322] = x40;
+    /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
+    const ncgen_real x41 = -x38;
+    constraints[155] = x41;
+    /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+    constraints[323] = x41;
+    const ncgen_real dE3a_x = qd[23];
+    const ncgen_real dP3a_x = qd[42];
+    const ncgen_real x42 = dE3a_x - dP3a_x;
+    kept[27] = x42;
+    const ncgen_real dE3a_y = qd[24];
+    const ncgen_real dP3a_y = qd[43];
+    const ncgen_real x43 = dE3a_y - dP3a_y;
+    kept[28] = x43;
+    const ncgen_real dE3a_z = qd[25];
+    const ncgen_real dP3a_z = qd[44];
+    const ncgen_real x44 = dE3a_z - dP3a_z;
+    kept[29] = x44;
+    /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
+    const ncgen_real x45 = R(0.947867298578199) * (x42 * x42 + x43 * x43 + x44 * x44);
+    constraints[382] = -x45;
+    const ncgen_real P3b_x = q[45];
+    const ncgen_real E3b_x = q[26];
+    const ncgen_real x46 = E3b_x - P3b_x;
+    kept[30] = x46;
+    const ncgen_real P3b_y = q[46];
+    const ncgen_real E3b_y = q[27];
+    const ncgen_real x47 = E3b_y - P3b_y;
+    kept[31] = x47;
+    const ncgen_real P3b_z = q[47];
+    const ncgen_real E3b_z = q[28];
+    const ncgen_real x48 = E3b_z - P3b_z;
+    kept[32] = x48;
+    /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
+    const ncgen_real x49 = x46 * x46 + x47 * x47 + x48 * x48 - R(1.1130250000000004);
+    constraints[32] = R(0.4739336492890995) * x49;
+    const ncgen_real x50 = R(0.947867298578199) * x46;
+    constraints[156] = x50;
+    const ncgen_real x51 = R(0.947867298578199) * x47;
+    constraints[157] = x51;
+    const ncgen_real x52 = R(0.947867298578199) * x48;
+    constraints[158] = x52;
+    const ncgen_real x53 = -x50;
+    constraints[159] = x53;
+    /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+    constraints[330] = x53;
+    /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
+    const ncgen_real x54 = -x51;
+    constraints[160] = x54;
+    /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+    constraints[331] = x54;
+    /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
+    const ncgen_real x55 = -x52;
+    constraints[161] = x55;
+    /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+    constraints[332] = x55;
+    const ncgen_real dE3b_x = qd[26];
+    const ncgen_real dP3b_x = qd[45];
+    const ncgen_real x56 = dE3b_x - dP3b_x;
+    kept[33] = x56;
+    const ncgen_real dE3b_y = qd[27];
+    const ncgen_real dP3b_y = qd[46];
+    const ncgen_real x57 = dE3b_y - dP3b_y;
+    kept[34] = x57;
+    const ncgen_real dE3b_z = qd[28];
+    const ncgen_real dP3b_z = qd[47];
+    const ncgen_real x58 = dE3b_z - dP3b_z;
+    kept[35] = x58;
+    /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
+    const ncgen_real x59 = R(0.947867298578199) * (x56 * x56 + x57 * x57 + x58 * x58);
+    constraints[383] = -x59;
+    const ncgen_real P1a_x = q[30];
+    const ncgen_real P1b_x = q[33];
+    const ncgen_real x60 = P1a_x - P1b_x;
+    kept[36] = x60;
+    const ncgen_real P1a_y = q[31];
+    const ncgen_real P1b_y = q[34];
+    const ncgen_real x61 = P1a_y - P1b_y;
+    kept[37] = x61;
+    const ncgen_real P1a_z = q[32];
+    const ncgen_real P1b_z = q[35];
+    const ncgen_real x62 = P1a_z - P1b_z;
+    kept[38] = x62;
+    /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
+    const ncgen_real x63 = x60 * x60 + x61 * x61 + x62 * x62 - R(0.02560000000000001);
+    constraints[33] = R(3.1249999999999996) * x63;
+    const ncgen_real x64 = R(6.249999999999999) * x60;
+    constraints[162] = x64;
+    const ncgen_real x65 = R(6.249999999999999) * x61;
+    constraints[163] = x65;
+    const ncgen_real x66 = R(6.249999999999999) * x62;
+    constraints[164] = x66;
+    const ncgen_real x67 = -x64;
+    constraints[165] = x67;
+    /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+    constraints[270] = x67;
+    /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
+    const ncgen_real x68 = -x65;
+    constraints[166] = x68;
+    /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+    constraints[271] = x68;
+    /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
+    const ncgen_real x69 = -x66;
+    constraints[167] = x69;
+    /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+    constraints[272] = x69;
+    const ncgen_real dP1a_x = qd[30];
+    const ncgen_real x70 = dP1a_x - dP1b_x;
+    kept[39] = x70;
+    const ncgen_real dP1a_y = qd[31];
+    const ncgen_real x71 = dP1a_y - dP1b_y;
+    kept[40] = x71;
+    const ncgen_real dP1a_z = qd[32];
+    const ncgen_real x72 = dP1a_z - dP1b_z;
+    kept[41] = x72;
+    /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
+    const ncgen_real x73 = R(6.249999999999999) * (x70 * x70 + x71 * x71 + x72 * x72);
+    constraints[384] = -x73;
+    /* row 35: 1000 distance P1a-P2a (body platform): |a|^2 - L^2 = 0 with a = P1a-P2a, L = 0.257051 */
+    const ncgen_real x74 = P1a_x - P2a_x;
+    const ncgen_real x75 = P1a_y - P2a_y;
+    const ncgen_real x76 = P1a_z - P2a_z;
+    const ncgen_real x77 = R(1.945142479610587) * (x74 * x74 + x75 * x75 + x76 * x76 - R(0.066075));
+    constraints[34] = x77;
+    const ncgen_real x78 = R(3.890284959221174) * x74;
+    constraints[168] = x78;
+    const ncgen_real x79 = R(3.890284959221174) * x75;
+    constraints[169] = x79;
+    const ncgen_real x80 = R(3.890284959221174) * x76;
+    constraints[170] = x80;
+    constraints[171] = -x78;
+    constraints[172] = -x79;
+    constraints[173] = -x80;
+    const ncgen_real x81 = dP1a_x - dP2a_x;
+    const ncgen_real x82 = dP1a_y - dP2a_y;
+    const ncgen_real x83 = dP1a_z - dP2a_z;
+    const ncgen_real x84 = R(3.890284959221174) * (x81 * x81 + x82 * x82 + x83 * x83);
+    constraints[385] = -x84;
+    /* row 36: 1000 distance P2a-P1b (body platform): |a|^2 - L^2 = 0 with a = P2a-P1b, L = 0.136506 */
+    const ncgen_real x85 = P2a_x - P1b_x;
+    const ncgen_real x86 = P2a_y - P1b_y;
+    const ncgen_real x87 = P2a_z - P1b_z;
+    const ncgen_real x88 = x85 * x85 + x86 * x86 + x87 * x87 - R(0.018633983848622415);
+    constraints[35] = R(3.662833242076714) * x88;
+    const ncgen_real x89 = R(7.325666484153428) * x85;
+    constraints[177] = x89;
+    constraints[174] = -x89;
+    const ncgen_real x90 = R(7.325666484153428) * x86;
+    constraints[178] = x90;
+    constraints[175] = -x90;
+    const ncgen_real x91 = R(7.325666484153428) * x87;
+    constraints[179] = x91;
+    constraints[176] = -x91;
+    const ncgen_real x92 = dP2a_x - dP1b_x;
+    const ncgen_real x93 = dP2a_y - dP1b_y;
+    const ncgen_real x94 = dP2a_z - dP1b_z;
+    const ncgen_real x95 = R(7.325666484153428) * (x92 * x92 + x93 * x93 + x94 * x94);
+    constraints[386] = -x95;
+    /* row 37: 1000 distance P1a-C (body platform): |a|^2 - L^2 = 0 with a = P1a-C, L = 0.168597 */
+    const ncgen_real C_x = q[48];
+    const ncgen_real x96 = P1a_x - C_x;
+    const ncgen_real C_y = q[49];
+    const ncgen_real x97 = P1a_y - C_y;
+    const ncgen_real C_z = q[50];
+    const ncgen_real x98 = P1a_z - C_z;
+    const ncgen_real x99 = x96 * x96 + x97 * x97 + x98 * x98 - R(0.028424999999999992);
+    constraints[36] = R(2.965649129302967) * x99;
+    const ncgen_real x100 = R(5.931298258605934) * x96;
+    constraints[180] = x100;
+    const ncgen_real x101 = R(5.931298258605934) * x97;
+    constraints[181] = x101;
+    const ncgen_real x102 = R(5.931298258605934) * x98;
+    constraints[182] = x102;
+    constraints[183] = -x100;
+    constraints[184] = -x101;
+    constraints[185] = -x102;
+    const ncgen_real dC_x = qd[48];
+    const ncgen_real x103 = dP1a_x - dC_x;
+    const ncgen_real dC_y = qd[49];
+    const ncgen_real x104 = dP1a_y - dC_y;
+    const ncgen_real dC_z = qd[50];
+    const ncgen_real x105 = dP1a_z - dC_z;
+    const ncgen_real x106 = R(5.931298258605934) * (x103 * x103 + x104 * x104 + x105 * x105);
+    constraints[387] = -x106;
+    /* row 38: 1000 distance C-P1b (body platform): |a|^2 - L^2 = 0 with a = C-P1b, L = 0.168597 */
+    const ncgen_real x107 = C_x - P1b_x;
+    const ncgen_real x108 = C_y - P1b_y;
+    const ncgen_real x109 = C_z - P1b_z;
+    const ncgen_real x110 = x107 * x107 + x108 * x108 + x109 * x109 - R(0.028424999999999985);
+    constraints[37] = R(2.9656491293029674) * x110;
+    const ncgen_real x111 = R(5.931298258605935) * x107;
+    constraints[189] = x111;
+    constraints[186] = -x111;
+    const ncgen_real x112 = R(5.931298258605935) * x108;
+    constraints[190] = x112;
+    constraints[187] = -x112;
+    const ncgen_real x113 = R(5.931298258605935) * x109;
+    constraints[191] = x113;
+    constraints[188] = -x113;
+    const ncgen_real x114 = dC_x - dP1b_x;
+    const ncgen_real x115 = dC_y - dP1b_y;
+    const ncgen_real x116 = dC_z - dP1b_z;
+    const ncgen_real x117 = R(5.931298258605935) * (x114 * x114 + x115 * x115 + x116 * x116);
+    constraints[388] = -x117;
+    /* row 39: 1000 distance C-P2a (body platform): |a|^2 - L^2 = 0 with a = C-P2a, L = 0.168597 */
+    const ncgen_real x118 = C_x - P2a_x;
+    const ncgen_real x119 = C_y - P2a_y;
+    const ncgen_real x120 = C_z - P2a_z;
+    const ncgen_real x121 = x118 * x118 + x119 * x119 + x120 * x120 - R(0.028425000000000002);
+    constraints[38] = R(2.9656491293029665) * x121;
+    const ncgen_real x122 = R(5.931298258605933) * x118;
+    constraints[195] = x122;
+    constraints[192] = -x122;
+    const ncgen_real x123 = R(5.931298258605933) * x119;
+    constraints[196] = x123;
+    constraints[193] = -x123;
+    const ncgen_real x124 = R(5.931298258605933) * x120;
+    constraints[197] = x124;
+    constraints[194] = -x124;
+    const ncgen_real x125 = dC_x - dP2a_x;
+    const ncgen_real x126 = dC_y - dP2a_y;
+    const ncgen_real x127 = dC_z - dP2a_z;
+    const ncgen_real x128 = R(5.931298258605933) * (x125 * x125 + x126 * x126 + x127 * x127);
+    constraints[389] = -x128;
+    constraints[199] = NCGEN_SPLAT(R(2.1721066374645503));
+    constraints[203] = NCGEN_SPLAT(R(2.1721066374645503));
+    constraints[207] = NCGEN_SPLAT(R(2.1721066374645503));
+    /* row 40: combination P2b.x (body platform): (e - c a x b).x = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
+    const ncgen_real x129 = P2b_x - R(1.0000000000000009) * P1a_x + R(2.1721066374645503) * P1b_x;
+    constraints[39] = x129 - R(2.1721066374645495) * P2a_x;
+    constraints[198] = NCGEN_SPLAT(-R(1.0000000000000009));
+    constraints[202] = NCGEN_SPLAT(-R(1.0000000000000009));
+    constraints[206] = NCGEN_SPLAT(-R(1.0000000000000009));
+    constraints[200] = NCGEN_SPLAT(-R(2.1721066374645495));
+    constraints[204] = NCGEN_SPLAT(-R(2.1721066374645495));
+    constraints[208] = NCGEN_SPLAT(-R(2.1721066374645495));
+    const ncgen_real x130 = P2b_y - R(1.0000000000000009) * P1a_y + R(2.1721066374645503) * P1b_y;
+    kept[42] = x130;
+}
+
+static NCGEN_APART void delta_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 41: combination P2b.y (body platform): (e - c a x b).y = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
+    const ncgen_real P2a_y = q[37];
+    const ncgen_real x1 = kept[42];
+    constraints[40] = x1 - R(2.1721066374645495) * P2a_y;
+    /* row 42: combination P2b.z (body platform): (e - c a x b).z = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
+    const ncgen_real P1a_z = q[32];
+    const ncgen_real P2b_z = q[41];
+    const ncgen_real P1b_z = q[35];
+    const ncgen_real x2 = P2b_z - R(1.0000000000000009) * P1a_z + R(2.1721066374645503) * P1b_z;
+    const ncgen_real P2a_z = q[38];
+    constraints[41] = x2 - R(2.1721066374645495) * P2a_z;
+    const ncgen_real P1a_x = q[30];
+    const ncgen_real P3a_x = q[42];
+    constraints[211] = NCGEN_SPLAT(R(3.025271330877737));
+    constraints[215] = NCGEN_SPLAT(R(3.025271330877737));
+    constraints[219] = NCGEN_SPLAT(R(3.025271330877737));
+    /* row 43: combination P3a.x (body platform): (e - c a x b).x = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
+    const ncgen_real P1b_x = q[33];
+    const ncgen_real x3 = P3a_x - R(1.8531646934131865) * P1a_x + R(3.025271330877737) * P1b_x;
+    const ncgen_real P2a_x = q[36];
+    constraints[42] = x3 - R(2.1721066374645503) * P2a_x;
+    constraints[210] = NCGEN_SPLAT(-R(1.8531646934131865));
+    constraints[214] = NCGEN_SPLAT(-R(1.8531646934131865));
+    constraints[218] = NCGEN_SPLAT(-R(1.8531646934131865));
+    constraints[212] = NCGEN_SPLAT(-R(2.1721066374645503));
+    constraints[216] = NCGEN_SPLAT(-R(2.1721066374645503));
+    constraints[220] = NCGEN_SPLAT(-R(2.1721066374645503));
+    /* row 44: combination P3a.y (body platform): (e - c a x b).y = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
+    const ncgen_real P1a_y = q[31];
+    const ncgen_real P3a_y = q[43];
+    const ncgen_real P1b_y = q[34];
+    const ncgen_real x4 = P3a_y - R(1.8531646934131865) * P1a_y + R(3.025271330877737) * P1b_y;
+    constraints[43] = x4 - R(2.1721066374645503) * P2a_y;
+    /* row 45: combination P3a.z (body platform): (e - c a x b).z = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
+    const ncgen_real P3a_z = q[44];
+    const ncgen_real x5 = P3a_z - R(1.8531646934131865) * P1a_z + R(3.025271330877737) * P1b_z;
+    constraints[44] = x5 - R(2.1721066374645503) * P2a_z;
+    const ncgen_real P3b_x = q[45];
+    constraints[223] = NCGEN_SPLAT(R(1.8531646934131876));
+    constraints[227] = NCGEN_SPLAT(R(1.8531646934131876));
+    constraints[231] = NCGEN_SPLAT(R(1.8531646934131876));
+    /* row 46: combination P3b.x (body platform): (e - c a x b).x = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
+    const ncgen_real x6 = P3b_x - R(1.8531646934131858) * P1a_x + R(1.8531646934131876) * P1b_x;
+    constraints[45] = x6 - R(1.000000000000002) * P2a_x;
+    constraints[222] = NCGEN_SPLAT(-R(1.8531646934131858));
+    constraints[226] = NCGEN_SPLAT(-R(1.8531646934131858));
+    constraints[230] = NCGEN_SPLAT(-R(1.8531646934131858));
+    constraints[224] = NCGEN_SPLAT(-R(1.000000000000002));
+    constraints[228] = NCGEN_SPLAT(-R(1.000000000000002));
+    constraints[232] = NCGEN_SPLAT(-R(1.000000000000002));
+    /* row 47: combination P3b.y (body platform): (e - c a x b).y = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
+    const ncgen_real P3b_y = q[46];
+    const ncgen_real x7 = P3b_y - R(1.8531646934131858) * P1a_y + R(1.8531646934131876) * P1b_y;
+    constraints[46] = x7 - R(1.000000000000002) * P2a_y;
+    /* row 48: combination P3b.z (body platform): (e - c a x b).z = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
+    const ncgen_real P3b_z = q[47];
+    const ncgen_real x8 = P3b_z - R(1.8531646934131858) * P1a_z + R(1.8531646934131876) * P1b_z;
+    constraints[47] = x8 - R(1.000000000000002) * P2a_z;
+    /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
+    const ncgen_real n1_x = q[51];
+    constraints[234] = n1_x;
+    const ncgen_real n1_y = q[52];
+    constraints[235] = n1_y;
+    const ncgen_real n1_z = q[53];
+    constraints[236] = n1_z;
+    const ncgen_real x9 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
+    constraints[48] = x9;
+    const ncgen_real dn1_x = qd[51];
+    const ncgen_real dn1_y = qd[52];
+    const ncgen_real dn1_z = qd[53];
+    constraints[399] = -(dn1_x * dn1_x + dn1_y * dn1_y + dn1_z * dn1_z);
+    /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+    const ncgen_real x10 = kept[0];
+    const ncgen_real x11 = kept[1];
+    const ncgen_real x12 = kept[2];
+    const ncgen_real x13 = R(0.9478672985781991) * (x10 * n1_x + x11 * n1_y + x12 * n1_z);
+    constraints[49] = -x13;
+    const ncgen_real x14 = R(0.9478672985781991) * n1_x;
+    constraints[240] = x14;
+    /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+    constraints[249] = x14;
+    /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+    const ncgen_real x15 = -x14;
+    constraints[237] = x15;
+    /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+    constraints[246] = x15;
+    /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+    const ncgen_real x16 = R(0.9478672985781991) * n1_y;
+    constraints[241] = x16;
+    /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+    constraints[250] = x16;
+    /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+    const ncgen_real x17 = -x16;
+    constraints[238] = x17;
+    /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+    constraints[247] = x17;
+    /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+    const ncgen_real x18 = R(0.9478672985781991) * n1_z;
+    constraints[242] = x18;
+    /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+    constraints[251] = x18;
+    /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+    const ncgen_real x19 = -x18;
+    constraints[239] = x19;
+    /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+    constraints[248] = x19;
+    /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+    const ncgen_real x20 = kept[3];
+    const ncgen_real x21 = kept[4];
+    const ncgen_real x22 = kept[5];
+    const ncgen_real x23 = R(1.8957345971563981) * (x20 * dn1_x + x21 * dn1_y + x22 * dn1_z);
+    constraints[400] = x23;
+    /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+    const ncgen_real x24 = kept[6];
+    const ncgen_real x25 = kept[7];
+    const ncgen_real x26 = kept[8];
+    const ncgen_real x27 = R(0.9478672985781991) * (x24 * n1_x + x25 * n1_y + x26 * n1_z);
+    constraints[50] = -x27;
+    const ncgen_real x28 = kept[9];
+    const ncgen_real x29 = kept[10];
+    const ncgen_real x30 = kept[11];
+    const ncgen_real x31 = R(1.8957345971563981) * (x28 * dn1_x + x29 * dn1_y + x30 * dn1_z);
+    constraints[401] = x31;
+    /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
+    const ncgen_real E1b_x = q[6];
+    const ncgen_real E1a_x = q[3];
+    const ncgen_real x32 = E1b_x - E1a_x;
+    const ncgen_real E1b_y = q[7];
+    const ncgen_real E1a_y = q[4];
+    const ncgen_real x33 = E1b_y - E1a_y;
+    const ncgen_real E1b_z = q[8];
+    const ncgen_real E1a_z = q[5];
+    const ncgen_real x34 = E1b_z - E1a_z;
+    const ncgen_real x35 = R(6.249999999999999) * (n1_x * x32 + n1_y * x33 + n1_z * x34);
+    constraints[51] = x35;
+    const ncgen_real x36 = R(6.249999999999999) * n1_x;
+    constraints[258] = x36;
+    /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+    constraints[267] = x36;
+    /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
+    const ncgen_real x37 = -x36;
+    constraints[255] = x37;
+    /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+    constraints[264] = x37;
+    /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
+    const ncgen_real x38 = R(6.249999999999999) * n1_y;
+    constraints[259] = x38;
+    /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+    constraints[268] = x38;
+    /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
+    const ncgen_real x39 = -x38;
+    constraints[256] = x39;
+    /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+    constraints[265] = x39;
+    /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
+    const ncgen_real x40 = R(6.249999999999999) * n1_z;
+    constraints[260] = x40;
+    /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+    constraints[269] = x40;
+    /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
+    const ncgen_real x41 = -x40;
+    constraints[257] = x41;
+    /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+    constraints[266] = x41;
+    /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
+    constraints[261] = R(6.249999999999999) * x32;
+    constraints[262] = R(6.249999999999999) * x33;
+    constraints[263] = R(6.249999999999999) * x34;
+    const ncgen_real dE1b_x = qd[6];
+    const ncgen_real dE1a_x = qd[3];
+    const ncgen_real dE1b_y = qd[7];
+    const ncgen_real dE1a_y = qd[4];
+    const ncgen_real dE1b_z = qd[8];
+    const ncgen_real dE1a_z = qd[5];
+    const ncgen_real x42 = dn1_x * (dE1b_x - dE1a_x) + dn1_y * (dE1b_y - dE1a_y) + dn1_z * (dE1b_z - dE1a_z);
+    constraints[402] = -(R(12.499999999999998) * x42);
+    /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+    const ncgen_real x43 = kept[36];
+    const ncgen_real x44 = kept[37];
+    const ncgen_real x45 = kept[38];
+    const ncgen_real x46 = R(6.249999999999999) * (x43 * n1_x + x44 * n1_y + x45 * n1_z);
+    constraints[52] = -x46;
+    const ncgen_real x47 = kept[39];
+    const ncgen_real x48 = kept[40];
+    const ncgen_real x49 = kept[41];
+    const ncgen_real x50 = R(12.499999999999998) * (x47 * dn1_x + x48 * dn1_y + x49 * dn1_z);
+    constraints[403] = x50;
+    /* row 54: 1001 unit n2 (body rod2a): |u|^2 - 1 = 0 with u = n2 */
+    const ncgen_real n2_x = q[54];
+    constraints[273] = n2_x;
+    const ncgen_real n2_y = q[55];
+    constraints[274] = n2_y;
+    const ncgen_real n2_z = q[56];
+    constraints[275] = n2_z;
+    const ncgen_real x51 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
+    constraints[53] = x51;
+    const ncgen_real dn2_x = qd[54];
+    const ncgen_real dn2_y = qd[55];
+    const ncgen_real dn2_z = qd[56];
+    constraints[404] = -(dn2_x * dn2_x + dn2_y * dn2_y + dn2_z * dn2_z);
+    /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+    const ncgen_real x52 = kept[12];
+    const ncgen_real x53 = kept[13];
+    const ncgen_real x54 = kept[14];
+    const ncgen_real x55 = R(0.947867298578199) * (x52 * n2_x + x53 * n2_y + x54 * n2_z);
+    constraints[54] = -x55;
+    const ncgen_real x56 = R(0.947867298578199) * n2_x;
+    constraints[279] = x56;
+    /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+    constraints[288] = x56;
+    /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+    const ncgen_real x57 = -x56;
+    constraints[276] = x57;
+    /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+    constraints[285] = x57;
+    /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+    const ncgen_real x58 = R(0.947867298578199) * n2_y;
+    constraints[280] = x58;
+    /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+    constraints[289] = x58;
+    /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+    const ncgen_real x59 = -x58;
+    constraints[277] = x59;
+    /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+    constraints[286] = x59;
+    /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+    const ncgen_real x60 = R(0.947867298578199) * n2_z;
+    constraints[281] = x60;
+    /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+    constraints[290] = x60;
+    /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+    const ncgen_real x61 = -x60;
+    constraints[278] = x61;
+    /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+    constraints[287] = x61;
+    /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+    const ncgen_real x62 = kept[15];
+    const ncgen_real x63 = kept[16];
+    const ncgen_real x64 = kept[17];
+    const ncgen_real x65 = R(1.895734597156398) * (x62 * dn2_x + x63 * dn2_y + x64 * dn2_z);
+    constraints[405] = x65;
+    /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+    const ncgen_real x66 = kept[18];
+    const ncgen_real x67 = kept[19];
+    const ncgen_real x68 = kept[20];
+    const ncgen_real x69 = R(0.947867298578199) * (x66 * n2_x + x67 * n2_y + x68 * n2_z);
+    constraints[55] = -x69;
+    const ncgen_real x70 = kept[21];
+    const ncgen_real x71 = kept[22];
+    const ncgen_real x72 = kept[23];
+    const ncgen_real x73 = R(1.895734597156398) * (x70 * dn2_x + x71 * dn2_y + x72 * dn2_z);
+    constraints[406] = x73;
+    /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
+    const ncgen_real E2b_x = q[16];
+    const ncgen_real E2a_x = q[13];
+    const ncgen_real x74 = E2b_x - E2a_x;
+    const ncgen_real E2b_y = q[17];
+    const ncgen_real E2a_y = q[14];
+    const ncgen_real x75 = E2b_y - E2a_y;
+    const ncgen_real E2b_z = q[18];
+    const ncgen_real E2a_z = q[15];
+    const ncgen_real x76 = E2b_z - E2a_z;
+    const ncgen_real x77 = R(6.249999999999999) * (n2_x * x74 + n2_y * x75 + n2_z * x76);
+    constraints[56] = x77;
+    const ncgen_real x78 = R(6.249999999999999) * n2_x;
+    constraints[297] = x78;
+    /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
+    constraints[306] = x78;
+    /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
+    const ncgen_real x79 = -x78;
+    constraints[294] = x79;
+    /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
+    constraints[303] = x79;
+    /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
+    const ncgen_real x80 = R(6.249999999999999) * n2_y;
+    constraints[298] = x80;
+    /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
+    constraints[307] = x80;
+    /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
+    const ncgen_real x81 = -x80;
+    constraints[295] = x81;
+    /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
+    constraints[304] = x81;
+    /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
+    const ncgen_real x82 = R(6.249999999999999) * n2_z;
+    constraints[299] = x82;
+    /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
+    constraints[308] = x82;
+    /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
+    const ncgen_real x83 = -x82;
+    constraints[296] = x83;
+    /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
+    constraints[305] = x83;
+    /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
+    constraints[300] = R(6.249999999999999) * x74;
+    constraints[301] = R(6.249999999999999) * x75;
+    constraints[302] = R(6.249999999999999) * x76;
+    const ncgen_real dE2b_x = qd[16];
+    const ncgen_real dE2a_x = qd[13];
+    const ncgen_real dE2b_y = qd[17];
+    const ncgen_real dE2a_y = qd[14];
+    const ncgen_real dE2b_z = qd[18];
+    const ncgen_real dE2a_z = qd[15];
+    const ncgen_real x84 = dn2_x * (dE2b_x - dE2a_x) + dn2_y * (dE2b_y - dE2a_y) + dn2_z * (dE2b_z - dE2a_z);
+    constraints[407] = -(R(12.499999999999998) * x84);
+    /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
+    const ncgen_real P2b_x = q[39];
+    const ncgen_real x85 = P2b_x - P2a_x;
+    const ncgen_real P2b_y = q[40];
+    const ncgen_real x86 = P2b_y - P2a_y;
+    const ncgen_real x87 = P2b_z - P2a_z;
+    const ncgen_real x88 = R(6.249999999999999) * (n2_x * x85 + n2_y * x86 + n2_z * x87);
+    constraints[57] = x88;
+    constraints[309] = R(6.249999999999999) * x85;
+    constraints[310] = R(6.249999999999999) * x86;
+    constraints[311] = R(6.249999999999999) * x87;
+    const ncgen_real dP2b_x = qd[39];
+    const ncgen_real dP2a_x = qd[36];
+    const ncgen_real dP2b_y = qd[40];
+    const ncgen_real dP2a_y = qd[37];
+    const ncgen_real dP2b_z = qd[41];
+    const ncgen_real dP2a_z = qd[38];
+    const ncgen_real x89 = dn2_x * (dP2b_x - dP2a_x) + dn2_y * (dP2b_y - dP2a_y) + dn2_z * (dP2b_z - dP2a_z);
+    constraints[408] = -(R(12.499999999999998) * x89);
+    /* row 59: 1001 unit n3 (body rod3a): |u|^2 - 1 = 0 with u = n3 */
+    const ncgen_real n3_x = q[57];
+    constraints[312] = n3_x;
+    const ncgen_real n3_y = q[58];
+    constraints[313] = n3_y;
+    const ncgen_real n3_z = q[59];
+    constraints[314] = n3_z;
+    const ncgen_real x90 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
+    constraints[58] = x90;
+    const ncgen_real dn3_x = qd[57];
+    const ncgen_real dn3_y = qd[58];
+    const ncgen_real dn3_z = qd[59];
+    constraints[409] = -(dn3_x * dn3_x + dn3_y * dn3_y + dn3_z * dn3_z);
+    /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+    const ncgen_real x91 = kept[24];
+    const ncgen_real x92 = kept[25];
+    const ncgen_real x93 = kept[26];
+    const ncgen_real x94 = R(0.947867298578199) * (x91 * n3_x + x92 * n3_y + x93 * n3_z);
+    constraints[59] = -x94;
+    const ncgen_real x95 = R(0.947867298578199) * n3_x;
+    constraints[318] = x95;
+    /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+    constraints[327] = x95;
+    /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+    const ncgen_real x96 = -x95;
+    constraints[315] = x96;
+    /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+    constraints[324] = x96;
+    /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+    const ncgen_real x97 = R(0.947867298578199) * n3_y;
+    constraints[319] = x97;
+    /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+    constraints[328] = x97;
+    /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+    const ncgen_real x98 = -x97;
+    constraints[316] = x98;
+    /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+    constraints[325] = x98;
+    /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+    const ncgen_real x99 = R(0.947867298578199) * n3_z;
+    constraints[320] = x99;
+    /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+    constraints[329] = x99;
+    /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+    const ncgen_real x100 = -x99;
+    constraints[317] = x100;
+    /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+    constraints[326] = x100;
+    /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+    const ncgen_real x101 = kept[27];
+    const ncgen_real x102 = kept[28];
+    const ncgen_real x103 = kept[29];
+    const ncgen_real x104 = R(1.895734597156398) * (x101 * dn3_x + x102 * dn3_y + x103 * dn3_z);
+    constraints[410] = x104;
+    /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+    const ncgen_real x105 = kept[30];
+    const ncgen_real x106 = kept[31];
+    const ncgen_real x107 = kept[32];
+    const ncgen_real x108 = R(0.947867298578199) * (x105 * n3_x + x106 * n3_y + x107 * n3_z);
+    constraints[60] = -x108;
+    const ncgen_real x109 = kept[33];
+    const ncgen_real x110 = kept[34];
+    const ncgen_real x111 = kept[35];
+    const ncgen_real x112 = R(1.895734597156398) * (x109 * dn3_x + x110 * dn3_y + x111 * dn3_z);
+    constraints[411] = x112;
+    /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
+    const ncgen_real E3b_x = q[26];
+    const ncgen_real E3a_x = q[23];
+    const ncgen_real x113 = E3b_x - E3a_x;
+    const ncgen_real E3b_y = q[27];
+    const ncgen_real E3a_y = q[24];
+    const ncgen_real x114 = E3b_y - E3a_y;
+    const ncgen_real E3b_z = q[28];
+    const ncgen_real E3a_z = q[25];
+    const ncgen_real x115 = E3b_z - E3a_z;
+    constraints[61] = R(6.25) * (n3_x * x113 + n3_y * x114 + n3_z * x115);
+    const ncgen_real x116 = R(6.25) * n3_x;
+    constraints[336] = x116;
+    /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
+    constraints[345] = x116;
+    /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
+    const ncgen_real x117 = -x116;
+    constraints[333] = x117;
+    /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
+    constraints[342] = x117;
+    /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
+    const ncgen_real x118 = R(6.25) * n3_y;
+    constraints[337] = x118;
+    /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
+    constraints[346] = x118;
+    /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
+    const ncgen_real x119 = -x118;
+    constraints[334] = x119;
+    /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
+    constraints[343] = x119;
+    /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
+    const ncgen_real x120 = R(6.25) * n3_z;
+    constraints[338] = x120;
+    /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
+    constraints[347] = x120;
+    /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
+    const ncgen_real x121 = -x120;
+    constraints[335] = x121;
+    /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
+    constraints[344] = x121;
+    /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
+    constraints[339] = R(6.25) * x113;
+    constraints[340] = R(6.25) * x114;
+    constraints[341] = R(6.25) * x115;
+    const ncgen_real dE3b_x = qd[26];
+    const ncgen_real dE3a_x = qd[23];
+    const ncgen_real dE3b_y = qd[27];
+    const ncgen_real dE3a_y = qd[24];
+    const ncgen_real dE3b_z = qd[28];
+    const ncgen_real dE3a_z = qd[25];
+    const ncgen_real x122 = dn3_x * (dE3b_x - dE3a_x) + dn3_y * (dE3b_y - dE3a_y) + dn3_z * (dE3b_z - dE3a_z);
+    constraints[412] = -(R(12.5) * x122);
+    /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
+    const ncgen_real x123 = P3b_x - P3a_x;
+    const ncgen_real x124 = P3b_y - P3a_y;
+    const ncgen_real x125 = P3b_z - P3a_z;
+    constraints[62] = R(6.25) * (n3_x * x123 + n3_y * x124 + n3_z * x125);
+    constraints[348] = R(6.25) * x123;
+    constraints[349] = R(6.25) * x124;
+    constraints[350] = R(6.25) * x125;
+    const ncgen_real dP3b_x = qd[45];
+    const ncgen_real dP3a_x = qd[42];
+    const ncgen_real dP3b_y = qd[46];
+    const ncgen_real dP3a_y = qd[43];
+    const ncgen_real dP3b_z = qd[47];
+    const ncgen_real dP3a_z = qd[44];
+    const ncgen_real x126 = dn3_x * (dP3b_x - dP3a_x) + dn3_y * (dP3b_y - dP3a_y) + dn3_z * (dP3b_z - dP3a_z);
+    constraints[413] = -(R(12.5) * x126);
+}
+
 /* constraints: 853 operations, 6 of them elementary functions */
 int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
+    ncgen_real kept[43];
     ncgen_real sine[3], cosine[3];
     (void)t;
     (void)p;
@@ -1318,885 +2493,9 @@ int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         angle[i] = q[10 * i + 9];
     ncgen_sincos(3, angle, sine, cosine);
 
-    {
-        /* row 1: 1000 distance A1-E1 (body arm1): |a|^2 - L^2 = 0 with a = A1-E1, L = 0.42 */
-        const ncgen_real E1_x = q[0];
-        const ncgen_real x1 = R(0.2857883832488648) - E1_x;
-        const ncgen_real E1_y = q[1];
-        const ncgen_real x2 = R(0.16499999999999998) - E1_y;
-        const ncgen_real E1_z = q[2];
-        const ncgen_real x3 = R(1.1904761904761905) * (x1 * x1 + x2 * x2 + E1_z * E1_z - R(0.17639999999999997));
-        constraints[0] = x3;
-        constraints[63] = -(R(2.380952380952381) * x1);
-        constraints[64] = -(R(2.380952380952381) * x2);
-        constraints[65] = R(2.380952380952381) * E1_z;
-        const ncgen_real dE1_x = qd[0];
-        const ncgen_real dE1_y = qd[1];
-        const ncgen_real dE1_z = qd[2];
-        const ncgen_real x4 = R(2.380952380952381) * (dE1_x * dE1_x + dE1_y * dE1_y + dE1_z * dE1_z);
-        constraints[351] = -x4;
-        /* row 2: 1002 angle t1, E1-A1 (body arm1): u.a - L c = 0 with u = t1, a = E1-A1, L = 0.42, c = 0 */
-        constraints[1] = R(1.1904761904761902) * x1 - R(2.0619652471058063) * x2;
-        constraints[66] = NCGEN_SPLAT(-R(1.1904761904761902));
-        constraints[67] = NCGEN_SPLAT(R(2.0619652471058063));
-        constraints[352] = NCGEN_SPLAT(R(0.0));
-        /* row 3: combination E1a.x (body arm1): (e - c a x b).x = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
-        const ncgen_real E1a_x = q[3];
-        constraints[2] = E1a_x - E1_x - R(0.04);
-        constraints[68] = NCGEN_SPLAT(-R(1.0));
-        constraints[69] = NCGEN_SPLAT(R(1.0));
-        constraints[353] = NCGEN_SPLAT(R(0.0));
-        /* row 4: combination E1a.y (body arm1): (e - c a x b).y = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
-        const ncgen_real E1a_y = q[4];
-        constraints[3] = E1a_y - E1_y + R(0.0692820323027551);
-        constraints[70] = NCGEN_SPLAT(-R(1.0));
-        constraints[71] = NCGEN_SPLAT(R(1.0));
-        constraints[354] = NCGEN_SPLAT(R(0.0));
-        /* row 5: combination E1a.z (body arm1): (e - c a x b).z = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
-        const ncgen_real E1a_z = q[5];
-        constraints[4] = E1a_z - E1_z;
-        constraints[72] = NCGEN_SPLAT(-R(1.0));
-        constraints[73] = NCGEN_SPLAT(R(1.0));
-        constraints[355] = NCGEN_SPLAT(R(0.0));
-        /* row 6: combination E1b.x (body arm1): (e - c a x b).x = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
-        const ncgen_real E1b_x = q[6];
-        const ncgen_real x5 = E1b_x - R(3.172888432532881e-17) - R(0.9999999999999999) * E1_x;
-        constraints[5] = R(0.04) + x5;
-        constraints[74] = NCGEN_SPLAT(-R(0.9999999999999999));
-        constraints[75] = NCGEN_SPLAT(R(1.0));
-        constraints[356] = NCGEN_SPLAT(R(0.0));
-        /* row 7: combination E1b.y (body arm1): (e - c a x b).y = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
-        const ncgen_real E1b_y = q[7];
-        const ncgen_real x6 = E1b_y - R(1.831867990631508e-17) - R(0.9999999999999999) * E1_y;
-        constraints[6] = x6 - R(0.0692820323027551);
-        constraints[76] = NCGEN_SPLAT(-R(0.9999999999999999));
-        constraints[77] = NCGEN_SPLAT(R(1.0));
-        constraints[357] = NCGEN_SPLAT(R(0.0));
-        /* row 8: combination E1b.z (body arm1): (e - c a x b).z = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
-        const ncgen_real E1b_z = q[8];
-        constraints[7] = E1b_z - R(0.9999999999999999) * E1_z;
-        constraints[78] = NCGEN_SPLAT(-R(0.9999999999999999));
-        constraints[79] = NCGEN_SPLAT(R(1.0));
-        constraints[358] = NCGEN_SPLAT(R(0.0));
-        /* row 9: 1014 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
-        const ncgen_real x7 = R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2;
-        const ncgen_real sin_psi1 = sine[0];
-        const ncgen_real cos_psi1 = cosine[0];
-        constraints[8] = R(2.380952380952381) * (E1_z * cos_psi1 - x7 * sin_psi1);
-        constraints[80] = R(2.0619652471058063) * sin_psi1;
-        constraints[81] = R(1.1904761904761902) * sin_psi1;
-        constraints[82] = R(2.380952380952381) * cos_psi1;
-        const ncgen_real x8 = -(R(2.380952380952381) * (x7 * cos_psi1 + E1_z * sin_psi1));
-        constraints[83] = x8;
-        const ncgen_real dpsi1 = qd[9];
-        const ncgen_real x9 = dpsi1 * dpsi1;
-        const ncgen_real x10 = R(2.0) * dpsi1;
-        const ncgen_real x11 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
-        const ncgen_real x12 = sin_psi1 * (dE1_z * x10 - x7 * x9) + cos_psi1 * (E1_z * x9 - x10 * x11);
-        constraints[359] = R(2.380952380952381) * x12;
-        /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
-        const ncgen_real E2_x = q[10];
-        const ncgen_real x13 = -R(0.28578838324886474) - E2_x;
-        const ncgen_real E2_y = q[11];
-        const ncgen_real x14 = R(0.16500000000000012) - E2_y;
-        const ncgen_real E2_z = q[12];
-        const ncgen_real x15 = x13 * x13 + x14 * x14 + E2_z * E2_z - R(0.17639999999999997);
-        constraints[9] = R(1.1904761904761905) * x15;
-        constraints[84] = -(R(2.380952380952381) * x13);
-        constraints[85] = -(R(2.380952380952381) * x14);
-        constraints[86] = R(2.380952380952381) * E2_z;
-        const ncgen_real dE2_x = qd[10];
-        const ncgen_real dE2_y = qd[11];
-        const ncgen_real dE2_z = qd[12];
-        const ncgen_real x16 = R(2.380952380952381) * (dE2_x * dE2_x + dE2_y * dE2_y + dE2_z * dE2_z);
-        constraints[360] = -x16;
-        /* row 11: 1002 angle t2, E2-A2 (body arm2): u.a - L c = 0 with u = t2, a = E2-A2, L = 0.42, c = 0 */
-        const ncgen_real x17 = E2_x + R(0.28578838324886474);
-        constraints[10] = R(2.061965247105806) * x14 - R(1.1904761904761914) * x17;
-        constraints[87] = NCGEN_SPLAT(-R(1.1904761904761914));
-        constraints[88] = NCGEN_SPLAT(-R(2.061965247105806));
-        constraints[361] = NCGEN_SPLAT(R(0.0));
-        /* row 12: combination E2a.x (body arm2): (e - c a x b).x = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
-        const ncgen_real E2a_x = q[13];
-        constraints[11] = E2a_x - E2_x - R(0.04000000000000002);
-        constraints[89] = NCGEN_SPLAT(-R(1.0));
-        constraints[90] = NCGEN_SPLAT(R(1.0));
-        constraints[362] = NCGEN_SPLAT(R(0.0));
-        /* row 13: combination E2a.y (body arm2): (e - c a x b).y = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
-        const ncgen_real E2a_y = q[14];
-        constraints[12] = E2a_y - E2_y - R(0.06928203230275506);
-        constraints[91] = NCGEN_SPLAT(-R(1.0));
-        constraints[92] = NCGEN_SPLAT(R(1.0));
-        constraints[363] = NCGEN_SPLAT(R(0.0));
-        /* row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
-        const ncgen_real E2a_z = q[15];
-        constraints[13] = E2a_z - E2_z;
-        constraints[93] = NCGEN_SPLAT(-R(1.0));
-        constraints[94] = NCGEN_SPLAT(R(1.0));
-        constraints[364] = NCGEN_SPLAT(R(0.0));
-        /* row 15: combination E2b.x (body arm2): (e - c a x b).x = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
-        const ncgen_real E2b_x = q[16];
-        constraints[14] = E2b_x - E2_x + R(0.040000000000000036);
-        constraints[95] = NCGEN_SPLAT(-R(1.0));
-        constraints[96] = NCGEN_SPLAT(R(1.0));
-        constraints[365] = NCGEN_SPLAT(R(0.0));
-        /* row 16: combination E2b.y (body arm2): (e - c a x b).y = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
-        const ncgen_real E2b_y = q[17];
-        constraints[15] = E2b_y - E2_y + R(0.06928203230275509);
-        constraints[97] = NCGEN_SPLAT(-R(1.0));
-        constraints[98] = NCGEN_SPLAT(R(1.0));
-        constraints[366] = NCGEN_SPLAT(R(0.0));
-        /* row 17: combination E2b.z (body arm2): (e - c a x b).z = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
-        const ncgen_real E2b_z = q[18];
-        constraints[16] = E2b_z - E2_z;
-        constraints[99] = NCGEN_SPLAT(-R(1.0));
-        constraints[100] = NCGEN_SPLAT(R(1.0));
-        constraints[367] = NCGEN_SPLAT(R(0.0));
-        /* row 18: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
-        const ncgen_real x18 = R(0.8660254037844385) * x17 + R(0.5000000000000003) * x14;
-        const ncgen_real sin_psi2 = sine[1];
-        const ncgen_real cos_psi2 = cosine[1];
-        const ncgen_real x19 = R(2.380952380952381) * (E2_z * cos_psi2 - x18 * sin_psi2);
-        constraints[17] = x19;
-        constraints[101] = -(R(2.061965247105806) * sin_psi2);
-        constraints[102] = R(1.1904761904761914) * sin_psi2;
-        constraints[103] = R(2.380952380952381) * cos_psi2;
-        const ncgen_real x20 = R(2.380952380952381) * (x18 * cos_psi2 + E2_z * sin_psi2);
-        constraints[104] = -x20;
-        const ncgen_real dpsi2 = qd[19];
-        const ncgen_real x21 = dpsi2 * dpsi2;
-        const ncgen_real x22 = R(2.0) * dpsi2;
-        const ncgen_real x23 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
-        const ncgen_real x24 = sin_psi2 * (dE2_z * x22 - x18 * x21) + cos_psi2 * (E2_z * x21 - x22 * x23);
-        constraints[368] = R(2.380952380952381) * x24;
-        /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
-        const ncgen_real E3_x = q[20];
-        const ncgen_real x25 = -R(6.062001655779399e-17) - E3_x;
-        const ncgen_real E3_y = q[21];
-        const ncgen_real x26 = -R(0.33) - E3_y;
-        const ncgen_real E3_z = q[22];
-        const ncgen_real x27 = x25 * x25 + x26 * x26 + E3_z * E3_z - R(0.17639999999999997);
-        constraints[18] = R(1.1904761904761905) * x27;
-        constraints[105] = -(R(2.380952380952381) * x25);
-        constraints[106] = -(R(2.380952380952381) * x26);
-        constraints[107] = R(2.380952380952381) * E3_z;
-        const ncgen_real dE3_x = qd[20];
-        const ncgen_real dE3_y = qd[21];
-        const ncgen_real dE3_z = qd[22];
-        const ncgen_real x28 = R(2.380952380952381) * (dE3_x * dE3_x + dE3_y * dE3_y + dE3_z * dE3_z);
-        constraints[369] = -x28;
-        /* row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0 */
-        const ncgen_real x29 = E3_y + R(0.33);
-        const ncgen_real x30 = E3_x + R(6.062001655779399e-17);
-        const ncgen_real x31 = R(2.380952380952381) * (x30 - R(1.8369701987210297e-16) * x29);
-        constraints[19] = x31;
-        constraints[108] = NCGEN_SPLAT(R(2.380952380952381));
-        constraints[109] = NCGEN_SPLAT(-R(4.373738568383404e-16));
-        constraints[370] = NCGEN_SPLAT(R(0.0));
-        /* row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
-        const ncgen_real E3a_x = q[23];
-        constraints[20] = E3a_x - E3_x + R(0.08000000000000002);
-        constraints[110] = NCGEN_SPLAT(-R(1.0));
-        constraints[111] = NCGEN_SPLAT(R(1.0));
-        constraints[371] = NCGEN_SPLAT(R(0.0));
-        /* row 22: combination E3a.y (body arm3): (e - c a x b).y = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
-        const ncgen_real E3a_y = q[24];
-        constraints[21] = E3a_y - E3_y - R(1.469576158976824e-17);
-        constraints[112] = NCGEN_SPLAT(-R(1.0));
-        constraints[113] = NCGEN_SPLAT(R(1.0));
-        constraints[372] = NCGEN_SPLAT(R(0.0));
-        /* row 23: combination E3a.z (body arm3): (e - c a x b).z = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
-        const ncgen_real E3a_z = q[25];
-        constraints[22] = E3a_z - E3_z;
-        constraints[114] = NCGEN_SPLAT(-R(1.0));
-        constraints[115] = NCGEN_SPLAT(R(1.0));
-        constraints[373] = NCGEN_SPLAT(R(0.0));
-        /* row 24: combination E3b.x (body arm3): (e - c a x b).x = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
-        const ncgen_real E3b_x = q[26];
-        constraints[23] = E3b_x - E3_x - R(0.07999999999999999);
-        constraints[116] = NCGEN_SPLAT(-R(1.0));
-        constraints[117] = NCGEN_SPLAT(R(1.0));
-        constraints[374] = NCGEN_SPLAT(R(0.0));
-        /* row 25: combination E3b.y (body arm3): (e - c a x b).y = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
-        const ncgen_real E3b_y = q[27];
-        constraints[24] = E3b_y - E3_y + R(1.4695761589768237e-17);
-        constraints[118] = NCGEN_SPLAT(-R(1.0));
-        constraints[119] = NCGEN_SPLAT(R(1.0));
-        constraints[375] = NCGEN_SPLAT(R(0.0));
-        /* row 26: combination E3b.z (body arm3): (e - c a x b).z = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
-        const ncgen_real E3b_z = q[28];
-        constraints[25] = E3b_z - E3_z;
-        constraints[120] = NCGEN_SPLAT(-R(1.0));
-        constraints[121] = NCGEN_SPLAT(R(1.0));
-        constraints[376] = NCGEN_SPLAT(R(0.0));
-        /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
-        const ncgen_real x32 = x29 + R(1.8369701987210297e-16) * x30;
-        const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real x33 = E3_z + R(3.374459510989179e-32) * E3_z;
-        const ncgen_real cos_psi3 = cosine[2];
-        constraints[26] = R(2.380952380952381) * (x33 * cos_psi3 - x32 * sin_psi3);
-        constraints[122] = -(R(4.373738568383404e-16) * sin_psi3);
-        constraints[123] = -(R(2.380952380952381) * sin_psi3);
-        constraints[124] = R(2.380952380952381) * cos_psi3;
-        const ncgen_real x34 = -(R(2.380952380952381) * (x32 * cos_psi3 + sin_psi3 * x33));
-        constraints[125] = x34;
-        const ncgen_real dpsi3 = qd[29];
-        const ncgen_real x35 = dpsi3 * dpsi3;
-        const ncgen_real x36 = R(2.0) * dpsi3;
-        const ncgen_real x37 = (dE3_z + R(3.374459510989179e-32) * dE3_z) * x36 - x32 * x35;
-        const ncgen_real x38 = x36 * (dE3_y + R(1.8369701987210297e-16) * dE3_x) + x33 * x35;
-        constraints[377] = R(2.380952380952381) * (sin_psi3 * x37 + cos_psi3 * x38);
-        /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
-        const ncgen_real P1a_x = q[30];
-        const ncgen_real x39 = E1a_x - P1a_x;
-        const ncgen_real P1a_y = q[31];
-        const ncgen_real x40 = E1a_y - P1a_y;
-        const ncgen_real P1a_z = q[32];
-        const ncgen_real x41 = E1a_z - P1a_z;
-        const ncgen_real x42 = R(0.47393364928909953) * (x39 * x39 + x40 * x40 + x41 * x41 - R(1.113025));
-        constraints[27] = x42;
-        const ncgen_real x43 = R(0.9478672985781991) * x39;
-        constraints[126] = x43;
-        const ncgen_real x44 = R(0.9478672985781991) * x40;
-        constraints[127] = x44;
-        const ncgen_real x45 = R(0.9478672985781991) * x41;
-        constraints[128] = x45;
-        const ncgen_real x46 = -x43;
-        constraints[129] = x46;
-        const ncgen_real x47 = -x44;
-        constraints[130] = x47;
-        const ncgen_real x48 = -x45;
-        constraints[131] = x48;
-        const ncgen_real dE1a_x = qd[3];
-        const ncgen_real dP1a_x = qd[30];
-        const ncgen_real x49 = dE1a_x - dP1a_x;
-        const ncgen_real dE1a_y = qd[4];
-        const ncgen_real dP1a_y = qd[31];
-        const ncgen_real x50 = dE1a_y - dP1a_y;
-        const ncgen_real dE1a_z = qd[5];
-        const ncgen_real dP1a_z = qd[32];
-        const ncgen_real x51 = dE1a_z - dP1a_z;
-        const ncgen_real x52 = R(0.9478672985781991) * (x49 * x49 + x50 * x50 + x51 * x51);
-        constraints[378] = -x52;
-        /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
-        const ncgen_real P1b_x = q[33];
-        const ncgen_real x53 = E1b_x - P1b_x;
-        const ncgen_real P1b_y = q[34];
-        const ncgen_real x54 = E1b_y - P1b_y;
-        const ncgen_real P1b_z = q[35];
-        const ncgen_real x55 = E1b_z - P1b_z;
-        const ncgen_real x56 = R(0.47393364928909953) * (x53 * x53 + x54 * x54 + x55 * x55 - R(1.113025));
-        constraints[28] = x56;
-        const ncgen_real x57 = R(0.9478672985781991) * x53;
-        constraints[132] = x57;
-        const ncgen_real x58 = R(0.9478672985781991) * x54;
-        constraints[133] = x58;
-        const ncgen_real x59 = R(0.9478672985781991) * x55;
-        constraints[134] = x59;
-        const ncgen_real x60 = -x57;
-        constraints[135] = x60;
-        const ncgen_real x61 = -x58;
-        constraints[136] = x61;
-        const ncgen_real x62 = -x59;
-        constraints[137] = x62;
-        const ncgen_real dE1b_x = qd[6];
-        const ncgen_real dP1b_x = qd[33];
-        const ncgen_real x63 = dE1b_x - dP1b_x;
-        const ncgen_real dE1b_y = qd[7];
-        const ncgen_real dP1b_y = qd[34];
-        const ncgen_real x64 = dE1b_y - dP1b_y;
-        const ncgen_real dE1b_z = qd[8];
-        const ncgen_real dP1b_z = qd[35];
-        const ncgen_real x65 = dE1b_z - dP1b_z;
-        const ncgen_real x66 = R(0.9478672985781991) * (x63 * x63 + x64 * x64 + x65 * x65);
-        constraints[379] = -x66;
-        /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
-        const ncgen_real P2a_x = q[36];
-        const ncgen_real x67 = E2a_x - P2a_x;
-        const ncgen_real P2a_y = q[37];
-        const ncgen_real x68 = E2a_y - P2a_y;
-        const ncgen_real P2a_z = q[38];
-        const ncgen_real x69 = E2a_z - P2a_z;
-        const ncgen_real x70 = x67 * x67 + x68 * x68 + x69 * x69 - R(1.1130250000000004);
-        constraints[29] = R(0.4739336492890995) * x70;
-        const ncgen_real x71 = R(0.947867298578199) * x67;
-        constraints[138] = x71;
-        const ncgen_real x72 = R(0.947867298578199) * x68;
-        constraints[139] = x72;
-        const ncgen_real x73 = R(0.947867298578199) * x69;
-        constraints[140] = x73;
-        const ncgen_real x74 = -x71;
-        constraints[141] = x74;
-        const ncgen_real x75 = -x72;
-        constraints[142] = x75;
-        const ncgen_real x76 = -x73;
-        constraints[143] = x76;
-        const ncgen_real dE2a_x = qd[13];
-        const ncgen_real dP2a_x = qd[36];
-        const ncgen_real x77 = dE2a_x - dP2a_x;
-        const ncgen_real dE2a_y = qd[14];
-        const ncgen_real dP2a_y = qd[37];
-        const ncgen_real x78 = dE2a_y - dP2a_y;
-        const ncgen_real dE2a_z = qd[15];
-        const ncgen_real dP2a_z = qd[38];
-        const ncgen_real x79 = dE2a_z - dP2a_z;
-        const ncgen_real x80 = R(0.947867298578199) * (x77 * x77 + x78 * x78 + x79 * x79);
-        constraints[380] = -x80;
-        /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
-        const ncgen_real P2b_x = q[39];
-        const ncgen_real x81 = E2b_x - P2b_x;
-        const ncgen_real P2b_y = q[40];
-        const ncgen_real x82 = E2b_y - P2b_y;
-        const ncgen_real P2b_z = q[41];
-        const ncgen_real x83 = E2b_z - P2b_z;
-        const ncgen_real x84 = x81 * x81 + x82 * x82 + x83 * x83 - R(1.1130250000000004);
-        constraints[30] = R(0.4739336492890995) * x84;
-        const ncgen_real x85 = R(0.947867298578199) * x81;
-        constraints[144] = x85;
-        const ncgen_real x86 = R(0.947867298578199) * x82;
-        constraints[145] = x86;
-        const ncgen_real x87 = R(0.947867298578199) * x83;
-        constraints[146] = x87;
-        const ncgen_real x88 = -x85;
-        constraints[147] = x88;
-        const ncgen_real x89 = -x86;
-        constraints[148] = x89;
-        const ncgen_real x90 = -x87;
-        constraints[149] = x90;
-        const ncgen_real dE2b_x = qd[16];
-        const ncgen_real dP2b_x = qd[39];
-        const ncgen_real x91 = dE2b_x - dP2b_x;
-        const ncgen_real dE2b_y = qd[17];
-        const ncgen_real dP2b_y = qd[40];
-        const ncgen_real x92 = dE2b_y - dP2b_y;
-        const ncgen_real dE2b_z = qd[18];
-        const ncgen_real dP2b_z = qd[41];
-        const ncgen_real x93 = dE2b_z - dP2b_z;
-        const ncgen_real x94 = R(0.947867298578199) * (x91 * x91 + x92 * x92 + x93 * x93);
-        constraints[381] = -x94;
-        /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
-        const ncgen_real P3a_x = q[42];
-        const ncgen_real x95 = E3a_x - P3a_x;
-        const ncgen_real P3a_y = q[43];
-        const ncgen_real x96 = E3a_y - P3a_y;
-        const ncgen_real P3a_z = q[44];
-        const ncgen_real x97 = E3a_z - P3a_z;
-        const ncgen_real x98 = x95 * x95 + x96 * x96 + x97 * x97 - R(1.1130250000000004);
-        constraints[31] = R(0.4739336492890995) * x98;
-        const ncgen_real x99 = R(0.947867298578199) * x95;
-        constraints[150] = x99;
-        const ncgen_real x100 = R(0.947867298578199) * x96;
-        constraints[151] = x100;
-        const ncgen_real x101 = R(0.947867298578199) * x97;
-        constraints[152] = x101;
-        const ncgen_real x102 = -x99;
-        constraints[153] = x102;
-        const ncgen_real x103 = -x100;
-        constraints[154] = x103;
-        const ncgen_real x104 = -x101;
-        constraints[155] = x104;
-        const ncgen_real dE3a_x = qd[23];
-        const ncgen_real dP3a_x = qd[42];
-        const ncgen_real x105 = dE3a_x - dP3a_x;
-        const ncgen_real dE3a_y = qd[24];
-        const ncgen_real dP3a_y = qd[43];
-        const ncgen_real x106 = dE3a_y - dP3a_y;
-        const ncgen_real dE3a_z = qd[25];
-        const ncgen_real dP3a_z = qd[44];
-        const ncgen_real x107 = dE3a_z - dP3a_z;
-        const ncgen_real x108 = R(0.947867298578199) * (x105 * x105 + x106 * x106 + x107 * x107);
-        constraints[382] = -x108;
-        /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
-        const ncgen_real P3b_x = q[45];
-        const ncgen_real x109 = E3b_x - P3b_x;
-        const ncgen_real P3b_y = q[46];
-        const ncgen_real x110 = E3b_y - P3b_y;
-        const ncgen_real P3b_z = q[47];
-        const ncgen_real x111 = E3b_z - P3b_z;
-        const ncgen_real x112 = x109 * x109 + x110 * x110 + x111 * x111 - R(1.1130250000000004);
-        constraints[32] = R(0.4739336492890995) * x112;
-        const ncgen_real x113 = R(0.947867298578199) * x109;
-        constraints[156] = x113;
-        const ncgen_real x114 = R(0.947867298578199) * x110;
-        constraints[157] = x114;
-        const ncgen_real x115 = R(0.947867298578199) * x111;
-        constraints[158] = x115;
-        const ncgen_real x116 = -x113;
-        constraints[159] = x116;
-        const ncgen_real x117 = -x114;
-        constraints[160] = x117;
-        const ncgen_real x118 = -x115;
-        constraints[161] = x118;
-        const ncgen_real dE3b_x = qd[26];
-        const ncgen_real dP3b_x = qd[45];
-        const ncgen_real x119 = dE3b_x - dP3b_x;
-        const ncgen_real dE3b_y = qd[27];
-        const ncgen_real dP3b_y = qd[46];
-        const ncgen_real x120 = dE3b_y - dP3b_y;
-        const ncgen_real dE3b_z = qd[28];
-        const ncgen_real dP3b_z = qd[47];
-        const ncgen_real x121 = dE3b_z - dP3b_z;
-        const ncgen_real x122 = R(0.947867298578199) * (x119 * x119 + x120 * x120 + x121 * x121);
-        constraints[383] = -x122;
-        /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
-        const ncgen_real x123 = P1a_x - P1b_x;
-        const ncgen_real x124 = P1a_y - P1b_y;
-        const ncgen_real x125 = P1a_z - P1b_z;
-        const ncgen_real x126 = x123 * x123 + x124 * x124 + x125 * x125 - R(0.02560000000000001);
-        constraints[33] = R(3.1249999999999996) * x126;
-        const ncgen_real x127 = R(6.249999999999999) * x123;
-        constraints[162] = x127;
-        const ncgen_real x128 = R(6.249999999999999) * x124;
-        constraints[163] = x128;
-        const ncgen_real x129 = R(6.249999999999999) * x125;
-        constraints[164] = x129;
-        const ncgen_real x130 = -x127;
-        constraints[165] = x130;
-        const ncgen_real x131 = -x128;
-        constraints[166] = x131;
-        const ncgen_real x132 = -x129;
-        constraints[167] = x132;
-        const ncgen_real x133 = dP1a_x - dP1b_x;
-        const ncgen_real x134 = dP1a_y - dP1b_y;
-        const ncgen_real x135 = dP1a_z - dP1b_z;
-        const ncgen_real x136 = R(6.249999999999999) * (x133 * x133 + x134 * x134 + x135 * x135);
-        constraints[384] = -x136;
-        /* row 35: 1000 distance P1a-P2a (body platform): |a|^2 - L^2 = 0 with a = P1a-P2a, L = 0.257051 */
-        const ncgen_real x137 = P1a_x - P2a_x;
-        const ncgen_real x138 = P1a_y - P2a_y;
-        const ncgen_real x139 = P1a_z - P2a_z;
-        const ncgen_real x140 = R(1.945142479610587) * (x137 * x137 + x138 * x138 + x139 * x139 - R(0.066075));
-        constraints[34] = x140;
-        const ncgen_real x141 = R(3.890284959221174) * x137;
-        constraints[168] = x141;
-        const ncgen_real x142 = R(3.890284959221174) * x138;
-        constraints[169] = x142;
-        const ncgen_real x143 = R(3.890284959221174) * x139;
-        constraints[170] = x143;
-        constraints[171] = -x141;
-        constraints[172] = -x142;
-        constraints[173] = -x143;
-        const ncgen_real x144 = dP1a_x - dP2a_x;
-        const ncgen_real x145 = dP1a_y - dP2a_y;
-        const ncgen_real x146 = dP1a_z - dP2a_z;
-        const ncgen_real x147 = R(3.890284959221174) * (x144 * x144 + x145 * x145 + x146 * x146);
-        constraints[385] = -x147;
-        /* row 36: 1000 distance P2a-P1b (body platform): |a|^2 - L^2 = 0 with a = P2a-P1b, L = 0.136506 */
-        const ncgen_real x148 = P2a_x - P1b_x;
-        const ncgen_real x149 = P2a_y - P1b_y;
-        const ncgen_real x150 = P2a_z - P1b_z;
-        const ncgen_real x151 = x148 * x148 + x149 * x149 + x150 * x150 - R(0.018633983848622415);
-        constraints[35] = R(3.662833242076714) * x151;
-        const ncgen_real x152 = R(7.325666484153428) * x148;
-        constraints[174] = -x152;
-        const ncgen_real x153 = R(7.325666484153428) * x149;
-        constraints[175] = -x153;
-        const ncgen_real x154 = R(7.325666484153428) * x150;
-        constraints[176] = -x154;
-        constraints[177] = x152;
-        constraints[178] = x153;
-        constraints[179] = x154;
-        const ncgen_real x155 = dP2a_x - dP1b_x;
-        const ncgen_real x156 = dP2a_y - dP1b_y;
-        const ncgen_real x157 = dP2a_z - dP1b_z;
-        const ncgen_real x158 = R(7.325666484153428) * (x155 * x155 + x156 * x156 + x157 * x157);
-        constraints[386] = -x158;
-        /* row 37: 1000 distance P1a-C (body platform): |a|^2 - L^2 = 0 with a = P1a-C, L = 0.168597 */
-        const ncgen_real C_x = q[48];
-        const ncgen_real x159 = P1a_x - C_x;
-        const ncgen_real C_y = q[49];
-        const ncgen_real x160 = P1a_y - C_y;
-        const ncgen_real C_z = q[50];
-        const ncgen_real x161 = P1a_z - C_z;
-        const ncgen_real x162 = x159 * x159 + x160 * x160 + x161 * x161 - R(0.028424999999999992);
-        constraints[36] = R(2.965649129302967) * x162;
-        const ncgen_real x163 = R(5.931298258605934) * x159;
-        constraints[180] = x163;
-        const ncgen_real x164 = R(5.931298258605934) * x160;
-        constraints[181] = x164;
-        const ncgen_real x165 = R(5.931298258605934) * x161;
-        constraints[182] = x165;
-        constraints[183] = -x163;
-        constraints[184] = -x164;
-        constraints[185] = -x165;
-        const ncgen_real dC_x = qd[48];
-        const ncgen_real x166 = dP1a_x - dC_x;
-        const ncgen_real dC_y = qd[49];
-        const ncgen_real x167 = dP1a_y - dC_y;
-        const ncgen_real dC_z = qd[50];
-        const ncgen_real x168 = dP1a_z - dC_z;
-        const ncgen_real x169 = R(5.931298258605934) * (x166 * x166 + x167 * x167 + x168 * x168);
-        constraints[387] = -x169;
-        /* row 38: 1000 distance C-P1b (body platform): |a|^2 - L^2 = 0 with a = C-P1b, L = 0.168597 */
-        const ncgen_real x170 = C_x - P1b_x;
-        const ncgen_real x171 = C_y - P1b_y;
-        const ncgen_real x172 = C_z - P1b_z;
-        const ncgen_real x173 = x170 * x170 + x171 * x171 + x172 * x172 - R(0.028424999999999985);
-        constraints[37] = R(2.9656491293029674) * x173;
-        const ncgen_real x174 = R(5.931298258605935) * x170;
-        constraints[186] = -x174;
-        const ncgen_real x175 = R(5.931298258605935) * x171;
-        constraints[187] = -x175;
-        const ncgen_real x176 = R(5.931298258605935) * x172;
-        constraints[188] = -x176;
-        constraints[189] = x174;
-        constraints[190] = x175;
-        constraints[191] = x176;
-        const ncgen_real x177 = dC_x - dP1b_x;
-        const ncgen_real x178 = dC_y - dP1b_y;
-        const ncgen_real x179 = dC_z - dP1b_z;
-        const ncgen_real x180 = R(5.931298258605935) * (x177 * x177 + x178 * x178 + x179 * x179);
-        constraints[388] = -x180;
-        /* row 39: 1000 distance C-P2a (body platform): |a|^2 - L^2 = 0 with a = C-P2a, L = 0.168597 */
-        const ncgen_real x181 = C_x - P2a_x;
-        const ncgen_real x182 = C_y - P2a_y;
-        const ncgen_real x183 = C_z - P2a_z;
-        const ncgen_real x184 = x181 * x181 + x182 * x182 + x183 * x183 - R(0.028425000000000002);
-        constraints[38] = R(2.9656491293029665) * x184;
-        const ncgen_real x185 = R(5.931298258605933) * x181;
-        constraints[192] = -x185;
-        const ncgen_real x186 = R(5.931298258605933) * x182;
-        constraints[193] = -x186;
-        const ncgen_real x187 = R(5.931298258605933) * x183;
-        constraints[194] = -x187;
-        constraints[195] = x185;
-        constraints[196] = x186;
-        constraints[197] = x187;
-        const ncgen_real x188 = dC_x - dP2a_x;
-        const ncgen_real x189 = dC_y - dP2a_y;
-        const ncgen_real x190 = dC_z - dP2a_z;
-        const ncgen_real x191 = R(5.931298258605933) * (x188 * x188 + x189 * x189 + x190 * x190);
-        constraints[389] = -x191;
-        /* row 40: combination P2b.x (body platform): (e - c a x b).x = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x192 = P2b_x - R(1.0000000000000009) * P1a_x + R(2.1721066374645503) * P1b_x;
-        constraints[39] = x192 - R(2.1721066374645495) * P2a_x;
-        constraints[198] = NCGEN_SPLAT(-R(1.0000000000000009));
-        constraints[199] = NCGEN_SPLAT(R(2.1721066374645503));
-        constraints[200] = NCGEN_SPLAT(-R(2.1721066374645495));
-        constraints[201] = NCGEN_SPLAT(R(1.0));
-        constraints[390] = NCGEN_SPLAT(R(0.0));
-        /* row 41: combination P2b.y (body platform): (e - c a x b).y = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x193 = P2b_y - R(1.0000000000000009) * P1a_y + R(2.1721066374645503) * P1b_y;
-        constraints[40] = x193 - R(2.1721066374645495) * P2a_y;
-        constraints[202] = NCGEN_SPLAT(-R(1.0000000000000009));
-        constraints[203] = NCGEN_SPLAT(R(2.1721066374645503));
-        constraints[204] = NCGEN_SPLAT(-R(2.1721066374645495));
-        constraints[205] = NCGEN_SPLAT(R(1.0));
-        constraints[391] = NCGEN_SPLAT(R(0.0));
-        /* row 42: combination P2b.z (body platform): (e - c a x b).z = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x194 = P2b_z - R(1.0000000000000009) * P1a_z + R(2.1721066374645503) * P1b_z;
-        constraints[41] = x194 - R(2.1721066374645495) * P2a_z;
-        constraints[206] = NCGEN_SPLAT(-R(1.0000000000000009));
-        constraints[207] = NCGEN_SPLAT(R(2.1721066374645503));
-        constraints[208] = NCGEN_SPLAT(-R(2.1721066374645495));
-        constraints[209] = NCGEN_SPLAT(R(1.0));
-        constraints[392] = NCGEN_SPLAT(R(0.0));
-        /* row 43: combination P3a.x (body platform): (e - c a x b).x = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x195 = P3a_x - R(1.8531646934131865) * P1a_x + R(3.025271330877737) * P1b_x;
-        constraints[42] = x195 - R(2.1721066374645503) * P2a_x;
-        constraints[210] = NCGEN_SPLAT(-R(1.8531646934131865));
-        constraints[211] = NCGEN_SPLAT(R(3.025271330877737));
-        constraints[212] = NCGEN_SPLAT(-R(2.1721066374645503));
-        constraints[213] = NCGEN_SPLAT(R(1.0));
-        constraints[393] = NCGEN_SPLAT(R(0.0));
-        /* row 44: combination P3a.y (body platform): (e - c a x b).y = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x196 = P3a_y - R(1.8531646934131865) * P1a_y + R(3.025271330877737) * P1b_y;
-        constraints[43] = x196 - R(2.1721066374645503) * P2a_y;
-        constraints[214] = NCGEN_SPLAT(-R(1.8531646934131865));
-        constraints[215] = NCGEN_SPLAT(R(3.025271330877737));
-        constraints[216] = NCGEN_SPLAT(-R(2.1721066374645503));
-        constraints[217] = NCGEN_SPLAT(R(1.0));
-        constraints[394] = NCGEN_SPLAT(R(0.0));
-        /* row 45: combination P3a.z (body platform): (e - c a x b).z = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x197 = P3a_z - R(1.8531646934131865) * P1a_z + R(3.025271330877737) * P1b_z;
-        constraints[44] = x197 - R(2.1721066374645503) * P2a_z;
-        constraints[218] = NCGEN_SPLAT(-R(1.8531646934131865));
-        constraints[219] = NCGEN_SPLAT(R(3.025271330877737));
-        constraints[220] = NCGEN_SPLAT(-R(2.1721066374645503));
-        constraints[221] = NCGEN_SPLAT(R(1.0));
-        constraints[395] = NCGEN_SPLAT(R(0.0));
-        /* row 46: combination P3b.x (body platform): (e - c a x b).x = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x198 = P3b_x - R(1.8531646934131858) * P1a_x + R(1.8531646934131876) * P1b_x;
-        constraints[45] = x198 - R(1.000000000000002) * P2a_x;
-        constraints[222] = NCGEN_SPLAT(-R(1.8531646934131858));
-        constraints[223] = NCGEN_SPLAT(R(1.8531646934131876));
-        constraints[224] = NCGEN_SPLAT(-R(1.000000000000002));
-        constraints[225] = NCGEN_SPLAT(R(1.0));
-        constraints[396] = NCGEN_SPLAT(R(0.0));
-        /* row 47: combination P3b.y (body platform): (e - c a x b).y = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x199 = P3b_y - R(1.8531646934131858) * P1a_y + R(1.8531646934131876) * P1b_y;
-        constraints[46] = x199 - R(1.000000000000002) * P2a_y;
-        constraints[226] = NCGEN_SPLAT(-R(1.8531646934131858));
-        constraints[227] = NCGEN_SPLAT(R(1.8531646934131876));
-        constraints[228] = NCGEN_SPLAT(-R(1.000000000000002));
-        constraints[229] = NCGEN_SPLAT(R(1.0));
-        constraints[397] = NCGEN_SPLAT(R(0.0));
-        /* row 48: combination P3b.z (body platform): (e - c a x b).z = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x200 = P3b_z - R(1.8531646934131858) * P1a_z + R(1.8531646934131876) * P1b_z;
-        constraints[47] = x200 - R(1.000000000000002) * P2a_z;
-        constraints[230] = NCGEN_SPLAT(-R(1.8531646934131858));
-        constraints[231] = NCGEN_SPLAT(R(1.8531646934131876));
-        constraints[232] = NCGEN_SPLAT(-R(1.000000000000002));
-        constraints[233] = NCGEN_SPLAT(R(1.0));
-        constraints[398] = NCGEN_SPLAT(R(0.0));
-        /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
-        const ncgen_real n1_x = q[51];
-        const ncgen_real n1_y = q[52];
-        const ncgen_real n1_z = q[53];
-        const ncgen_real x201 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
-        constraints[48] = x201;
-        constraints[234] = n1_x;
-        constraints[235] = n1_y;
-        constraints[236] = n1_z;
-        const ncgen_real dn1_x = qd[51];
-        const ncgen_real dn1_y = qd[52];
-        const ncgen_real dn1_z = qd[53];
-        constraints[399] = -(dn1_x * dn1_x + dn1_y * dn1_y + dn1_z * dn1_z);
-        /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
-        const ncgen_real x202 = R(0.9478672985781991) * (x39 * n1_x + x40 * n1_y + x41 * n1_z);
-        constraints[49] = -x202;
-        const ncgen_real x203 = R(0.9478672985781991) * n1_x;
-        const ncgen_real x204 = -x203;
-        constraints[237] = x204;
-        const ncgen_real x205 = R(0.9478672985781991) * n1_y;
-        const ncgen_real x206 = -x205;
-        constraints[238] = x206;
-        const ncgen_real x207 = R(0.9478672985781991) * n1_z;
-        const ncgen_real x208 = -x207;
-        constraints[239] = x208;
-        constraints[240] = x203;
-        constraints[241] = x205;
-        constraints[242] = x207;
-        constraints[243] = x46;
-        constraints[244] = x47;
-        constraints[245] = x48;
-        const ncgen_real x209 = R(1.8957345971563981) * (x49 * dn1_x + x50 * dn1_y + x51 * dn1_z);
-        constraints[400] = x209;
-        /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
-        const ncgen_real x210 = R(0.9478672985781991) * (x53 * n1_x + x54 * n1_y + x55 * n1_z);
-        constraints[50] = -x210;
-        constraints[246] = x204;
-        constraints[247] = x206;
-        constraints[248] = x208;
-        constraints[249] = x203;
-        constraints[250] = x205;
-        constraints[251] = x207;
-        constraints[252] = x60;
-        constraints[253] = x61;
-        constraints[254] = x62;
-        const ncgen_real x211 = R(1.8957345971563981) * (x63 * dn1_x + x64 * dn1_y + x65 * dn1_z);
-        constraints[401] = x211;
-        /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
-        const ncgen_real x212 = E1b_x - E1a_x;
-        const ncgen_real x213 = E1b_y - E1a_y;
-        const ncgen_real x214 = E1b_z - E1a_z;
-        const ncgen_real x215 = R(6.249999999999999) * (n1_x * x212 + n1_y * x213 + n1_z * x214);
-        constraints[51] = x215;
-        const ncgen_real x216 = R(6.249999999999999) * n1_x;
-        const ncgen_real x217 = -x216;
-        constraints[255] = x217;
-        const ncgen_real x218 = R(6.249999999999999) * n1_y;
-        const ncgen_real x219 = -x218;
-        constraints[256] = x219;
-        const ncgen_real x220 = R(6.249999999999999) * n1_z;
-        const ncgen_real x221 = -x220;
-        constraints[257] = x221;
-        constraints[258] = x216;
-        constraints[259] = x218;
-        constraints[260] = x220;
-        constraints[261] = R(6.249999999999999) * x212;
-        constraints[262] = R(6.249999999999999) * x213;
-        constraints[263] = R(6.249999999999999) * x214;
-        const ncgen_real x222 = dn1_x * (dE1b_x - dE1a_x) + dn1_y * (dE1b_y - dE1a_y) + dn1_z * (dE1b_z - dE1a_z);
-        constraints[402] = -(R(12.499999999999998) * x222);
-        /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
-        const ncgen_real x223 = R(6.249999999999999) * (x123 * n1_x + x124 * n1_y + x125 * n1_z);
-        constraints[52] = -x223;
-        constraints[264] = x217;
-        constraints[265] = x219;
-        constraints[266] = x221;
-        constraints[267] = x216;
-        constraints[268] = x218;
-        constraints[269] = x220;
-        constraints[270] = x130;
-        constraints[271] = x131;
-        constraints[272] = x132;
-        const ncgen_real x224 = R(12.499999999999998) * (x133 * dn1_x + x134 * dn1_y + x135 * dn1_z);
-        constraints[403] = x224;
-        /* row 54: 1001 unit n2 (body rod2a): |u|^2 - 1 = 0 with u = n2 */
-        const ncgen_real n2_x = q[54];
-        const ncgen_real n2_y = q[55];
-        const ncgen_real n2_z = q[56];
-        const ncgen_real x225 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
-        constraints[53] = x225;
-        constraints[273] = n2_x;
-        constraints[274] = n2_y;
-        constraints[275] = n2_z;
-        const ncgen_real dn2_x = qd[54];
-        const ncgen_real dn2_y = qd[55];
-        const ncgen_real dn2_z = qd[56];
-        constraints[404] = -(dn2_x * dn2_x + dn2_y * dn2_y + dn2_z * dn2_z);
-        /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
-        const ncgen_real x226 = R(0.947867298578199) * (x67 * n2_x + x68 * n2_y + x69 * n2_z);
-        constraints[54] = -x226;
-        const ncgen_real x227 = R(0.947867298578199) * n2_x;
-        const ncgen_real x228 = -x227;
-        constraints[276] = x228;
-        const ncgen_real x229 = R(0.947867298578199) * n2_y;
-        const ncgen_real x230 = -x229;
-        constraints[277] = x230;
-        const ncgen_real x231 = R(0.947867298578199) * n2_z;
-        const ncgen_real x232 = -x231;
-        constraints[278] = x232;
-        constraints[279] = x227;
-        constraints[280] = x229;
-        constraints[281] = x231;
-        constraints[282] = x74;
-        constraints[283] = x75;
-        constraints[284] = x76;
-        const ncgen_real x233 = R(1.895734597156398) * (x77 * dn2_x + x78 * dn2_y + x79 * dn2_z);
-        constraints[405] = x233;
-        /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
-        const ncgen_real x234 = R(0.947867298578199) * (x81 * n2_x + x82 * n2_y + x83 * n2_z);
-        constraints[55] = -x234;
-        constraints[285] = x228;
-        constraints[286] = x230;
-        constraints[287] = x232;
-        constraints[288] = x227;
-        constraints[289] = x229;
-        constraints[290] = x231;
-        constraints[291] = x88;
-        constraints[292] = x89;
-        constraints[293] = x90;
-        const ncgen_real x235 = R(1.895734597156398) * (x91 * dn2_x + x92 * dn2_y + x93 * dn2_z);
-        constraints[406] = x235;
-        /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
-        const ncgen_real x236 = E2b_x - E2a_x;
-        const ncgen_real x237 = E2b_y - E2a_y;
-        const ncgen_real x238 = E2b_z - E2a_z;
-        const ncgen_real x239 = R(6.249999999999999) * (n2_x * x236 + n2_y * x237 + n2_z * x238);
-        constraints[56] = x239;
-        const ncgen_real x240 = R(6.249999999999999) * n2_x;
-        const ncgen_real x241 = -x240;
-        constraints[294] = x241;
-        const ncgen_real x242 = R(6.249999999999999) * n2_y;
-        const ncgen_real x243 = -x242;
-        constraints[295] = x243;
-        const ncgen_real x244 = R(6.249999999999999) * n2_z;
-        const ncgen_real x245 = -x244;
-        constraints[296] = x245;
-        constraints[297] = x240;
-        constraints[298] = x242;
-        constraints[299] = x244;
-        constraints[300] = R(6.249999999999999) * x236;
-        constraints[301] = R(6.249999999999999) * x237;
-        constraints[302] = R(6.249999999999999) * x238;
-        const ncgen_real x246 = dn2_x * (dE2b_x - dE2a_x) + dn2_y * (dE2b_y - dE2a_y) + dn2_z * (dE2b_z - dE2a_z);
-        constraints[407] = -(R(12.499999999999998) * x246);
-        /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
-        const ncgen_real x247 = P2b_x - P2a_x;
-        const ncgen_real x248 = P2b_y - P2a_y;
-        const ncgen_real x249 = P2b_z - P2a_z;
-        const ncgen_real x250 = R(6.249999999999999) * (n2_x * x247 + n2_y * x248 + n2_z * x249);
-        constraints[57] = x250;
-        constraints[303] = x241;
-        constraints[304] = x243;
-        constraints[305] = x245;
-        constraints[306] = x240;
-        constraints[307] = x242;
-        constraints[308] = x244;
-        constraints[309] = R(6.249999999999999) * x247;
-        constraints[310] = R(6.249999999999999) * x248;
-        constraints[311] = R(6.249999999999999) * x249;
-        const ncgen_real x251 = dn2_x * (dP2b_x - dP2a_x) + dn2_y * (dP2b_y - dP2a_y) + dn2_z * (dP2b_z - dP2a_z);
-        constraints[408] = -(R(12.499999999999998) * x251);
-        /* row 59: 1001 unit n3 (body rod3a): |u|^2 - 1 = 0 with u = n3 */
-        const ncgen_real n3_x = q[57];
-        const ncgen_real n3_y = q[58];
-        const ncgen_real n3_z = q[59];
-        const ncgen_real x252 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
-        constraints[58] = x252;
-        constraints[312] = n3_x;
-        constraints[313] = n3_y;
-        constraints[314] = n3_z;
-        const ncgen_real dn3_x = qd[57];
-        const ncgen_real dn3_y = qd[58];
-        const ncgen_real dn3_z = qd[59];
-        constraints[409] = -(dn3_x * dn3_x + dn3_y * dn3_y + dn3_z * dn3_z);
-        /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x253 = R(0.947867298578199) * (x95 * n3_x + x96 * n3_y + x97 * n3_z);
-        constraints[59] = -x253;
-        const ncgen_real x254 = R(0.947867298578199) * n3_x;
-        const ncgen_real x255 = -x254;
-        constraints[315] = x255;
-        const ncgen_real x256 = R(0.947867298578199) * n3_y;
-        const ncgen_real x257 = -x256;
-        constraints[316] = x257;
-        const ncgen_real x258 = R(0.947867298578199) * n3_z;
-        const ncgen_real x259 = -x258;
-        constraints[317] = x259;
-        constraints[318] = x254;
-        constraints[319] = x256;
-        constraints[320] = x258;
-        constraints[321] = x102;
-        constraints[322] = x103;
-        constraints[323] = x104;
-        const ncgen_real x260 = R(1.895734597156398) * (x105 * dn3_x + x106 * dn3_y + x107 * dn3_z);
-        constraints[410] = x260;
-        /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
-        const ncgen_real x261 = R(0.947867298578199) * (x109 * n3_x + x110 * n3_y + x111 * n3_z);
-        constraints[60] = -x261;
-        constraints[324] = x255;
-        constraints[325] = x257;
-        constraints[326] = x259;
-        constraints[327] = x254;
-        constraints[328] = x256;
-        constraints[329] = x258;
-        constraints[330] = x116;
-        constraints[331] = x117;
-        constraints[332] = x118;
-        const ncgen_real x262 = R(1.895734597156398) * (x119 * dn3_x + x120 * dn3_y + x121 * dn3_z);
-        constraints[411] = x262;
-        /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
-        const ncgen_real x263 = E3b_x - E3a_x;
-        const ncgen_real x264 = E3b_y - E3a_y;
-        const ncgen_real x265 = E3b_z - E3a_z;
-        constraints[61] = R(6.25) * (n3_x * x263 + n3_y * x264 + n3_z * x265);
-        const ncgen_real x266 = R(6.25) * n3_x;
-        const ncgen_real x267 = -x266;
-        constraints[333] = x267;
-        const ncgen_real x268 = R(6.25) * n3_y;
-        const ncgen_real x269 = -x268;
-        constraints[334] = x269;
-        const ncgen_real x270 = R(6.25) * n3_z;
-        const ncgen_real x271 = -x270;
-        constraints[335] = x271;
-        constraints[336] = x266;
-        constraints[337] = x268;
-        constraints[338] = x270;
-        constraints[339] = R(6.25) * x263;
-        constraints[340] = R(6.25) * x264;
-        constraints[341] = R(6.25) * x265;
-        const ncgen_real x272 = dn3_x * (dE3b_x - dE3a_x) + dn3_y * (dE3b_y - dE3a_y) + dn3_z * (dE3b_z - dE3a_z);
-        constraints[412] = -(R(12.5) * x272);
-        /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
-        const ncgen_real x273 = P3b_x - P3a_x;
-        const ncgen_real x274 = P3b_y - P3a_y;
-        const ncgen_real x275 = P3b_z - P3a_z;
-        constraints[62] = R(6.25) * (n3_x * x273 + n3_y * x274 + n3_z * x275);
-        constraints[342] = x267;
-        constraints[343] = x269;
-        constraints[344] = x271;
-        constraints[345] = x266;
-        constraints[346] = x268;
-        constraints[347] = x270;
-        constraints[348] = R(6.25) * x273;
-        constraints[349] = R(6.25) * x274;
-        constraints[350] = R(6.25) * x275;
-        const ncgen_real x276 = dn3_x * (dP3b_x - dP3a_x) + dn3_y * (dP3b_y - dP3a_y) + dn3_z * (dP3b_z - dP3a_z);
-        constraints[413] = -(R(12.5) * x276);
-    }
-
+    delta_constraints_1(q, qd, sine, cosine, kept, constraints);
+    delta_constraints_2(q, qd, kept, constraints);
+    delta_constraints_3(q, qd, kept, constraints);
     return NCGEN_OK;
 }
 static const char *const delta_coordinate_names[] = {
@@ -2389,7 +2688,7 @@ const ncgen_model *delta_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "delta",
-        .fingerprint = "383e764ca70b36c3",
+        .fingerprint = "9a66318d0db1f08a",
         .n_coordinates = 60,
         .n_rows = 63,
         .n_parameters = 0,

@@ -2020,690 +2020,917 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
+static NCGEN_APART void robot_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 1: 1000 distance r1-r2 (body2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.700159 */
+    const ncgen_real r2_x = q[0];
+    const ncgen_real r2_y = q[1];
+    const ncgen_real r2_z = q[2];
+    const ncgen_real x1 = r2_x * r2_x + r2_y * r2_y + r2_z * r2_z - R(0.49022233000000004);
+    constraints[0] = R(0.7141237213050506) * x1;
+    const ncgen_real x2 = R(1.4282474426101013) * r2_x;
+    constraints[31] = x2;
+    const ncgen_real x3 = R(1.4282474426101013) * r2_y;
+    constraints[32] = x3;
+    const ncgen_real x4 = R(1.4282474426101013) * r2_z;
+    constraints[33] = x4;
+    const ncgen_real dr2_x = qd[0];
+    const ncgen_real dr2_y = qd[1];
+    const ncgen_real dr2_z = qd[2];
+    const ncgen_real x5 = R(1.4282474426101013) * (dr2_x * dr2_x + dr2_y * dr2_y + dr2_z * dr2_z);
+    constraints[247] = -x5;
+    /* row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
+    const ncgen_real r3_x = q[6];
+    const ncgen_real x6 = r2_x - r3_x;
+    const ncgen_real r3_y = q[7];
+    const ncgen_real x7 = r2_y - r3_y;
+    const ncgen_real r3_z = q[8];
+    const ncgen_real x8 = r2_z - r3_z;
+    const ncgen_real x9 = R(1.2636298470388545) * (x6 * x6 + x7 * x7 + x8 * x8 - R(0.15656700999999998));
+    constraints[1] = x9;
+    const ncgen_real x10 = R(2.527259694077709) * x6;
+    constraints[34] = x10;
+    /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+    constraints[55] = x10;
+    /* row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
+    const ncgen_real x11 = R(2.527259694077709) * x7;
+    constraints[35] = x11;
+    /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+    constraints[56] = x11;
+    /* row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
+    const ncgen_real x12 = R(2.527259694077709) * x8;
+    constraints[36] = x12;
+    /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+    constraints[57] = x12;
+    /* row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
+    constraints[37] = -x10;
+    constraints[38] = -x11;
+    constraints[39] = -x12;
+    const ncgen_real dr3_x = qd[6];
+    const ncgen_real x13 = dr2_x - dr3_x;
+    const ncgen_real dr3_y = qd[7];
+    const ncgen_real x14 = dr2_y - dr3_y;
+    const ncgen_real dr3_z = qd[8];
+    const ncgen_real x15 = dr2_z - dr3_z;
+    const ncgen_real x16 = R(2.527259694077709) * (x13 * x13 + x14 * x14 + x15 * x15);
+    constraints[248] = -x16;
+    /* row 3: 1000 distance r3-r1 (body2): |a|^2 - L^2 = 0 with a = r3-r1, L = 0.748345 */
+    const ncgen_real x17 = r3_x * r3_x + r3_y * r3_y + r3_z * r3_z - R(0.5600197800000001);
+    constraints[2] = R(0.6681413050325653) * x17;
+    constraints[40] = R(1.3362826100651306) * r3_x;
+    constraints[41] = R(1.3362826100651306) * r3_y;
+    constraints[42] = R(1.3362826100651306) * r3_z;
+    const ncgen_real x18 = R(1.3362826100651306) * (dr3_x * dr3_x + dr3_y * dr3_y + dr3_z * dr3_z);
+    constraints[249] = -x18;
+    /* row 4: 1001 unit u3 (body2): |u|^2 - 1 = 0 with u = u3 */
+    const ncgen_real u3_x = q[3];
+    constraints[43] = u3_x;
+    const ncgen_real u3_y = q[4];
+    constraints[44] = u3_y;
+    const ncgen_real u3_z = q[5];
+    constraints[45] = u3_z;
+    /* row 7: 1003 angle u1, u3 (body2): u.v - c = 0 with u = u1, v = u3, c = 0 */
+    constraints[6] = u3_z;
+    constraints[61] = NCGEN_SPLAT(R(1.0));
+    /* row 4: 1001 unit u3 (body2): |u|^2 - 1 = 0 with u = u3 */
+    const ncgen_real x19 = R(0.5) * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - R(1.0));
+    constraints[3] = x19;
+    const ncgen_real du3_x = qd[3];
+    const ncgen_real du3_y = qd[4];
+    const ncgen_real du3_z = qd[5];
+    constraints[250] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
+    /* row 5: 1002 angle u3, r1-r2 (body2): u.a - L c = 0 with u = u3, a = r1-r2, L = 0.700159, c = 0 */
+    const ncgen_real x20 = R(1.4282474426101013) * (r2_x * u3_x + r2_y * u3_y + r2_z * u3_z);
+    constraints[4] = -x20;
+    constraints[46] = -(R(1.4282474426101013) * u3_x);
+    constraints[47] = -(R(1.4282474426101013) * u3_y);
+    constraints[48] = -(R(1.4282474426101013) * u3_z);
+    constraints[49] = -x2;
+    constraints[50] = -x3;
+    constraints[51] = -x4;
+    const ncgen_real x21 = R(2.8564948852202026) * (dr2_x * du3_x + dr2_y * du3_y + dr2_z * du3_z);
+    constraints[251] = x21;
+    /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+    const ncgen_real x22 = R(2.527259694077709) * (x6 * u3_x + x7 * u3_y + x8 * u3_z);
+    constraints[5] = x22;
+    const ncgen_real x23 = R(2.527259694077709) * u3_x;
+    constraints[52] = x23;
+    /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+    constraints[114] = x23;
+    /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+    const ncgen_real x24 = R(2.527259694077709) * u3_y;
+    constraints[53] = x24;
+    /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+    constraints[115] = x24;
+    /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+    const ncgen_real x25 = R(2.527259694077709) * u3_z;
+    constraints[54] = x25;
+    /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+    constraints[116] = x25;
+    /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+    const ncgen_real x26 = -x23;
+    constraints[58] = x26;
+    /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+    constraints[117] = x26;
+    /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+    const ncgen_real x27 = -x24;
+    constraints[59] = x27;
+    /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+    constraints[118] = x27;
+    /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+    const ncgen_real x28 = -x25;
+    constraints[60] = x28;
+    /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+    constraints[119] = x28;
+    /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+    const ncgen_real x29 = R(5.054519388155418) * (x13 * du3_x + x14 * du3_y + x15 * du3_z);
+    constraints[252] = -x29;
+    constraints[253] = NCGEN_SPLAT(R(0.0));
+    constraints[254] = NCGEN_SPLAT(R(0.0));
+    /* row 8: 1002 angle u1, r1-r2 (body2): u.a - L c = 0 with u = u1, a = r1-r2, L = 0.700159, c = -0.954498 */
+    constraints[7] = R(1.4282474426101013) * (R(0.6683) - r2_z);
+    constraints[62] = NCGEN_SPLAT(-R(1.4282474426101013));
+    const ncgen_real r4_x = q[9];
+    const ncgen_real x30 = r2_x - r4_x;
+    kept[0] = x30;
+    const ncgen_real r4_y = q[10];
+    const ncgen_real x31 = r2_y - r4_y;
+    kept[1] = x31;
+    const ncgen_real r4_z = q[11];
+    const ncgen_real x32 = r2_z - r4_z;
+    kept[2] = x32;
+    /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
+    const ncgen_real x33 = R(0.45603794235680406) * (x30 * x30 + x31 * x31 + x32 * x32 - R(1.20209296));
+    constraints[8] = x33;
+    const ncgen_real x34 = R(0.9120758847136081) * x30;
+    constraints[63] = x34;
+    /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+    constraints[72] = x34;
+    /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
+    const ncgen_real x35 = R(0.9120758847136081) * x31;
+    constraints[64] = x35;
+    /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+    constraints[73] = x35;
+    /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
+    const ncgen_real x36 = R(0.9120758847136081) * x32;
+    constraints[65] = x36;
+    /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+    constraints[74] = x36;
+    /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
+    constraints[66] = -x34;
+    constraints[67] = -x35;
+    constraints[68] = -x36;
+    const ncgen_real dr4_x = qd[9];
+    const ncgen_real x37 = dr2_x - dr4_x;
+    kept[3] = x37;
+    const ncgen_real dr4_y = qd[10];
+    const ncgen_real x38 = dr2_y - dr4_y;
+    kept[4] = x38;
+    const ncgen_real dr4_z = qd[11];
+    const ncgen_real x39 = dr2_z - dr4_z;
+    kept[5] = x39;
+    const ncgen_real x40 = R(0.9120758847136081) * (x37 * x37 + x38 * x38 + x39 * x39);
+    constraints[255] = -x40;
+    /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+    const ncgen_real x41 = R(0.9120758847136081) * (u3_x * x30 + u3_y * x31 + u3_z * x32);
+    constraints[9] = x41;
+    const ncgen_real x42 = R(0.9120758847136081) * u3_x;
+    constraints[69] = x42;
+    /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+    constraints[87] = x42;
+    /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+    const ncgen_real x43 = R(0.9120758847136081) * u3_y;
+    constraints[70] = x43;
+    /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+    constraints[88] = x43;
+    /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+    const ncgen_real x44 = R(0.9120758847136081) * u3_z;
+    constraints[71] = x44;
+    /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+    constraints[89] = x44;
+    /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+    const ncgen_real x45 = -x42;
+    constraints[75] = x45;
+    /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+    constraints[90] = x45;
+    /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+    const ncgen_real x46 = -x43;
+    constraints[76] = x46;
+    /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+    constraints[91] = x46;
+    /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+    const ncgen_real x47 = -x44;
+    constraints[77] = x47;
+    /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+    constraints[92] = x47;
+    /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+    const ncgen_real x48 = R(1.8241517694272162) * (du3_x * x37 + du3_y * x38 + du3_z * x39);
+    constraints[256] = -x48;
+    /* row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
+    const ncgen_real r5_x = q[12];
+    const ncgen_real x49 = r3_x - r5_x;
+    const ncgen_real r5_y = q[13];
+    const ncgen_real x50 = r3_y - r5_y;
+    const ncgen_real r5_z = q[14];
+    const ncgen_real x51 = r3_z - r5_z;
+    const ncgen_real x52 = R(0.45603794235680406) * (x49 * x49 + x50 * x50 + x51 * x51 - R(1.20209296));
+    constraints[10] = x52;
+    const ncgen_real x53 = R(0.9120758847136081) * x49;
+    constraints[78] = x53;
+    /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+    constraints[84] = x53;
+    /* row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
+    const ncgen_real x54 = R(0.9120758847136081) * x50;
+    constraints[79] = x54;
+    /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+    constraints[85] = x54;
+    /* row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
+    const ncgen_real x55 = R(0.9120758847136081) * x51;
+    constraints[80] = x55;
+    /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+    constraints[86] = x55;
+    /* row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
+    constraints[81] = -x53;
+    constraints[82] = -x54;
+    constraints[83] = -x55;
+    const ncgen_real dr5_x = qd[12];
+    const ncgen_real x56 = dr3_x - dr5_x;
+    const ncgen_real dr5_y = qd[13];
+    const ncgen_real x57 = dr3_y - dr5_y;
+    const ncgen_real dr5_z = qd[14];
+    const ncgen_real x58 = dr3_z - dr5_z;
+    const ncgen_real x59 = R(0.9120758847136081) * (x56 * x56 + x57 * x57 + x58 * x58);
+    constraints[257] = -x59;
+    /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+    const ncgen_real x60 = R(0.9120758847136081) * (u3_x * x49 + u3_y * x50 + u3_z * x51);
+    constraints[11] = x60;
+    const ncgen_real x61 = R(1.8241517694272162) * (du3_x * x56 + du3_y * x57 + du3_z * x58);
+    constraints[258] = -x61;
+    const ncgen_real x62 = r4_x - r5_x;
+    kept[6] = x62;
+    const ncgen_real x63 = r4_y - r5_y;
+    kept[7] = x63;
+    const ncgen_real x64 = r4_z - r5_z;
+    kept[8] = x64;
+    /* row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
+    const ncgen_real x65 = x62 * x62 + x63 * x63 + x64 * x64 - R(0.15656700999999998);
+    constraints[12] = R(1.2636298470388545) * x65;
+    const ncgen_real x66 = R(2.527259694077709) * x62;
+    constraints[93] = x66;
+    /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+    constraints[111] = x66;
+    /* row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
+    const ncgen_real x67 = R(2.527259694077709) * x63;
+    constraints[94] = x67;
+    /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+    constraints[112] = x67;
+    /* row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
+    const ncgen_real x68 = R(2.527259694077709) * x64;
+    constraints[95] = x68;
+    /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+    constraints[113] = x68;
+    /* row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
+    constraints[96] = -x66;
+    constraints[97] = -x67;
+    constraints[98] = -x68;
+    const ncgen_real x69 = dr4_x - dr5_x;
+    kept[9] = x69;
+    const ncgen_real x70 = dr4_y - dr5_y;
+    kept[10] = x70;
+    const ncgen_real x71 = dr4_z - dr5_z;
+    kept[11] = x71;
+    const ncgen_real x72 = R(2.527259694077709) * (x69 * x69 + x70 * x70 + x71 * x71);
+    constraints[259] = -x72;
+    /* row 14: 1000 distance r5-r6 (body5): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.512021 */
+    const ncgen_real r6_x = q[15];
+    const ncgen_real x73 = r5_x - r6_x;
+    const ncgen_real r6_y = q[16];
+    const ncgen_real x74 = r5_y - r6_y;
+    const ncgen_real r6_z = q[17];
+    const ncgen_real x75 = r5_z - r6_z;
+    const ncgen_real x76 = R(0.9765233868018295) * (x73 * x73 + x74 * x74 + x75 * x75 - R(0.262165));
+    constraints[13] = x76;
+    const ncgen_real x77 = R(1.953046773603659) * x73;
+    constraints[99] = x77;
+    const ncgen_real x78 = R(1.953046773603659) * x74;
+    constraints[100] = x78;
+    const ncgen_real x79 = R(1.953046773603659) * x75;
+    constraints[101] = x79;
+    constraints[102] = -x77;
+    constraints[103] = -x78;
+    constraints[104] = -x79;
+    const ncgen_real dr6_x = qd[15];
+    const ncgen_real x80 = dr5_x - dr6_x;
+    const ncgen_real dr6_y = qd[16];
+    const ncgen_real x81 = dr5_y - dr6_y;
+    const ncgen_real dr6_z = qd[17];
+    const ncgen_real x82 = dr5_z - dr6_z;
+    const ncgen_real x83 = R(1.953046773603659) * (x80 * x80 + x81 * x81 + x82 * x82);
+    constraints[260] = -x83;
+    const ncgen_real x84 = r6_x - r4_x;
+    kept[12] = x84;
+    const ncgen_real x85 = r6_y - r4_y;
+    kept[13] = x85;
+    const ncgen_real x86 = r6_z - r4_z;
+    kept[14] = x86;
+    /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
+    const ncgen_real x87 = x84 * x84 + x85 * x85 + x86 * x86 - R(0.07425189000000004);
+    constraints[14] = R(1.834916255212933) * x87;
+}
+
+static NCGEN_APART void robot_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
+    const ncgen_real x1 = kept[12];
+    const ncgen_real x2 = R(3.669832510425866) * x1;
+    constraints[108] = x2;
+    const ncgen_real x3 = -x2;
+    constraints[105] = x3;
+    /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
+    constraints[120] = x3;
+    /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
+    const ncgen_real x4 = kept[13];
+    const ncgen_real x5 = R(3.669832510425866) * x4;
+    constraints[109] = x5;
+    const ncgen_real x6 = -x5;
+    constraints[106] = x6;
+    /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
+    constraints[121] = x6;
+    /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
+    const ncgen_real x7 = kept[14];
+    const ncgen_real x8 = R(3.669832510425866) * x7;
+    constraints[110] = x8;
+    const ncgen_real x9 = -x8;
+    constraints[107] = x9;
+    /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
+    constraints[122] = x9;
+    const ncgen_real dr6_x = qd[15];
+    const ncgen_real dr4_x = qd[9];
+    const ncgen_real x10 = dr6_x - dr4_x;
+    kept[15] = x10;
+    const ncgen_real dr6_y = qd[16];
+    const ncgen_real dr4_y = qd[10];
+    const ncgen_real x11 = dr6_y - dr4_y;
+    kept[16] = x11;
+    const ncgen_real dr6_z = qd[17];
+    const ncgen_real dr4_z = qd[11];
+    const ncgen_real x12 = dr6_z - dr4_z;
+    kept[17] = x12;
+    /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
+    const ncgen_real x13 = R(3.669832510425866) * (x10 * x10 + x11 * x11 + x12 * x12);
+    constraints[261] = -x13;
+    /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+    const ncgen_real u3_x = q[3];
+    const ncgen_real x14 = kept[6];
+    const ncgen_real u3_y = q[4];
+    const ncgen_real x15 = kept[7];
+    const ncgen_real u3_z = q[5];
+    const ncgen_real x16 = kept[8];
+    const ncgen_real x17 = R(2.527259694077709) * (u3_x * x14 + u3_y * x15 + u3_z * x16);
+    constraints[15] = x17;
+    const ncgen_real du3_x = qd[3];
+    const ncgen_real x18 = kept[9];
+    const ncgen_real du3_y = qd[4];
+    const ncgen_real x19 = kept[10];
+    const ncgen_real du3_z = qd[5];
+    const ncgen_real x20 = kept[11];
+    const ncgen_real x21 = R(5.054519388155418) * (du3_x * x18 + du3_y * x19 + du3_z * x20);
+    constraints[262] = -x21;
+    /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
+    const ncgen_real x22 = R(3.669832510425866) * (u3_x * x1 + u3_y * x4 + u3_z * x7);
+    constraints[16] = -x22;
+    const ncgen_real x23 = R(3.669832510425866) * u3_x;
+    constraints[123] = x23;
+    const ncgen_real x24 = R(3.669832510425866) * u3_y;
+    constraints[124] = x24;
+    const ncgen_real x25 = R(3.669832510425866) * u3_z;
+    constraints[125] = x25;
+    constraints[126] = -x23;
+    constraints[127] = -x24;
+    constraints[128] = -x25;
+    const ncgen_real x26 = R(7.339665020851732) * (du3_x * x10 + du3_y * x11 + du3_z * x12);
+    constraints[263] = x26;
+    const ncgen_real r7_x = q[18];
+    const ncgen_real r6_x = q[15];
+    const ncgen_real x27 = r6_x - r7_x;
+    kept[18] = x27;
+    const ncgen_real r7_y = q[19];
+    const ncgen_real r6_y = q[16];
+    const ncgen_real x28 = r6_y - r7_y;
+    kept[19] = x28;
+    const ncgen_real r7_z = q[20];
+    const ncgen_real r6_z = q[17];
+    const ncgen_real x29 = r6_z - r7_z;
+    kept[20] = x29;
+    /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
+    const ncgen_real x30 = x27 * x27 + x28 * x28 + x29 * x29 - R(1.6901508100000002);
+    constraints[17] = R(0.3845982248626067) * x30;
+    const ncgen_real x31 = R(0.7691964497252134) * x27;
+    constraints[129] = x31;
+    /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
+    constraints[135] = x31;
+    /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
+    constraints[150] = x31;
+    /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
+    const ncgen_real x32 = R(0.7691964497252134) * x28;
+    constraints[130] = x32;
+    /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
+    constraints[136] = x32;
+    /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
+    constraints[151] = x32;
+    /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
+    const ncgen_real x33 = R(0.7691964497252134) * x29;
+    constraints[131] = x33;
+    /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
+    constraints[137] = x33;
+    /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
+    constraints[152] = x33;
+    /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
+    constraints[132] = -x31;
+    constraints[133] = -x32;
+    constraints[134] = -x33;
+    const ncgen_real dr7_x = qd[18];
+    const ncgen_real x34 = dr6_x - dr7_x;
+    kept[21] = x34;
+    const ncgen_real dr7_y = qd[19];
+    const ncgen_real x35 = dr6_y - dr7_y;
+    kept[22] = x35;
+    const ncgen_real dr7_z = qd[20];
+    const ncgen_real x36 = dr6_z - dr7_z;
+    kept[23] = x36;
+    const ncgen_real x37 = R(0.7691964497252134) * (x34 * x34 + x35 * x35 + x36 * x36);
+    constraints[264] = -x37;
+    /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
+    const ncgen_real x38 = R(0.7691964497252134) * (u3_x * x27 + u3_y * x28 + u3_z * x29);
+    constraints[18] = x38;
+    const ncgen_real x39 = R(0.7691964497252134) * u3_x;
+    constraints[138] = x39;
+    const ncgen_real x40 = R(0.7691964497252134) * u3_y;
+    constraints[139] = x40;
+    const ncgen_real x41 = R(0.7691964497252134) * u3_z;
+    constraints[140] = x41;
+    constraints[141] = -x39;
+    constraints[142] = -x40;
+    constraints[143] = -x41;
+    const ncgen_real x42 = R(1.5383928994504268) * (du3_x * x34 + du3_y * x35 + du3_z * x36);
+    constraints[265] = -x42;
+    /* row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
+    const ncgen_real u4_x = q[21];
+    constraints[153] = u4_x;
+    const ncgen_real u4_y = q[22];
+    constraints[154] = u4_y;
+    const ncgen_real u4_z = q[23];
+    constraints[155] = u4_z;
+    /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
+    const ncgen_real x43 = R(0.7691964497252134) * (x27 * u4_x + x28 * u4_y + x29 * u4_z);
+    constraints[19] = x43;
+    const ncgen_real x44 = R(0.7691964497252134) * u4_x;
+    constraints[144] = x44;
+    const ncgen_real x45 = R(0.7691964497252134) * u4_y;
+    constraints[145] = x45;
+    const ncgen_real x46 = R(0.7691964497252134) * u4_z;
+    constraints[146] = x46;
+    constraints[147] = -x44;
+    constraints[148] = -x45;
+    constraints[149] = -x46;
+    const ncgen_real du4_x = qd[21];
+    const ncgen_real du4_y = qd[22];
+    const ncgen_real du4_z = qd[23];
+    const ncgen_real x47 = R(1.5383928994504268) * (x34 * du4_x + x35 * du4_y + x36 * du4_z);
+    constraints[266] = -x47;
+    /* row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
+    const ncgen_real x48 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
+    constraints[20] = x48;
+    constraints[267] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
+    const ncgen_real r8_x = q[24];
+    const ncgen_real x49 = r7_x - r8_x;
+    kept[24] = x49;
+    const ncgen_real r8_y = q[25];
+    const ncgen_real x50 = r7_y - r8_y;
+    kept[25] = x50;
+    const ncgen_real r8_z = q[26];
+    const ncgen_real x51 = r7_z - r8_z;
+    kept[26] = x51;
+    /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
+    const ncgen_real x52 = x49 * x49 + x50 * x50 + x51 * x51 - R(0.052762090000000005);
+    constraints[21] = R(2.1767522855898997) * x52;
+    const ncgen_real x53 = R(4.3535045711797995) * x49;
+    constraints[156] = x53;
+    /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
+    constraints[165] = x53;
+    /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
+    constraints[177] = x53;
+    /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
+    const ncgen_real x54 = R(4.3535045711797995) * x50;
+    constraints[157] = x54;
+    /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
+    constraints[166] = x54;
+    /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
+    constraints[178] = x54;
+    /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
+    const ncgen_real x55 = R(4.3535045711797995) * x51;
+    constraints[158] = x55;
+    /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
+    constraints[167] = x55;
+    /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
+    constraints[179] = x55;
+    /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
+    constraints[159] = -x53;
+    constraints[160] = -x54;
+    constraints[161] = -x55;
+    const ncgen_real dr8_x = qd[24];
+    const ncgen_real x56 = dr7_x - dr8_x;
+    kept[27] = x56;
+    const ncgen_real dr8_y = qd[25];
+    const ncgen_real x57 = dr7_y - dr8_y;
+    kept[28] = x57;
+    const ncgen_real dr8_z = qd[26];
+    const ncgen_real x58 = dr7_z - dr8_z;
+    kept[29] = x58;
+    const ncgen_real x59 = R(4.3535045711797995) * (x56 * x56 + x57 * x57 + x58 * x58);
+    constraints[268] = -x59;
+    /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
+    const ncgen_real x60 = R(4.3535045711797995) * (u4_x * x49 + u4_y * x50 + u4_z * x51);
+    constraints[22] = x60;
+    const ncgen_real x61 = R(4.3535045711797995) * u4_x;
+    constraints[162] = x61;
+    const ncgen_real x62 = R(4.3535045711797995) * u4_y;
+    constraints[163] = x62;
+    const ncgen_real x63 = R(4.3535045711797995) * u4_z;
+    constraints[164] = x63;
+    constraints[168] = -x61;
+    constraints[169] = -x62;
+    constraints[170] = -x63;
+    const ncgen_real x64 = R(8.707009142359599) * (du4_x * x56 + du4_y * x57 + du4_z * x58);
+    constraints[269] = -x64;
+    /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real u5_x = q[27];
+    constraints[180] = u5_x;
+    const ncgen_real u5_y = q[28];
+    constraints[181] = u5_y;
+    const ncgen_real u5_z = q[29];
+    constraints[182] = u5_z;
+    /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
+    const ncgen_real x65 = R(4.3535045711797995) * (x49 * u5_x + x50 * u5_y + x51 * u5_z);
+    constraints[23] = x65;
+    const ncgen_real x66 = R(4.3535045711797995) * u5_x;
+    constraints[171] = x66;
+    const ncgen_real x67 = R(4.3535045711797995) * u5_y;
+    constraints[172] = x67;
+    const ncgen_real x68 = R(4.3535045711797995) * u5_z;
+    constraints[173] = x68;
+    constraints[174] = -x66;
+    constraints[175] = -x67;
+    constraints[176] = -x68;
+    const ncgen_real du5_x = qd[27];
+    const ncgen_real du5_y = qd[28];
+    const ncgen_real du5_z = qd[29];
+    const ncgen_real x69 = R(8.707009142359599) * (x56 * du5_x + x57 * du5_y + x58 * du5_z);
+    constraints[270] = -x69;
+    /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real x70 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
+    constraints[24] = x70;
+    constraints[271] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
+    /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
+    const ncgen_real sin_psi1 = sine[0];
+    constraints[184] = sin_psi1;
+    const ncgen_real cos_psi1 = cosine[0];
+    constraints[183] = cos_psi1;
+    constraints[25] = u3_y * sin_psi1 + u3_x * cos_psi1;
+    constraints[185] = u3_y * cos_psi1 - u3_x * sin_psi1;
+    const ncgen_real dpsi1 = qd[30];
+    const ncgen_real x71 = dpsi1 * dpsi1;
+    const ncgen_real x72 = R(2.0) * dpsi1;
+    const ncgen_real x73 = sin_psi1 * (u3_y * x71 + du3_x * x72) + cos_psi1 * (u3_x * x71 - du3_y * x72);
+    constraints[272] = x73;
+    /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
+    const ncgen_real x74 = kept[0];
+    const ncgen_real x75 = kept[1];
+    const ncgen_real x76 = u3_y * x74 - u3_x * x75;
+    const ncgen_real cos_psi2 = cosine[1];
+    const ncgen_real sin_psi2 = sine[1];
+    const ncgen_real x77 = kept[2];
+    const ncgen_real x78 = R(0.9120758847136081) * (x76 * cos_psi2 + x77 * sin_psi2);
+    constraints[26] = -x78;
+    const ncgen_real x79 = R(0.9120758847136081) * (u3_y * cos_psi2);
+    constraints[191] = x79;
+    constraints[186] = -x79;
+    const ncgen_real x80 = R(0.9120758847136081) * (u3_x * cos_psi2);
+    constraints[187] = x80;
+    const ncgen_real x81 = R(0.9120758847136081) * sin_psi2;
+    constraints[193] = x81;
+    constraints[188] = -x81;
+    const ncgen_real x82 = constraints[73];
+    constraints[189] = cos_psi2 * x82;
+    const ncgen_real x83 = constraints[72];
+    constraints[190] = -(cos_psi2 * x83);
+    constraints[192] = -x80;
+    const ncgen_real x84 = R(0.9120758847136081) * (x76 * sin_psi2 - x77 * cos_psi2);
+    constraints[194] = x84;
+    const ncgen_real x85 = kept[4];
+    const ncgen_real x86 = kept[3];
+    const ncgen_real dpsi2 = qd[31];
+    const ncgen_real x87 = R(2.0) * dpsi2;
+    const ncgen_real x88 = (u3_y * x86 - (x75 * du3_x + u3_x * x85) + x74 * du3_y) * x87;
+    const ncgen_real x89 = dpsi2 * dpsi2;
+    const ncgen_real x90 = kept[5];
+    const ncgen_real x91 = R(2.0) * (du3_y * x86 - du3_x * x85) + x90 * x87 - x76 * x89;
+    const ncgen_real x92 = R(0.9120758847136081) * (cos_psi2 * x91 - sin_psi2 * (x88 + x77 * x89));
+    constraints[273] = x92;
+    const ncgen_real x93 = x4 * x29 - x7 * x28;
+    kept[30] = x93;
+    const ncgen_real x94 = u3_x * x93;
+    kept[31] = x94;
+    const ncgen_real x95 = x7 * x27 - x1 * x29;
+    kept[32] = x95;
+    const ncgen_real x96 = u3_y * x95;
+    kept[33] = x96;
+    const ncgen_real x97 = x1 * x28 - x4 * x27;
+    kept[34] = x97;
+    const ncgen_real x98 = u3_z * x97;
+    kept[35] = x98;
+    kept[36] = x94 + x96 + x98;
+}
+
+static NCGEN_APART void robot_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
+    const ncgen_real x1 = kept[36];
+    const ncgen_real cos_psi3 = cosine[2];
+    const ncgen_real x2 = kept[12];
+    const ncgen_real x3 = kept[18];
+    const ncgen_real x4 = kept[13];
+    const ncgen_real x5 = kept[19];
+    const ncgen_real x6 = kept[14];
+    const ncgen_real x7 = kept[20];
+    const ncgen_real x8 = x2 * x3 + x4 * x5 + x6 * x7;
+    const ncgen_real sin_psi3 = sine[2];
+    constraints[27] = R(2.8228221381057432) * (x8 * sin_psi3 - x1 * cos_psi3);
+    const ncgen_real x9 = kept[30];
+    constraints[195] = -(cos_psi3 * (R(2.8228221381057432) * x9));
+    const ncgen_real x10 = kept[32];
+    constraints[196] = -(cos_psi3 * (R(2.8228221381057432) * x10));
+    const ncgen_real x11 = kept[34];
+    constraints[197] = -(cos_psi3 * (R(2.8228221381057432) * x11));
+    const ncgen_real u3_y = q[4];
+    const ncgen_real u3_z = q[5];
+    const ncgen_real x12 = u3_y * x7 - u3_z * x5;
+    const ncgen_real x13 = R(2.8228221381057432) * (cos_psi3 * x12 + x3 * sin_psi3);
+    constraints[198] = -x13;
+    const ncgen_real u3_x = q[3];
+    const ncgen_real x14 = u3_z * x3 - u3_x * x7;
+    const ncgen_real x15 = R(2.8228221381057432) * (cos_psi3 * x14 + x5 * sin_psi3);
+    constraints[199] = -x15;
+    const ncgen_real x16 = u3_x * x5 - u3_y * x3;
+    const ncgen_real x17 = R(2.8228221381057432) * (cos_psi3 * x16 + x7 * sin_psi3);
+    constraints[200] = -x17;
+    const ncgen_real x18 = R(2.8228221381057432) * (cos_psi3 * (u3_z * x4 - u3_y * x6) + x2 * sin_psi3);
+    constraints[201] = x13 + x18;
+    const ncgen_real x19 = R(2.8228221381057432) * (cos_psi3 * (u3_x * x6 - u3_z * x2) + x4 * sin_psi3);
+    constraints[202] = x15 + x19;
+    const ncgen_real x20 = R(2.8228221381057432) * (cos_psi3 * (u3_y * x2 - u3_x * x4) + x6 * sin_psi3);
+    constraints[203] = x17 + x20;
+    constraints[204] = -x18;
+    constraints[205] = -x19;
+    constraints[206] = -x20;
+    constraints[207] = R(2.8228221381057432) * (x1 * sin_psi3 + cos_psi3 * x8);
+    const ncgen_real x21 = kept[23];
+    const ncgen_real x22 = kept[16];
+    const ncgen_real x23 = kept[22];
+    const ncgen_real x24 = kept[17];
+    const ncgen_real x25 = x4 * x21 + x7 * x22 - x6 * x23 - x5 * x24;
+    const ncgen_real x26 = kept[15];
+    const ncgen_real x27 = kept[21];
+    const ncgen_real x28 = x2 * x23 + x5 * x26 - x4 * x27 - x3 * x22;
+    const ncgen_real du3_x = qd[3];
+    const ncgen_real du3_z = qd[5];
+    const ncgen_real x29 = x2 * x21 + x7 * x26 - x6 * x27 - x3 * x24;
+    const ncgen_real x30 = u3_x * x25 + u3_z * x28 + x9 * du3_x + x11 * du3_z - u3_y * x29;
+    const ncgen_real du3_y = qd[4];
+    const ncgen_real dpsi3 = qd[32];
+    const ncgen_real x31 = R(2.0) * dpsi3;
+    const ncgen_real x32 = dpsi3 * dpsi3;
+    const ncgen_real x33 = x8 * x32 - R(2.0) * (x26 * x27 + x22 * x23 + x24 * x21) - (x30 + x10 * du3_y) * x31;
+    const ncgen_real x34 = u3_x * (x22 * x21 - x24 * x23) + u3_z * (x26 * x23 - x22 * x27);
+    const ncgen_real x35 = du3_x * x25 + x34 + du3_z * x28 - u3_y * (x26 * x21 - x24 * x27);
+    const ncgen_real x36 = x2 * x27 + x4 * x23 + x6 * x21 + x3 * x26 + x5 * x22 + x7 * x24;
+    const ncgen_real x37 = kept[31];
+    const ncgen_real x38 = kept[35];
+    const ncgen_real x39 = kept[33];
+    const ncgen_real x40 = R(2.0) * (x35 - du3_y * x29) - x31 * x36 - x32 * (x39 + (x37 + x38));
+    const ncgen_real x41 = R(2.8228221381057432) * (sin_psi3 * x33 + cos_psi3 * x40);
+    constraints[274] = x41;
+    /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
+    const ncgen_real u4_z = q[23];
+    const ncgen_real u4_y = q[22];
+    const ncgen_real x42 = u3_y * u4_z - u3_z * u4_y;
+    const ncgen_real x43 = x3 * x42;
+    const ncgen_real u4_x = q[21];
+    const ncgen_real x44 = u3_z * u4_x - u3_x * u4_z;
+    const ncgen_real x45 = x5 * x44;
+    const ncgen_real x46 = u3_x * u4_y - u3_y * u4_x;
+    const ncgen_real x47 = x7 * x46;
+    const ncgen_real x48 = R(0.7691964497252134) * (x43 + x45 + x47);
+    const ncgen_real cos_psi4 = cosine[3];
+    const ncgen_real x49 = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z;
+    const ncgen_real sin_psi4 = sine[3];
+    constraints[28] = x48 * cos_psi4 + x49 * sin_psi4;
+    const ncgen_real x50 = x7 * u4_y - x5 * u4_z;
+    kept[11] = x50;
+    const ncgen_real x51 = cos_psi4 * (R(0.7691964497252134) * x50) + u4_x * sin_psi4;
+    constraints[208] = x51;
+    const ncgen_real x52 = x3 * u4_z - x7 * u4_x;
+    kept[10] = x52;
+    const ncgen_real x53 = cos_psi4 * (R(0.7691964497252134) * x52) + u4_y * sin_psi4;
+    constraints[209] = x53;
+    const ncgen_real x54 = x5 * u4_x - x3 * u4_y;
+    kept[9] = x54;
+    const ncgen_real x55 = cos_psi4 * (R(0.7691964497252134) * x54) + u4_z * sin_psi4;
+    constraints[210] = x55;
+    const ncgen_real x56 = cos_psi4 * (R(0.7691964497252134) * x42);
+    constraints[211] = x56;
+    const ncgen_real x57 = cos_psi4 * (R(0.7691964497252134) * x44);
+    constraints[212] = x57;
+    const ncgen_real x58 = cos_psi4 * (R(0.7691964497252134) * x46);
+    constraints[213] = x58;
+    constraints[214] = -x56;
+    constraints[215] = -x57;
+    constraints[216] = -x58;
+    const ncgen_real x59 = u3_x * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x12);
+    constraints[217] = x59;
+    const ncgen_real x60 = u3_y * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x14);
+    constraints[218] = x60;
+    const ncgen_real x61 = u3_z * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x16);
+    constraints[219] = x61;
+    constraints[220] = cos_psi4 * x49 - x48 * sin_psi4;
+    const ncgen_real du4_z = qd[23];
+    const ncgen_real du4_y = qd[22];
+    const ncgen_real x62 = u3_y * du4_z + u4_z * du3_y - u3_z * du4_y - u4_y * du3_z;
+    const ncgen_real du4_x = qd[21];
+    const ncgen_real x63 = u3_x * du4_y + u4_y * du3_x - u3_y * du4_x - u4_x * du3_y;
+    const ncgen_real x64 = u3_x * du4_z + u4_z * du3_x - u3_z * du4_x - u4_x * du3_z;
+    const ncgen_real x65 = x5 * x64 - (x3 * x62 + x7 * x63 + x42 * x27 + x46 * x21) - x44 * x23;
+    const ncgen_real dpsi4 = qd[33];
+    const ncgen_real x66 = dpsi4 * dpsi4;
+    const ncgen_real x67 = x49 * x66 - R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z);
+    const ncgen_real x68 = x3 * (du3_y * du4_z - du3_z * du4_y) + x7 * (du3_x * du4_y - du3_y * du4_x);
+    const ncgen_real x69 = x5 * (du3_x * du4_z - du3_z * du4_x) - (x27 * x62 + x68 + x21 * x63);
+    const ncgen_real x70 = u3_x * du4_x + u3_y * du4_y + u3_z * du4_z + u4_x * du3_x;
+    const ncgen_real x71 = R(1.5383928994504268) * (x69 + x23 * x64) - (x70 + u4_y * du3_y + u4_z * du3_z) * (R(2.0) * dpsi4);
+    const ncgen_real x72 = x71 + (x45 + (x43 + x47)) * (R(0.7691964497252134) * x66);
+    const ncgen_real x73 = sin_psi4 * (x67 - x65 * (R(1.5383928994504268) * dpsi4)) + cos_psi4 * x72;
+    constraints[275] = x73;
+    const ncgen_real x74 = kept[25];
+    kept[8] = x7 * x74;
+    const ncgen_real x75 = kept[26];
+    kept[7] = x5 * x75;
+}
+
+static NCGEN_APART void robot_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
+    const ncgen_real x1 = kept[8];
+    const ncgen_real x2 = kept[7];
+    const ncgen_real x3 = x1 - x2;
+    const ncgen_real u4_x = q[21];
+    const ncgen_real x4 = u4_x * x3;
+    const ncgen_real x5 = kept[18];
+    const ncgen_real x6 = kept[26];
+    const ncgen_real x7 = kept[20];
+    const ncgen_real x8 = kept[24];
+    const ncgen_real x9 = x5 * x6 - x7 * x8;
+    const ncgen_real u4_y = q[22];
+    const ncgen_real x10 = u4_y * x9;
+    const ncgen_real x11 = kept[19];
+    const ncgen_real x12 = kept[25];
+    const ncgen_real x13 = x11 * x8 - x5 * x12;
+    const ncgen_real u4_z = q[23];
+    const ncgen_real x14 = u4_z * x13;
+    const ncgen_real x15 = x4 + x10 + x14;
+    const ncgen_real cos_psi5 = cosine[4];
+    const ncgen_real x16 = x5 * x8 + x11 * x12 + x7 * x6;
+    const ncgen_real sin_psi5 = sine[4];
+    const ncgen_real x17 = R(3.3487002600139895) * (x15 * cos_psi5 + x16 * sin_psi5);
+    constraints[29] = -x17;
+    const ncgen_real x18 = u4_y * x6 - u4_z * x12;
+    const ncgen_real x19 = R(3.3487002600139895) * (cos_psi5 * x18 + x8 * sin_psi5);
+    constraints[221] = -x19;
+    const ncgen_real x20 = u4_z * x8 - u4_x * x6;
+    const ncgen_real x21 = R(3.3487002600139895) * (cos_psi5 * x20 + x12 * sin_psi5);
+    constraints[222] = -x21;
+    const ncgen_real x22 = u4_x * x12 - u4_y * x8;
+    const ncgen_real x23 = R(3.3487002600139895) * (cos_psi5 * x22 + x6 * sin_psi5);
+    constraints[223] = -x23;
+    const ncgen_real x24 = kept[11];
+    const ncgen_real x25 = R(3.3487002600139895) * (x5 * sin_psi5 - cos_psi5 * x24);
+    constraints[230] = x25;
+    constraints[224] = x19 - x25;
+    const ncgen_real x26 = kept[10];
+    const ncgen_real x27 = R(3.3487002600139895) * (x11 * sin_psi5 - cos_psi5 * x26);
+    constraints[231] = x27;
+    constraints[225] = x21 - x27;
+    const ncgen_real x28 = kept[9];
+    const ncgen_real x29 = R(3.3487002600139895) * (x7 * sin_psi5 - cos_psi5 * x28);
+    constraints[232] = x29;
+    constraints[226] = x23 - x29;
+    constraints[227] = -(cos_psi5 * (R(3.3487002600139895) * x3));
+    constraints[228] = -(cos_psi5 * (R(3.3487002600139895) * x9));
+    constraints[229] = -(cos_psi5 * (R(3.3487002600139895) * x13));
+    const ncgen_real x30 = R(3.3487002600139895) * (x15 * sin_psi5 - cos_psi5 * x16);
+    constraints[233] = x30;
+    const ncgen_real x31 = kept[29];
+    const ncgen_real x32 = kept[22];
+    const ncgen_real x33 = kept[28];
+    const ncgen_real x34 = kept[23];
+    const ncgen_real x35 = x7 * x33 - (x11 * x31 + x6 * x32) + x12 * x34;
+    const ncgen_real x36 = kept[21];
+    const ncgen_real x37 = kept[27];
+    const ncgen_real x38 = x11 * x37 - (x5 * x33 + x12 * x36) + x8 * x32;
+    const ncgen_real du4_x = qd[21];
+    const ncgen_real du4_z = qd[23];
+    const ncgen_real x39 = x7 * x37 - (x5 * x31 + x6 * x36) + x8 * x34;
+    const ncgen_real x40 = u4_x * x35 + u4_z * x38 + x3 * du4_x + x13 * du4_z - u4_y * x39;
+    const ncgen_real du4_y = qd[22];
+    const ncgen_real dpsi5 = qd[34];
+    const ncgen_real x41 = R(2.0) * dpsi5;
+    const ncgen_real x42 = dpsi5 * dpsi5;
+    const ncgen_real x43 = R(2.0) * (x36 * x37 + x32 * x33 + x34 * x31) - x16 * x42 - (x40 + x9 * du4_y) * x41;
+    const ncgen_real x44 = u4_x * (x34 * x33 - x32 * x31) + u4_z * (x32 * x37 - x36 * x33);
+    const ncgen_real x45 = du4_x * x35 + x44 + du4_z * x38 - u4_y * (x34 * x37 - x36 * x31);
+    const ncgen_real x46 = x5 * x37 + x11 * x33 + x7 * x31 + x8 * x36 + x12 * x32 + x6 * x34;
+    const ncgen_real x47 = R(2.0) * (x45 - du4_y * x39) + x41 * x46 - x42 * (x10 + (x4 + x14));
+    const ncgen_real x48 = R(3.3487002600139895) * (sin_psi5 * x43 + cos_psi5 * x47);
+    constraints[276] = x48;
+    /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
+    const ncgen_real u5_z = q[29];
+    const ncgen_real u5_y = q[28];
+    const ncgen_real x49 = u4_y * u5_z - u4_z * u5_y;
+    const ncgen_real x50 = x8 * x49;
+    const ncgen_real u5_x = q[27];
+    const ncgen_real x51 = u4_z * u5_x - u4_x * u5_z;
+    const ncgen_real x52 = x12 * x51;
+    const ncgen_real x53 = u4_x * u5_y - u4_y * u5_x;
+    const ncgen_real x54 = x6 * x53;
+    const ncgen_real x55 = R(4.3535045711797995) * (x50 + x52 + x54);
+    const ncgen_real cos_psi6 = cosine[5];
+    const ncgen_real x56 = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z;
+    const ncgen_real sin_psi6 = sine[5];
+    constraints[30] = x55 * cos_psi6 + x56 * sin_psi6;
+    const ncgen_real x57 = cos_psi6 * (R(4.3535045711797995) * x49);
+    constraints[234] = x57;
+    const ncgen_real x58 = cos_psi6 * (R(4.3535045711797995) * x51);
+    constraints[235] = x58;
+    const ncgen_real x59 = cos_psi6 * (R(4.3535045711797995) * x53);
+    constraints[236] = x59;
+    const ncgen_real x60 = cos_psi6 * (R(4.3535045711797995) * (x12 * u5_z - x6 * u5_y));
+    constraints[237] = u5_x * sin_psi6 - x60;
+    const ncgen_real x61 = cos_psi6 * (R(4.3535045711797995) * (x6 * u5_x - x8 * u5_z));
+    constraints[238] = u5_y * sin_psi6 - x61;
+    const ncgen_real x62 = cos_psi6 * (R(4.3535045711797995) * (x8 * u5_y - x12 * u5_x));
+    constraints[239] = u5_z * sin_psi6 - x62;
+    constraints[240] = -x57;
+    constraints[241] = -x58;
+    constraints[242] = -x59;
+    const ncgen_real x63 = u4_x * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x18);
+    constraints[243] = x63;
+    const ncgen_real x64 = u4_y * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x20);
+    constraints[244] = x64;
+    const ncgen_real x65 = u4_z * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x22);
+    constraints[245] = x65;
+    constraints[246] = cos_psi6 * x56 - x55 * sin_psi6;
+    const ncgen_real du5_z = qd[29];
+    const ncgen_real du5_y = qd[28];
+    const ncgen_real x66 = u4_y * du5_z + u5_z * du4_y - u4_z * du5_y - u5_y * du4_z;
+    const ncgen_real du5_x = qd[27];
+    const ncgen_real x67 = u4_x * du5_y + u5_y * du4_x - u4_y * du5_x - u5_x * du4_y;
+    const ncgen_real x68 = u4_x * du5_z + u5_z * du4_x - u4_z * du5_x - u5_x * du4_z;
+    const ncgen_real x69 = x12 * x68 - (x8 * x66 + x6 * x67 + x49 * x37 + x53 * x31);
+    const ncgen_real dpsi6 = qd[35];
+    const ncgen_real x70 = dpsi6 * dpsi6;
+    const ncgen_real x71 = x56 * x70 - R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z);
+    const ncgen_real x72 = sin_psi6 * (x71 - (x69 - x51 * x33) * (R(8.707009142359599) * dpsi6));
+    const ncgen_real x73 = x8 * (du4_y * du5_z - du4_z * du5_y) + x6 * (du4_x * du5_y - du4_y * du5_x);
+    const ncgen_real x74 = x12 * (du4_x * du5_z - du4_z * du5_x) - (x37 * x66 + x73 + x31 * x67);
+    const ncgen_real x75 = u4_x * du5_x + u4_y * du5_y + u4_z * du5_z + u5_x * du4_x;
+    const ncgen_real x76 = R(8.707009142359599) * (x74 + x33 * x68) - (x75 + u5_y * du4_y + u5_z * du4_z) * (R(2.0) * dpsi6);
+    const ncgen_real x77 = x76 + (x52 + (x50 + x54)) * (R(4.3535045711797995) * x70);
+    constraints[277] = x72 + cos_psi6 * x77;
+}
+
 /* constraints: 1185 operations, 12 of them elementary functions */
 int robot_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
+    ncgen_real kept[37];
     ncgen_real sine[6], cosine[6];
     (void)t;
     (void)p;
 
     ncgen_sincos(6, q + 30, sine, cosine);
 
-    {
-        /* row 1: 1000 distance r1-r2 (body2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.700159 */
-        const ncgen_real r2_x = q[0];
-        const ncgen_real r2_y = q[1];
-        const ncgen_real r2_z = q[2];
-        const ncgen_real x1 = r2_x * r2_x + r2_y * r2_y + r2_z * r2_z - R(0.49022233000000004);
-        constraints[0] = R(0.7141237213050506) * x1;
-        const ncgen_real x2 = R(1.4282474426101013) * r2_x;
-        constraints[31] = x2;
-        const ncgen_real x3 = R(1.4282474426101013) * r2_y;
-        constraints[32] = x3;
-        const ncgen_real x4 = R(1.4282474426101013) * r2_z;
-        constraints[33] = x4;
-        const ncgen_real dr2_x = qd[0];
-        const ncgen_real dr2_y = qd[1];
-        const ncgen_real dr2_z = qd[2];
-        const ncgen_real x5 = R(1.4282474426101013) * (dr2_x * dr2_x + dr2_y * dr2_y + dr2_z * dr2_z);
-        constraints[247] = -x5;
-        /* row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
-        const ncgen_real r3_x = q[6];
-        const ncgen_real x6 = r2_x - r3_x;
-        const ncgen_real r3_y = q[7];
-        const ncgen_real x7 = r2_y - r3_y;
-        const ncgen_real r3_z = q[8];
-        const ncgen_real x8 = r2_z - r3_z;
-        const ncgen_real x9 = R(1.2636298470388545) * (x6 * x6 + x7 * x7 + x8 * x8 - R(0.15656700999999998));
-        constraints[1] = x9;
-        const ncgen_real x10 = R(2.527259694077709) * x6;
-        constraints[34] = x10;
-        const ncgen_real x11 = R(2.527259694077709) * x7;
-        constraints[35] = x11;
-        const ncgen_real x12 = R(2.527259694077709) * x8;
-        constraints[36] = x12;
-        constraints[37] = -x10;
-        constraints[38] = -x11;
-        constraints[39] = -x12;
-        const ncgen_real dr3_x = qd[6];
-        const ncgen_real x13 = dr2_x - dr3_x;
-        const ncgen_real dr3_y = qd[7];
-        const ncgen_real x14 = dr2_y - dr3_y;
-        const ncgen_real dr3_z = qd[8];
-        const ncgen_real x15 = dr2_z - dr3_z;
-        const ncgen_real x16 = R(2.527259694077709) * (x13 * x13 + x14 * x14 + x15 * x15);
-        constraints[248] = -x16;
-        /* row 3: 1000 distance r3-r1 (body2): |a|^2 - L^2 = 0 with a = r3-r1, L = 0.748345 */
-        const ncgen_real x17 = r3_x * r3_x + r3_y * r3_y + r3_z * r3_z - R(0.5600197800000001);
-        constraints[2] = R(0.6681413050325653) * x17;
-        constraints[40] = R(1.3362826100651306) * r3_x;
-        constraints[41] = R(1.3362826100651306) * r3_y;
-        constraints[42] = R(1.3362826100651306) * r3_z;
-        const ncgen_real x18 = R(1.3362826100651306) * (dr3_x * dr3_x + dr3_y * dr3_y + dr3_z * dr3_z);
-        constraints[249] = -x18;
-        /* row 4: 1001 unit u3 (body2): |u|^2 - 1 = 0 with u = u3 */
-        const ncgen_real u3_x = q[3];
-        const ncgen_real u3_y = q[4];
-        const ncgen_real u3_z = q[5];
-        const ncgen_real x19 = R(0.5) * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - R(1.0));
-        constraints[3] = x19;
-        constraints[43] = u3_x;
-        constraints[44] = u3_y;
-        constraints[45] = u3_z;
-        const ncgen_real du3_x = qd[3];
-        const ncgen_real du3_y = qd[4];
-        const ncgen_real du3_z = qd[5];
-        constraints[250] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
-        /* row 5: 1002 angle u3, r1-r2 (body2): u.a - L c = 0 with u = u3, a = r1-r2, L = 0.700159, c = 0 */
-        const ncgen_real x20 = R(1.4282474426101013) * (r2_x * u3_x + r2_y * u3_y + r2_z * u3_z);
-        constraints[4] = -x20;
-        constraints[46] = -(R(1.4282474426101013) * u3_x);
-        constraints[47] = -(R(1.4282474426101013) * u3_y);
-        constraints[48] = -(R(1.4282474426101013) * u3_z);
-        constraints[49] = -x2;
-        constraints[50] = -x3;
-        constraints[51] = -x4;
-        const ncgen_real x21 = R(2.8564948852202026) * (dr2_x * du3_x + dr2_y * du3_y + dr2_z * du3_z);
-        constraints[251] = x21;
-        /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
-        const ncgen_real x22 = R(2.527259694077709) * (x6 * u3_x + x7 * u3_y + x8 * u3_z);
-        constraints[5] = x22;
-        const ncgen_real x23 = R(2.527259694077709) * u3_x;
-        constraints[52] = x23;
-        const ncgen_real x24 = R(2.527259694077709) * u3_y;
-        constraints[53] = x24;
-        const ncgen_real x25 = R(2.527259694077709) * u3_z;
-        constraints[54] = x25;
-        constraints[55] = x10;
-        constraints[56] = x11;
-        constraints[57] = x12;
-        const ncgen_real x26 = -x23;
-        constraints[58] = x26;
-        const ncgen_real x27 = -x24;
-        constraints[59] = x27;
-        const ncgen_real x28 = -x25;
-        constraints[60] = x28;
-        const ncgen_real x29 = R(5.054519388155418) * (x13 * du3_x + x14 * du3_y + x15 * du3_z);
-        constraints[252] = -x29;
-        /* row 7: 1003 angle u1, u3 (body2): u.v - c = 0 with u = u1, v = u3, c = 0 */
-        constraints[6] = u3_z;
-        constraints[61] = NCGEN_SPLAT(R(1.0));
-        constraints[253] = NCGEN_SPLAT(R(0.0));
-        /* row 8: 1002 angle u1, r1-r2 (body2): u.a - L c = 0 with u = u1, a = r1-r2, L = 0.700159, c = -0.954498 */
-        constraints[7] = R(1.4282474426101013) * (R(0.6683) - r2_z);
-        constraints[62] = NCGEN_SPLAT(-R(1.4282474426101013));
-        constraints[254] = NCGEN_SPLAT(R(0.0));
-        /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
-        const ncgen_real r4_x = q[9];
-        const ncgen_real x30 = r2_x - r4_x;
-        const ncgen_real r4_y = q[10];
-        const ncgen_real x31 = r2_y - r4_y;
-        const ncgen_real r4_z = q[11];
-        const ncgen_real x32 = r2_z - r4_z;
-        const ncgen_real x33 = R(0.45603794235680406) * (x30 * x30 + x31 * x31 + x32 * x32 - R(1.20209296));
-        constraints[8] = x33;
-        const ncgen_real x34 = R(0.9120758847136081) * x30;
-        constraints[63] = x34;
-        const ncgen_real x35 = R(0.9120758847136081) * x31;
-        constraints[64] = x35;
-        const ncgen_real x36 = R(0.9120758847136081) * x32;
-        constraints[65] = x36;
-        constraints[66] = -x34;
-        constraints[67] = -x35;
-        constraints[68] = -x36;
-        const ncgen_real dr4_x = qd[9];
-        const ncgen_real x37 = dr2_x - dr4_x;
-        const ncgen_real dr4_y = qd[10];
-        const ncgen_real x38 = dr2_y - dr4_y;
-        const ncgen_real dr4_z = qd[11];
-        const ncgen_real x39 = dr2_z - dr4_z;
-        const ncgen_real x40 = R(0.9120758847136081) * (x37 * x37 + x38 * x38 + x39 * x39);
-        constraints[255] = -x40;
-        /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
-        const ncgen_real x41 = R(0.9120758847136081) * (u3_x * x30 + u3_y * x31 + u3_z * x32);
-        constraints[9] = x41;
-        const ncgen_real x42 = R(0.9120758847136081) * u3_x;
-        constraints[69] = x42;
-        const ncgen_real x43 = R(0.9120758847136081) * u3_y;
-        constraints[70] = x43;
-        const ncgen_real x44 = R(0.9120758847136081) * u3_z;
-        constraints[71] = x44;
-        constraints[72] = x34;
-        constraints[73] = x35;
-        constraints[74] = x36;
-        const ncgen_real x45 = -x42;
-        constraints[75] = x45;
-        const ncgen_real x46 = -x43;
-        constraints[76] = x46;
-        const ncgen_real x47 = -x44;
-        constraints[77] = x47;
-        const ncgen_real x48 = R(1.8241517694272162) * (du3_x * x37 + du3_y * x38 + du3_z * x39);
-        constraints[256] = -x48;
-        /* row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
-        const ncgen_real r5_x = q[12];
-        const ncgen_real x49 = r3_x - r5_x;
-        const ncgen_real r5_y = q[13];
-        const ncgen_real x50 = r3_y - r5_y;
-        const ncgen_real r5_z = q[14];
-        const ncgen_real x51 = r3_z - r5_z;
-        const ncgen_real x52 = R(0.45603794235680406) * (x49 * x49 + x50 * x50 + x51 * x51 - R(1.20209296));
-        constraints[10] = x52;
-        const ncgen_real x53 = R(0.9120758847136081) * x49;
-        constraints[78] = x53;
-        const ncgen_real x54 = R(0.9120758847136081) * x50;
-        constraints[79] = x54;
-        const ncgen_real x55 = R(0.9120758847136081) * x51;
-        constraints[80] = x55;
-        constraints[81] = -x53;
-        constraints[82] = -x54;
-        constraints[83] = -x55;
-        const ncgen_real dr5_x = qd[12];
-        const ncgen_real x56 = dr3_x - dr5_x;
-        const ncgen_real dr5_y = qd[13];
-        const ncgen_real x57 = dr3_y - dr5_y;
-        const ncgen_real dr5_z = qd[14];
-        const ncgen_real x58 = dr3_z - dr5_z;
-        const ncgen_real x59 = R(0.9120758847136081) * (x56 * x56 + x57 * x57 + x58 * x58);
-        constraints[257] = -x59;
-        /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
-        const ncgen_real x60 = R(0.9120758847136081) * (u3_x * x49 + u3_y * x50 + u3_z * x51);
-        constraints[11] = x60;
-        constraints[84] = x53;
-        constraints[85] = x54;
-        constraints[86] = x55;
-        constraints[87] = x42;
-        constraints[88] = x43;
-        constraints[89] = x44;
-        constraints[90] = x45;
-        constraints[91] = x46;
-        constraints[92] = x47;
-        const ncgen_real x61 = R(1.8241517694272162) * (du3_x * x56 + du3_y * x57 + du3_z * x58);
-        constraints[258] = -x61;
-        /* row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
-        const ncgen_real x62 = r4_x - r5_x;
-        const ncgen_real x63 = r4_y - r5_y;
-        const ncgen_real x64 = r4_z - r5_z;
-        const ncgen_real x65 = x62 * x62 + x63 * x63 + x64 * x64 - R(0.15656700999999998);
-        constraints[12] = R(1.2636298470388545) * x65;
-        const ncgen_real x66 = R(2.527259694077709) * x62;
-        constraints[93] = x66;
-        const ncgen_real x67 = R(2.527259694077709) * x63;
-        constraints[94] = x67;
-        const ncgen_real x68 = R(2.527259694077709) * x64;
-        constraints[95] = x68;
-        constraints[96] = -x66;
-        constraints[97] = -x67;
-        constraints[98] = -x68;
-        const ncgen_real x69 = dr4_x - dr5_x;
-        const ncgen_real x70 = dr4_y - dr5_y;
-        const ncgen_real x71 = dr4_z - dr5_z;
-        const ncgen_real x72 = R(2.527259694077709) * (x69 * x69 + x70 * x70 + x71 * x71);
-        constraints[259] = -x72;
-        /* row 14: 1000 distance r5-r6 (body5): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.512021 */
-        const ncgen_real r6_x = q[15];
-        const ncgen_real x73 = r5_x - r6_x;
-        const ncgen_real r6_y = q[16];
-        const ncgen_real x74 = r5_y - r6_y;
-        const ncgen_real r6_z = q[17];
-        const ncgen_real x75 = r5_z - r6_z;
-        const ncgen_real x76 = R(0.9765233868018295) * (x73 * x73 + x74 * x74 + x75 * x75 - R(0.262165));
-        constraints[13] = x76;
-        const ncgen_real x77 = R(1.953046773603659) * x73;
-        constraints[99] = x77;
-        const ncgen_real x78 = R(1.953046773603659) * x74;
-        constraints[100] = x78;
-        const ncgen_real x79 = R(1.953046773603659) * x75;
-        constraints[101] = x79;
-        constraints[102] = -x77;
-        constraints[103] = -x78;
-        constraints[104] = -x79;
-        const ncgen_real dr6_x = qd[15];
-        const ncgen_real x80 = dr5_x - dr6_x;
-        const ncgen_real dr6_y = qd[16];
-        const ncgen_real x81 = dr5_y - dr6_y;
-        const ncgen_real dr6_z = qd[17];
-        const ncgen_real x82 = dr5_z - dr6_z;
-        const ncgen_real x83 = R(1.953046773603659) * (x80 * x80 + x81 * x81 + x82 * x82);
-        constraints[260] = -x83;
-        /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
-        const ncgen_real x84 = r6_x - r4_x;
-        const ncgen_real x85 = r6_y - r4_y;
-        const ncgen_real x86 = r6_z - r4_z;
-        const ncgen_real x87 = x84 * x84 + x85 * x85 + x86 * x86 - R(0.07425189000000004);
-        constraints[14] = R(1.834916255212933) * x87;
-        const ncgen_real x88 = R(3.669832510425866) * x84;
-        const ncgen_real x89 = -x88;
-        constraints[105] = x89;
-        const ncgen_real x90 = R(3.669832510425866) * x85;
-        const ncgen_real x91 = -x90;
-        constraints[106] = x91;
-        const ncgen_real x92 = R(3.669832510425866) * x86;
-        const ncgen_real x93 = -x92;
-        constraints[107] = x93;
-        constraints[108] = x88;
-        constraints[109] = x90;
-        constraints[110] = x92;
-        const ncgen_real x94 = dr6_x - dr4_x;
-        const ncgen_real x95 = dr6_y - dr4_y;
-        const ncgen_real x96 = dr6_z - dr4_z;
-        const ncgen_real x97 = R(3.669832510425866) * (x94 * x94 + x95 * x95 + x96 * x96);
-        constraints[261] = -x97;
-        /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
-        const ncgen_real x98 = R(2.527259694077709) * (u3_x * x62 + u3_y * x63 + u3_z * x64);
-        constraints[15] = x98;
-        constraints[111] = x66;
-        constraints[112] = x67;
-        constraints[113] = x68;
-        constraints[114] = x23;
-        constraints[115] = x24;
-        constraints[116] = x25;
-        constraints[117] = x26;
-        constraints[118] = x27;
-        constraints[119] = x28;
-        const ncgen_real x99 = R(5.054519388155418) * (du3_x * x69 + du3_y * x70 + du3_z * x71);
-        constraints[262] = -x99;
-        /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
-        const ncgen_real x100 = R(3.669832510425866) * (u3_x * x84 + u3_y * x85 + u3_z * x86);
-        constraints[16] = -x100;
-        constraints[120] = x89;
-        constraints[121] = x91;
-        constraints[122] = x93;
-        const ncgen_real x101 = R(3.669832510425866) * u3_x;
-        constraints[123] = x101;
-        const ncgen_real x102 = R(3.669832510425866) * u3_y;
-        constraints[124] = x102;
-        const ncgen_real x103 = R(3.669832510425866) * u3_z;
-        constraints[125] = x103;
-        constraints[126] = -x101;
-        constraints[127] = -x102;
-        constraints[128] = -x103;
-        const ncgen_real x104 = R(7.339665020851732) * (du3_x * x94 + du3_y * x95 + du3_z * x96);
-        constraints[263] = x104;
-        /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
-        const ncgen_real r7_x = q[18];
-        const ncgen_real x105 = r6_x - r7_x;
-        const ncgen_real r7_y = q[19];
-        const ncgen_real x106 = r6_y - r7_y;
-        const ncgen_real r7_z = q[20];
-        const ncgen_real x107 = r6_z - r7_z;
-        const ncgen_real x108 = x105 * x105 + x106 * x106 + x107 * x107 - R(1.6901508100000002);
-        constraints[17] = R(0.3845982248626067) * x108;
-        const ncgen_real x109 = R(0.7691964497252134) * x105;
-        constraints[129] = x109;
-        const ncgen_real x110 = R(0.7691964497252134) * x106;
-        constraints[130] = x110;
-        const ncgen_real x111 = R(0.7691964497252134) * x107;
-        constraints[131] = x111;
-        constraints[132] = -x109;
-        constraints[133] = -x110;
-        constraints[134] = -x111;
-        const ncgen_real dr7_x = qd[18];
-        const ncgen_real x112 = dr6_x - dr7_x;
-        const ncgen_real dr7_y = qd[19];
-        const ncgen_real x113 = dr6_y - dr7_y;
-        const ncgen_real dr7_z = qd[20];
-        const ncgen_real x114 = dr6_z - dr7_z;
-        const ncgen_real x115 = R(0.7691964497252134) * (x112 * x112 + x113 * x113 + x114 * x114);
-        constraints[264] = -x115;
-        /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
-        const ncgen_real x116 = R(0.7691964497252134) * (u3_x * x105 + u3_y * x106 + u3_z * x107);
-        constraints[18] = x116;
-        constraints[135] = x109;
-        constraints[136] = x110;
-        constraints[137] = x111;
-        const ncgen_real x117 = R(0.7691964497252134) * u3_x;
-        constraints[138] = x117;
-        const ncgen_real x118 = R(0.7691964497252134) * u3_y;
-        constraints[139] = x118;
-        const ncgen_real x119 = R(0.7691964497252134) * u3_z;
-        constraints[140] = x119;
-        constraints[141] = -x117;
-        constraints[142] = -x118;
-        constraints[143] = -x119;
-        const ncgen_real x120 = R(1.5383928994504268) * (du3_x * x112 + du3_y * x113 + du3_z * x114);
-        constraints[265] = -x120;
-        /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
-        const ncgen_real u4_x = q[21];
-        const ncgen_real u4_y = q[22];
-        const ncgen_real u4_z = q[23];
-        const ncgen_real x121 = R(0.7691964497252134) * (x105 * u4_x + x106 * u4_y + x107 * u4_z);
-        constraints[19] = x121;
-        const ncgen_real x122 = R(0.7691964497252134) * u4_x;
-        constraints[144] = x122;
-        const ncgen_real x123 = R(0.7691964497252134) * u4_y;
-        constraints[145] = x123;
-        const ncgen_real x124 = R(0.7691964497252134) * u4_z;
-        constraints[146] = x124;
-        constraints[147] = -x122;
-        constraints[148] = -x123;
-        constraints[149] = -x124;
-        constraints[150] = x109;
-        constraints[151] = x110;
-        constraints[152] = x111;
-        const ncgen_real du4_x = qd[21];
-        const ncgen_real du4_y = qd[22];
-        const ncgen_real du4_z = qd[23];
-        const ncgen_real x125 = R(1.5383928994504268) * (x112 * du4_x + x113 * du4_y + x114 * du4_z);
-        constraints[266] = -x125;
-        /* row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
-        const ncgen_real x126 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
-        constraints[20] = x126;
-        constraints[153] = u4_x;
-        constraints[154] = u4_y;
-        constraints[155] = u4_z;
-        constraints[267] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
-        /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
-        const ncgen_real r8_x = q[24];
-        const ncgen_real x127 = r7_x - r8_x;
-        const ncgen_real r8_y = q[25];
-        const ncgen_real x128 = r7_y - r8_y;
-        const ncgen_real r8_z = q[26];
-        const ncgen_real x129 = r7_z - r8_z;
-        const ncgen_real x130 = x127 * x127 + x128 * x128 + x129 * x129 - R(0.052762090000000005);
-        constraints[21] = R(2.1767522855898997) * x130;
-        const ncgen_real x131 = R(4.3535045711797995) * x127;
-        constraints[156] = x131;
-        const ncgen_real x132 = R(4.3535045711797995) * x128;
-        constraints[157] = x132;
-        const ncgen_real x133 = R(4.3535045711797995) * x129;
-        constraints[158] = x133;
-        constraints[159] = -x131;
-        constraints[160] = -x132;
-        constraints[161] = -x133;
-        const ncgen_real dr8_x = qd[24];
-        const ncgen_real x134 = dr7_x - dr8_x;
-        const ncgen_real dr8_y = qd[25];
-        const ncgen_real x135 = dr7_y - dr8_y;
-        const ncgen_real dr8_z = qd[26];
-        const ncgen_real x136 = dr7_z - dr8_z;
-        const ncgen_real x137 = R(4.3535045711797995) * (x134 * x134 + x135 * x135 + x136 * x136);
-        constraints[268] = -x137;
-        /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
-        const ncgen_real x138 = R(4.3535045711797995) * (u4_x * x127 + u4_y * x128 + u4_z * x129);
-        constraints[22] = x138;
-        const ncgen_real x139 = R(4.3535045711797995) * u4_x;
-        constraints[162] = x139;
-        const ncgen_real x140 = R(4.3535045711797995) * u4_y;
-        constraints[163] = x140;
-        const ncgen_real x141 = R(4.3535045711797995) * u4_z;
-        constraints[164] = x141;
-        constraints[165] = x131;
-        constraints[166] = x132;
-        constraints[167] = x133;
-        constraints[168] = -x139;
-        constraints[169] = -x140;
-        constraints[170] = -x141;
-        const ncgen_real x142 = R(8.707009142359599) * (du4_x * x134 + du4_y * x135 + du4_z * x136);
-        constraints[269] = -x142;
-        /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
-        const ncgen_real u5_x = q[27];
-        const ncgen_real u5_y = q[28];
-        const ncgen_real u5_z = q[29];
-        const ncgen_real x143 = R(4.3535045711797995) * (x127 * u5_x + x128 * u5_y + x129 * u5_z);
-        constraints[23] = x143;
-        const ncgen_real x144 = R(4.3535045711797995) * u5_x;
-        constraints[171] = x144;
-        const ncgen_real x145 = R(4.3535045711797995) * u5_y;
-        constraints[172] = x145;
-        const ncgen_real x146 = R(4.3535045711797995) * u5_z;
-        constraints[173] = x146;
-        constraints[174] = -x144;
-        constraints[175] = -x145;
-        constraints[176] = -x146;
-        constraints[177] = x131;
-        constraints[178] = x132;
-        constraints[179] = x133;
-        const ncgen_real du5_x = qd[27];
-        const ncgen_real du5_y = qd[28];
-        const ncgen_real du5_z = qd[29];
-        const ncgen_real x147 = R(8.707009142359599) * (x134 * du5_x + x135 * du5_y + x136 * du5_z);
-        constraints[270] = -x147;
-        /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
-        const ncgen_real x148 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
-        constraints[24] = x148;
-        constraints[180] = u5_x;
-        constraints[181] = u5_y;
-        constraints[182] = u5_z;
-        constraints[271] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
-        /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
-        const ncgen_real sin_psi1 = sine[0];
-        const ncgen_real cos_psi1 = cosine[0];
-        constraints[25] = u3_y * sin_psi1 + u3_x * cos_psi1;
-        constraints[183] = cos_psi1;
-        constraints[184] = sin_psi1;
-        constraints[185] = u3_y * cos_psi1 - u3_x * sin_psi1;
-        const ncgen_real dpsi1 = qd[30];
-        const ncgen_real x149 = dpsi1 * dpsi1;
-        const ncgen_real x150 = R(2.0) * dpsi1;
-        const ncgen_real x151 = sin_psi1 * (u3_y * x149 + du3_x * x150) + cos_psi1 * (u3_x * x149 - du3_y * x150);
-        constraints[272] = x151;
-        /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
-        const ncgen_real x152 = u3_y * x30 - u3_x * x31;
-        const ncgen_real cos_psi2 = cosine[1];
-        const ncgen_real sin_psi2 = sine[1];
-        const ncgen_real x153 = R(0.9120758847136081) * (x152 * cos_psi2 + x32 * sin_psi2);
-        constraints[26] = -x153;
-        const ncgen_real x154 = R(0.9120758847136081) * (u3_y * cos_psi2);
-        constraints[186] = -x154;
-        const ncgen_real x155 = R(0.9120758847136081) * (u3_x * cos_psi2);
-        constraints[187] = x155;
-        const ncgen_real x156 = R(0.9120758847136081) * sin_psi2;
-        constraints[188] = -x156;
-        constraints[189] = cos_psi2 * x35;
-        constraints[190] = -(cos_psi2 * x34);
-        constraints[191] = x154;
-        constraints[192] = -x155;
-        constraints[193] = x156;
-        const ncgen_real x157 = R(0.9120758847136081) * (x152 * sin_psi2 - x32 * cos_psi2);
-        constraints[194] = x157;
-        const ncgen_real dpsi2 = qd[31];
-        const ncgen_real x158 = R(2.0) * dpsi2;
-        const ncgen_real x159 = (u3_y * x37 - (x31 * du3_x + u3_x * x38) + x30 * du3_y) * x158;
-        const ncgen_real x160 = dpsi2 * dpsi2;
-        const ncgen_real x161 = R(2.0) * (du3_y * x37 - du3_x * x38) + x39 * x158 - x152 * x160;
-        const ncgen_real x162 = R(0.9120758847136081) * (cos_psi2 * x161 - sin_psi2 * (x159 + x32 * x160));
-        constraints[273] = x162;
-        /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
-        const ncgen_real x163 = x85 * x107 - x86 * x106;
-        const ncgen_real x164 = u3_x * x163;
-        const ncgen_real x165 = x86 * x105 - x84 * x107;
-        const ncgen_real x166 = u3_y * x165;
-        const ncgen_real x167 = x84 * x106 - x85 * x105;
-        const ncgen_real x168 = u3_z * x167;
-        const ncgen_real x169 = x164 + x166 + x168;
-        const ncgen_real cos_psi3 = cosine[2];
-        const ncgen_real x170 = x84 * x105 + x85 * x106 + x86 * x107;
-        const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real x171 = R(2.8228221381057432) * (x170 * sin_psi3 - x169 * cos_psi3);
-        constraints[27] = x171;
-        constraints[195] = -(cos_psi3 * (R(2.8228221381057432) * x163));
-        constraints[196] = -(cos_psi3 * (R(2.8228221381057432) * x165));
-        constraints[197] = -(cos_psi3 * (R(2.8228221381057432) * x167));
-        const ncgen_real x172 = u3_y * x107 - u3_z * x106;
-        const ncgen_real x173 = R(2.8228221381057432) * (cos_psi3 * x172 + x105 * sin_psi3);
-        constraints[198] = -x173;
-        const ncgen_real x174 = u3_z * x105 - u3_x * x107;
-        const ncgen_real x175 = R(2.8228221381057432) * (cos_psi3 * x174 + x106 * sin_psi3);
-        constraints[199] = -x175;
-        const ncgen_real x176 = u3_x * x106 - u3_y * x105;
-        const ncgen_real x177 = R(2.8228221381057432) * (cos_psi3 * x176 + x107 * sin_psi3);
-        constraints[200] = -x177;
-        const ncgen_real x178 = R(2.8228221381057432) * (cos_psi3 * (u3_z * x85 - u3_y * x86) + x84 * sin_psi3);
-        constraints[201] = x173 + x178;
-        const ncgen_real x179 = R(2.8228221381057432) * (cos_psi3 * (u3_x * x86 - u3_z * x84) + x85 * sin_psi3);
-        constraints[202] = x175 + x179;
-        const ncgen_real x180 = R(2.8228221381057432) * (cos_psi3 * (u3_y * x84 - u3_x * x85) + x86 * sin_psi3);
-        constraints[203] = x177 + x180;
-        constraints[204] = -x178;
-        constraints[205] = -x179;
-        constraints[206] = -x180;
-        const ncgen_real x181 = R(2.8228221381057432) * (x169 * sin_psi3 + cos_psi3 * x170);
-        constraints[207] = x181;
-        const ncgen_real x182 = x85 * x114 + x107 * x95 - x86 * x113 - x106 * x96;
-        const ncgen_real x183 = x84 * x113 + x106 * x94 - x85 * x112 - x105 * x95;
-        const ncgen_real x184 = x84 * x114 + x107 * x94 - x86 * x112 - x105 * x96;
-        const ncgen_real x185 = u3_x * x182 + u3_z * x183 + x163 * du3_x + x167 * du3_z - u3_y * x184;
-        const ncgen_real dpsi3 = qd[32];
-        const ncgen_real x186 = R(2.0) * dpsi3;
-        const ncgen_real x187 = dpsi3 * dpsi3;
-        const ncgen_real x188 = x170 * x187 - R(2.0) * (x94 * x112 + x95 * x113 + x96 * x114);
-        const ncgen_real x189 = u3_x * (x95 * x114 - x96 * x113) + u3_z * (x94 * x113 - x95 * x112);
-        const ncgen_real x190 = du3_x * x182 + x189 + du3_z * x183 - u3_y * (x94 * x114 - x96 * x112);
-        const ncgen_real x191 = x84 * x112 + x85 * x113 + x86 * x114 + x105 * x94 + x106 * x95;
-        const ncgen_real x192 = R(2.0) * (x190 - du3_y * x184) - x186 * (x191 + x107 * x96);
-        const ncgen_real x193 = sin_psi3 * (x188 - (x185 + x165 * du3_y) * x186) + cos_psi3 * (x192 - x187 * (x166 + (x164 + x168)));
-        constraints[274] = R(2.8228221381057432) * x193;
-        /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
-        const ncgen_real x194 = u3_y * u4_z - u3_z * u4_y;
-        const ncgen_real x195 = x105 * x194;
-        const ncgen_real x196 = u3_z * u4_x - u3_x * u4_z;
-        const ncgen_real x197 = x106 * x196;
-        const ncgen_real x198 = u3_x * u4_y - u3_y * u4_x;
-        const ncgen_real x199 = x107 * x198;
-        const ncgen_real x200 = R(0.7691964497252134) * (x195 + x197 + x199);
-        const ncgen_real cos_psi4 = cosine[3];
-        const ncgen_real x201 = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z;
-        const ncgen_real sin_psi4 = sine[3];
-        constraints[28] = x200 * cos_psi4 + x201 * sin_psi4;
-        const ncgen_real x202 = x107 * u4_y - x106 * u4_z;
-        const ncgen_real x203 = cos_psi4 * (R(0.7691964497252134) * x202) + u4_x * sin_psi4;
-        constraints[208] = x203;
-        const ncgen_real x204 = x105 * u4_z - x107 * u4_x;
-        const ncgen_real x205 = cos_psi4 * (R(0.7691964497252134) * x204) + u4_y * sin_psi4;
-        constraints[209] = x205;
-        const ncgen_real x206 = x106 * u4_x - x105 * u4_y;
-        const ncgen_real x207 = cos_psi4 * (R(0.7691964497252134) * x206) + u4_z * sin_psi4;
-        constraints[210] = x207;
-        const ncgen_real x208 = cos_psi4 * (R(0.7691964497252134) * x194);
-        constraints[211] = x208;
-        const ncgen_real x209 = cos_psi4 * (R(0.7691964497252134) * x196);
-        constraints[212] = x209;
-        const ncgen_real x210 = cos_psi4 * (R(0.7691964497252134) * x198);
-        constraints[213] = x210;
-        constraints[214] = -x208;
-        constraints[215] = -x209;
-        constraints[216] = -x210;
-        const ncgen_real x211 = u3_x * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x172);
-        constraints[217] = x211;
-        const ncgen_real x212 = u3_y * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x174);
-        constraints[218] = x212;
-        const ncgen_real x213 = u3_z * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x176);
-        constraints[219] = x213;
-        constraints[220] = cos_psi4 * x201 - x200 * sin_psi4;
-        const ncgen_real x214 = u3_y * du4_z + u4_z * du3_y - u3_z * du4_y - u4_y * du3_z;
-        const ncgen_real x215 = u3_x * du4_y + u4_y * du3_x - u3_y * du4_x - u4_x * du3_y;
-        const ncgen_real x216 = u3_x * du4_z + u4_z * du3_x - u3_z * du4_x - u4_x * du3_z;
-        const ncgen_real x217 = x106 * x216 - (x105 * x214 + x107 * x215 + x194 * x112 + x198 * x114);
-        const ncgen_real dpsi4 = qd[33];
-        const ncgen_real x218 = dpsi4 * dpsi4;
-        const ncgen_real x219 = x201 * x218 - R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z);
-        const ncgen_real x220 = x219 - (x217 - x196 * x113) * (R(1.5383928994504268) * dpsi4);
-        const ncgen_real x221 = x105 * (du3_y * du4_z - du3_z * du4_y) + x107 * (du3_x * du4_y - du3_y * du4_x);
-        const ncgen_real x222 = x106 * (du3_x * du4_z - du3_z * du4_x) - (x112 * x214 + x221 + x114 * x215);
-        const ncgen_real x223 = u3_x * du4_x + u3_y * du4_y + u3_z * du4_z + u4_x * du3_x;
-        const ncgen_real x224 = R(1.5383928994504268) * (x222 + x113 * x216) - (x223 + u4_y * du3_y + u4_z * du3_z) * (R(2.0) * dpsi4);
-        const ncgen_real x225 = x224 + (x197 + (x195 + x199)) * (R(0.7691964497252134) * x218);
-        constraints[275] = sin_psi4 * x220 + cos_psi4 * x225;
-        /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
-        const ncgen_real x226 = x107 * x128 - x106 * x129;
-        const ncgen_real x227 = u4_x * x226;
-        const ncgen_real x228 = x105 * x129 - x107 * x127;
-        const ncgen_real x229 = u4_y * x228;
-        const ncgen_real x230 = x106 * x127 - x105 * x128;
-        const ncgen_real x231 = u4_z * x230;
-        const ncgen_real x232 = x227 + x229 + x231;
-        const ncgen_real cos_psi5 = cosine[4];
-        const ncgen_real x233 = x105 * x127 + x106 * x128 + x107 * x129;
-        const ncgen_real sin_psi5 = sine[4];
-        const ncgen_real x234 = R(3.3487002600139895) * (x232 * cos_psi5 + x233 * sin_psi5);
-        constraints[29] = -x234;
-        const ncgen_real x235 = u4_y * x129 - u4_z * x128;
-        const ncgen_real x236 = R(3.3487002600139895) * (cos_psi5 * x235 + x127 * sin_psi5);
-        constraints[221] = -x236;
-        const ncgen_real x237 = u4_z * x127 - u4_x * x129;
-        const ncgen_real x238 = R(3.3487002600139895) * (cos_psi5 * x237 + x128 * sin_psi5);
-        constraints[222] = -x238;
-        const ncgen_real x239 = u4_x * x128 - u4_y * x127;
-        const ncgen_real x240 = R(3.3487002600139895) * (cos_psi5 * x239 + x129 * sin_psi5);
-        constraints[223] = -x240;
-        const ncgen_real x241 = R(3.3487002600139895) * (x105 * sin_psi5 - cos_psi5 * x202);
-        constraints[224] = x236 - x241;
-        const ncgen_real x242 = R(3.3487002600139895) * (x106 * sin_psi5 - cos_psi5 * x204);
-        constraints[225] = x238 - x242;
-        const ncgen_real x243 = R(3.3487002600139895) * (x107 * sin_psi5 - cos_psi5 * x206);
-        constraints[226] = x240 - x243;
-        constraints[227] = -(cos_psi5 * (R(3.3487002600139895) * x226));
-        constraints[228] = -(cos_psi5 * (R(3.3487002600139895) * x228));
-        constraints[229] = -(cos_psi5 * (R(3.3487002600139895) * x230));
-        constraints[230] = x241;
-        constraints[231] = x242;
-        constraints[232] = x243;
-        const ncgen_real x244 = R(3.3487002600139895) * (x232 * sin_psi5 - cos_psi5 * x233);
-        constraints[233] = x244;
-        const ncgen_real x245 = x107 * x135 - (x106 * x136 + x129 * x113) + x128 * x114;
-        const ncgen_real x246 = x106 * x134 - (x105 * x135 + x128 * x112) + x127 * x113;
-        const ncgen_real x247 = x107 * x134 - (x105 * x136 + x129 * x112) + x127 * x114;
-        const ncgen_real x248 = u4_x * x245 + u4_z * x246 + x226 * du4_x + x230 * du4_z - u4_y * x247;
-        const ncgen_real dpsi5 = qd[34];
-        const ncgen_real x249 = R(2.0) * dpsi5;
-        const ncgen_real x250 = dpsi5 * dpsi5;
-        const ncgen_real x251 = R(2.0) * (x112 * x134 + x113 * x135 + x114 * x136) - x233 * x250;
-        const ncgen_real x252 = u4_x * (x114 * x135 - x113 * x136) + u4_z * (x113 * x134 - x112 * x135);
-        const ncgen_real x253 = du4_x * x245 + x252 + du4_z * x246 - u4_y * (x114 * x134 - x112 * x136);
-        const ncgen_real x254 = x105 * x134 + x106 * x135 + x107 * x136 + x127 * x112 + x128 * x113;
-        const ncgen_real x255 = R(2.0) * (x253 - du4_y * x247) + x249 * (x254 + x129 * x114);
-        const ncgen_real x256 = sin_psi5 * (x251 - (x248 + x228 * du4_y) * x249) + cos_psi5 * (x255 - x250 * (x229 + (x227 + x231)));
-        constraints[276] = R(3.3487002600139895) * x256;
-        /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
-        const ncgen_real x257 = u4_y * u5_z - u4_z * u5_y;
-        const ncgen_real x258 = x127 * x257;
-        const ncgen_real x259 = u4_z * u5_x - u4_x * u5_z;
-        const ncgen_real x260 = x128 * x259;
-        const ncgen_real x261 = u4_x * u5_y - u4_y * u5_x;
-        const ncgen_real x262 = x129 * x261;
-        const ncgen_real x263 = R(4.3535045711797995) * (x258 + x260 + x262);
-        const ncgen_real cos_psi6 = cosine[5];
-        const ncgen_real x264 = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z;
-        const ncgen_real sin_psi6 = sine[5];
-        constraints[30] = x263 * cos_psi6 + x264 * sin_psi6;
-        const ncgen_real x265 = cos_psi6 * (R(4.3535045711797995) * x257);
-        constraints[234] = x265;
-        const ncgen_real x266 = cos_psi6 * (R(4.3535045711797995) * x259);
-        constraints[235] = x266;
-        const ncgen_real x267 = cos_psi6 * (R(4.3535045711797995) * x261);
-        constraints[236] = x267;
-        const ncgen_real x268 = cos_psi6 * (R(4.3535045711797995) * (x128 * u5_z - x129 * u5_y));
-        constraints[237] = u5_x * sin_psi6 - x268;
-        const ncgen_real x269 = cos_psi6 * (R(4.3535045711797995) * (x129 * u5_x - x127 * u5_z));
-        constraints[238] = u5_y * sin_psi6 - x269;
-        const ncgen_real x270 = cos_psi6 * (R(4.3535045711797995) * (x127 * u5_y - x128 * u5_x));
-        constraints[239] = u5_z * sin_psi6 - x270;
-        constraints[240] = -x265;
-        constraints[241] = -x266;
-        constraints[242] = -x267;
-        const ncgen_real x271 = u4_x * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x235);
-        constraints[243] = x271;
-        const ncgen_real x272 = u4_y * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x237);
-        constraints[244] = x272;
-        const ncgen_real x273 = u4_z * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x239);
-        constraints[245] = x273;
-        constraints[246] = cos_psi6 * x264 - x263 * sin_psi6;
-        const ncgen_real x274 = u4_y * du5_z + u5_z * du4_y - u4_z * du5_y - u5_y * du4_z;
-        const ncgen_real x275 = u4_x * du5_y + u5_y * du4_x - u4_y * du5_x - u5_x * du4_y;
-        const ncgen_real x276 = u4_x * du5_z + u5_z * du4_x - u4_z * du5_x - u5_x * du4_z;
-        const ncgen_real x277 = x128 * x276 - (x127 * x274 + x129 * x275 + x257 * x134 + x261 * x136);
-        const ncgen_real dpsi6 = qd[35];
-        const ncgen_real x278 = dpsi6 * dpsi6;
-        const ncgen_real x279 = x264 * x278 - R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z);
-        const ncgen_real x280 = x279 - (x277 - x259 * x135) * (R(8.707009142359599) * dpsi6);
-        const ncgen_real x281 = x127 * (du4_y * du5_z - du4_z * du5_y) + x129 * (du4_x * du5_y - du4_y * du5_x);
-        const ncgen_real x282 = x128 * (du4_x * du5_z - du4_z * du5_x) - (x134 * x274 + x281 + x136 * x275);
-        const ncgen_real x283 = u4_x * du5_x + u4_y * du5_y + u4_z * du5_z + u5_x * du4_x;
-        const ncgen_real x284 = R(8.707009142359599) * (x282 + x135 * x276) - (x283 + u5_y * du4_y + u5_z * du4_z) * (R(2.0) * dpsi6);
-        const ncgen_real x285 = x284 + (x260 + (x258 + x262)) * (R(4.3535045711797995) * x278);
-        constraints[277] = sin_psi6 * x280 + cos_psi6 * x285;
-    }
-
+    robot_constraints_1(q, qd, kept, constraints);
+    robot_constraints_2(q, qd, sine, cosine, kept, constraints);
+    robot_constraints_3(q, qd, sine, cosine, kept, constraints);
+    robot_constraints_4(q, qd, sine, cosine, kept, constraints);
     return NCGEN_OK;
 }
 static const char *const robot_coordinate_names[] = {
@@ -2835,7 +3062,7 @@ const ncgen_model *robot_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "robot",
-        .fingerprint = "5626310f88b52099",
+        .fingerprint = "5370ab6da7a15d9e",
         .n_coordinates = 36,
         .n_rows = 31,
         .n_parameters = 0,

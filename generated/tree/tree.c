@@ -2414,1031 +2414,1280 @@ int tree_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
+static NCGEN_APART void tree_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 1: 1000 distance C1-B1 (body1): |a|^2 - L^2 = 0 with a = C1-B1, L = 0.355513 */
+    const ncgen_real C1_x = q[0];
+    const ncgen_real B1_x = q[3];
+    const ncgen_real x1 = C1_x - B1_x;
+    const ncgen_real C1_y = q[1];
+    const ncgen_real B1_y = q[4];
+    const ncgen_real x2 = C1_y - B1_y;
+    const ncgen_real C1_z = q[2];
+    const ncgen_real B1_z = q[5];
+    const ncgen_real x3 = C1_z - B1_z;
+    const ncgen_real x4 = R(1.406418206936413) * (x1 * x1 + x2 * x2 + x3 * x3 - R(0.12638951541224686));
+    constraints[0] = x4;
+    const ncgen_real x5 = R(2.812836413872826) * x1;
+    constraints[62] = x5;
+    const ncgen_real x6 = R(2.812836413872826) * x2;
+    constraints[63] = x6;
+    const ncgen_real x7 = R(2.812836413872826) * x3;
+    constraints[64] = x7;
+    const ncgen_real x8 = -x5;
+    constraints[65] = x8;
+    /* row 6: 1002 angle body1.across, B1-C1 (body1): u.a - L c = 0 with u = body1.across, a = B1-C1, L = 0.355513, c = 0.750705 */
+    constraints[88] = x8;
+    /* row 1: 1000 distance C1-B1 (body1): |a|^2 - L^2 = 0 with a = C1-B1, L = 0.355513 */
+    const ncgen_real x9 = -x6;
+    constraints[66] = x9;
+    /* row 6: 1002 angle body1.across, B1-C1 (body1): u.a - L c = 0 with u = body1.across, a = B1-C1, L = 0.355513, c = 0.750705 */
+    constraints[89] = x9;
+    /* row 1: 1000 distance C1-B1 (body1): |a|^2 - L^2 = 0 with a = C1-B1, L = 0.355513 */
+    const ncgen_real x10 = -x7;
+    constraints[67] = x10;
+    /* row 6: 1002 angle body1.across, B1-C1 (body1): u.a - L c = 0 with u = body1.across, a = B1-C1, L = 0.355513, c = 0.750705 */
+    constraints[90] = x10;
+    /* row 1: 1000 distance C1-B1 (body1): |a|^2 - L^2 = 0 with a = C1-B1, L = 0.355513 */
+    const ncgen_real dC1_x = qd[0];
+    const ncgen_real dB1_x = qd[3];
+    const ncgen_real x11 = dC1_x - dB1_x;
+    const ncgen_real dC1_y = qd[1];
+    const ncgen_real dB1_y = qd[4];
+    const ncgen_real x12 = dC1_y - dB1_y;
+    const ncgen_real dC1_z = qd[2];
+    const ncgen_real dB1_z = qd[5];
+    const ncgen_real x13 = dC1_z - dB1_z;
+    const ncgen_real x14 = R(2.812836413872826) * (x11 * x11 + x12 * x12 + x13 * x13);
+    constraints[405] = -x14;
+    constraints[68] = NCGEN_SPLAT(R(2.7520173043215697));
+    constraints[72] = NCGEN_SPLAT(R(0.5781487584452991));
+    constraints[70] = NCGEN_SPLAT(R(0.06475693809733955));
+    /* row 2: 1002 angle u1, B1-C1 (body1): u.a - L c = 0 with u = u1, a = B1-C1, L = 0.355513, c = -0.514152 */
+    const ncgen_real x15 = R(2.7520173043215697) * x1 - R(0.5781487584452991) * x2 + R(0.06475693809733955) * x3;
+    constraints[1] = x15 + R(0.514152360185695);
+    constraints[69] = NCGEN_SPLAT(-R(0.5781487584452991));
+    constraints[71] = NCGEN_SPLAT(-R(2.7520173043215697));
+    constraints[73] = NCGEN_SPLAT(-R(0.06475693809733955));
+    constraints[406] = NCGEN_SPLAT(R(0.0));
+    constraints[407] = NCGEN_SPLAT(R(0.0));
+    constraints[408] = NCGEN_SPLAT(R(0.0));
+    constraints[411] = NCGEN_SPLAT(R(0.0));
+    constraints[412] = NCGEN_SPLAT(R(0.0));
+    constraints[416] = NCGEN_SPLAT(R(0.0));
+    constraints[417] = NCGEN_SPLAT(R(0.0));
+    constraints[418] = NCGEN_SPLAT(R(0.0));
+    constraints[421] = NCGEN_SPLAT(R(0.0));
+    constraints[422] = NCGEN_SPLAT(R(0.0));
+    constraints[423] = NCGEN_SPLAT(R(0.0));
+    constraints[428] = NCGEN_SPLAT(R(0.0));
+    constraints[433] = NCGEN_SPLAT(R(0.0));
+    constraints[439] = NCGEN_SPLAT(R(0.0));
+    constraints[444] = NCGEN_SPLAT(R(0.0));
+    constraints[445] = NCGEN_SPLAT(R(0.0));
+    constraints[446] = NCGEN_SPLAT(R(0.0));
+    constraints[459] = NCGEN_SPLAT(R(0.0));
+    constraints[460] = NCGEN_SPLAT(R(0.0));
+    constraints[461] = NCGEN_SPLAT(R(0.0));
+    constraints[462] = NCGEN_SPLAT(R(0.0));
+    constraints[463] = NCGEN_SPLAT(R(0.0));
+    constraints[464] = NCGEN_SPLAT(R(0.0));
+    constraints[465] = NCGEN_SPLAT(R(0.0));
+    const ncgen_real x16 = C1_x - R(0.4033939876449078);
+    constraints[74] = NCGEN_SPLAT(R(0.7112362405005124));
+    const ncgen_real x17 = C1_y + R(0.13859416720759762);
+    constraints[75] = NCGEN_SPLAT(R(3.385520443875897));
+    /* row 3: C1 on u1 (joint cylindrical ground-body1): a.b - c = 0 with a = C1-A1, b = across1, c = 0 */
+    constraints[2] = R(0.7112362405005124) * x16 + R(3.385520443875897) * x17;
+    constraints[76] = NCGEN_SPLAT(R(0.07794123281755164));
+    /* row 4: C1 on u1 (joint cylindrical ground-body1): a.b - c = 0 with a = C1-A1, b = across2, c = 0 */
+    const ncgen_real x18 = R(0.07794123281755164) * x16 - R(0.01637403475421537) * x17;
+    const ncgen_real x19 = x18 - R(3.4585058509298063) * (C1_z + R(0.10050542341046638));
+    constraints[3] = x19;
+    constraints[77] = NCGEN_SPLAT(-R(0.01637403475421537));
+    constraints[78] = NCGEN_SPLAT(-R(3.4585058509298063));
+    /* row 5: 1001 unit body1.across (body1): |u|^2 - 1 = 0 with u = body1.across */
+    const ncgen_real body1_across_x = q[6];
+    constraints[79] = body1_across_x;
+    const ncgen_real body1_across_y = q[7];
+    constraints[80] = body1_across_y;
+    const ncgen_real x20 = body1_across_x * body1_across_x + body1_across_y * body1_across_y;
+    const ncgen_real body1_across_z = q[8];
+    constraints[81] = body1_across_z;
+    constraints[117] = NCGEN_SPLAT(R(1.0));
+    constraints[121] = NCGEN_SPLAT(R(1.0));
+    constraints[125] = NCGEN_SPLAT(R(1.0));
+    constraints[262] = NCGEN_SPLAT(R(1.0));
+    constraints[265] = NCGEN_SPLAT(R(1.0));
+    constraints[268] = NCGEN_SPLAT(R(1.0));
+    constraints[377] = NCGEN_SPLAT(R(1.0));
+    constraints[381] = NCGEN_SPLAT(R(1.0));
+    constraints[385] = NCGEN_SPLAT(R(1.0));
+    constraints[389] = NCGEN_SPLAT(R(1.0));
+    constraints[392] = NCGEN_SPLAT(R(1.0));
+    constraints[395] = NCGEN_SPLAT(R(1.0));
+    constraints[398] = NCGEN_SPLAT(R(1.0));
+    const ncgen_real x21 = R(0.5) * (x20 + body1_across_z * body1_across_z - R(1.0));
+    constraints[4] = x21;
+    const ncgen_real dbody1_across_x = qd[6];
+    const ncgen_real dbody1_across_y = qd[7];
+    const ncgen_real x22 = dbody1_across_x * dbody1_across_x + dbody1_across_y * dbody1_across_y;
+    const ncgen_real dbody1_across_z = qd[8];
+    constraints[409] = -(x22 + dbody1_across_z * dbody1_across_z);
+    /* row 6: 1002 angle body1.across, B1-C1 (body1): u.a - L c = 0 with u = body1.across, a = B1-C1, L = 0.355513, c = 0.750705 */
+    const ncgen_real x23 = x1 * body1_across_x + x2 * body1_across_y + x3 * body1_across_z;
+    constraints[5] = -(R(2.812836413872826) * (x23 + R(0.26688544482191945)));
+    const ncgen_real x24 = R(2.812836413872826) * body1_across_x;
+    constraints[85] = x24;
+    constraints[82] = -x24;
+    const ncgen_real x25 = R(2.812836413872826) * body1_across_y;
+    constraints[86] = x25;
+    constraints[83] = -x25;
+    const ncgen_real x26 = R(2.812836413872826) * body1_across_z;
+    constraints[87] = x26;
+    constraints[84] = -x26;
+    const ncgen_real x27 = x11 * dbody1_across_x + x12 * dbody1_across_y + x13 * dbody1_across_z;
+    constraints[410] = R(5.625672827745652) * x27;
+    constraints[92] = NCGEN_SPLAT(R(0.20553941764756972));
+    /* row 7: 1003 angle body1.across, u1 (body1): u.v - c = 0 with u = body1.across, v = u1, c = 0 */
+    const ncgen_real x28 = R(0.20553941764756972) * body1_across_y - R(0.9783780140034811) * body1_across_x;
+    constraints[6] = x28 - R(0.02302193535961076) * body1_across_z;
+    constraints[91] = NCGEN_SPLAT(-R(0.9783780140034811));
+    constraints[93] = NCGEN_SPLAT(-R(0.02302193535961076));
+    constraints[94] = NCGEN_SPLAT(R(0.20559390823170282));
+    constraints[95] = NCGEN_SPLAT(R(0.9786373919373889));
+    /* row 8: no turning about u1 (joint prismatic ground-body1): a.b - c = 0 with a = across1, b = body1.across, c = 0 */
+    const ncgen_real x29 = R(0.20559390823170282) * body1_across_x + R(0.9786373919373889) * body1_across_y;
+    constraints[7] = x29;
+    /* row 9: 1000 distance C2-B2 (body2): |a|^2 - L^2 = 0 with a = C2-B2, L = 0.543069 */
+    const ncgen_real C2_x = q[12];
+    const ncgen_real B2_x = q[15];
+    const ncgen_real x30 = C2_x - B2_x;
+    const ncgen_real C2_y = q[13];
+    const ncgen_real B2_y = q[16];
+    const ncgen_real x31 = C2_y - B2_y;
+    const ncgen_real C2_z = q[14];
+    const ncgen_real B2_z = q[17];
+    const ncgen_real x32 = C2_z - B2_z;
+    const ncgen_real x33 = x30 * x30 + x31 * x31 + x32 * x32 - R(0.2949238212548786);
+    constraints[8] = R(0.9206935023121754) * x33;
+    const ncgen_real x34 = R(1.8413870046243508) * x30;
+    constraints[96] = x34;
+    const ncgen_real x35 = R(1.8413870046243508) * x31;
+    constraints[97] = x35;
+    const ncgen_real x36 = R(1.8413870046243508) * x32;
+    constraints[98] = x36;
+    const ncgen_real x37 = -x34;
+    constraints[99] = x37;
+    /* row 11: 1002 angle u2, B2-C2 (body2): u.a - L c = 0 with u = u2, a = B2-C2, L = 0.543069, c = 0.978802 */
+    constraints[105] = x37;
+    /* row 9: 1000 distance C2-B2 (body2): |a|^2 - L^2 = 0 with a = C2-B2, L = 0.543069 */
+    const ncgen_real x38 = -x35;
+    constraints[100] = x38;
+    /* row 11: 1002 angle u2, B2-C2 (body2): u.a - L c = 0 with u = u2, a = B2-C2, L = 0.543069, c = 0.978802 */
+    constraints[106] = x38;
+    /* row 9: 1000 distance C2-B2 (body2): |a|^2 - L^2 = 0 with a = C2-B2, L = 0.543069 */
+    const ncgen_real x39 = -x36;
+    constraints[101] = x39;
+    /* row 11: 1002 angle u2, B2-C2 (body2): u.a - L c = 0 with u = u2, a = B2-C2, L = 0.543069, c = 0.978802 */
+    constraints[107] = x39;
+    /* row 9: 1000 distance C2-B2 (body2): |a|^2 - L^2 = 0 with a = C2-B2, L = 0.543069 */
+    const ncgen_real dC2_x = qd[12];
+    const ncgen_real dB2_x = qd[15];
+    const ncgen_real x40 = dC2_x - dB2_x;
+    const ncgen_real dC2_y = qd[13];
+    const ncgen_real dB2_y = qd[16];
+    const ncgen_real x41 = dC2_y - dB2_y;
+    const ncgen_real dC2_z = qd[14];
+    const ncgen_real dB2_z = qd[17];
+    const ncgen_real x42 = dC2_z - dB2_z;
+    const ncgen_real x43 = R(1.8413870046243508) * (x40 * x40 + x41 * x41 + x42 * x42);
+    constraints[413] = -x43;
+    /* row 10: 1001 unit u2 (body2): |u|^2 - 1 = 0 with u = u2 */
+    const ncgen_real u2_x = q[9];
+    constraints[102] = u2_x;
+    const ncgen_real u2_y = q[10];
+    constraints[103] = u2_y;
+    const ncgen_real u2_z = q[11];
+    constraints[104] = u2_z;
+    const ncgen_real x44 = R(0.5) * (u2_x * u2_x + u2_y * u2_y + u2_z * u2_z - R(1.0));
+    constraints[9] = x44;
+    const ncgen_real du2_x = qd[9];
+    const ncgen_real du2_y = qd[10];
+    const ncgen_real du2_z = qd[11];
+    constraints[414] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z);
+    /* row 11: 1002 angle u2, B2-C2 (body2): u.a - L c = 0 with u = u2, a = B2-C2, L = 0.543069, c = 0.978802 */
+    const ncgen_real x45 = x30 * u2_x + x31 * u2_y + x32 * u2_z + R(0.5315571106836463);
+    constraints[10] = -(R(1.8413870046243508) * x45);
+    const ncgen_real x46 = R(1.8413870046243508) * u2_x;
+    constraints[111] = x46;
+    constraints[108] = -x46;
+    const ncgen_real x47 = R(1.8413870046243508) * u2_y;
+    constraints[112] = x47;
+    constraints[109] = -x47;
+    const ncgen_real x48 = R(1.8413870046243508) * u2_z;
+    constraints[113] = x48;
+    constraints[110] = -x48;
+    const ncgen_real x49 = R(3.6827740092487016) * (x40 * du2_x + x41 * du2_y + x42 * du2_z);
+    constraints[415] = x49;
+    constraints[114] = NCGEN_SPLAT(R(6.643659059829012));
+    constraints[118] = NCGEN_SPLAT(R(6.643659059829012));
+    constraints[122] = NCGEN_SPLAT(R(6.643659059829012));
+    constraints[116] = NCGEN_SPLAT(R(1.5877966427517296));
+    constraints[120] = NCGEN_SPLAT(R(1.5877966427517296));
+    constraints[124] = NCGEN_SPLAT(R(1.5877966427517296));
+    /* row 12: combination u2.x (body1): (e - c a x b).x = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
+    const ncgen_real x50 = u2_x + R(6.643659059829012) * x1 + R(1.1146062628156927) + R(1.5877966427517296) * body1_across_x;
+    constraints[11] = x50;
+    constraints[115] = NCGEN_SPLAT(-R(6.643659059829012));
+    constraints[119] = NCGEN_SPLAT(-R(6.643659059829012));
+    constraints[123] = NCGEN_SPLAT(-R(6.643659059829012));
+    /* row 13: combination u2.y (body1): (e - c a x b).y = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
+    const ncgen_real x51 = u2_y + R(6.643659059829012) * x2 - R(0.23415849384025142);
+    constraints[12] = x51 + R(1.5877966427517296) * body1_across_y;
+    /* row 14: combination u2.z (body1): (e - c a x b).z = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
+    const ncgen_real x52 = u2_z + R(6.643659059829012) * x3 + R(0.02622748361746087);
+    constraints[13] = x52 + R(1.5877966427517296) * body1_across_z;
+    /* row 15: C2 in plane (joint planar body1-body2): a.b - c = 0 with a = C2-B1, b = u2, c = -5.20417e-18 */
+    const ncgen_real x53 = C2_x - B1_x;
+    const ncgen_real x54 = C2_y - B1_y;
+    const ncgen_real x55 = C2_z - B1_z;
+    const ncgen_real x56 = u2_x * x53 + u2_y * x54 + u2_z * x55 + R(5.204170427930421e-18);
+    constraints[14] = R(5.501799325588827) * x56;
+    const ncgen_real x57 = R(5.501799325588827) * u2_x;
+    constraints[132] = x57;
+    constraints[126] = -x57;
+    const ncgen_real x58 = R(5.501799325588827) * u2_y;
+    constraints[133] = x58;
+    constraints[127] = -x58;
+    const ncgen_real x59 = R(5.501799325588827) * u2_z;
+    constraints[134] = x59;
+    constraints[128] = -x59;
+    constraints[129] = R(5.501799325588827) * x53;
+    constraints[130] = R(5.501799325588827) * x54;
+    constraints[131] = R(5.501799325588827) * x55;
+    const ncgen_real x60 = du2_x * (dC2_x - dB1_x) + du2_y * (dC2_y - dB1_y) + du2_z * (dC2_z - dB1_z);
+    constraints[419] = -(R(11.003598651177654) * x60);
+    const ncgen_real C3_x = q[18];
+    const ncgen_real B3_x = q[21];
+    const ncgen_real x61 = C3_x - B3_x;
+    kept[0] = x61;
+    const ncgen_real C3_y = q[19];
+    const ncgen_real B3_y = q[22];
+    const ncgen_real x62 = C3_y - B3_y;
+    kept[1] = x62;
+    const ncgen_real C3_z = q[20];
+    const ncgen_real B3_z = q[23];
+    const ncgen_real x63 = C3_z - B3_z;
+    kept[2] = x63;
+    /* row 16: 1000 distance C3-B3 (body3): |a|^2 - L^2 = 0 with a = C3-B3, L = 0.388155 */
+    const ncgen_real x64 = R(1.288146617989366) * (x61 * x61 + x62 * x62 + x63 * x63 - R(0.150663972259338));
+    constraints[15] = x64;
+    const ncgen_real x65 = R(2.576293235978732) * x61;
+    constraints[135] = x65;
+    const ncgen_real x66 = R(2.576293235978732) * x62;
+    constraints[136] = x66;
+    const ncgen_real x67 = R(2.576293235978732) * x63;
+    constraints[137] = x67;
+    const ncgen_real x68 = -x65;
+    constraints[138] = x68;
+    /* row 23: 1002 angle u4, B3-C3 (body3): u.a - L c = 0 with u = u4, a = B3-C3, L = 0.388155, c = -0.0686937 */
+    constraints[176] = x68;
+    /* row 16: 1000 distance C3-B3 (body3): |a|^2 - L^2 = 0 with a = C3-B3, L = 0.388155 */
+    const ncgen_real x69 = -x66;
+    constraints[139] = x69;
+    /* row 23: 1002 angle u4, B3-C3 (body3): u.a - L c = 0 with u = u4, a = B3-C3, L = 0.388155, c = -0.0686937 */
+    constraints[177] = x69;
+    /* row 16: 1000 distance C3-B3 (body3): |a|^2 - L^2 = 0 with a = C3-B3, L = 0.388155 */
+    const ncgen_real x70 = -x67;
+    constraints[140] = x70;
+    /* row 23: 1002 angle u4, B3-C3 (body3): u.a - L c = 0 with u = u4, a = B3-C3, L = 0.388155, c = -0.0686937 */
+    constraints[178] = x70;
+    const ncgen_real dC3_x = qd[18];
+    const ncgen_real dB3_x = qd[21];
+    const ncgen_real x71 = dC3_x - dB3_x;
+    kept[3] = x71;
+    const ncgen_real dC3_y = qd[19];
+    const ncgen_real dB3_y = qd[22];
+    const ncgen_real x72 = dC3_y - dB3_y;
+    kept[4] = x72;
+    const ncgen_real dC3_z = qd[20];
+    const ncgen_real dB3_z = qd[23];
+    const ncgen_real x73 = dC3_z - dB3_z;
+    kept[5] = x73;
+    /* row 16: 1000 distance C3-B3 (body3): |a|^2 - L^2 = 0 with a = C3-B3, L = 0.388155 */
+    const ncgen_real x74 = R(2.576293235978732) * (x71 * x71 + x72 * x72 + x73 * x73);
+    constraints[420] = -x74;
+    constraints[141] = NCGEN_SPLAT(R(0.46562810159758666));
+    constraints[142] = NCGEN_SPLAT(R(2.5332455034438697));
+    const ncgen_real x75 = R(0.46562810159758666) * x61 + R(2.5332455034438697) * x62;
+    constraints[146] = NCGEN_SPLAT(R(0.05607609146337108));
+    /* row 17: 1002 angle u3, B3-C3 (body3): u.a - L c = 0 with u = u3, a = B3-C3, L = 0.388155, c = 0.559971 */
+    const ncgen_real x76 = x75 - R(0.05607609146337108) * x63 - R(0.5599705810765877);
+    constraints[16] = x76;
+    constraints[143] = NCGEN_SPLAT(-R(0.05607609146337108));
+    constraints[144] = NCGEN_SPLAT(-R(0.46562810159758666));
+    constraints[145] = NCGEN_SPLAT(-R(2.5332455034438697));
+    const ncgen_real x77 = C3_y - R(0.169122428390303);
+    constraints[148] = NCGEN_SPLAT(R(1.4171015896346406));
+    /* row 18: C3 on u3 (joint cylindrical ground-body3): a.b - c = 0 with a = C3-A3, b = across1, c = 0 */
+    const ncgen_real x78 = C3_x - R(0.8052852978347513);
+    constraints[17] = R(1.4171015896346406) * x77 - R(7.709728466877651) * x78;
+    constraints[147] = NCGEN_SPLAT(-R(7.709728466877651));
+    /* row 19: C3 on u3 (joint cylindrical ground-body3): a.b - c = 0 with a = C3-A3, b = across2, c = 0 */
+    const ncgen_real x79 = R(0.03084490431581317) * x78 + R(0.1678114248132723) * x77;
+    const ncgen_real x80 = x79 + R(7.8370260855702485) * (C3_z - R(0.04926184536855163));
+    constraints[18] = -x80;
+    constraints[149] = NCGEN_SPLAT(-R(0.03084490431581317));
+    constraints[150] = NCGEN_SPLAT(-R(0.1678114248132723));
+    constraints[151] = NCGEN_SPLAT(-R(7.8370260855702485));
+    const ncgen_real B4_x = q[27];
+    const ncgen_real x81 = B3_x - B4_x;
+    kept[6] = x81;
+    const ncgen_real B4_y = q[28];
+    const ncgen_real x82 = B3_y - B4_y;
+    kept[7] = x82;
+    const ncgen_real B4_z = q[29];
+    const ncgen_real x83 = B3_z - B4_z;
+    kept[8] = x83;
+    /* row 20: 1000 distance B3-B4 (body4): |a|^2 - L^2 = 0 with a = B3-B4, L = 0.507182 */
+    const ncgen_real x84 = x81 * x81 + x82 * x82 + x83 * x83 - R(0.2572330902908658);
+    constraints[19] = R(0.9858403433703471) * x84;
+    const ncgen_real x85 = R(1.9716806867406942) * x81;
+    constraints[152] = x85;
+    const ncgen_real x86 = R(1.9716806867406942) * x82;
+    constraints[153] = x86;
+    const ncgen_real x87 = R(1.9716806867406942) * x83;
+    constraints[154] = x87;
+    const ncgen_real x88 = -x85;
+    constraints[155] = x88;
+    /* row 22: 1002 angle u4, B4-B3 (body4): u.a - L c = 0 with u = u4, a = B4-B3, L = 0.507182, c = 0.57797 */
+    constraints[164] = x88;
+    /* row 20: 1000 distance B3-B4 (body4): |a|^2 - L^2 = 0 with a = B3-B4, L = 0.507182 */
+    const ncgen_real x89 = -x86;
+    constraints[156] = x89;
+    /* row 22: 1002 angle u4, B4-B3 (body4): u.a - L c = 0 with u = u4, a = B4-B3, L = 0.507182, c = 0.57797 */
+    constraints[165] = x89;
+    /* row 20: 1000 distance B3-B4 (body4): |a|^2 - L^2 = 0 with a = B3-B4, L = 0.507182 */
+    const ncgen_real x90 = -x87;
+    constraints[157] = x90;
+    /* row 22: 1002 angle u4, B4-B3 (body4): u.a - L c = 0 with u = u4, a = B4-B3, L = 0.507182, c = 0.57797 */
+    constraints[166] = x90;
+    const ncgen_real dB4_x = qd[27];
+    const ncgen_real x91 = dB3_x - dB4_x;
+    kept[9] = x91;
+    const ncgen_real dB4_y = qd[28];
+    const ncgen_real x92 = dB3_y - dB4_y;
+    kept[10] = x92;
+    const ncgen_real dB4_z = qd[29];
+    const ncgen_real x93 = dB3_z - dB4_z;
+    kept[11] = x93;
+    /* row 20: 1000 distance B3-B4 (body4): |a|^2 - L^2 = 0 with a = B3-B4, L = 0.507182 */
+    const ncgen_real x94 = R(1.9716806867406942) * (x91 * x91 + x92 * x92 + x93 * x93);
+    constraints[424] = -x94;
+    /* row 21: 1001 unit u4 (body4): |u|^2 - 1 = 0 with u = u4 */
+    const ncgen_real u4_x = q[24];
+    constraints[158] = u4_x;
+    kept[12] = u4_x * u4_x;
+}
+
+static NCGEN_APART void tree_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 21: 1001 unit u4 (body4): |u|^2 - 1 = 0 with u = u4 */
+    const ncgen_real u4_y = q[25];
+    constraints[159] = u4_y;
+    const ncgen_real x1 = kept[12];
+    const ncgen_real u4_z = q[26];
+    constraints[160] = u4_z;
+    constraints[20] = R(0.5) * (x1 + u4_y * u4_y + u4_z * u4_z - R(1.0));
+    const ncgen_real du4_x = qd[24];
+    const ncgen_real du4_y = qd[25];
+    const ncgen_real du4_z = qd[26];
+    constraints[425] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
+    /* row 22: 1002 angle u4, B4-B3 (body4): u.a - L c = 0 with u = u4, a = B4-B3, L = 0.507182, c = 0.57797 */
+    const ncgen_real x2 = kept[6];
+    const ncgen_real u4_x = q[24];
+    const ncgen_real x3 = kept[7];
+    const ncgen_real x4 = kept[8];
+    const ncgen_real x5 = x2 * u4_x + x3 * u4_y + x4 * u4_z + R(0.29313583516449526);
+    constraints[21] = -(R(1.9716806867406942) * x5);
+    const ncgen_real x6 = R(1.9716806867406942) * u4_x;
+    constraints[167] = x6;
+    constraints[161] = -x6;
+    const ncgen_real x7 = R(1.9716806867406942) * u4_y;
+    constraints[168] = x7;
+    constraints[162] = -x7;
+    const ncgen_real x8 = R(1.9716806867406942) * u4_z;
+    constraints[169] = x8;
+    constraints[163] = -x8;
+    const ncgen_real x9 = kept[9];
+    const ncgen_real x10 = kept[10];
+    const ncgen_real x11 = kept[11];
+    const ncgen_real x12 = R(3.9433613734813884) * (x9 * du4_x + x10 * du4_y + x11 * du4_z);
+    constraints[426] = x12;
+    /* row 23: 1002 angle u4, B3-C3 (body3): u.a - L c = 0 with u = u4, a = B3-C3, L = 0.388155, c = -0.0686937 */
+    const ncgen_real x13 = kept[0];
+    const ncgen_real x14 = kept[1];
+    const ncgen_real x15 = kept[2];
+    const ncgen_real x16 = R(0.026663769623541583) - (x13 * u4_x + x14 * u4_y + x15 * u4_z);
+    constraints[22] = R(2.576293235978732) * x16;
+    const ncgen_real x17 = R(2.576293235978732) * u4_x;
+    constraints[173] = x17;
+    constraints[170] = -x17;
+    const ncgen_real x18 = R(2.576293235978732) * u4_y;
+    constraints[174] = x18;
+    constraints[171] = -x18;
+    const ncgen_real x19 = R(2.576293235978732) * u4_z;
+    constraints[175] = x19;
+    constraints[172] = -x19;
+    const ncgen_real x20 = kept[3];
+    const ncgen_real x21 = kept[4];
+    const ncgen_real x22 = kept[5];
+    const ncgen_real x23 = R(5.152586471957464) * (x20 * du4_x + x21 * du4_y + x22 * du4_z);
+    constraints[427] = x23;
+    const ncgen_real x24 = R(0.18073567678358435) * u4_x + R(0.9832908257749207) * u4_y;
+    constraints[181] = NCGEN_SPLAT(R(0.021766191317141668));
+    /* row 24: 1003 angle u4, u3 (body3): u.v - c = 0 with u = u4, v = u3, c = -0.545399 */
+    const ncgen_real x25 = R(0.021766191317141668) * u4_z - x24 + R(0.5453985554039117);
+    constraints[23] = x25;
+    constraints[179] = NCGEN_SPLAT(-R(0.18073567678358435));
+    constraints[180] = NCGEN_SPLAT(-R(0.9832908257749207));
+    const ncgen_real B5_x = q[33];
+    const ncgen_real B3_x = q[21];
+    const ncgen_real x26 = B3_x - B5_x;
+    kept[13] = x26;
+    const ncgen_real B5_y = q[34];
+    const ncgen_real B3_y = q[22];
+    const ncgen_real x27 = B3_y - B5_y;
+    kept[14] = x27;
+    const ncgen_real B5_z = q[35];
+    const ncgen_real B3_z = q[23];
+    const ncgen_real x28 = B3_z - B5_z;
+    kept[15] = x28;
+    /* row 25: 1000 distance B3-B5 (body5): |a|^2 - L^2 = 0 with a = B3-B5, L = 0.575721 */
+    const ncgen_real x29 = x26 * x26 + x27 * x27 + x28 * x28 - R(0.33145482130238696);
+    constraints[24] = R(0.8684760252972256) * x29;
+    const ncgen_real x30 = R(1.7369520505944511) * x26;
+    constraints[182] = x30;
+    const ncgen_real x31 = R(1.7369520505944511) * x27;
+    constraints[183] = x31;
+    const ncgen_real x32 = R(1.7369520505944511) * x28;
+    constraints[184] = x32;
+    const ncgen_real x33 = -x30;
+    constraints[185] = x33;
+    /* row 27: 1002 angle u5, B5-B3 (body5): u.a - L c = 0 with u = u5, a = B5-B3, L = 0.575721, c = 0.441547 */
+    constraints[194] = x33;
+    /* row 46: 1002 angle u9, B5-B3 (body5): u.a - L c = 0 with u = u9, a = B5-B3, L = 0.575721, c = -0.288768 */
+    constraints[293] = x33;
+    /* row 25: 1000 distance B3-B5 (body5): |a|^2 - L^2 = 0 with a = B3-B5, L = 0.575721 */
+    const ncgen_real x34 = -x31;
+    constraints[186] = x34;
+    /* row 27: 1002 angle u5, B5-B3 (body5): u.a - L c = 0 with u = u5, a = B5-B3, L = 0.575721, c = 0.441547 */
+    constraints[195] = x34;
+    /* row 46: 1002 angle u9, B5-B3 (body5): u.a - L c = 0 with u = u9, a = B5-B3, L = 0.575721, c = -0.288768 */
+    constraints[294] = x34;
+    /* row 25: 1000 distance B3-B5 (body5): |a|^2 - L^2 = 0 with a = B3-B5, L = 0.575721 */
+    const ncgen_real x35 = -x32;
+    constraints[187] = x35;
+    /* row 27: 1002 angle u5, B5-B3 (body5): u.a - L c = 0 with u = u5, a = B5-B3, L = 0.575721, c = 0.441547 */
+    constraints[196] = x35;
+    /* row 46: 1002 angle u9, B5-B3 (body5): u.a - L c = 0 with u = u9, a = B5-B3, L = 0.575721, c = -0.288768 */
+    constraints[295] = x35;
+    const ncgen_real dB5_x = qd[33];
+    const ncgen_real dB3_x = qd[21];
+    const ncgen_real x36 = dB3_x - dB5_x;
+    kept[16] = x36;
+    const ncgen_real dB5_y = qd[34];
+    const ncgen_real dB3_y = qd[22];
+    const ncgen_real x37 = dB3_y - dB5_y;
+    kept[17] = x37;
+    const ncgen_real dB5_z = qd[35];
+    const ncgen_real dB3_z = qd[23];
+    const ncgen_real x38 = dB3_z - dB5_z;
+    kept[18] = x38;
+    /* row 25: 1000 distance B3-B5 (body5): |a|^2 - L^2 = 0 with a = B3-B5, L = 0.575721 */
+    const ncgen_real x39 = R(1.7369520505944511) * (x36 * x36 + x37 * x37 + x38 * x38);
+    constraints[429] = -x39;
+    /* row 26: 1001 unit u5 (body5): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real u5_x = q[30];
+    constraints[188] = u5_x;
+    /* row 47: 1003 angle u9, u5 (body5): u.v - c = 0 with u = u9, v = u5, c = -0.859604 */
+    constraints[299] = u5_x;
+    /* row 26: 1001 unit u5 (body5): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real u5_y = q[31];
+    constraints[189] = u5_y;
+    /* row 47: 1003 angle u9, u5 (body5): u.v - c = 0 with u = u9, v = u5, c = -0.859604 */
+    constraints[300] = u5_y;
+    /* row 26: 1001 unit u5 (body5): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real u5_z = q[32];
+    constraints[190] = u5_z;
+    /* row 47: 1003 angle u9, u5 (body5): u.v - c = 0 with u = u9, v = u5, c = -0.859604 */
+    constraints[301] = u5_z;
+    /* row 26: 1001 unit u5 (body5): |u|^2 - 1 = 0 with u = u5 */
+    const ncgen_real x40 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
+    constraints[25] = x40;
+    const ncgen_real du5_x = qd[30];
+    const ncgen_real du5_y = qd[31];
+    const ncgen_real du5_z = qd[32];
+    constraints[430] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
+    /* row 27: 1002 angle u5, B5-B3 (body5): u.a - L c = 0 with u = u5, a = B5-B3, L = 0.575721, c = 0.441547 */
+    const ncgen_real x41 = x26 * u5_x + x27 * u5_y + x28 * u5_z + R(0.2542079174263747);
+    constraints[26] = -(R(1.7369520505944511) * x41);
+    const ncgen_real x42 = R(1.7369520505944511) * u5_x;
+    constraints[197] = x42;
+    constraints[191] = -x42;
+    const ncgen_real x43 = R(1.7369520505944511) * u5_y;
+    constraints[198] = x43;
+    constraints[192] = -x43;
+    const ncgen_real x44 = R(1.7369520505944511) * u5_z;
+    constraints[199] = x44;
+    constraints[193] = -x44;
+    const ncgen_real x45 = R(3.4739041011889022) * (x36 * du5_x + x37 * du5_y + x38 * du5_z);
+    constraints[431] = x45;
+    /* row 28: 1000 distance A6-B6 (body6): |a|^2 - L^2 = 0 with a = A6-B6, L = 0.572367 */
+    const ncgen_real B6_x = q[36];
+    const ncgen_real x46 = R(1.6674299624307862) - B6_x;
+    const ncgen_real B6_y = q[37];
+    const ncgen_real x47 = -R(0.14245646258359976) - B6_y;
+    const ncgen_real B6_z = q[38];
+    const ncgen_real x48 = -R(0.046166453264949434) - B6_z;
+    const ncgen_real x49 = x46 * x46 + x47 * x47 + x48 * x48 - R(0.32760399977635635);
+    constraints[27] = R(0.8735653644608392) * x49;
+    const ncgen_real x50 = -(R(1.7471307289216784) * x46);
+    constraints[200] = x50;
+    /* row 34: 1002 angle u7, B6-A6 (body6): u.a - L c = 0 with u = u7, a = B6-A6, L = 0.572367, c = 0.293172 */
+    constraints[230] = x50;
+    /* row 28: 1000 distance A6-B6 (body6): |a|^2 - L^2 = 0 with a = A6-B6, L = 0.572367 */
+    constraints[201] = -(R(1.7471307289216784) * x47);
+    constraints[202] = -(R(1.7471307289216784) * x48);
+    const ncgen_real dB6_x = qd[36];
+    const ncgen_real dB6_y = qd[37];
+    const ncgen_real dB6_z = qd[38];
+    const ncgen_real x51 = R(1.7471307289216784) * (dB6_x * dB6_x + dB6_y * dB6_y + dB6_z * dB6_z);
+    constraints[432] = -x51;
+    const ncgen_real x52 = B6_y + R(0.14245646258359976);
+    const ncgen_real x53 = R(1.0190545017320651) * x46 - R(0.9423022543615591) * x52;
+    const ncgen_real x54 = B6_z + R(0.046166453264949434);
+    constraints[205] = NCGEN_SPLAT(R(1.0611598220188754));
+    /* row 29: 1002 angle u6, B6-A6 (body6): u.a - L c = 0 with u = u6, a = B6-A6, L = 0.572367, c = -0.91435 */
+    const ncgen_real x55 = x53 + R(1.0611598220188754) * x54 + R(0.9143504459039575);
+    constraints[28] = x55;
+    constraints[203] = NCGEN_SPLAT(-R(1.0190545017320651));
+    constraints[204] = NCGEN_SPLAT(-R(0.9423022543615591));
+    /* row 30: 1000 distance B6-B7 (body7): |a|^2 - L^2 = 0 with a = B6-B7, L = 0.485684 */
+    const ncgen_real B7_x = q[45];
+    const ncgen_real x56 = B6_x - B7_x;
+    const ncgen_real B7_y = q[46];
+    const ncgen_real x57 = B6_y - B7_y;
+    const ncgen_real B7_z = q[47];
+    const ncgen_real x58 = B6_z - B7_z;
+    const ncgen_real x59 = x56 * x56 + x57 * x57 + x58 * x58 - R(0.23588932287453515);
+    constraints[29] = R(1.0294751372251327) * x59;
+    const ncgen_real x60 = R(2.0589502744502655) * x56;
+    constraints[206] = x60;
+    const ncgen_real x61 = R(2.0589502744502655) * x57;
+    constraints[207] = x61;
+    const ncgen_real x62 = R(2.0589502744502655) * x58;
+    constraints[208] = x62;
+    const ncgen_real x63 = -x60;
+    constraints[209] = x63;
+    /* row 32: 1002 angle v7, B7-B6 (body7): u.a - L c = 0 with u = v7, a = B7-B6, L = 0.485684, c = -0.146111 */
+    constraints[218] = x63;
+    /* row 30: 1000 distance B6-B7 (body7): |a|^2 - L^2 = 0 with a = B6-B7, L = 0.485684 */
+    const ncgen_real x64 = -x61;
+    constraints[210] = x64;
+    /* row 32: 1002 angle v7, B7-B6 (body7): u.a - L c = 0 with u = v7, a = B7-B6, L = 0.485684, c = -0.146111 */
+    constraints[219] = x64;
+    /* row 30: 1000 distance B6-B7 (body7): |a|^2 - L^2 = 0 with a = B6-B7, L = 0.485684 */
+    const ncgen_real x65 = -x62;
+    constraints[211] = x65;
+    /* row 32: 1002 angle v7, B7-B6 (body7): u.a - L c = 0 with u = v7, a = B7-B6, L = 0.485684, c = -0.146111 */
+    constraints[220] = x65;
+    /* row 30: 1000 distance B6-B7 (body7): |a|^2 - L^2 = 0 with a = B6-B7, L = 0.485684 */
+    const ncgen_real dB7_x = qd[45];
+    const ncgen_real x66 = dB6_x - dB7_x;
+    const ncgen_real dB7_y = qd[46];
+    const ncgen_real x67 = dB6_y - dB7_y;
+    const ncgen_real dB7_z = qd[47];
+    const ncgen_real x68 = dB6_z - dB7_z;
+    const ncgen_real x69 = R(2.0589502744502655) * (x66 * x66 + x67 * x67 + x68 * x68);
+    constraints[434] = -x69;
+    /* row 31: 1001 unit v7 (body7): |u|^2 - 1 = 0 with u = v7 */
+    const ncgen_real v7_x = q[42];
+    constraints[212] = v7_x;
+    /* row 36: 1003 angle u7, v7 (joint universal body6-body7): u.v - c = 0 with u = u7, v = v7, c = 0 */
+    constraints[236] = v7_x;
+    /* row 31: 1001 unit v7 (body7): |u|^2 - 1 = 0 with u = v7 */
+    const ncgen_real v7_y = q[43];
+    constraints[213] = v7_y;
+    /* row 36: 1003 angle u7, v7 (joint universal body6-body7): u.v - c = 0 with u = u7, v = v7, c = 0 */
+    constraints[237] = v7_y;
+    /* row 31: 1001 unit v7 (body7): |u|^2 - 1 = 0 with u = v7 */
+    const ncgen_real v7_z = q[44];
+    constraints[214] = v7_z;
+    /* row 36: 1003 angle u7, v7 (joint universal body6-body7): u.v - c = 0 with u = u7, v = v7, c = 0 */
+    constraints[238] = v7_z;
+    /* row 31: 1001 unit v7 (body7): |u|^2 - 1 = 0 with u = v7 */
+    const ncgen_real x70 = R(0.5) * (v7_x * v7_x + v7_y * v7_y + v7_z * v7_z - R(1.0));
+    constraints[30] = x70;
+    const ncgen_real dv7_x = qd[42];
+    const ncgen_real dv7_y = qd[43];
+    const ncgen_real dv7_z = qd[44];
+    constraints[435] = -(dv7_x * dv7_x + dv7_y * dv7_y + dv7_z * dv7_z);
+    /* row 32: 1002 angle v7, B7-B6 (body7): u.a - L c = 0 with u = v7, a = B7-B6, L = 0.485684, c = -0.146111 */
+    const ncgen_real x71 = R(0.07096391930196268) - (x56 * v7_x + x57 * v7_y + x58 * v7_z);
+    constraints[31] = R(2.0589502744502655) * x71;
+    const ncgen_real x72 = R(2.0589502744502655) * v7_x;
+    constraints[221] = x72;
+    constraints[215] = -x72;
+    const ncgen_real x73 = R(2.0589502744502655) * v7_y;
+    constraints[222] = x73;
+    constraints[216] = -x73;
+    const ncgen_real x74 = R(2.0589502744502655) * v7_z;
+    constraints[223] = x74;
+    constraints[217] = -x74;
+    const ncgen_real x75 = R(4.117900548900531) * (x66 * dv7_x + x67 * dv7_y + x68 * dv7_z);
+    constraints[436] = x75;
+    /* row 33: 1001 unit u7 (body6): |u|^2 - 1 = 0 with u = u7 */
+    const ncgen_real u7_x = q[39];
+    constraints[224] = u7_x;
+    /* row 36: 1003 angle u7, v7 (joint universal body6-body7): u.v - c = 0 with u = u7, v = v7, c = 0 */
+    constraints[239] = u7_x;
+    /* row 33: 1001 unit u7 (body6): |u|^2 - 1 = 0 with u = u7 */
+    const ncgen_real u7_y = q[40];
+    constraints[225] = u7_y;
+    /* row 36: 1003 angle u7, v7 (joint universal body6-body7): u.v - c = 0 with u = u7, v = v7, c = 0 */
+    constraints[240] = u7_y;
+    /* row 33: 1001 unit u7 (body6): |u|^2 - 1 = 0 with u = u7 */
+    const ncgen_real u7_z = q[41];
+    constraints[226] = u7_z;
+    /* row 36: 1003 angle u7, v7 (joint universal body6-body7): u.v - c = 0 with u = u7, v = v7, c = 0 */
+    constraints[241] = u7_z;
+    /* row 33: 1001 unit u7 (body6): |u|^2 - 1 = 0 with u = u7 */
+    const ncgen_real x76 = R(0.5) * (u7_x * u7_x + u7_y * u7_y + u7_z * u7_z - R(1.0));
+    constraints[32] = x76;
+    const ncgen_real du7_x = qd[39];
+    const ncgen_real du7_y = qd[40];
+    const ncgen_real du7_z = qd[41];
+    constraints[437] = -(du7_x * du7_x + du7_y * du7_y + du7_z * du7_z);
+    /* row 34: 1002 angle u7, B6-A6 (body6): u.a - L c = 0 with u = u7, a = B6-A6, L = 0.572367, c = 0.293172 */
+    const ncgen_real x77 = x52 * u7_y - x46 * u7_x + x54 * u7_z - R(0.16780178661364004);
+    constraints[33] = R(1.7471307289216784) * x77;
+    constraints[227] = R(1.7471307289216784) * u7_x;
+    constraints[228] = R(1.7471307289216784) * u7_y;
+    constraints[229] = R(1.7471307289216784) * u7_z;
+    constraints[231] = R(1.7471307289216784) * x52;
+    constraints[232] = R(1.7471307289216784) * x54;
+    const ncgen_real x78 = R(3.494261457843357) * (dB6_x * du7_x + dB6_y * du7_y + dB6_z * du7_z);
+    constraints[438] = -x78;
+    const ncgen_real x79 = R(0.5832731832042249) * u7_x + R(0.5393427284878356) * u7_y;
+    constraints[235] = NCGEN_SPLAT(R(0.6073728796893285));
+    /* row 35: 1003 angle u7, u6 (body6): u.v - c = 0 with u = u7, v = u6, c = 0.000765644 */
+    const ncgen_real x80 = R(0.6073728796893285) * u7_z - x79 - R(0.0007656440017393546);
+    constraints[34] = x80;
+    constraints[233] = NCGEN_SPLAT(-R(0.5832731832042249));
+    constraints[234] = NCGEN_SPLAT(-R(0.5393427284878356));
+    /* row 36: 1003 angle u7, v7 (joint universal body6-body7): u.v - c = 0 with u = u7, v = v7, c = 0 */
+    constraints[35] = v7_x * u7_x + v7_y * u7_y + v7_z * u7_z;
+    const ncgen_real x81 = -(R(2.0) * (dv7_x * du7_x + dv7_y * du7_y + dv7_z * du7_z));
+    constraints[440] = x81;
+    const ncgen_real B8_x = q[51];
+    const ncgen_real x82 = B6_x - B8_x;
+    kept[19] = x82;
+    const ncgen_real B8_y = q[52];
+    const ncgen_real x83 = B6_y - B8_y;
+    kept[20] = x83;
+    const ncgen_real B8_z = q[53];
+    const ncgen_real x84 = B6_z - B8_z;
+    kept[21] = x84;
+    /* row 37: 1000 distance B6-B8 (body8): |a|^2 - L^2 = 0 with a = B6-B8, L = 0.564374 */
+    const ncgen_real x85 = x82 * x82 + x83 * x83 + x84 * x84 - R(0.3185175310977494);
+    constraints[36] = R(0.8859380080514866) * x85;
+    const ncgen_real x86 = R(1.7718760161029732) * x82;
+    constraints[242] = x86;
+    const ncgen_real x87 = R(1.7718760161029732) * x83;
+    constraints[243] = x87;
+    const ncgen_real x88 = R(1.7718760161029732) * x84;
+    constraints[244] = x88;
+    const ncgen_real x89 = -x86;
+    constraints[245] = x89;
+    /* row 39: 1002 angle u8, B8-B6 (body8): u.a - L c = 0 with u = u8, a = B8-B6, L = 0.564374, c = -0.0962794 */
+    constraints[254] = x89;
+    /* row 37: 1000 distance B6-B8 (body8): |a|^2 - L^2 = 0 with a = B6-B8, L = 0.564374 */
+    const ncgen_real x90 = -x87;
+    constraints[246] = x90;
+    /* row 39: 1002 angle u8, B8-B6 (body8): u.a - L c = 0 with u = u8, a = B8-B6, L = 0.564374, c = -0.0962794 */
+    constraints[255] = x90;
+    /* row 37: 1000 distance B6-B8 (body8): |a|^2 - L^2 = 0 with a = B6-B8, L = 0.564374 */
+    const ncgen_real x91 = -x88;
+    constraints[247] = x91;
+    /* row 39: 1002 angle u8, B8-B6 (body8): u.a - L c = 0 with u = u8, a = B8-B6, L = 0.564374, c = -0.0962794 */
+    constraints[256] = x91;
+    const ncgen_real dB8_x = qd[51];
+    const ncgen_real x92 = dB6_x - dB8_x;
+    kept[22] = x92;
+    const ncgen_real dB8_y = qd[52];
+    const ncgen_real x93 = dB6_y - dB8_y;
+    kept[23] = x93;
+    const ncgen_real dB8_z = qd[53];
+    const ncgen_real x94 = dB6_z - dB8_z;
+    kept[24] = x94;
+    /* row 37: 1000 distance B6-B8 (body8): |a|^2 - L^2 = 0 with a = B6-B8, L = 0.564374 */
+    const ncgen_real x95 = R(1.7718760161029732) * (x92 * x92 + x93 * x93 + x94 * x94);
+    constraints[441] = -x95;
+    /* row 38: 1001 unit u8 (body8): |u|^2 - 1 = 0 with u = u8 */
+    const ncgen_real u8_x = q[48];
+    constraints[248] = u8_x;
+    const ncgen_real u8_y = q[49];
+    constraints[249] = u8_y;
+    const ncgen_real u8_z = q[50];
+    constraints[250] = u8_z;
+    kept[25] = u8_x * u8_x + u8_y * u8_y + u8_z * u8_z - R(1.0);
+}
+
+static NCGEN_APART void tree_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 38: 1001 unit u8 (body8): |u|^2 - 1 = 0 with u = u8 */
+    const ncgen_real x1 = kept[25];
+    constraints[37] = R(0.5) * x1;
+    const ncgen_real du8_x = qd[48];
+    const ncgen_real du8_y = qd[49];
+    const ncgen_real du8_z = qd[50];
+    constraints[442] = -(du8_x * du8_x + du8_y * du8_y + du8_z * du8_z);
+    /* row 39: 1002 angle u8, B8-B6 (body8): u.a - L c = 0 with u = u8, a = B8-B6, L = 0.564374, c = -0.0962794 */
+    const ncgen_real x2 = kept[19];
+    const ncgen_real u8_x = q[48];
+    const ncgen_real x3 = kept[20];
+    const ncgen_real u8_y = q[49];
+    const ncgen_real x4 = kept[21];
+    const ncgen_real u8_z = q[50];
+    const ncgen_real x5 = R(0.05433757568724784) - (x2 * u8_x + x3 * u8_y + x4 * u8_z);
+    constraints[38] = R(1.7718760161029732) * x5;
+    const ncgen_real x6 = R(1.7718760161029732) * u8_x;
+    constraints[257] = x6;
+    constraints[251] = -x6;
+    const ncgen_real x7 = R(1.7718760161029732) * u8_y;
+    constraints[258] = x7;
+    constraints[252] = -x7;
+    const ncgen_real x8 = R(1.7718760161029732) * u8_z;
+    constraints[259] = x8;
+    constraints[253] = -x8;
+    const ncgen_real x9 = kept[22];
+    const ncgen_real x10 = kept[23];
+    const ncgen_real x11 = kept[24];
+    const ncgen_real x12 = R(3.5437520322059464) * (x9 * du8_x + x10 * du8_y + x11 * du8_z);
+    constraints[443] = x12;
+    const ncgen_real B6_x = q[36];
+    const ncgen_real x13 = u8_x - R(5.293527486883154) * B6_x + R(8.826586338579911);
+    constraints[261] = NCGEN_SPLAT(R(1.0040373108430047));
+    constraints[264] = NCGEN_SPLAT(R(1.0040373108430047));
+    constraints[267] = NCGEN_SPLAT(R(1.0040373108430047));
+    /* row 40: combination u8.x (body6): (e - c a x b).x = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
+    const ncgen_real u7_x = q[39];
+    const ncgen_real x14 = x13 + R(1.3106090351540571) + R(1.0040373108430047) * u7_x;
+    constraints[39] = x14;
+    constraints[260] = NCGEN_SPLAT(-R(5.293527486883154));
+    constraints[263] = NCGEN_SPLAT(-R(5.293527486883154));
+    constraints[266] = NCGEN_SPLAT(-R(5.293527486883154));
+    /* row 41: combination u8.y (body6): (e - c a x b).y = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
+    const ncgen_real B6_y = q[37];
+    const ncgen_real x15 = u8_y - R(5.293527486883154) * B6_y - R(0.7540972003704269);
+    const ncgen_real u7_y = q[40];
+    const ncgen_real x16 = x15 + R(1.2118977408109282) + R(1.0040373108430047) * u7_y;
+    constraints[40] = x16;
+    /* row 42: combination u8.z (body6): (e - c a x b).z = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
+    const ncgen_real B6_z = q[38];
+    const ncgen_real x17 = u8_z - R(5.293527486883154) * B6_z - R(0.24438338932991638);
+    const ncgen_real u7_z = q[41];
+    const ncgen_real x18 = x17 - R(1.3647608132014084) + R(1.0040373108430047) * u7_z;
+    constraints[41] = x18;
+    /* row 43: 1000 distance C9-B9 (body9): |a|^2 - L^2 = 0 with a = C9-B9, L = 0.32099 */
+    const ncgen_real C9_x = q[57];
+    const ncgen_real B9_x = q[60];
+    const ncgen_real x19 = C9_x - B9_x;
+    const ncgen_real C9_y = q[58];
+    const ncgen_real B9_y = q[61];
+    const ncgen_real x20 = C9_y - B9_y;
+    const ncgen_real C9_z = q[59];
+    const ncgen_real B9_z = q[62];
+    const ncgen_real x21 = C9_z - B9_z;
+    const ncgen_real x22 = x19 * x19 + x20 * x20 + x21 * x21 - R(0.10303486735294425);
+    constraints[42] = R(1.5576787532931566) * x22;
+    const ncgen_real x23 = R(3.1153575065863133) * x19;
+    constraints[269] = x23;
+    const ncgen_real x24 = R(3.1153575065863133) * x20;
+    constraints[270] = x24;
+    const ncgen_real x25 = R(3.1153575065863133) * x21;
+    constraints[271] = x25;
+    const ncgen_real x26 = -x23;
+    constraints[272] = x26;
+    /* row 45: 1002 angle u9, B9-C9 (body9): u.a - L c = 0 with u = u9, a = B9-C9, L = 0.32099, c = -0.884833 */
+    constraints[278] = x26;
+    /* row 51: 1002 angle body9.across, B9-C9 (body9): u.a - L c = 0 with u = body9.across, a = B9-C9, L = 0.32099, c = -0.450111 */
+    constraints[341] = x26;
+    /* row 43: 1000 distance C9-B9 (body9): |a|^2 - L^2 = 0 with a = C9-B9, L = 0.32099 */
+    const ncgen_real x27 = -x24;
+    constraints[273] = x27;
+    /* row 45: 1002 angle u9, B9-C9 (body9): u.a - L c = 0 with u = u9, a = B9-C9, L = 0.32099, c = -0.884833 */
+    constraints[279] = x27;
+    /* row 51: 1002 angle body9.across, B9-C9 (body9): u.a - L c = 0 with u = body9.across, a = B9-C9, L = 0.32099, c = -0.450111 */
+    constraints[342] = x27;
+    /* row 43: 1000 distance C9-B9 (body9): |a|^2 - L^2 = 0 with a = C9-B9, L = 0.32099 */
+    const ncgen_real x28 = -x25;
+    constraints[274] = x28;
+    /* row 45: 1002 angle u9, B9-C9 (body9): u.a - L c = 0 with u = u9, a = B9-C9, L = 0.32099, c = -0.884833 */
+    constraints[280] = x28;
+    /* row 51: 1002 angle body9.across, B9-C9 (body9): u.a - L c = 0 with u = body9.across, a = B9-C9, L = 0.32099, c = -0.450111 */
+    constraints[343] = x28;
+    /* row 43: 1000 distance C9-B9 (body9): |a|^2 - L^2 = 0 with a = C9-B9, L = 0.32099 */
+    const ncgen_real dC9_x = qd[57];
+    const ncgen_real dB9_x = qd[60];
+    const ncgen_real x29 = dC9_x - dB9_x;
+    const ncgen_real dC9_y = qd[58];
+    const ncgen_real dB9_y = qd[61];
+    const ncgen_real x30 = dC9_y - dB9_y;
+    const ncgen_real dC9_z = qd[59];
+    const ncgen_real dB9_z = qd[62];
+    const ncgen_real x31 = dC9_z - dB9_z;
+    const ncgen_real x32 = R(3.1153575065863133) * (x29 * x29 + x30 * x30 + x31 * x31);
+    constraints[447] = -x32;
+    /* row 44: 1001 unit u9 (body9): |u|^2 - 1 = 0 with u = u9 */
+    const ncgen_real u9_x = q[54];
+    constraints[275] = u9_x;
+    /* row 47: 1003 angle u9, u5 (body5): u.v - c = 0 with u = u9, v = u5, c = -0.859604 */
+    constraints[296] = u9_x;
+    /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
+    constraints[347] = u9_x;
+    /* row 54: slide screw9.slide (coordinate screw9.slide): a.n - s = 0 with a = C9-B5, n = u9, s = screw9.slide */
+    constraints[372] = u9_x;
+    /* row 44: 1001 unit u9 (body9): |u|^2 - 1 = 0 with u = u9 */
+    const ncgen_real u9_y = q[55];
+    constraints[276] = u9_y;
+    /* row 47: 1003 angle u9, u5 (body5): u.v - c = 0 with u = u9, v = u5, c = -0.859604 */
+    constraints[297] = u9_y;
+    /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
+    constraints[348] = u9_y;
+    /* row 54: slide screw9.slide (coordinate screw9.slide): a.n - s = 0 with a = C9-B5, n = u9, s = screw9.slide */
+    constraints[373] = u9_y;
+    /* row 44: 1001 unit u9 (body9): |u|^2 - 1 = 0 with u = u9 */
+    const ncgen_real u9_z = q[56];
+    constraints[277] = u9_z;
+    /* row 47: 1003 angle u9, u5 (body5): u.v - c = 0 with u = u9, v = u5, c = -0.859604 */
+    constraints[298] = u9_z;
+    /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
+    constraints[349] = u9_z;
+    /* row 54: slide screw9.slide (coordinate screw9.slide): a.n - s = 0 with a = C9-B5, n = u9, s = screw9.slide */
+    constraints[374] = u9_z;
+    /* row 44: 1001 unit u9 (body9): |u|^2 - 1 = 0 with u = u9 */
+    const ncgen_real x33 = R(0.5) * (u9_x * u9_x + u9_y * u9_y + u9_z * u9_z - R(1.0));
+    constraints[43] = x33;
+    const ncgen_real du9_x = qd[54];
+    const ncgen_real du9_y = qd[55];
+    const ncgen_real du9_z = qd[56];
+    constraints[448] = -(du9_x * du9_x + du9_y * du9_y + du9_z * du9_z);
+    /* row 45: 1002 angle u9, B9-C9 (body9): u.a - L c = 0 with u = u9, a = B9-C9, L = 0.32099, c = -0.884833 */
+    const ncgen_real x34 = R(0.2840228165451984) - (x19 * u9_x + x20 * u9_y + x21 * u9_z);
+    constraints[44] = R(3.1153575065863133) * x34;
+    const ncgen_real x35 = R(3.1153575065863133) * u9_x;
+    constraints[284] = x35;
+    constraints[281] = -x35;
+    const ncgen_real x36 = R(3.1153575065863133) * u9_y;
+    constraints[285] = x36;
+    constraints[282] = -x36;
+    const ncgen_real x37 = R(3.1153575065863133) * u9_z;
+    constraints[286] = x37;
+    constraints[283] = -x37;
+    const ncgen_real x38 = R(6.2307150131726265) * (x29 * du9_x + x30 * du9_y + x31 * du9_z);
+    constraints[449] = x38;
+    /* row 46: 1002 angle u9, B5-B3 (body5): u.a - L c = 0 with u = u9, a = B5-B3, L = 0.575721, c = -0.288768 */
+    const ncgen_real x39 = kept[13];
+    const ncgen_real x40 = kept[14];
+    const ncgen_real x41 = kept[15];
+    const ncgen_real x42 = R(0.16625000468798273) - (x39 * u9_x + x40 * u9_y + x41 * u9_z);
+    constraints[45] = R(1.7369520505944511) * x42;
+    const ncgen_real x43 = R(1.7369520505944511) * u9_x;
+    constraints[290] = x43;
+    constraints[287] = -x43;
+    const ncgen_real x44 = R(1.7369520505944511) * u9_y;
+    constraints[291] = x44;
+    constraints[288] = -x44;
+    const ncgen_real x45 = R(1.7369520505944511) * u9_z;
+    constraints[292] = x45;
+    constraints[289] = -x45;
+    const ncgen_real x46 = kept[16];
+    const ncgen_real x47 = kept[17];
+    const ncgen_real x48 = kept[18];
+    const ncgen_real x49 = R(3.4739041011889022) * (x46 * du9_x + x47 * du9_y + x48 * du9_z);
+    constraints[450] = x49;
+    /* row 47: 1003 angle u9, u5 (body5): u.v - c = 0 with u = u9, v = u5, c = -0.859604 */
+    const ncgen_real u5_x = q[30];
+    const ncgen_real u5_y = q[31];
+    const ncgen_real u5_z = q[32];
+    const ncgen_real x50 = u5_x * u9_x + u5_y * u9_y + u5_z * u9_z + R(0.8596043791406991);
+    constraints[46] = x50;
+    const ncgen_real du5_x = qd[30];
+    const ncgen_real du5_y = qd[31];
+    const ncgen_real du5_z = qd[32];
+    const ncgen_real x51 = -(R(2.0) * (du5_x * du9_x + du5_y * du9_y + du5_z * du9_z));
+    constraints[451] = x51;
+    const ncgen_real x52 = R(1.3709670732166) * x39 - R(0.8243161177497514) * u5_x - R(0.9365090269632762) * u9_x;
+    kept[12] = x52;
+    /* row 54: slide screw9.slide (coordinate screw9.slide): a.n - s = 0 with a = C9-B5, n = u9, s = screw9.slide */
+    const ncgen_real B5_x = q[33];
+    const ncgen_real x53 = C9_x - B5_x;
+    constraints[369] = x53;
+    const ncgen_real x54 = R(1.3709670732166) * x40 - R(0.8243161177497514) * u5_y - R(0.9365090269632762) * u9_y;
+    kept[11] = x54;
+    const ncgen_real B5_y = q[34];
+    const ncgen_real x55 = C9_y - B5_y;
+    constraints[370] = x55;
+    const ncgen_real x56 = R(1.3709670732166) * x41 - R(0.8243161177497514) * u5_z - R(0.9365090269632762) * u9_z;
+    kept[10] = x56;
+    const ncgen_real B5_z = q[35];
+    const ncgen_real x57 = C9_z - B5_z;
+    constraints[371] = x57;
+    /* row 48: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = -1.37097*B5+1.37097*B3-0.824316*u5-0.936509*u9, c = 0 */
+    const ncgen_real x58 = R(4.912537209069163) * (x52 * x53 + x54 * x55 + x56 * x57);
+    constraints[47] = x58;
+    const ncgen_real x59 = R(6.734926759585195) * x53;
+    constraints[302] = x59;
+    const ncgen_real x60 = R(6.734926759585195) * x55;
+    constraints[303] = x60;
+    const ncgen_real x61 = R(6.734926759585195) * x57;
+    constraints[304] = x61;
+    constraints[305] = -(R(4.049483600481092) * x53);
+    constraints[306] = -(R(4.049483600481092) * x55);
+    constraints[307] = -(R(4.049483600481092) * x57);
+    const ncgen_real x62 = R(4.912537209069163) * x52;
+    constraints[314] = x62;
+    constraints[308] = -(x59 + x62);
+    const ncgen_real x63 = R(4.912537209069163) * x54;
+    constraints[315] = x63;
+    constraints[309] = -(x60 + x63);
+    const ncgen_real x64 = R(4.912537209069163) * x56;
+    constraints[316] = x64;
+    constraints[310] = -(x61 + x64);
+    constraints[311] = -(R(4.600635441586251) * x53);
+    constraints[312] = -(R(4.600635441586251) * x55);
+    constraints[313] = -(R(4.600635441586251) * x57);
+    const ncgen_real x65 = R(1.3709670732166) * x46 - R(0.8243161177497514) * du5_x - R(0.9365090269632762) * du9_x;
+    kept[9] = x65;
+    const ncgen_real dB5_x = qd[33];
+    const ncgen_real x66 = dC9_x - dB5_x;
+    kept[8] = x66;
+    const ncgen_real x67 = R(1.3709670732166) * x47 - R(0.8243161177497514) * du5_y - R(0.9365090269632762) * du9_y;
+    kept[7] = x67;
+    const ncgen_real dB5_y = qd[34];
+    const ncgen_real x68 = dC9_y - dB5_y;
+    kept[6] = x68;
+    const ncgen_real x69 = R(1.3709670732166) * x48 - R(0.8243161177497514) * du5_z - R(0.9365090269632762) * du9_z;
+    kept[5] = x69;
+    const ncgen_real dB5_z = qd[35];
+    const ncgen_real x70 = dC9_z - dB5_z;
+    kept[4] = x70;
+    const ncgen_real x71 = R(9.825074418138326) * (x65 * x66 + x67 * x68 + x69 * x70);
+    constraints[452] = -x71;
+    /* row 49: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = 1.42165*B5-1.42165*B3-1.96459*u5-1.45242*u9, c = 0 */
+    const ncgen_real x72 = R(1.4216454961232066) * x39 + R(1.9645893557830132) * u5_x;
+    const ncgen_real x73 = R(1.4216454961232066) * x40 + R(1.9645893557830132) * u5_y;
+    const ncgen_real x74 = x53 * (x72 + R(1.4524210430491507) * u9_x) + x55 * (x73 + R(1.4524210430491507) * u9_y);
+    const ncgen_real x75 = R(1.4216454961232066) * x41 + R(1.9645893557830132) * u5_z;
+    const ncgen_real x76 = R(4.912537209069163) * (x74 + x57 * (x75 + R(1.4524210430491507) * u9_z));
+    constraints[48] = -x76;
+    const ncgen_real x77 = R(6.983886397810843) * x53;
+    constraints[317] = -x77;
+    const ncgen_real x78 = R(6.983886397810843) * x55;
+    constraints[318] = -x78;
+    const ncgen_real x79 = R(6.983886397810843) * x57;
+    constraints[319] = -x79;
+    constraints[320] = -(R(9.65111831082527) * x53);
+    constraints[321] = -(R(9.65111831082527) * x55);
+    constraints[322] = -(R(9.65111831082527) * x57);
+    const ncgen_real x80 = R(6.983886397810843) * x39 + R(9.65111831082527) * u5_x + R(7.135072417213998) * u9_x;
+    constraints[323] = x77 + x80;
+    const ncgen_real x81 = R(6.983886397810843) * x40 + R(9.65111831082527) * u5_y + R(7.135072417213998) * u9_y;
+    constraints[324] = x78 + x81;
+    const ncgen_real x82 = R(6.983886397810843) * x41 + R(9.65111831082527) * u5_z + R(7.135072417213998) * u9_z;
+    constraints[325] = x79 + x82;
+    constraints[326] = -(R(7.135072417213998) * x53);
+    constraints[327] = -(R(7.135072417213998) * x55);
+    constraints[328] = -(R(7.135072417213998) * x57);
+    constraints[329] = -x80;
+    constraints[330] = -x81;
+    constraints[331] = -x82;
+    const ncgen_real x83 = R(1.4216454961232066) * x46 + R(1.9645893557830132) * du5_x;
+    const ncgen_real x84 = R(1.4216454961232066) * x47 + R(1.9645893557830132) * du5_y;
+    const ncgen_real x85 = x66 * (x83 + R(1.4524210430491507) * du9_x) + x68 * (x84 + R(1.4524210430491507) * du9_y);
+    const ncgen_real x86 = R(1.4216454961232066) * x48 + R(1.9645893557830132) * du5_z;
+    const ncgen_real x87 = R(9.825074418138326) * (x85 + x70 * (x86 + R(1.4524210430491507) * du9_z));
+    constraints[453] = x87;
+    /* row 50: 1001 unit body9.across (body9): |u|^2 - 1 = 0 with u = body9.across */
+    const ncgen_real body9_across_x = q[63];
+    constraints[332] = body9_across_x;
+    /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
+    constraints[344] = body9_across_x;
+    /* row 50: 1001 unit body9.across (body9): |u|^2 - 1 = 0 with u = body9.across */
+    const ncgen_real body9_across_y = q[64];
+    constraints[333] = body9_across_y;
+    /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
+    constraints[345] = body9_across_y;
+    /* row 50: 1001 unit body9.across (body9): |u|^2 - 1 = 0 with u = body9.across */
+    const ncgen_real x88 = body9_across_x * body9_across_x + body9_across_y * body9_across_y;
+    const ncgen_real body9_across_z = q[65];
+    constraints[334] = body9_across_z;
+    /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
+    constraints[346] = body9_across_z;
+    /* row 50: 1001 unit body9.across (body9): |u|^2 - 1 = 0 with u = body9.across */
+    const ncgen_real x89 = R(0.5) * (x88 + body9_across_z * body9_across_z - R(1.0));
+    constraints[49] = x89;
+    const ncgen_real dbody9_across_x = qd[63];
+    const ncgen_real dbody9_across_y = qd[64];
+    const ncgen_real x90 = dbody9_across_x * dbody9_across_x + dbody9_across_y * dbody9_across_y;
+    const ncgen_real dbody9_across_z = qd[65];
+    constraints[454] = -(x90 + dbody9_across_z * dbody9_across_z);
+    /* row 51: 1002 angle body9.across, B9-C9 (body9): u.a - L c = 0 with u = body9.across, a = B9-C9, L = 0.32099, c = -0.450111 */
+    const ncgen_real x91 = x19 * body9_across_x + x20 * body9_across_y + x21 * body9_across_z;
+    constraints[50] = R(3.1153575065863133) * (R(0.14448133834053029) - x91);
+    const ncgen_real x92 = R(3.1153575065863133) * body9_across_x;
+    constraints[338] = x92;
+    constraints[335] = -x92;
+    const ncgen_real x93 = R(3.1153575065863133) * body9_across_y;
+    constraints[339] = x93;
+    constraints[336] = -x93;
+    const ncgen_real x94 = R(3.1153575065863133) * body9_across_z;
+    constraints[340] = x94;
+    constraints[337] = -x94;
+    const ncgen_real x95 = x29 * dbody9_across_x + x30 * dbody9_across_y + x31 * dbody9_across_z;
+    constraints[455] = R(6.2307150131726265) * x95;
+    kept[3] = u9_x * body9_across_x;
+    kept[2] = u9_y * body9_across_y;
+}
+
+static NCGEN_APART void tree_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
+    const ncgen_real x1 = kept[3];
+    const ncgen_real x2 = kept[2];
+    const ncgen_real u9_z = q[56];
+    const ncgen_real body9_across_z = q[65];
+    const ncgen_real x3 = x1 + x2 + u9_z * body9_across_z;
+    constraints[51] = x3;
+    const ncgen_real du9_x = qd[54];
+    const ncgen_real dbody9_across_x = qd[63];
+    const ncgen_real du9_y = qd[55];
+    const ncgen_real dbody9_across_y = qd[64];
+    const ncgen_real du9_z = qd[56];
+    const ncgen_real dbody9_across_z = qd[65];
+    const ncgen_real x4 = du9_x * dbody9_across_x + du9_y * dbody9_across_y + du9_z * dbody9_across_z;
+    constraints[456] = -(R(2.0) * x4);
+    /* row 53: 1012 angle screw9.angle (coordinate screw9.angle): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = -1.37097*B5+1.37097*B3-0.824316*u5-0.936509*u9, b = body9.across, n = u9, psi = screw9.angle, ln = 1 */
+    const ncgen_real u9_x = q[54];
+    const ncgen_real x5 = kept[12];
+    const ncgen_real u9_y = q[55];
+    const ncgen_real x6 = kept[11];
+    const ncgen_real x7 = kept[10];
+    const ncgen_real x8 = u9_x * x5 + u9_y * x6 + u9_z * x7;
+    const ncgen_real body9_across_x = q[63];
+    const ncgen_real body9_across_y = q[64];
+    const ncgen_real x9 = x5 * body9_across_x + x6 * body9_across_y + x7 * body9_across_z;
+    const ncgen_real x10 = x9 - x3 * x8;
+    const ncgen_real screw9_angle = q[66];
+    const ncgen_real sin_screw9_angle = sine[0];
+    const ncgen_real x11 = x6 * body9_across_z - x7 * body9_across_y;
+    const ncgen_real x12 = u9_x * x11;
+    const ncgen_real x13 = x7 * body9_across_x - x5 * body9_across_z;
+    const ncgen_real x14 = u9_y * x13;
+    const ncgen_real x15 = x5 * body9_across_y - x6 * body9_across_x;
+    const ncgen_real x16 = u9_z * x15;
+    const ncgen_real x17 = x12 + x14 + x16;
+    const ncgen_real cos_screw9_angle = cosine[0];
+    const ncgen_real x18 = R(1.0000000000000002) * (x10 * sin_screw9_angle - x17 * cos_screw9_angle);
+    constraints[52] = x18;
+    const ncgen_real x19 = cos_screw9_angle * (u9_z * body9_across_y - u9_y * body9_across_z);
+    const ncgen_real x20 = sin_screw9_angle * (body9_across_x - u9_x * x3) - x19;
+    const ncgen_real x21 = R(1.3709670732166002) * x20;
+    constraints[350] = x21;
+    const ncgen_real x22 = cos_screw9_angle * (u9_x * body9_across_z - u9_z * body9_across_x);
+    const ncgen_real x23 = sin_screw9_angle * (body9_across_y - u9_y * x3) - x22;
+    const ncgen_real x24 = R(1.3709670732166002) * x23;
+    constraints[351] = x24;
+    const ncgen_real x25 = cos_screw9_angle * (u9_y * body9_across_x - u9_x * body9_across_y);
+    const ncgen_real x26 = sin_screw9_angle * (body9_across_z - u9_z * x3) - x25;
+    const ncgen_real x27 = R(1.3709670732166002) * x26;
+    constraints[352] = x27;
+    constraints[353] = -(R(0.8243161177497517) * x20);
+    constraints[354] = -(R(0.8243161177497517) * x23);
+    constraints[355] = -(R(0.8243161177497517) * x26);
+    constraints[356] = -x21;
+    constraints[357] = -x24;
+    constraints[358] = -x27;
+    const ncgen_real x28 = sin_screw9_angle * (body9_across_x * x8 + x5 * x3) + x11 * cos_screw9_angle;
+    const ncgen_real x29 = R(1.0000000000000002) * x28 + R(0.9365090269632764) * x20;
+    constraints[359] = -x29;
+    const ncgen_real x30 = sin_screw9_angle * (body9_across_y * x8 + x6 * x3) + x13 * cos_screw9_angle;
+    const ncgen_real x31 = R(1.0000000000000002) * x30 + R(0.9365090269632764) * x23;
+    constraints[360] = -x31;
+    const ncgen_real x32 = sin_screw9_angle * (body9_across_z * x8 + x7 * x3) + x15 * cos_screw9_angle;
+    const ncgen_real x33 = R(1.0000000000000002) * x32 + R(0.9365090269632764) * x26;
+    constraints[361] = -x33;
+    const ncgen_real x34 = sin_screw9_angle * (x5 - u9_x * x8) - cos_screw9_angle * (u9_y * x7 - u9_z * x6);
+    constraints[362] = R(1.0000000000000002) * x34;
+    const ncgen_real x35 = sin_screw9_angle * (x6 - u9_y * x8) - cos_screw9_angle * (u9_z * x5 - u9_x * x7);
+    constraints[363] = R(1.0000000000000002) * x35;
+    const ncgen_real x36 = sin_screw9_angle * (x7 - u9_z * x8) - cos_screw9_angle * (u9_x * x6 - u9_y * x5);
+    constraints[364] = R(1.0000000000000002) * x36;
+    const ncgen_real x37 = R(1.0000000000000002) * (x10 * cos_screw9_angle + sin_screw9_angle * x17);
+    constraints[365] = x37;
+    const ncgen_real x38 = kept[7];
+    const ncgen_real x39 = x6 * dbody9_across_z + body9_across_z * x38 - x7 * dbody9_across_y;
+    const ncgen_real x40 = kept[5];
+    const ncgen_real x41 = x39 - body9_across_y * x40;
+    const ncgen_real x42 = kept[9];
+    const ncgen_real x43 = x5 * dbody9_across_y + body9_across_y * x42 - x6 * dbody9_across_x;
+    const ncgen_real x44 = x43 - body9_across_x * x38;
+    const ncgen_real x45 = x5 * dbody9_across_z + body9_across_z * x42 - x7 * dbody9_across_x;
+    const ncgen_real x46 = x45 - body9_across_x * x40;
+    const ncgen_real x47 = u9_x * x41 + u9_z * x44 + x11 * du9_x + x15 * du9_z - u9_y * x46;
+    const ncgen_real dscrew9_angle = qd[66];
+    const ncgen_real x48 = R(2.0) * dscrew9_angle;
+    const ncgen_real x49 = x5 * du9_x + x6 * du9_y + x7 * du9_z + u9_x * x42 + u9_y * x38;
+    const ncgen_real x50 = x49 + u9_z * x40;
+    const ncgen_real x51 = body9_across_x * du9_x + body9_across_y * du9_y + body9_across_z * du9_z;
+    const ncgen_real x52 = x51 + u9_x * dbody9_across_x + u9_y * dbody9_across_y + u9_z * dbody9_across_z;
+    const ncgen_real x53 = x42 * dbody9_across_x + x38 * dbody9_across_y + x40 * dbody9_across_z;
+    const ncgen_real x54 = x53 - x8 * x4 - x3 * (du9_x * x42 + du9_y * x38 + du9_z * x40);
+    const ncgen_real x55 = dscrew9_angle * dscrew9_angle;
+    const ncgen_real x56 = x10 * x55 - R(2.0) * (x54 - x50 * x52) - (x47 + x13 * du9_y) * x48;
+    const ncgen_real x57 = u9_x * (x38 * dbody9_across_z - x40 * dbody9_across_y) + u9_z * (x42 * dbody9_across_y - x38 * dbody9_across_x);
+    const ncgen_real x58 = du9_x * x41 + x57 + du9_z * x44 - u9_y * (x42 * dbody9_across_z - x40 * dbody9_across_x);
+    const ncgen_real x59 = x5 * dbody9_across_x + x6 * dbody9_across_y + x7 * dbody9_across_z;
+    const ncgen_real x60 = x59 + body9_across_x * x42 + body9_across_y * x38 + body9_across_z * x40;
+    const ncgen_real x61 = R(2.0) * (x58 - du9_y * x46) - x48 * (x60 - x8 * x52 - x3 * x50);
+    const ncgen_real x62 = sin_screw9_angle * x56 + cos_screw9_angle * (x61 - x55 * (x14 + (x12 + x16)));
+    constraints[457] = R(1.0000000000000002) * x62;
+    /* row 54: slide screw9.slide (coordinate screw9.slide): a.n - s = 0 with a = C9-B5, n = u9, s = screw9.slide */
+    const ncgen_real x63 = constraints[369];
+    const ncgen_real x64 = constraints[370];
+    const ncgen_real x65 = constraints[371];
+    const ncgen_real screw9_slide = q[67];
+    constraints[53] = u9_x * x63 + u9_y * x64 + u9_z * x65 - screw9_slide;
+    constraints[366] = -u9_x;
+    constraints[367] = -u9_y;
+    constraints[368] = -u9_z;
+    constraints[375] = NCGEN_SPLAT(-R(1.0));
+    const ncgen_real x66 = kept[8];
+    const ncgen_real x67 = kept[6];
+    const ncgen_real x68 = kept[4];
+    constraints[458] = -(R(2.0) * (du9_x * x66 + du9_y * x67 + du9_z * x68));
+    /* row 55: screw screw9 (joint screw body5-body9): -0.0159154943091895*screw9.angle + screw9.slide - 0.178560799123083 = 0 */
+    const ncgen_real x69 = screw9_slide - R(0.17856079912308323) - R(0.015915494309189534) * screw9_angle;
+    constraints[54] = x69;
+    constraints[376] = NCGEN_SPLAT(-R(0.015915494309189534));
+    const ncgen_real C1_x = q[0];
+    const ncgen_real B9_x = q[60];
+    constraints[379] = NCGEN_SPLAT(R(0.6667736465720743));
+    constraints[383] = NCGEN_SPLAT(R(0.6667736465720743));
+    constraints[387] = NCGEN_SPLAT(R(0.6667736465720743));
+    /* row 56: combination B9.x (body1): (e - c a x b).x = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
+    const ncgen_real B1_x = q[3];
+    const ncgen_real x70 = B9_x - R(1.6667736465720742) * C1_x + R(0.6667736465720743) * B1_x;
+    const ncgen_real body1_across_x = q[6];
+    const ncgen_real x71 = x70 - R(0.7180993120031693) - R(0.5547001275152568) * body1_across_x;
+    constraints[55] = x71;
+    constraints[378] = NCGEN_SPLAT(-R(1.6667736465720742));
+    constraints[382] = NCGEN_SPLAT(-R(1.6667736465720742));
+    constraints[386] = NCGEN_SPLAT(-R(1.6667736465720742));
+    constraints[380] = NCGEN_SPLAT(-R(0.5547001275152568));
+    constraints[384] = NCGEN_SPLAT(-R(0.5547001275152568));
+    constraints[388] = NCGEN_SPLAT(-R(0.5547001275152568));
+    /* row 57: combination B9.y (body1): (e - c a x b).y = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
+    const ncgen_real C1_y = q[1];
+    const ncgen_real B9_y = q[61];
+    const ncgen_real B1_y = q[4];
+    const ncgen_real x72 = B9_y - R(1.6667736465720742) * C1_y + R(0.6667736465720743) * B1_y;
+    const ncgen_real body1_across_y = q[7];
+    const ncgen_real x73 = x72 + R(0.1508595985290883) - R(0.5547001275152568) * body1_across_y;
+    constraints[56] = x73;
+    /* row 58: combination B9.z (body1): (e - c a x b).z = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
+    const ncgen_real C1_z = q[2];
+    const ncgen_real B9_z = q[62];
+    const ncgen_real B1_z = q[5];
+    const ncgen_real x74 = B9_z - R(1.6667736465720742) * C1_z + R(0.6667736465720743) * B1_z;
+    const ncgen_real body1_across_z = q[8];
+    const ncgen_real x75 = x74 - R(0.01689739109638159) - R(0.5547001275152568) * body1_across_z;
+    constraints[57] = x75;
+    const ncgen_real D2_x = q[68];
+    constraints[390] = NCGEN_SPLAT(R(1.179751308319144));
+    constraints[393] = NCGEN_SPLAT(R(1.179751308319144));
+    constraints[396] = NCGEN_SPLAT(R(1.179751308319144));
+    /* row 59: combination D2.x (body6): (e - c a x b).x = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
+    const ncgen_real B6_x = q[36];
+    const ncgen_real x76 = D2_x - R(3.6345826421390472) + R(1.179751308319144) * B6_x;
+    const ncgen_real u7_x = q[39];
+    const ncgen_real x77 = x76 - R(0.42334342325374547) - R(0.40564427130721065) * u7_x;
+    constraints[58] = x77;
+    constraints[391] = NCGEN_SPLAT(-R(0.40564427130721065));
+    constraints[394] = NCGEN_SPLAT(-R(0.40564427130721065));
+    constraints[397] = NCGEN_SPLAT(-R(0.40564427130721065));
+    /* row 60: combination D2.y (body6): (e - c a x b).y = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
+    const ncgen_real D2_y = q[69];
+    const ncgen_real B6_y = q[37];
+    const ncgen_real x78 = D2_y + R(0.31051966069511877) + R(1.179751308319144) * B6_y;
+    const ncgen_real u7_y = q[40];
+    const ncgen_real x79 = x78 - R(0.39145841701607964) - R(0.40564427130721065) * u7_y;
+    constraints[59] = x79;
+    /* row 61: combination D2.z (body6): (e - c a x b).z = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
+    const ncgen_real D2_z = q[70];
+    const ncgen_real B6_z = q[38];
+    const ncgen_real x80 = D2_z + R(0.10063138690472814) + R(1.179751308319144) * B6_z;
+    const ncgen_real u7_z = q[41];
+    const ncgen_real x81 = x80 + R(0.44083513777648864) - R(0.40564427130721065) * u7_z;
+    constraints[60] = x81;
+    /* row 62: 1000 distance B3-D2 (user model): |a|^2 - L^2 = 0 with a = B3-D2, L = 1.45801 */
+    const ncgen_real B3_x = q[21];
+    const ncgen_real x82 = B3_x - D2_x;
+    const ncgen_real B3_y = q[22];
+    const ncgen_real x83 = B3_y - D2_y;
+    const ncgen_real B3_z = q[23];
+    const ncgen_real x84 = B3_z - D2_z;
+    const ncgen_real x85 = R(0.3429331627069827) * (x82 * x82 + x83 * x83 + x84 * x84 - R(2.125793325415224));
+    constraints[61] = x85;
+    const ncgen_real x86 = R(0.6858663254139654) * x82;
+    constraints[399] = x86;
+    const ncgen_real x87 = R(0.6858663254139654) * x83;
+    constraints[400] = x87;
+    const ncgen_real x88 = R(0.6858663254139654) * x84;
+    constraints[401] = x88;
+    constraints[402] = -x86;
+    constraints[403] = -x87;
+    constraints[404] = -x88;
+    const ncgen_real dD2_x = qd[68];
+    const ncgen_real dB3_x = qd[21];
+    const ncgen_real x89 = dB3_x - dD2_x;
+    const ncgen_real dD2_y = qd[69];
+    const ncgen_real dB3_y = qd[22];
+    const ncgen_real x90 = dB3_y - dD2_y;
+    const ncgen_real dD2_z = qd[70];
+    const ncgen_real dB3_z = qd[23];
+    const ncgen_real x91 = dB3_z - dD2_z;
+    const ncgen_real x92 = R(0.6858663254139654) * (x89 * x89 + x90 * x90 + x91 * x91);
+    constraints[466] = -x92;
+}
+
 /* constraints: 1214 operations, 2 of them elementary functions */
 int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
+    ncgen_real kept[26];
     ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
 
     ncgen_sincos(1, q + 66, sine, cosine);
 
-    {
-        /* row 1: 1000 distance C1-B1 (body1): |a|^2 - L^2 = 0 with a = C1-B1, L = 0.355513 */
-        const ncgen_real C1_x = q[0];
-        const ncgen_real B1_x = q[3];
-        const ncgen_real x1 = C1_x - B1_x;
-        const ncgen_real C1_y = q[1];
-        const ncgen_real B1_y = q[4];
-        const ncgen_real x2 = C1_y - B1_y;
-        const ncgen_real C1_z = q[2];
-        const ncgen_real B1_z = q[5];
-        const ncgen_real x3 = C1_z - B1_z;
-        const ncgen_real x4 = R(1.406418206936413) * (x1 * x1 + x2 * x2 + x3 * x3 - R(0.12638951541224686));
-        constraints[0] = x4;
-        const ncgen_real x5 = R(2.812836413872826) * x1;
-        constraints[62] = x5;
-        const ncgen_real x6 = R(2.812836413872826) * x2;
-        constraints[63] = x6;
-        const ncgen_real x7 = R(2.812836413872826) * x3;
-        constraints[64] = x7;
-        const ncgen_real x8 = -x5;
-        constraints[65] = x8;
-        const ncgen_real x9 = -x6;
-        constraints[66] = x9;
-        const ncgen_real x10 = -x7;
-        constraints[67] = x10;
-        const ncgen_real dC1_x = qd[0];
-        const ncgen_real dB1_x = qd[3];
-        const ncgen_real x11 = dC1_x - dB1_x;
-        const ncgen_real dC1_y = qd[1];
-        const ncgen_real dB1_y = qd[4];
-        const ncgen_real x12 = dC1_y - dB1_y;
-        const ncgen_real dC1_z = qd[2];
-        const ncgen_real dB1_z = qd[5];
-        const ncgen_real x13 = dC1_z - dB1_z;
-        const ncgen_real x14 = R(2.812836413872826) * (x11 * x11 + x12 * x12 + x13 * x13);
-        constraints[405] = -x14;
-        /* row 2: 1002 angle u1, B1-C1 (body1): u.a - L c = 0 with u = u1, a = B1-C1, L = 0.355513, c = -0.514152 */
-        const ncgen_real x15 = R(2.7520173043215697) * x1 - R(0.5781487584452991) * x2 + R(0.06475693809733955) * x3;
-        constraints[1] = x15 + R(0.514152360185695);
-        constraints[68] = NCGEN_SPLAT(R(2.7520173043215697));
-        constraints[69] = NCGEN_SPLAT(-R(0.5781487584452991));
-        constraints[70] = NCGEN_SPLAT(R(0.06475693809733955));
-        constraints[71] = NCGEN_SPLAT(-R(2.7520173043215697));
-        constraints[72] = NCGEN_SPLAT(R(0.5781487584452991));
-        constraints[73] = NCGEN_SPLAT(-R(0.06475693809733955));
-        constraints[406] = NCGEN_SPLAT(R(0.0));
-        /* row 3: C1 on u1 (joint cylindrical ground-body1): a.b - c = 0 with a = C1-A1, b = across1, c = 0 */
-        const ncgen_real x16 = C1_x - R(0.4033939876449078);
-        const ncgen_real x17 = C1_y + R(0.13859416720759762);
-        constraints[2] = R(0.7112362405005124) * x16 + R(3.385520443875897) * x17;
-        constraints[74] = NCGEN_SPLAT(R(0.7112362405005124));
-        constraints[75] = NCGEN_SPLAT(R(3.385520443875897));
-        constraints[407] = NCGEN_SPLAT(R(0.0));
-        /* row 4: C1 on u1 (joint cylindrical ground-body1): a.b - c = 0 with a = C1-A1, b = across2, c = 0 */
-        const ncgen_real x18 = R(0.07794123281755164) * x16 - R(0.01637403475421537) * x17;
-        const ncgen_real x19 = x18 - R(3.4585058509298063) * (C1_z + R(0.10050542341046638));
-        constraints[3] = x19;
-        constraints[76] = NCGEN_SPLAT(R(0.07794123281755164));
-        constraints[77] = NCGEN_SPLAT(-R(0.01637403475421537));
-        constraints[78] = NCGEN_SPLAT(-R(3.4585058509298063));
-        constraints[408] = NCGEN_SPLAT(R(0.0));
-        /* row 5: 1001 unit body1.across (body1): |u|^2 - 1 = 0 with u = body1.across */
-        const ncgen_real body1_across_x = q[6];
-        const ncgen_real body1_across_y = q[7];
-        const ncgen_real x20 = body1_across_x * body1_across_x + body1_across_y * body1_across_y;
-        const ncgen_real body1_across_z = q[8];
-        const ncgen_real x21 = R(0.5) * (x20 + body1_across_z * body1_across_z - R(1.0));
-        constraints[4] = x21;
-        constraints[79] = body1_across_x;
-        constraints[80] = body1_across_y;
-        constraints[81] = body1_across_z;
-        const ncgen_real dbody1_across_x = qd[6];
-        const ncgen_real dbody1_across_y = qd[7];
-        const ncgen_real x22 = dbody1_across_x * dbody1_across_x + dbody1_across_y * dbody1_across_y;
-        const ncgen_real dbody1_across_z = qd[8];
-        constraints[409] = -(x22 + dbody1_across_z * dbody1_across_z);
-        /* row 6: 1002 angle body1.across, B1-C1 (body1): u.a - L c = 0 with u = body1.across, a = B1-C1, L = 0.355513, c = 0.750705 */
-        const ncgen_real x23 = x1 * body1_across_x + x2 * body1_across_y + x3 * body1_across_z;
-        constraints[5] = -(R(2.812836413872826) * (x23 + R(0.26688544482191945)));
-        const ncgen_real x24 = R(2.812836413872826) * body1_across_x;
-        constraints[82] = -x24;
-        const ncgen_real x25 = R(2.812836413872826) * body1_across_y;
-        constraints[83] = -x25;
-        const ncgen_real x26 = R(2.812836413872826) * body1_across_z;
-        constraints[84] = -x26;
-        constraints[85] = x24;
-        constraints[86] = x25;
-        constraints[87] = x26;
-        constraints[88] = x8;
-        constraints[89] = x9;
-        constraints[90] = x10;
-        const ncgen_real x27 = x11 * dbody1_across_x + x12 * dbody1_across_y + x13 * dbody1_across_z;
-        constraints[410] = R(5.625672827745652) * x27;
-        /* row 7: 1003 angle body1.across, u1 (body1): u.v - c = 0 with u = body1.across, v = u1, c = 0 */
-        const ncgen_real x28 = R(0.20553941764756972) * body1_across_y - R(0.9783780140034811) * body1_across_x;
-        constraints[6] = x28 - R(0.02302193535961076) * body1_across_z;
-        constraints[91] = NCGEN_SPLAT(-R(0.9783780140034811));
-        constraints[92] = NCGEN_SPLAT(R(0.20553941764756972));
-        constraints[93] = NCGEN_SPLAT(-R(0.02302193535961076));
-        constraints[411] = NCGEN_SPLAT(R(0.0));
-        /* row 8: no turning about u1 (joint prismatic ground-body1): a.b - c = 0 with a = across1, b = body1.across, c = 0 */
-        const ncgen_real x29 = R(0.20559390823170282) * body1_across_x + R(0.9786373919373889) * body1_across_y;
-        constraints[7] = x29;
-        constraints[94] = NCGEN_SPLAT(R(0.20559390823170282));
-        constraints[95] = NCGEN_SPLAT(R(0.9786373919373889));
-        constraints[412] = NCGEN_SPLAT(R(0.0));
-        /* row 9: 1000 distance C2-B2 (body2): |a|^2 - L^2 = 0 with a = C2-B2, L = 0.543069 */
-        const ncgen_real C2_x = q[12];
-        const ncgen_real B2_x = q[15];
-        const ncgen_real x30 = C2_x - B2_x;
-        const ncgen_real C2_y = q[13];
-        const ncgen_real B2_y = q[16];
-        const ncgen_real x31 = C2_y - B2_y;
-        const ncgen_real C2_z = q[14];
-        const ncgen_real B2_z = q[17];
-        const ncgen_real x32 = C2_z - B2_z;
-        const ncgen_real x33 = x30 * x30 + x31 * x31 + x32 * x32 - R(0.2949238212548786);
-        constraints[8] = R(0.9206935023121754) * x33;
-        const ncgen_real x34 = R(1.8413870046243508) * x30;
-        constraints[96] = x34;
-        const ncgen_real x35 = R(1.8413870046243508) * x31;
-        constraints[97] = x35;
-        const ncgen_real x36 = R(1.8413870046243508) * x32;
-        constraints[98] = x36;
-        const ncgen_real x37 = -x34;
-        constraints[99] = x37;
-        const ncgen_real x38 = -x35;
-        constraints[100] = x38;
-        const ncgen_real x39 = -x36;
-        constraints[101] = x39;
-        const ncgen_real dC2_x = qd[12];
-        const ncgen_real dB2_x = qd[15];
-        const ncgen_real x40 = dC2_x - dB2_x;
-        const ncgen_real dC2_y = qd[13];
-        const ncgen_real dB2_y = qd[16];
-        const ncgen_real x41 = dC2_y - dB2_y;
-        const ncgen_real dC2_z = qd[14];
-        const ncgen_real dB2_z = qd[17];
-        const ncgen_real x42 = dC2_z - dB2_z;
-        const ncgen_real x43 = R(1.8413870046243508) * (x40 * x40 + x41 * x41 + x42 * x42);
-        constraints[413] = -x43;
-        /* row 10: 1001 unit u2 (body2): |u|^2 - 1 = 0 with u = u2 */
-        const ncgen_real u2_x = q[9];
-        const ncgen_real u2_y = q[10];
-        const ncgen_real u2_z = q[11];
-        const ncgen_real x44 = R(0.5) * (u2_x * u2_x + u2_y * u2_y + u2_z * u2_z - R(1.0));
-        constraints[9] = x44;
-        constraints[102] = u2_x;
-        constraints[103] = u2_y;
-        constraints[104] = u2_z;
-        const ncgen_real du2_x = qd[9];
-        const ncgen_real du2_y = qd[10];
-        const ncgen_real du2_z = qd[11];
-        constraints[414] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z);
-        /* row 11: 1002 angle u2, B2-C2 (body2): u.a - L c = 0 with u = u2, a = B2-C2, L = 0.543069, c = 0.978802 */
-        const ncgen_real x45 = x30 * u2_x + x31 * u2_y + x32 * u2_z + R(0.5315571106836463);
-        constraints[10] = -(R(1.8413870046243508) * x45);
-        constraints[105] = x37;
-        constraints[106] = x38;
-        constraints[107] = x39;
-        const ncgen_real x46 = R(1.8413870046243508) * u2_x;
-        constraints[108] = -x46;
-        const ncgen_real x47 = R(1.8413870046243508) * u2_y;
-        constraints[109] = -x47;
-        const ncgen_real x48 = R(1.8413870046243508) * u2_z;
-        constraints[110] = -x48;
-        constraints[111] = x46;
-        constraints[112] = x47;
-        constraints[113] = x48;
-        const ncgen_real x49 = R(3.6827740092487016) * (x40 * du2_x + x41 * du2_y + x42 * du2_z);
-        constraints[415] = x49;
-        /* row 12: combination u2.x (body1): (e - c a x b).x = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
-        const ncgen_real x50 = u2_x + R(6.643659059829012) * x1 + R(1.1146062628156927) + R(1.5877966427517296) * body1_across_x;
-        constraints[11] = x50;
-        constraints[114] = NCGEN_SPLAT(R(6.643659059829012));
-        constraints[115] = NCGEN_SPLAT(-R(6.643659059829012));
-        constraints[116] = NCGEN_SPLAT(R(1.5877966427517296));
-        constraints[117] = NCGEN_SPLAT(R(1.0));
-        constraints[416] = NCGEN_SPLAT(R(0.0));
-        /* row 13: combination u2.y (body1): (e - c a x b).y = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
-        const ncgen_real x51 = u2_y + R(6.643659059829012) * x2 - R(0.23415849384025142);
-        constraints[12] = x51 + R(1.5877966427517296) * body1_across_y;
-        constraints[118] = NCGEN_SPLAT(R(6.643659059829012));
-        constraints[119] = NCGEN_SPLAT(-R(6.643659059829012));
-        constraints[120] = NCGEN_SPLAT(R(1.5877966427517296));
-        constraints[121] = NCGEN_SPLAT(R(1.0));
-        constraints[417] = NCGEN_SPLAT(R(0.0));
-        /* row 14: combination u2.z (body1): (e - c a x b).z = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
-        const ncgen_real x52 = u2_z + R(6.643659059829012) * x3 + R(0.02622748361746087);
-        constraints[13] = x52 + R(1.5877966427517296) * body1_across_z;
-        constraints[122] = NCGEN_SPLAT(R(6.643659059829012));
-        constraints[123] = NCGEN_SPLAT(-R(6.643659059829012));
-        constraints[124] = NCGEN_SPLAT(R(1.5877966427517296));
-        constraints[125] = NCGEN_SPLAT(R(1.0));
-        constraints[418] = NCGEN_SPLAT(R(0.0));
-        /* row 15: C2 in plane (joint planar body1-body2): a.b - c = 0 with a = C2-B1, b = u2, c = -5.20417e-18 */
-        const ncgen_real x53 = C2_x - B1_x;
-        const ncgen_real x54 = C2_y - B1_y;
-        const ncgen_real x55 = C2_z - B1_z;
-        const ncgen_real x56 = u2_x * x53 + u2_y * x54 + u2_z * x55 + R(5.204170427930421e-18);
-        constraints[14] = R(5.501799325588827) * x56;
-        const ncgen_real x57 = R(5.501799325588827) * u2_x;
-        constraints[126] = -x57;
-        const ncgen_real x58 = R(5.501799325588827) * u2_y;
-        constraints[127] = -x58;
-        const ncgen_real x59 = R(5.501799325588827) * u2_z;
-        constraints[128] = -x59;
-        constraints[129] = R(5.501799325588827) * x53;
-        constraints[130] = R(5.501799325588827) * x54;
-        constraints[131] = R(5.501799325588827) * x55;
-        constraints[132] = x57;
-        constraints[133] = x58;
-        constraints[134] = x59;
-        const ncgen_real x60 = du2_x * (dC2_x - dB1_x) + du2_y * (dC2_y - dB1_y) + du2_z * (dC2_z - dB1_z);
-        constraints[419] = -(R(11.003598651177654) * x60);
-        /* row 16: 1000 distance C3-B3 (body3): |a|^2 - L^2 = 0 with a = C3-B3, L = 0.388155 */
-        const ncgen_real C3_x = q[18];
-        const ncgen_real B3_x = q[21];
-        const ncgen_real x61 = C3_x - B3_x;
-        const ncgen_real C3_y = q[19];
-        const ncgen_real B3_y = q[22];
-        const ncgen_real x62 = C3_y - B3_y;
-        const ncgen_real C3_z = q[20];
-        const ncgen_real B3_z = q[23];
-        const ncgen_real x63 = C3_z - B3_z;
-        const ncgen_real x64 = R(1.288146617989366) * (x61 * x61 + x62 * x62 + x63 * x63 - R(0.150663972259338));
-        constraints[15] = x64;
-        const ncgen_real x65 = R(2.576293235978732) * x61;
-        constraints[135] = x65;
-        const ncgen_real x66 = R(2.576293235978732) * x62;
-        constraints[136] = x66;
-        const ncgen_real x67 = R(2.576293235978732) * x63;
-        constraints[137] = x67;
-        const ncgen_real x68 = -x65;
-        constraints[138] = x68;
-        const ncgen_real x69 = -x66;
-        constraints[139] = x69;
-        const ncgen_real x70 = -x67;
-        constraints[140] = x70;
-        const ncgen_real dC3_x = qd[18];
-        const ncgen_real dB3_x = qd[21];
-        const ncgen_real x71 = dC3_x - dB3_x;
-        const ncgen_real dC3_y = qd[19];
-        const ncgen_real dB3_y = qd[22];
-        const ncgen_real x72 = dC3_y - dB3_y;
-        const ncgen_real dC3_z = qd[20];
-        const ncgen_real dB3_z = qd[23];
-        const ncgen_real x73 = dC3_z - dB3_z;
-        const ncgen_real x74 = R(2.576293235978732) * (x71 * x71 + x72 * x72 + x73 * x73);
-        constraints[420] = -x74;
-        /* row 17: 1002 angle u3, B3-C3 (body3): u.a - L c = 0 with u = u3, a = B3-C3, L = 0.388155, c = 0.559971 */
-        const ncgen_real x75 = R(0.46562810159758666) * x61 + R(2.5332455034438697) * x62;
-        const ncgen_real x76 = x75 - R(0.05607609146337108) * x63 - R(0.5599705810765877);
-        constraints[16] = x76;
-        constraints[141] = NCGEN_SPLAT(R(0.46562810159758666));
-        constraints[142] = NCGEN_SPLAT(R(2.5332455034438697));
-        constraints[143] = NCGEN_SPLAT(-R(0.05607609146337108));
-        constraints[144] = NCGEN_SPLAT(-R(0.46562810159758666));
-        constraints[145] = NCGEN_SPLAT(-R(2.5332455034438697));
-        constraints[146] = NCGEN_SPLAT(R(0.05607609146337108));
-        constraints[421] = NCGEN_SPLAT(R(0.0));
-        /* row 18: C3 on u3 (joint cylindrical ground-body3): a.b - c = 0 with a = C3-A3, b = across1, c = 0 */
-        const ncgen_real x77 = C3_y - R(0.169122428390303);
-        const ncgen_real x78 = C3_x - R(0.8052852978347513);
-        constraints[17] = R(1.4171015896346406) * x77 - R(7.709728466877651) * x78;
-        constraints[147] = NCGEN_SPLAT(-R(7.709728466877651));
-        constraints[148] = NCGEN_SPLAT(R(1.4171015896346406));
-        constraints[422] = NCGEN_SPLAT(R(0.0));
-        /* row 19: C3 on u3 (joint cylindrical ground-body3): a.b - c = 0 with a = C3-A3, b = across2, c = 0 */
-        const ncgen_real x79 = R(0.03084490431581317) * x78 + R(0.1678114248132723) * x77;
-        const ncgen_real x80 = x79 + R(7.8370260855702485) * (C3_z - R(0.04926184536855163));
-        constraints[18] = -x80;
-        constraints[149] = NCGEN_SPLAT(-R(0.03084490431581317));
-        constraints[150] = NCGEN_SPLAT(-R(0.1678114248132723));
-        constraints[151] = NCGEN_SPLAT(-R(7.8370260855702485));
-        constraints[423] = NCGEN_SPLAT(R(0.0));
-        /* row 20: 1000 distance B3-B4 (body4): |a|^2 - L^2 = 0 with a = B3-B4, L = 0.507182 */
-        const ncgen_real B4_x = q[27];
-        const ncgen_real x81 = B3_x - B4_x;
-        const ncgen_real B4_y = q[28];
-        const ncgen_real x82 = B3_y - B4_y;
-        const ncgen_real B4_z = q[29];
-        const ncgen_real x83 = B3_z - B4_z;
-        const ncgen_real x84 = x81 * x81 + x82 * x82 + x83 * x83 - R(0.2572330902908658);
-        constraints[19] = R(0.9858403433703471) * x84;
-        const ncgen_real x85 = R(1.9716806867406942) * x81;
-        constraints[152] = x85;
-        const ncgen_real x86 = R(1.9716806867406942) * x82;
-        constraints[153] = x86;
-        const ncgen_real x87 = R(1.9716806867406942) * x83;
-        constraints[154] = x87;
-        const ncgen_real x88 = -x85;
-        constraints[155] = x88;
-        const ncgen_real x89 = -x86;
-        constraints[156] = x89;
-        const ncgen_real x90 = -x87;
-        constraints[157] = x90;
-        const ncgen_real dB4_x = qd[27];
-        const ncgen_real x91 = dB3_x - dB4_x;
-        const ncgen_real dB4_y = qd[28];
-        const ncgen_real x92 = dB3_y - dB4_y;
-        const ncgen_real dB4_z = qd[29];
-        const ncgen_real x93 = dB3_z - dB4_z;
-        const ncgen_real x94 = R(1.9716806867406942) * (x91 * x91 + x92 * x92 + x93 * x93);
-        constraints[424] = -x94;
-        /* row 21: 1001 unit u4 (body4): |u|^2 - 1 = 0 with u = u4 */
-        const ncgen_real u4_x = q[24];
-        const ncgen_real u4_y = q[25];
-        const ncgen_real u4_z = q[26];
-        const ncgen_real x95 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
-        constraints[20] = x95;
-        constraints[158] = u4_x;
-        constraints[159] = u4_y;
-        constraints[160] = u4_z;
-        const ncgen_real du4_x = qd[24];
-        const ncgen_real du4_y = qd[25];
-        const ncgen_real du4_z = qd[26];
-        constraints[425] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
-        /* row 22: 1002 angle u4, B4-B3 (body4): u.a - L c = 0 with u = u4, a = B4-B3, L = 0.507182, c = 0.57797 */
-        const ncgen_real x96 = x81 * u4_x + x82 * u4_y + x83 * u4_z + R(0.29313583516449526);
-        constraints[21] = -(R(1.9716806867406942) * x96);
-        const ncgen_real x97 = R(1.9716806867406942) * u4_x;
-        constraints[161] = -x97;
-        const ncgen_real x98 = R(1.9716806867406942) * u4_y;
-        constraints[162] = -x98;
-        const ncgen_real x99 = R(1.9716806867406942) * u4_z;
-        constraints[163] = -x99;
-        constraints[164] = x88;
-        constraints[165] = x89;
-        constraints[166] = x90;
-        constraints[167] = x97;
-        constraints[168] = x98;
-        constraints[169] = x99;
-        const ncgen_real x100 = R(3.9433613734813884) * (x91 * du4_x + x92 * du4_y + x93 * du4_z);
-        constraints[426] = x100;
-        /* row 23: 1002 angle u4, B3-C3 (body3): u.a - L c = 0 with u = u4, a = B3-C3, L = 0.388155, c = -0.0686937 */
-        const ncgen_real x101 = R(0.026663769623541583) - (x61 * u4_x + x62 * u4_y + x63 * u4_z);
-        constraints[22] = R(2.576293235978732) * x101;
-        const ncgen_real x102 = R(2.576293235978732) * u4_x;
-        constraints[170] = -x102;
-        const ncgen_real x103 = R(2.576293235978732) * u4_y;
-        constraints[171] = -x103;
-        const ncgen_real x104 = R(2.576293235978732) * u4_z;
-        constraints[172] = -x104;
-        constraints[173] = x102;
-        constraints[174] = x103;
-        constraints[175] = x104;
-        constraints[176] = x68;
-        constraints[177] = x69;
-        constraints[178] = x70;
-        const ncgen_real x105 = R(5.152586471957464) * (x71 * du4_x + x72 * du4_y + x73 * du4_z);
-        constraints[427] = x105;
-        /* row 24: 1003 angle u4, u3 (body3): u.v - c = 0 with u = u4, v = u3, c = -0.545399 */
-        const ncgen_real x106 = R(0.18073567678358435) * u4_x + R(0.9832908257749207) * u4_y;
-        const ncgen_real x107 = R(0.021766191317141668) * u4_z - x106 + R(0.5453985554039117);
-        constraints[23] = x107;
-        constraints[179] = NCGEN_SPLAT(-R(0.18073567678358435));
-        constraints[180] = NCGEN_SPLAT(-R(0.9832908257749207));
-        constraints[181] = NCGEN_SPLAT(R(0.021766191317141668));
-        constraints[428] = NCGEN_SPLAT(R(0.0));
-        /* row 25: 1000 distance B3-B5 (body5): |a|^2 - L^2 = 0 with a = B3-B5, L = 0.575721 */
-        const ncgen_real B5_x = q[33];
-        const ncgen_real x108 = B3_x - B5_x;
-        const ncgen_real B5_y = q[34];
-        const ncgen_real x109 = B3_y - B5_y;
-        const ncgen_real B5_z = q[35];
-        const ncgen_real x110 = B3_z - B5_z;
-        const ncgen_real x111 = x108 * x108 + x109 * x109 + x110 * x110 - R(0.33145482130238696);
-        constraints[24] = R(0.8684760252972256) * x111;
-        const ncgen_real x112 = R(1.7369520505944511) * x108;
-        constraints[182] = x112;
-        const ncgen_real x113 = R(1.7369520505944511) * x109;
-        constraints[183] = x113;
-        const ncgen_real x114 = R(1.7369520505944511) * x110;
-        constraints[184] = x114;
-        const ncgen_real x115 = -x112;
-        constraints[185] = x115;
-        const ncgen_real x116 = -x113;
-        constraints[186] = x116;
-        const ncgen_real x117 = -x114;
-        constraints[187] = x117;
-        const ncgen_real dB5_x = qd[33];
-        const ncgen_real x118 = dB3_x - dB5_x;
-        const ncgen_real dB5_y = qd[34];
-        const ncgen_real x119 = dB3_y - dB5_y;
-        const ncgen_real dB5_z = qd[35];
-        const ncgen_real x120 = dB3_z - dB5_z;
-        const ncgen_real x121 = R(1.7369520505944511) * (x118 * x118 + x119 * x119 + x120 * x120);
-        constraints[429] = -x121;
-        /* row 26: 1001 unit u5 (body5): |u|^2 - 1 = 0 with u = u5 */
-        const ncgen_real u5_x = q[30];
-        const ncgen_real u5_y = q[31];
-        const ncgen_real u5_z = q[32];
-        const ncgen_real x122 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
-        constraints[25] = x122;
-        constraints[188] = u5_x;
-        constraints[189] = u5_y;
-        constraints[190] = u5_z;
-        const ncgen_real du5_x = qd[30];
-        const ncgen_real du5_y = qd[31];
-        const ncgen_real du5_z = qd[32];
-        constraints[430] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
-        /* row 27: 1002 angle u5, B5-B3 (body5): u.a - L c = 0 with u = u5, a = B5-B3, L = 0.575721, c = 0.441547 */
-        const ncgen_real x123 = x108 * u5_x + x109 * u5_y + x110 * u5_z + R(0.2542079174263747);
-        constraints[26] = -(R(1.7369520505944511) * x123);
-        const ncgen_real x124 = R(1.7369520505944511) * u5_x;
-        constraints[191] = -x124;
-        const ncgen_real x125 = R(1.7369520505944511) * u5_y;
-        constraints[192] = -x125;
-        const ncgen_real x126 = R(1.7369520505944511) * u5_z;
-        constraints[193] = -x126;
-        constraints[194] = x115;
-        constraints[195] = x116;
-        constraints[196] = x117;
-        constraints[197] = x124;
-        constraints[198] = x125;
-        constraints[199] = x126;
-        const ncgen_real x127 = R(3.4739041011889022) * (x118 * du5_x + x119 * du5_y + x120 * du5_z);
-        constraints[431] = x127;
-        /* row 28: 1000 distance A6-B6 (body6): |a|^2 - L^2 = 0 with a = A6-B6, L = 0.572367 */
-        const ncgen_real B6_x = q[36];
-        const ncgen_real x128 = R(1.6674299624307862) - B6_x;
-        const ncgen_real B6_y = q[37];
-        const ncgen_real x129 = -R(0.14245646258359976) - B6_y;
-        const ncgen_real B6_z = q[38];
-        const ncgen_real x130 = -R(0.046166453264949434) - B6_z;
-        const ncgen_real x131 = x128 * x128 + x129 * x129 + x130 * x130 - R(0.32760399977635635);
-        constraints[27] = R(0.8735653644608392) * x131;
-        const ncgen_real x132 = -(R(1.7471307289216784) * x128);
-        constraints[200] = x132;
-        constraints[201] = -(R(1.7471307289216784) * x129);
-        constraints[202] = -(R(1.7471307289216784) * x130);
-        const ncgen_real dB6_x = qd[36];
-        const ncgen_real dB6_y = qd[37];
-        const ncgen_real dB6_z = qd[38];
-        const ncgen_real x133 = R(1.7471307289216784) * (dB6_x * dB6_x + dB6_y * dB6_y + dB6_z * dB6_z);
-        constraints[432] = -x133;
-        /* row 29: 1002 angle u6, B6-A6 (body6): u.a - L c = 0 with u = u6, a = B6-A6, L = 0.572367, c = -0.91435 */
-        const ncgen_real x134 = B6_y + R(0.14245646258359976);
-        const ncgen_real x135 = R(1.0190545017320651) * x128 - R(0.9423022543615591) * x134;
-        const ncgen_real x136 = B6_z + R(0.046166453264949434);
-        const ncgen_real x137 = x135 + R(1.0611598220188754) * x136 + R(0.9143504459039575);
-        constraints[28] = x137;
-        constraints[203] = NCGEN_SPLAT(-R(1.0190545017320651));
-        constraints[204] = NCGEN_SPLAT(-R(0.9423022543615591));
-        constraints[205] = NCGEN_SPLAT(R(1.0611598220188754));
-        constraints[433] = NCGEN_SPLAT(R(0.0));
-        /* row 30: 1000 distance B6-B7 (body7): |a|^2 - L^2 = 0 with a = B6-B7, L = 0.485684 */
-        const ncgen_real B7_x = q[45];
-        const ncgen_real x138 = B6_x - B7_x;
-        const ncgen_real B7_y = q[46];
-        const ncgen_real x139 = B6_y - B7_y;
-        const ncgen_real B7_z = q[47];
-        const ncgen_real x140 = B6_z - B7_z;
-        const ncgen_real x141 = x138 * x138 + x139 * x139 + x140 * x140 - R(0.23588932287453515);
-        constraints[29] = R(1.0294751372251327) * x141;
-        const ncgen_real x142 = R(2.0589502744502655) * x138;
-        constraints[206] = x142;
-        const ncgen_real x143 = R(2.0589502744502655) * x139;
-        constraints[207] = x143;
-        const ncgen_real x144 = R(2.0589502744502655) * x140;
-        constraints[208] = x144;
-        const ncgen_real x145 = -x142;
-        constraints[209] = x145;
-        const ncgen_real x146 = -x143;
-        constraints[210] = x146;
-        const ncgen_real x147 = -x144;
-        constraints[211] = x147;
-        const ncgen_real dB7_x = qd[45];
-        const ncgen_real x148 = dB6_x - dB7_x;
-        const ncgen_real dB7_y = qd[46];
-        const ncgen_real x149 = dB6_y - dB7_y;
-        const ncgen_real dB7_z = qd[47];
-        const ncgen_real x150 = dB6_z - dB7_z;
-        const ncgen_real x151 = R(2.0589502744502655) * (x148 * x148 + x149 * x149 + x150 * x150);
-        constraints[434] = -x151;
-        /* row 31: 1001 unit v7 (body7): |u|^2 - 1 = 0 with u = v7 */
-        const ncgen_real v7_x = q[42];
-        const ncgen_real v7_y = q[43];
-        const ncgen_real v7_z = q[44];
-        const ncgen_real x152 = R(0.5) * (v7_x * v7_x + v7_y * v7_y + v7_z * v7_z - R(1.0));
-        constraints[30] = x152;
-        constraints[212] = v7_x;
-        constraints[213] = v7_y;
-        constraints[214] = v7_z;
-        const ncgen_real dv7_x = qd[42];
-        const ncgen_real dv7_y = qd[43];
-        const ncgen_real dv7_z = qd[44];
-        constraints[435] = -(dv7_x * dv7_x + dv7_y * dv7_y + dv7_z * dv7_z);
-        /* row 32: 1002 angle v7, B7-B6 (body7): u.a - L c = 0 with u = v7, a = B7-B6, L = 0.485684, c = -0.146111 */
-        const ncgen_real x153 = R(0.07096391930196268) - (x138 * v7_x + x139 * v7_y + x140 * v7_z);
-        constraints[31] = R(2.0589502744502655) * x153;
-        const ncgen_real x154 = R(2.0589502744502655) * v7_x;
-        constraints[215] = -x154;
-        const ncgen_real x155 = R(2.0589502744502655) * v7_y;
-        constraints[216] = -x155;
-        const ncgen_real x156 = R(2.0589502744502655) * v7_z;
-        constraints[217] = -x156;
-        constraints[218] = x145;
-        constraints[219] = x146;
-        constraints[220] = x147;
-        constraints[221] = x154;
-        constraints[222] = x155;
-        constraints[223] = x156;
-        const ncgen_real x157 = R(4.117900548900531) * (x148 * dv7_x + x149 * dv7_y + x150 * dv7_z);
-        constraints[436] = x157;
-        /* row 33: 1001 unit u7 (body6): |u|^2 - 1 = 0 with u = u7 */
-        const ncgen_real u7_x = q[39];
-        const ncgen_real u7_y = q[40];
-        const ncgen_real u7_z = q[41];
-        const ncgen_real x158 = R(0.5) * (u7_x * u7_x + u7_y * u7_y + u7_z * u7_z - R(1.0));
-        constraints[32] = x158;
-        constraints[224] = u7_x;
-        constraints[225] = u7_y;
-        constraints[226] = u7_z;
-        const ncgen_real du7_x = qd[39];
-        const ncgen_real du7_y = qd[40];
-        const ncgen_real du7_z = qd[41];
-        constraints[437] = -(du7_x * du7_x + du7_y * du7_y + du7_z * du7_z);
-        /* row 34: 1002 angle u7, B6-A6 (body6): u.a - L c = 0 with u = u7, a = B6-A6, L = 0.572367, c = 0.293172 */
-        const ncgen_real x159 = x134 * u7_y - x128 * u7_x + x136 * u7_z - R(0.16780178661364004);
-        constraints[33] = R(1.7471307289216784) * x159;
-        constraints[227] = R(1.7471307289216784) * u7_x;
-        constraints[228] = R(1.7471307289216784) * u7_y;
-        constraints[229] = R(1.7471307289216784) * u7_z;
-        constraints[230] = x132;
-        constraints[231] = R(1.7471307289216784) * x134;
-        constraints[232] = R(1.7471307289216784) * x136;
-        const ncgen_real x160 = R(3.494261457843357) * (dB6_x * du7_x + dB6_y * du7_y + dB6_z * du7_z);
-        constraints[438] = -x160;
-        /* row 35: 1003 angle u7, u6 (body6): u.v - c = 0 with u = u7, v = u6, c = 0.000765644 */
-        const ncgen_real x161 = R(0.5832731832042249) * u7_x + R(0.5393427284878356) * u7_y;
-        const ncgen_real x162 = R(0.6073728796893285) * u7_z - x161 - R(0.0007656440017393546);
-        constraints[34] = x162;
-        constraints[233] = NCGEN_SPLAT(-R(0.5832731832042249));
-        constraints[234] = NCGEN_SPLAT(-R(0.5393427284878356));
-        constraints[235] = NCGEN_SPLAT(R(0.6073728796893285));
-        constraints[439] = NCGEN_SPLAT(R(0.0));
-        /* row 36: 1003 angle u7, v7 (joint universal body6-body7): u.v - c = 0 with u = u7, v = v7, c = 0 */
-        constraints[35] = v7_x * u7_x + v7_y * u7_y + v7_z * u7_z;
-        constraints[236] = v7_x;
-        constraints[237] = v7_y;
-        constraints[238] = v7_z;
-        constraints[239] = u7_x;
-        constraints[240] = u7_y;
-        constraints[241] = u7_z;
-        const ncgen_real x163 = -(R(2.0) * (dv7_x * du7_x + dv7_y * du7_y + dv7_z * du7_z));
-        constraints[440] = x163;
-        /* row 37: 1000 distance B6-B8 (body8): |a|^2 - L^2 = 0 with a = B6-B8, L = 0.564374 */
-        const ncgen_real B8_x = q[51];
-        const ncgen_real x164 = B6_x - B8_x;
-        const ncgen_real B8_y = q[52];
-        const ncgen_real x165 = B6_y - B8_y;
-        const ncgen_real B8_z = q[53];
-        const ncgen_real x166 = B6_z - B8_z;
-        const ncgen_real x167 = x164 * x164 + x165 * x165 + x166 * x166 - R(0.3185175310977494);
-        constraints[36] = R(0.8859380080514866) * x167;
-        const ncgen_real x168 = R(1.7718760161029732) * x164;
-        constraints[242] = x168;
-        const ncgen_real x169 = R(1.7718760161029732) * x165;
-        constraints[243] = x169;
-        const ncgen_real x170 = R(1.7718760161029732) * x166;
-        constraints[244] = x170;
-        const ncgen_real x171 = -x168;
-        constraints[245] = x171;
-        const ncgen_real x172 = -x169;
-        constraints[246] = x172;
-        const ncgen_real x173 = -x170;
-        constraints[247] = x173;
-        const ncgen_real dB8_x = qd[51];
-        const ncgen_real x174 = dB6_x - dB8_x;
-        const ncgen_real dB8_y = qd[52];
-        const ncgen_real x175 = dB6_y - dB8_y;
-        const ncgen_real dB8_z = qd[53];
-        const ncgen_real x176 = dB6_z - dB8_z;
-        const ncgen_real x177 = R(1.7718760161029732) * (x174 * x174 + x175 * x175 + x176 * x176);
-        constraints[441] = -x177;
-        /* row 38: 1001 unit u8 (body8): |u|^2 - 1 = 0 with u = u8 */
-        const ncgen_real u8_x = q[48];
-        const ncgen_real u8_y = q[49];
-        const ncgen_real u8_z = q[50];
-        const ncgen_real x178 = R(0.5) * (u8_x * u8_x + u8_y * u8_y + u8_z * u8_z - R(1.0));
-        constraints[37] = x178;
-        constraints[248] = u8_x;
-        constraints[249] = u8_y;
-        constraints[250] = u8_z;
-        const ncgen_real du8_x = qd[48];
-        const ncgen_real du8_y = qd[49];
-        const ncgen_real du8_z = qd[50];
-        constraints[442] = -(du8_x * du8_x + du8_y * du8_y + du8_z * du8_z);
-        /* row 39: 1002 angle u8, B8-B6 (body8): u.a - L c = 0 with u = u8, a = B8-B6, L = 0.564374, c = -0.0962794 */
-        const ncgen_real x179 = R(0.05433757568724784) - (x164 * u8_x + x165 * u8_y + x166 * u8_z);
-        constraints[38] = R(1.7718760161029732) * x179;
-        const ncgen_real x180 = R(1.7718760161029732) * u8_x;
-        constraints[251] = -x180;
-        const ncgen_real x181 = R(1.7718760161029732) * u8_y;
-        constraints[252] = -x181;
-        const ncgen_real x182 = R(1.7718760161029732) * u8_z;
-        constraints[253] = -x182;
-        constraints[254] = x171;
-        constraints[255] = x172;
-        constraints[256] = x173;
-        constraints[257] = x180;
-        constraints[258] = x181;
-        constraints[259] = x182;
-        const ncgen_real x183 = R(3.5437520322059464) * (x174 * du8_x + x175 * du8_y + x176 * du8_z);
-        constraints[443] = x183;
-        /* row 40: combination u8.x (body6): (e - c a x b).x = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
-        const ncgen_real x184 = u8_x - R(5.293527486883154) * B6_x + R(8.826586338579911);
-        const ncgen_real x185 = x184 + R(1.3106090351540571) + R(1.0040373108430047) * u7_x;
-        constraints[39] = x185;
-        constraints[260] = NCGEN_SPLAT(-R(5.293527486883154));
-        constraints[261] = NCGEN_SPLAT(R(1.0040373108430047));
-        constraints[262] = NCGEN_SPLAT(R(1.0));
-        constraints[444] = NCGEN_SPLAT(R(0.0));
-        /* row 41: combination u8.y (body6): (e - c a x b).y = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
-        const ncgen_real x186 = u8_y - R(5.293527486883154) * B6_y - R(0.7540972003704269);
-        const ncgen_real x187 = x186 + R(1.2118977408109282) + R(1.0040373108430047) * u7_y;
-        constraints[40] = x187;
-        constraints[263] = NCGEN_SPLAT(-R(5.293527486883154));
-        constraints[264] = NCGEN_SPLAT(R(1.0040373108430047));
-        constraints[265] = NCGEN_SPLAT(R(1.0));
-        constraints[445] = NCGEN_SPLAT(R(0.0));
-        /* row 42: combination u8.z (body6): (e - c a x b).z = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
-        const ncgen_real x188 = u8_z - R(5.293527486883154) * B6_z - R(0.24438338932991638);
-        const ncgen_real x189 = x188 - R(1.3647608132014084) + R(1.0040373108430047) * u7_z;
-        constraints[41] = x189;
-        constraints[266] = NCGEN_SPLAT(-R(5.293527486883154));
-        constraints[267] = NCGEN_SPLAT(R(1.0040373108430047));
-        constraints[268] = NCGEN_SPLAT(R(1.0));
-        constraints[446] = NCGEN_SPLAT(R(0.0));
-        /* row 43: 1000 distance C9-B9 (body9): |a|^2 - L^2 = 0 with a = C9-B9, L = 0.32099 */
-        const ncgen_real C9_x = q[57];
-        const ncgen_real B9_x = q[60];
-        const ncgen_real x190 = C9_x - B9_x;
-        const ncgen_real C9_y = q[58];
-        const ncgen_real B9_y = q[61];
-        const ncgen_real x191 = C9_y - B9_y;
-        const ncgen_real C9_z = q[59];
-        const ncgen_real B9_z = q[62];
-        const ncgen_real x192 = C9_z - B9_z;
-        const ncgen_real x193 = x190 * x190 + x191 * x191 + x192 * x192 - R(0.10303486735294425);
-        constraints[42] = R(1.5576787532931566) * x193;
-        const ncgen_real x194 = R(3.1153575065863133) * x190;
-        constraints[269] = x194;
-        const ncgen_real x195 = R(3.1153575065863133) * x191;
-        constraints[270] = x195;
-        const ncgen_real x196 = R(3.1153575065863133) * x192;
-        constraints[271] = x196;
-        const ncgen_real x197 = -x194;
-        constraints[272] = x197;
-        const ncgen_real x198 = -x195;
-        constraints[273] = x198;
-        const ncgen_real x199 = -x196;
-        constraints[274] = x199;
-        const ncgen_real dC9_x = qd[57];
-        const ncgen_real dB9_x = qd[60];
-        const ncgen_real x200 = dC9_x - dB9_x;
-        const ncgen_real dC9_y = qd[58];
-        const ncgen_real dB9_y = qd[61];
-        const ncgen_real x201 = dC9_y - dB9_y;
-        const ncgen_real dC9_z = qd[59];
-        const ncgen_real dB9_z = qd[62];
-        const ncgen_real x202 = dC9_z - dB9_z;
-        const ncgen_real x203 = R(3.1153575065863133) * (x200 * x200 + x201 * x201 + x202 * x202);
-        constraints[447] = -x203;
-        /* row 44: 1001 unit u9 (body9): |u|^2 - 1 = 0 with u = u9 */
-        const ncgen_real u9_x = q[54];
-        const ncgen_real u9_y = q[55];
-        const ncgen_real u9_z = q[56];
-        const ncgen_real x204 = R(0.5) * (u9_x * u9_x + u9_y * u9_y + u9_z * u9_z - R(1.0));
-        constraints[43] = x204;
-        constraints[275] = u9_x;
-        constraints[276] = u9_y;
-        constraints[277] = u9_z;
-        const ncgen_real du9_x = qd[54];
-        const ncgen_real du9_y = qd[55];
-        const ncgen_real du9_z = qd[56];
-        constraints[448] = -(du9_x * du9_x + du9_y * du9_y + du9_z * du9_z);
-        /* row 45: 1002 angle u9, B9-C9 (body9): u.a - L c = 0 with u = u9, a = B9-C9, L = 0.32099, c = -0.884833 */
-        const ncgen_real x205 = R(0.2840228165451984) - (x190 * u9_x + x191 * u9_y + x192 * u9_z);
-        constraints[44] = R(3.1153575065863133) * x205;
-        constraints[278] = x197;
-        constraints[279] = x198;
-        constraints[280] = x199;
-        const ncgen_real x206 = R(3.1153575065863133) * u9_x;
-        constraints[281] = -x206;
-        const ncgen_real x207 = R(3.1153575065863133) * u9_y;
-        constraints[282] = -x207;
-        const ncgen_real x208 = R(3.1153575065863133) * u9_z;
-        constraints[283] = -x208;
-        constraints[284] = x206;
-        constraints[285] = x207;
-        constraints[286] = x208;
-        const ncgen_real x209 = R(6.2307150131726265) * (x200 * du9_x + x201 * du9_y + x202 * du9_z);
-        constraints[449] = x209;
-        /* row 46: 1002 angle u9, B5-B3 (body5): u.a - L c = 0 with u = u9, a = B5-B3, L = 0.575721, c = -0.288768 */
-        const ncgen_real x210 = R(0.16625000468798273) - (x108 * u9_x + x109 * u9_y + x110 * u9_z);
-        constraints[45] = R(1.7369520505944511) * x210;
-        const ncgen_real x211 = R(1.7369520505944511) * u9_x;
-        constraints[287] = -x211;
-        const ncgen_real x212 = R(1.7369520505944511) * u9_y;
-        constraints[288] = -x212;
-        const ncgen_real x213 = R(1.7369520505944511) * u9_z;
-        constraints[289] = -x213;
-        constraints[290] = x211;
-        constraints[291] = x212;
-        constraints[292] = x213;
-        constraints[293] = x115;
-        constraints[294] = x116;
-        constraints[295] = x117;
-        const ncgen_real x214 = R(3.4739041011889022) * (x118 * du9_x + x119 * du9_y + x120 * du9_z);
-        constraints[450] = x214;
-        /* row 47: 1003 angle u9, u5 (body5): u.v - c = 0 with u = u9, v = u5, c = -0.859604 */
-        const ncgen_real x215 = u5_x * u9_x + u5_y * u9_y + u5_z * u9_z + R(0.8596043791406991);
-        constraints[46] = x215;
-        constraints[296] = u9_x;
-        constraints[297] = u9_y;
-        constraints[298] = u9_z;
-        constraints[299] = u5_x;
-        constraints[300] = u5_y;
-        constraints[301] = u5_z;
-        const ncgen_real x216 = -(R(2.0) * (du5_x * du9_x + du5_y * du9_y + du5_z * du9_z));
-        constraints[451] = x216;
-        /* row 48: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = -1.37097*B5+1.37097*B3-0.824316*u5-0.936509*u9, c = 0 */
-        const ncgen_real x217 = R(1.3709670732166) * x108 - R(0.8243161177497514) * u5_x - R(0.9365090269632762) * u9_x;
-        const ncgen_real x218 = C9_x - B5_x;
-        const ncgen_real x219 = R(1.3709670732166) * x109 - R(0.8243161177497514) * u5_y - R(0.9365090269632762) * u9_y;
-        const ncgen_real x220 = C9_y - B5_y;
-        const ncgen_real x221 = R(1.3709670732166) * x110 - R(0.8243161177497514) * u5_z - R(0.9365090269632762) * u9_z;
-        const ncgen_real x222 = C9_z - B5_z;
-        const ncgen_real x223 = R(4.912537209069163) * (x217 * x218 + x219 * x220 + x221 * x222);
-        constraints[47] = x223;
-        const ncgen_real x224 = R(6.734926759585195) * x218;
-        constraints[302] = x224;
-        const ncgen_real x225 = R(6.734926759585195) * x220;
-        constraints[303] = x225;
-        const ncgen_real x226 = R(6.734926759585195) * x222;
-        constraints[304] = x226;
-        constraints[305] = -(R(4.049483600481092) * x218);
-        constraints[306] = -(R(4.049483600481092) * x220);
-        constraints[307] = -(R(4.049483600481092) * x222);
-        const ncgen_real x227 = R(4.912537209069163) * x217;
-        constraints[308] = -(x224 + x227);
-        const ncgen_real x228 = R(4.912537209069163) * x219;
-        constraints[309] = -(x225 + x228);
-        const ncgen_real x229 = R(4.912537209069163) * x221;
-        constraints[310] = -(x226 + x229);
-        constraints[311] = -(R(4.600635441586251) * x218);
-        constraints[312] = -(R(4.600635441586251) * x220);
-        constraints[313] = -(R(4.600635441586251) * x222);
-        constraints[314] = x227;
-        constraints[315] = x228;
-        constraints[316] = x229;
-        const ncgen_real x230 = R(1.3709670732166) * x118 - R(0.8243161177497514) * du5_x;
-        const ncgen_real x231 = x230 - R(0.9365090269632762) * du9_x;
-        const ncgen_real x232 = dC9_x - dB5_x;
-        const ncgen_real x233 = R(1.3709670732166) * x119 - R(0.8243161177497514) * du5_y;
-        const ncgen_real x234 = x233 - R(0.9365090269632762) * du9_y;
-        const ncgen_real x235 = dC9_y - dB5_y;
-        const ncgen_real x236 = R(1.3709670732166) * x120 - R(0.8243161177497514) * du5_z;
-        const ncgen_real x237 = x236 - R(0.9365090269632762) * du9_z;
-        const ncgen_real x238 = dC9_z - dB5_z;
-        const ncgen_real x239 = R(9.825074418138326) * (x231 * x232 + x234 * x235 + x237 * x238);
-        constraints[452] = -x239;
-        /* row 49: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = 1.42165*B5-1.42165*B3-1.96459*u5-1.45242*u9, c = 0 */
-        const ncgen_real x240 = R(1.4216454961232066) * x108 + R(1.9645893557830132) * u5_x;
-        const ncgen_real x241 = R(1.4216454961232066) * x109 + R(1.9645893557830132) * u5_y;
-        const ncgen_real x242 = x218 * (x240 + R(1.4524210430491507) * u9_x) + x220 * (x241 + R(1.4524210430491507) * u9_y);
-        const ncgen_real x243 = R(1.4216454961232066) * x110 + R(1.9645893557830132) * u5_z;
-        const ncgen_real x244 = R(4.912537209069163) * (x242 + x222 * (x243 + R(1.4524210430491507) * u9_z));
-        constraints[48] = -x244;
-        const ncgen_real x245 = R(6.983886397810843) * x218;
-        constraints[317] = -x245;
-        const ncgen_real x246 = R(6.983886397810843) * x220;
-        constraints[318] = -x246;
-        const ncgen_real x247 = R(6.983886397810843) * x222;
-        constraints[319] = -x247;
-        constraints[320] = -(R(9.65111831082527) * x218);
-        constraints[321] = -(R(9.65111831082527) * x220);
-        constraints[322] = -(R(9.65111831082527) * x222);
-        const ncgen_real x248 = R(6.983886397810843) * x108 + R(9.65111831082527) * u5_x + R(7.135072417213998) * u9_x;
-        constraints[323] = x245 + x248;
-        const ncgen_real x249 = R(6.983886397810843) * x109 + R(9.65111831082527) * u5_y + R(7.135072417213998) * u9_y;
-        constraints[324] = x246 + x249;
-        const ncgen_real x250 = R(6.983886397810843) * x110 + R(9.65111831082527) * u5_z + R(7.135072417213998) * u9_z;
-        constraints[325] = x247 + x250;
-        constraints[326] = -(R(7.135072417213998) * x218);
-        constraints[327] = -(R(7.135072417213998) * x220);
-        constraints[328] = -(R(7.135072417213998) * x222);
-        constraints[329] = -x248;
-        constraints[330] = -x249;
-        constraints[331] = -x250;
-        const ncgen_real x251 = R(1.4216454961232066) * x118 + R(1.9645893557830132) * du5_x;
-        const ncgen_real x252 = R(1.4216454961232066) * x119 + R(1.9645893557830132) * du5_y;
-        const ncgen_real x253 = x232 * (x251 + R(1.4524210430491507) * du9_x) + x235 * (x252 + R(1.4524210430491507) * du9_y);
-        const ncgen_real x254 = R(1.4216454961232066) * x120 + R(1.9645893557830132) * du5_z;
-        const ncgen_real x255 = R(9.825074418138326) * (x253 + x238 * (x254 + R(1.4524210430491507) * du9_z));
-        constraints[453] = x255;
-        /* row 50: 1001 unit body9.across (body9): |u|^2 - 1 = 0 with u = body9.across */
-        const ncgen_real body9_across_x = q[63];
-        const ncgen_real body9_across_y = q[64];
-        const ncgen_real x256 = body9_across_x * body9_across_x + body9_across_y * body9_across_y;
-        const ncgen_real body9_across_z = q[65];
-        const ncgen_real x257 = R(0.5) * (x256 + body9_across_z * body9_across_z - R(1.0));
-        constraints[49] = x257;
-        constraints[332] = body9_across_x;
-        constraints[333] = body9_across_y;
-        constraints[334] = body9_across_z;
-        const ncgen_real dbody9_across_x = qd[63];
-        const ncgen_real dbody9_across_y = qd[64];
-        const ncgen_real x258 = dbody9_across_x * dbody9_across_x + dbody9_across_y * dbody9_across_y;
-        const ncgen_real dbody9_across_z = qd[65];
-        constraints[454] = -(x258 + dbody9_across_z * dbody9_across_z);
-        /* row 51: 1002 angle body9.across, B9-C9 (body9): u.a - L c = 0 with u = body9.across, a = B9-C9, L = 0.32099, c = -0.450111 */
-        const ncgen_real x259 = x190 * body9_across_x + x191 * body9_across_y + x192 * body9_across_z;
-        constraints[50] = R(3.1153575065863133) * (R(0.14448133834053029) - x259);
-        const ncgen_real x260 = R(3.1153575065863133) * body9_across_x;
-        constraints[335] = -x260;
-        const ncgen_real x261 = R(3.1153575065863133) * body9_across_y;
-        constraints[336] = -x261;
-        const ncgen_real x262 = R(3.1153575065863133) * body9_across_z;
-        constraints[337] = -x262;
-        constraints[338] = x260;
-        constraints[339] = x261;
-        constraints[340] = x262;
-        constraints[341] = x197;
-        constraints[342] = x198;
-        constraints[343] = x199;
-        const ncgen_real x263 = x200 * dbody9_across_x + x201 * dbody9_across_y + x202 * dbody9_across_z;
-        constraints[455] = R(6.2307150131726265) * x263;
-        /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
-        const ncgen_real x264 = u9_x * body9_across_x + u9_y * body9_across_y + u9_z * body9_across_z;
-        constraints[51] = x264;
-        constraints[344] = body9_across_x;
-        constraints[345] = body9_across_y;
-        constraints[346] = body9_across_z;
-        constraints[347] = u9_x;
-        constraints[348] = u9_y;
-        constraints[349] = u9_z;
-        const ncgen_real x265 = du9_x * dbody9_across_x + du9_y * dbody9_across_y + du9_z * dbody9_across_z;
-        constraints[456] = -(R(2.0) * x265);
-        /* row 53: 1012 angle screw9.angle (coordinate screw9.angle): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = -1.37097*B5+1.37097*B3-0.824316*u5-0.936509*u9, b = body9.across, n = u9, psi = screw9.angle, ln = 1 */
-        const ncgen_real x266 = u9_x * x217 + u9_y * x219 + u9_z * x221;
-        const ncgen_real x267 = x217 * body9_across_x + x219 * body9_across_y + x221 * body9_across_z;
-        const ncgen_real x268 = x267 - x264 * x266;
-        const ncgen_real screw9_angle = q[66];
-        const ncgen_real sin_screw9_angle = sine[0];
-        const ncgen_real x269 = x219 * body9_across_z - x221 * body9_across_y;
-        const ncgen_real x270 = u9_x * x269;
-        const ncgen_real x271 = x221 * body9_across_x - x217 * body9_across_z;
-        const ncgen_real x272 = u9_y * x271;
-        const ncgen_real x273 = x217 * body9_across_y - x219 * body9_across_x;
-        const ncgen_real x274 = u9_z * x273;
-        const ncgen_real x275 = x270 + x272 + x274;
-        const ncgen_real cos_screw9_angle = cosine[0];
-        const ncgen_real x276 = R(1.0000000000000002) * (x268 * sin_screw9_angle - x275 * cos_screw9_angle);
-        constraints[52] = x276;
-        const ncgen_real x277 = cos_screw9_angle * (u9_z * body9_across_y - u9_y * body9_across_z);
-        const ncgen_real x278 = sin_screw9_angle * (body9_across_x - u9_x * x264) - x277;
-        const ncgen_real x279 = R(1.3709670732166002) * x278;
-        constraints[350] = x279;
-        const ncgen_real x280 = cos_screw9_angle * (u9_x * body9_across_z - u9_z * body9_across_x);
-        const ncgen_real x281 = sin_screw9_angle * (body9_across_y - u9_y * x264) - x280;
-        const ncgen_real x282 = R(1.3709670732166002) * x281;
-        constraints[351] = x282;
-        const ncgen_real x283 = cos_screw9_angle * (u9_y * body9_across_x - u9_x * body9_across_y);
-        const ncgen_real x284 = sin_screw9_angle * (body9_across_z - u9_z * x264) - x283;
-        const ncgen_real x285 = R(1.3709670732166002) * x284;
-        constraints[352] = x285;
-        constraints[353] = -(R(0.8243161177497517) * x278);
-        constraints[354] = -(R(0.8243161177497517) * x281);
-        constraints[355] = -(R(0.8243161177497517) * x284);
-        constraints[356] = -x279;
-        constraints[357] = -x282;
-        constraints[358] = -x285;
-        const ncgen_real x286 = sin_screw9_angle * (body9_across_x * x266 + x217 * x264) + x269 * cos_screw9_angle;
-        const ncgen_real x287 = R(1.0000000000000002) * x286 + R(0.9365090269632764) * x278;
-        constraints[359] = -x287;
-        const ncgen_real x288 = sin_screw9_angle * (body9_across_y * x266 + x219 * x264) + x271 * cos_screw9_angle;
-        const ncgen_real x289 = R(1.0000000000000002) * x288 + R(0.9365090269632764) * x281;
-        constraints[360] = -x289;
-        const ncgen_real x290 = sin_screw9_angle * (body9_across_z * x266 + x221 * x264) + x273 * cos_screw9_angle;
-        const ncgen_real x291 = R(1.0000000000000002) * x290 + R(0.9365090269632764) * x284;
-        constraints[361] = -x291;
-        const ncgen_real x292 = sin_screw9_angle * (x217 - u9_x * x266) - cos_screw9_angle * (u9_y * x221 - u9_z * x219);
-        constraints[362] = R(1.0000000000000002) * x292;
-        const ncgen_real x293 = sin_screw9_angle * (x219 - u9_y * x266) - cos_screw9_angle * (u9_z * x217 - u9_x * x221);
-        constraints[363] = R(1.0000000000000002) * x293;
-        const ncgen_real x294 = sin_screw9_angle * (x221 - u9_z * x266) - cos_screw9_angle * (u9_x * x219 - u9_y * x217);
-        constraints[364] = R(1.0000000000000002) * x294;
-        const ncgen_real x295 = R(1.0000000000000002) * (x268 * cos_screw9_angle + sin_screw9_angle * x275);
-        constraints[365] = x295;
-        const ncgen_real x296 = x219 * dbody9_across_z + body9_across_z * x234 - x221 * dbody9_across_y;
-        const ncgen_real x297 = x296 - body9_across_y * x237;
-        const ncgen_real x298 = x217 * dbody9_across_y + body9_across_y * x231 - x219 * dbody9_across_x;
-        const ncgen_real x299 = x298 - body9_across_x * x234;
-        const ncgen_real x300 = x217 * dbody9_across_z + body9_across_z * x231 - x221 * dbody9_across_x;
-        const ncgen_real x301 = x300 - body9_across_x * x237;
-        const ncgen_real x302 = u9_x * x297 + u9_z * x299 + x269 * du9_x + x273 * du9_z - u9_y * x301;
-        const ncgen_real dscrew9_angle = qd[66];
-        const ncgen_real x303 = R(2.0) * dscrew9_angle;
-        const ncgen_real x304 = x217 * du9_x + x219 * du9_y + x221 * du9_z + u9_x * x231 + u9_y * x234;
-        const ncgen_real x305 = x304 + u9_z * x237;
-        const ncgen_real x306 = body9_across_x * du9_x + body9_across_y * du9_y + body9_across_z * du9_z;
-        const ncgen_real x307 = x306 + u9_x * dbody9_across_x + u9_y * dbody9_across_y + u9_z * dbody9_across_z;
-        const ncgen_real x308 = x231 * dbody9_across_x + x234 * dbody9_across_y + x237 * dbody9_across_z;
-        const ncgen_real x309 = x308 - x266 * x265 - x264 * (du9_x * x231 + du9_y * x234 + du9_z * x237);
-        const ncgen_real x310 = dscrew9_angle * dscrew9_angle;
-        const ncgen_real x311 = x268 * x310 - R(2.0) * (x309 - x305 * x307) - (x302 + x271 * du9_y) * x303;
-        const ncgen_real x312 = u9_x * (x234 * dbody9_across_z - x237 * dbody9_across_y) + u9_z * (x231 * dbody9_across_y - x234 * dbody9_across_x);
-        const ncgen_real x313 = du9_x * x297 + x312 + du9_z * x299 - u9_y * (x231 * dbody9_across_z - x237 * dbody9_across_x);
-        const ncgen_real x314 = x217 * dbody9_across_x + x219 * dbody9_across_y + x221 * dbody9_across_z;
-        const ncgen_real x315 = x314 + body9_across_x * x231 + body9_across_y * x234 + body9_across_z * x237;
-        const ncgen_real x316 = R(2.0) * (x313 - du9_y * x301) - x303 * (x315 - x266 * x307 - x264 * x305);
-        const ncgen_real x317 = cos_screw9_angle * (x316 - x310 * (x272 + (x270 + x274)));
-        constraints[457] = R(1.0000000000000002) * (sin_screw9_angle * x311 + x317);
-        /* row 54: slide screw9.slide (coordinate screw9.slide): a.n - s = 0 with a = C9-B5, n = u9, s = screw9.slide */
-        const ncgen_real screw9_slide = q[67];
-        constraints[53] = u9_x * x218 + u9_y * x220 + u9_z * x222 - screw9_slide;
-        constraints[366] = -u9_x;
-        constraints[367] = -u9_y;
-        constraints[368] = -u9_z;
-        constraints[369] = x218;
-        constraints[370] = x220;
-        constraints[371] = x222;
-        constraints[372] = u9_x;
-        constraints[373] = u9_y;
-        constraints[374] = u9_z;
-        constraints[375] = NCGEN_SPLAT(-R(1.0));
-        constraints[458] = -(R(2.0) * (du9_x * x232 + du9_y * x235 + du9_z * x238));
-        /* row 55: screw screw9 (joint screw body5-body9): -0.0159154943091895*screw9.angle + screw9.slide - 0.178560799123083 = 0 */
-        const ncgen_real x318 = screw9_slide - R(0.17856079912308323) - R(0.015915494309189534) * screw9_angle;
-        constraints[54] = x318;
-        constraints[376] = NCGEN_SPLAT(-R(0.015915494309189534));
-        constraints[377] = NCGEN_SPLAT(R(1.0));
-        constraints[459] = NCGEN_SPLAT(R(0.0));
-        /* row 56: combination B9.x (body1): (e - c a x b).x = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
-        const ncgen_real x319 = B9_x - R(1.6667736465720742) * C1_x + R(0.6667736465720743) * B1_x;
-        const ncgen_real x320 = x319 - R(0.7180993120031693) - R(0.5547001275152568) * body1_across_x;
-        constraints[55] = x320;
-        constraints[378] = NCGEN_SPLAT(-R(1.6667736465720742));
-        constraints[379] = NCGEN_SPLAT(R(0.6667736465720743));
-        constraints[380] = NCGEN_SPLAT(-R(0.5547001275152568));
-        constraints[381] = NCGEN_SPLAT(R(1.0));
-        constraints[460] = NCGEN_SPLAT(R(0.0));
-        /* row 57: combination B9.y (body1): (e - c a x b).y = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
-        const ncgen_real x321 = B9_y - R(1.6667736465720742) * C1_y + R(0.6667736465720743) * B1_y;
-        const ncgen_real x322 = x321 + R(0.1508595985290883) - R(0.5547001275152568) * body1_across_y;
-        constraints[56] = x322;
-        constraints[382] = NCGEN_SPLAT(-R(1.6667736465720742));
-        constraints[383] = NCGEN_SPLAT(R(0.6667736465720743));
-        constraints[384] = NCGEN_SPLAT(-R(0.5547001275152568));
-        constraints[385] = NCGEN_SPLAT(R(1.0));
-        constraints[461] = NCGEN_SPLAT(R(0.0));
-        /* row 58: combination B9.z (body1): (e - c a x b).z = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
-        const ncgen_real x323 = B9_z - R(1.6667736465720742) * C1_z + R(0.6667736465720743) * B1_z;
-        const ncgen_real x324 = x323 - R(0.01689739109638159) - R(0.5547001275152568) * body1_across_z;
-        constraints[57] = x324;
-        constraints[386] = NCGEN_SPLAT(-R(1.6667736465720742));
-        constraints[387] = NCGEN_SPLAT(R(0.6667736465720743));
-        constraints[388] = NCGEN_SPLAT(-R(0.5547001275152568));
-        constraints[389] = NCGEN_SPLAT(R(1.0));
-        constraints[462] = NCGEN_SPLAT(R(0.0));
-        /* row 59: combination D2.x (body6): (e - c a x b).x = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
-        const ncgen_real D2_x = q[68];
-        const ncgen_real x325 = D2_x - R(3.6345826421390472) + R(1.179751308319144) * B6_x;
-        const ncgen_real x326 = x325 - R(0.42334342325374547) - R(0.40564427130721065) * u7_x;
-        constraints[58] = x326;
-        constraints[390] = NCGEN_SPLAT(R(1.179751308319144));
-        constraints[391] = NCGEN_SPLAT(-R(0.40564427130721065));
-        constraints[392] = NCGEN_SPLAT(R(1.0));
-        constraints[463] = NCGEN_SPLAT(R(0.0));
-        /* row 60: combination D2.y (body6): (e - c a x b).y = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
-        const ncgen_real D2_y = q[69];
-        const ncgen_real x327 = D2_y + R(0.31051966069511877) + R(1.179751308319144) * B6_y;
-        const ncgen_real x328 = x327 - R(0.39145841701607964) - R(0.40564427130721065) * u7_y;
-        constraints[59] = x328;
-        constraints[393] = NCGEN_SPLAT(R(1.179751308319144));
-        constraints[394] = NCGEN_SPLAT(-R(0.40564427130721065));
-        constraints[395] = NCGEN_SPLAT(R(1.0));
-        constraints[464] = NCGEN_SPLAT(R(0.0));
-        /* row 61: combination D2.z (body6): (e - c a x b).z = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
-        const ncgen_real D2_z = q[70];
-        const ncgen_real x329 = D2_z + R(0.10063138690472814) + R(1.179751308319144) * B6_z;
-        const ncgen_real x330 = x329 + R(0.44083513777648864) - R(0.40564427130721065) * u7_z;
-        constraints[60] = x330;
-        constraints[396] = NCGEN_SPLAT(R(1.179751308319144));
-        constraints[397] = NCGEN_SPLAT(-R(0.40564427130721065));
-        constraints[398] = NCGEN_SPLAT(R(1.0));
-        constraints[465] = NCGEN_SPLAT(R(0.0));
-        /* row 62: 1000 distance B3-D2 (user model): |a|^2 - L^2 = 0 with a = B3-D2, L = 1.45801 */
-        const ncgen_real x331 = B3_x - D2_x;
-        const ncgen_real x332 = B3_y - D2_y;
-        const ncgen_real x333 = B3_z - D2_z;
-        const ncgen_real x334 = x331 * x331 + x332 * x332 + x333 * x333 - R(2.125793325415224);
-        constraints[61] = R(0.3429331627069827) * x334;
-        const ncgen_real x335 = R(0.6858663254139654) * x331;
-        constraints[399] = x335;
-        const ncgen_real x336 = R(0.6858663254139654) * x332;
-        constraints[400] = x336;
-        const ncgen_real x337 = R(0.6858663254139654) * x333;
-        constraints[401] = x337;
-        constraints[402] = -x335;
-        constraints[403] = -x336;
-        constraints[404] = -x337;
-        const ncgen_real dD2_x = qd[68];
-        const ncgen_real x338 = dB3_x - dD2_x;
-        const ncgen_real dD2_y = qd[69];
-        const ncgen_real x339 = dB3_y - dD2_y;
-        const ncgen_real dD2_z = qd[70];
-        const ncgen_real x340 = dB3_z - dD2_z;
-        const ncgen_real x341 = R(0.6858663254139654) * (x338 * x338 + x339 * x339 + x340 * x340);
-        constraints[466] = -x341;
-    }
-
+    tree_constraints_1(q, qd, kept, constraints);
+    tree_constraints_2(q, qd, kept, constraints);
+    tree_constraints_3(q, qd, kept, constraints);
+    tree_constraints_4(q, qd, sine, cosine, kept, constraints);
     return NCGEN_OK;
 }
 static const char *const tree_coordinate_names[] = {
@@ -3664,7 +3913,7 @@ const ncgen_model *tree_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "tree",
-        .fingerprint = "40b62bff3d367bae",
+        .fingerprint = "e8ea499308b171c2",
         .n_coordinates = 71,
         .n_rows = 62,
         .n_parameters = 0,

@@ -79,7 +79,7 @@ def break_times(
         if signal is not None:
             times = signal.knots if isinstance(signal, Signal) else quick_changes_of(signal, start, end)
             found.append(np.column_stack([times, times]))
-    return _merged(np.concatenate(found), start, end, gap)
+    return merged(np.concatenate(found), start, end, gap)
 
 
 def breaks_of_laws(kernels: Kernels, laws: TimeLaws, start: float, end: float) -> np.ndarray:
@@ -95,7 +95,7 @@ def _of_laws(laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float
     found = [NO_BREAKS]
     for switch, times in _by_switch(laws, lines, given, start, end, gap):
         half = gap if switch.jumps else 0.0
-        found.append(np.column_stack([times - half, times + half]))
+        found.append(NO_BREAKS if times is None else np.column_stack([times - half, times + half]))
     places = np.concatenate(found).ravel()
     for node in laws.narrow:
         if lines[node] is True:
@@ -121,7 +121,7 @@ def _constant(line: Line) -> float | None:
     return line[1] if isinstance(line, tuple) and line[0] == 0.0 else None
 
 
-def _merged(rows: np.ndarray, start: float, end: float, gap: float) -> np.ndarray:
+def merged(rows: np.ndarray, start: float, end: float, gap: float) -> np.ndarray:
     """Rows in order and inside the run; those that are next to each other are one."""
     rows = rows[(rows[:, 1] > start) & (rows[:, 0] < end)]
     rows = np.clip(rows[np.argsort(rows[:, 0], kind="stable")], start, end)
@@ -136,22 +136,36 @@ def _merged(rows: np.ndarray, start: float, end: float, gap: float) -> np.ndarra
 # -- when their arguments pass knots -------------------------------------------------------------------------------------------------------
 
 
+def switch_times(
+    laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float, driven: Collection[int]
+) -> Iterator[tuple[Switch, np.ndarray | None]]:
+    """Every switch with the times at which it switches, None where it depends on inputs that change, or switches too often.
+
+    gap (s): what is left out on both sides of other breaks; driven: positions in p of what changes otherwise
+    """
+    given: dict[Input, float] = {Input("p", k): float(p[k]) for k in laws.parameters}
+    yield from _by_switch(laws, _straight_lines(laws.ops, given, driven), given, start, end, gap)
+
+
 def _by_switch(
     laws: TimeLaws, lines: Sequence[Line], given: Mapping[Input, float], start: float, end: float, gap: float
-) -> Iterator[tuple[Switch, np.ndarray]]:
-    """Every switch with the times at which it switches; one that depends on inputs that change, or switches too often, has none."""
+) -> Iterator[tuple[Switch, np.ndarray | None]]:
+    """As of `switch_times`; lines: what the nodes are over time."""
     rounding = DOUBLE * max(abs(start), abs(end))
     found: list[np.ndarray] = []
     for switch in laws.switches:
+        times: np.ndarray | None
         if lines[switch.argument] is None:
-            times = np.empty(0)
+            times = None
         elif isinstance(line := lines[switch.argument], tuple):
             times = _on_a_line(*line, switch.pieces, start, end)
         else:
             inner = np.unique(np.concatenate([np.empty(0), *(found[k] for k in switch.inner)]))
             times = _on_a_curve(laws.ops, switch, given, _intervals(inner, start, end, gap), rounding)
-        found.append(times[(times >= start) & (times <= end)])
-        yield switch, found[-1]
+        if times is not None:
+            times = times[(times >= start) & (times <= end)]
+        found.append(np.empty(0) if times is None else times)
+        yield switch, times
 
 
 def _straight_lines(ops: Sequence[Op], given: Mapping[Input, float], driven: Collection[int]) -> list[Line]:
@@ -195,14 +209,14 @@ def _line(op: Op, arguments: Sequence[Line]) -> tuple[float, float] | bool:
     return line if np.all(np.isfinite(line)) else True
 
 
-def _on_a_line(a: float, b: float, pieces: Pieces, start: float, end: float) -> np.ndarray:
-    """When a t + b passes knots."""
+def _on_a_line(a: float, b: float, pieces: Pieces, start: float, end: float) -> np.ndarray | None:
+    """When a t + b passes knots; None where that is too often."""
     if a == 0.0:
         return np.empty(0)
     low, high = sorted((a * start + b, a * end + b))
     margin = 1e-9 * (high - low)
     numbers = _numbers(pieces, np.array([low - margin]), np.array([high + margin]))
-    return np.empty(0) if numbers is None else (level(pieces, numbers[1]) - b) / a
+    return None if numbers is None else (level(pieces, numbers[1]) - b) / a
 
 
 def _numbers(pieces: Pieces, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
@@ -226,9 +240,9 @@ def _intervals(breaks: np.ndarray, start: float, end: float, gap: float) -> tupl
 
 def _on_a_curve(
     ops: Sequence[Op], switch: Switch, given: Mapping[Input, float], intervals: tuple[np.ndarray, np.ndarray], rounding: float
-) -> np.ndarray:
-    """When any function of time passes knots: intervals are halved until none has a knot in its range, or the function rises or falls in
-    it. Where even the narrowest tell neither, or there are too many, the values at their ends decide."""
+) -> np.ndarray | None:
+    """When any function of time passes knots, None where that is too often: intervals are halved until none has a knot in its range, or
+    the function rises or falls in it. Where even the narrowest tell neither, or there are too many, the values at their ends decide."""
     if switch.slope is None:
         return np.empty(0)
     low, high = intervals
@@ -244,7 +258,7 @@ def _on_a_curve(
         decided = (falls > 0) | (rises < 0) | narrow | (np.count_nonzero(inside) > MOST_INTERVALS)
         times = _between(ops, switch, given, low[inside & decided], high[inside & decided], rounding)
         if times is None or sum(map(len, found)) + len(times) > MOST_BREAKS:
-            return np.empty(0)
+            return None
         found.append(times)
         low, high = low[inside & ~decided], high[inside & ~decided]
         middle = low + (high - low) / 2

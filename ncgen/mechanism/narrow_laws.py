@@ -85,7 +85,7 @@ def quick_changes(ops: Sequence[Op], node: int, given: Mapping[Input, float], st
         x, widths = np.append(x[:-1][from_], x[-1]), widths[from_]
         x[is_new] = _at(ops, node, given, t[is_new])
         widths[is_part] = _widths(ops, node, given, t[:-1][is_part], t[1:][is_part])
-    return _flanks(t, x)
+    return _flanks(t, x, narrowest)
 
 
 def quick_changes_of(function: Function, start: float, end: float) -> np.ndarray:
@@ -132,11 +132,12 @@ def _size(x: np.ndarray) -> float:
     return float(max(np.max(x) - np.min(x), SMALLEST_RANGE * np.max(np.abs(x)), SMALLEST_CHANGE)) if len(x) else SMALLEST_CHANGE
 
 
-def _flanks(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Where values x (K,) at times t (s) begin to change much faster than before, and where they cease to."""
+def _flanks(t: np.ndarray, x: np.ndarray, jump: float = 0.0) -> np.ndarray:
+    """Where values x (K,) at times t (s) begin to change much faster than before, and where they cease to; jump: time (s) in which a
+    change is the jump of a break, beside which nothing is fast."""
     size = _size(x)
     steps = np.abs(np.diff(x))
-    changes = np.concatenate([[0.0], np.cumsum(np.where(np.isfinite(steps), steps, 0.0))])
+    changes = np.concatenate([[0.0], np.cumsum(np.where(np.isfinite(steps) & (np.diff(t) > jump), steps, 0.0))])
     count = int(changes[-1] / (LEVEL * size) - 0.5)
     if count < 2:
         return np.empty(0)

@@ -53,7 +53,7 @@ class Sweep:
         self, numbers: Numbers, sizes: Sizes, times: np.ndarray, states: np.ndarray, p: np.ndarray, inputs: np.ndarray
     ) -> None:  # fmt: skip
         """inputs (steps, stages, n_inputs): what drives the run."""
-        self._numbers, self._sizes, ffi = numbers, sizes, numbers.ffi
+        self.numbers, self._sizes, ffi = numbers, sizes, numbers.ffi
         self._times = np.ascontiguousarray(times, dtype=float)  # C reads these three where they are
         self._states, self._p, self._inputs = (np.ascontiguousarray(a, dtype=numbers.dtype) for a in (states, p, inputs))
         tape = {"steps": len(times) - 1, "times": pointer(ffi, self._times, "ncgen_scalar[]"), "states": self._real(self._states)}
@@ -64,11 +64,11 @@ class Sweep:
     def backward(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """How a number changes with q and q̇ at the start, (n,) each, with p, (n_p,), and with the inputs of all stages, (steps, stages,
         n_inputs), from how it does with [q, q̇] at all times, (steps + 1, 2 n)."""
-        n, library = self._sizes.n_coordinates, self._numbers.library
+        n, library = self._sizes.n_coordinates, self.numbers.library
         slopes = self._empty(2 * n + self._sizes.n_parameters)
         by_inputs, work = np.empty_like(self._inputs), self._empty(library.ncgen_adjoint_workspace(self._run))
         library.ncgen_adjoint(
-            self._run, self._numbers.transposed, self._real(weights, 2 * n * len(self._times)), *map(self._real, (slopes, by_inputs, work))
+            self._run, self.numbers.transposed, self._real(weights, 2 * n * len(self._times)), *map(self._real, (slopes, by_inputs, work))
         )
         return slopes[:n], slopes[n : 2 * n], slopes[2 * n :], by_inputs
 
@@ -86,9 +86,9 @@ class Sweep:
     def _part(self, name: str, weights: np.ndarray, *state: np.ndarray) -> np.ndarray:
         """What a transposed part says at the start; state: what it reads besides time and p."""
         found = self._empty(sum(map(len, state)) + len(self._p))
-        function = getattr(self._numbers.library, f"ncgen_{name}_back")
+        function = getattr(self.numbers.library, f"ncgen_{name}_back")
         given = *map(self._real, (*state, self._p)), self._real(weights, self._sizes.n_coordinates), self._real(found)
-        function(self._numbers.transposed, self._times[0], *given)
+        function(self.numbers.transposed, self._times[0], *given)
         return found
 
     def _by_parameters(self, slopes: np.ndarray) -> np.ndarray:
@@ -97,14 +97,14 @@ class Sweep:
         if not len(prepared):
             return own
         more = self._empty(len(own))
-        self._numbers.library.ncgen_prepare_back(self._numbers.transposed, *map(self._real, (self._p, prepared, more)))
+        self.numbers.library.ncgen_prepare_back(self.numbers.transposed, *map(self._real, (self._p, prepared, more)))
         return own + more
 
     def _empty(self, size: int) -> np.ndarray:
-        return np.empty(size, dtype=self._numbers.dtype)
+        return np.empty(size, dtype=self.numbers.dtype)
 
     def _real(self, array: np.ndarray, count: int | None = None) -> InC:
-        return pointer(self._numbers.ffi, np.ascontiguousarray(array, dtype=self._numbers.dtype), "ncgen_real[]", count)
+        return pointer(self.numbers.ffi, np.ascontiguousarray(array, dtype=self.numbers.dtype), "ncgen_real[]", count)
 
 
 @once

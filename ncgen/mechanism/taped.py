@@ -17,6 +17,7 @@ from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.driving import Function, Pieces, told_at
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.moving import ANY_STEP
+from ncgen.mechanism.moving_breaks import Jump, Jumping
 from ncgen.mechanism.runtime import ConstrainedDynamics, Outcome
 from ncgen.mechanism.sweep import SMALL, Numbers, Sizes, Sweep, dual_numbers
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, Integrator, number_in_c
@@ -77,8 +78,9 @@ class Taped:
     def __init__(
         self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray,
         tolerances: Mapping[str, InC] | None = None, inputs: Sequence[Pieces | Function | None] = (), breaks: np.ndarray = NO_BREAKS,
-        **options: InC,
+        jumps: Jumping | None = None, **options: InC,
     ) -> None:  # fmt: skip
+        self._jumping = jumps
         self._dynamics, self._kernels = dynamics, dynamics.kernels
         self._ffi, self._library = dynamics.adjoint_interface
         self._p, self._parameters = dynamics.with_prepared(p), len(p)
@@ -128,11 +130,43 @@ class Taped:
         numbers = Numbers(self._ffi, self._library, transposed, np.dtype(float), home)
         return Sweep(numbers, self._sizes, self._times, self._states, self._p, self.driven.values)
 
+    def _states_at_ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """All instants at which steps end (steps + 1,), s, and q and q̇ there, (steps + 1, n)."""
+        count, n = len(self._times), self._sizes.n_coordinates
+        first = self._states[: (count - 1) * self._step_size].reshape(count - 1, self._step_size)[:, : 2 * n]
+        last = self._states[(count - 1) * self._step_size :][: 2 * n]
+        whole = np.vstack([first, last])
+        return self._times, whole[:, :n], whole[:, n:]
+
+    @cached_property
+    def jumps(self) -> Mapping[int, Jump]:
+        """Those that parameters move, by the number of the instant just before."""
+        return self._jumping(*self._states_at_ends()) if self._jumping else {}
+
+    def _pieces(self) -> list[tuple[int, int]]:
+        """First and last instant of all parts of the run that no jump divides."""
+        count = len(self._times) - 1
+        return [*pairwise([0, *(k for k in sorted(self.jumps) if k), count])]
+
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Driven]:
         """How a number changes with q and q̇ at the start, (n,) each, with p, (n_p,), and with what drove the run, from how it does with q
         and q̇ at all times of the grid, (K, n) each."""
-        to_q, to_qd, by_p, by_inputs = self.back.backward(self.at_all_steps(by_q, by_qd))
-        return to_q, to_qd, by_p, replace(self.driven, values=by_inputs)
+        weights = self.at_all_steps(by_q, by_qd)
+        if not self.jumps:
+            to_q, to_qd, by_p, by_inputs = self.back.backward(weights)
+            return to_q, to_qd, by_p, replace(self.driven, values=by_inputs)
+        n, by_p = self._sizes.n_coordinates, np.zeros(self._parameters)
+        by_inputs, numbers = np.empty_like(self.driven.values), self.back.numbers
+        for first, last in reversed(self._pieces()):
+            own = weights[first].copy()
+            weights[first] = 0.0
+            states = self._states[first * self._step_size : last * self._step_size + 2 * n]
+            inputs = self.driven.values[first:last]
+            sweep = Sweep(numbers, self._sizes, self._times[first : last + 1], states, self._p, inputs)
+            to_q, to_qd, more, by_inputs[first:last] = sweep.backward(weights[first : last + 1])
+            by_p += more + (self.jumps[first].felt(to_qd) if first in self.jumps else 0.0)
+            weights[first] = own + np.concatenate([to_q, to_qd])
+        return weights[0, :n], weights[0, n:], by_p, replace(self.driven, values=by_inputs)
 
     def at_all_steps(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
         """Weights (steps + 1, 2 n) of [q, q̇] from those at the times of the grid."""
@@ -168,9 +202,18 @@ class Taped:
 
     def _along(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray, taped: np.ndarray | None) -> np.ndarray:
         """Changes (steps + 1, 2 n, D) where steps begin and end, and where they are wanted of all that is on the tape."""
-        seeds = np.vstack([dq, dqd, dp]).astype(float, order="C")
-        changes = np.empty((len(self._times), 2 * self._sizes.n_coordinates, dp.shape[1]))
-        self._directions.run(self._sizes, self._p, self.driven.values, self._times, self._states, seeds, changes, taped)
+        n = self._sizes.n_coordinates
+        changes, size = np.empty((len(self._times), 2 * n, dp.shape[1])), self._step_size
+        changes[0] = np.vstack([dq, dqd])
+        for first, last in self._pieces():
+            begun = changes[first].copy()
+            if first in self.jumps:
+                begun[n:] += self.jumps[first].along(dp)
+            seeds, inputs = np.vstack([begun, dp]).astype(float, order="C"), self.driven.values[first:last]
+            times, states = self._times[first : last + 1], self._states[first * size :]
+            own = changes[first].copy()
+            self._directions.run(self._sizes, self._p, inputs, times, states, seeds, changes[first : last + 1], taped)
+            changes[first] = own
         return changes
 
     def velocities_along(self, dq: np.ndarray, dp: np.ndarray) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class Switch:
     """An operation that changes its formula where its argument, which depends on time and parameters alone, passes a knot.
 
     argument, slope: nodes of it and of its derivative by time; slope None where the argument is constant in time between other breaks
-    pieces: the knots; jumps: True where the value jumps at one of them, or a value that this is the derivative of
+    pieces: the knots; jumps: True where the value jumps at one of them; bends: where its slope does, or the value
     inner: numbers of the switches that the argument depends on
     """
 
@@ -47,6 +48,7 @@ class Switch:
     slope: int | None
     pieces: Pieces
     jumps: bool
+    bends: bool
     inner: tuple[int, ...]
 
 
@@ -68,18 +70,21 @@ class TimeLaws:
         return bool(self.switches or self.narrow)
 
 
-def time_laws(kernels: Kernels) -> TimeLaws:
-    """The switches of time in forces and constraints, found once for a mechanism."""
-    return kernels.remember("laws of time", (), lambda: _laws(kernels))
+def time_laws(kernels: Kernels, of_inputs: bool = False) -> TimeLaws:
+    """The switches of time in forces and constraints, found once for a mechanism; of_inputs: with those that depend on inputs alone."""
+    inputs = len(kernels.inputs) if of_inputs else 0
+    changing = {TIME, *(Input("p", len(kernels.p0) - 1 - k) for k in range(inputs))}
+    return kernels.remember("laws of time", of_inputs, lambda: _laws(kernels, changing))
 
 
-def _laws(kernels: Kernels) -> TimeLaws:
+def _laws(kernels: Kernels, changing: Collection[Input]) -> TimeLaws:
+    """changing: the time, and inputs that change with it."""
     graph, known, outputs = Graph(), {}, []
     sizes = {"t": 1, "p": len(kernels.p0), "q": kernels.n, "qd": kernels.n}
     for program in kernels.programs.programs.values():
-        if _reads_time(program, BREAKING):
-            inputs = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
-            outputs += inlined(graph, program, inputs)
+        if _reads(program, BREAKING, changing):
+            arrays = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
+            outputs += inlined(graph, program, arrays)
     over_time: dict[int, int] = {}  # node -> the same among the laws' own
     own, switches = Graph(), []
     for node, op in enumerate(graph.ops):
@@ -96,11 +101,12 @@ def _laws(kernels: Kernels) -> TimeLaws:
     for node, op in known.items():
         (argument,) = op.args
         below = own.below([argument])
-        if t not in below:
+        if not any(own.ops[b].leaf in changing for b in below):
             continue
         slope = tangent(own, [argument], {t: own.const(1.0)}).get(argument)
         pieces = op.pieces if op.code == PIECES else ZERO
-        switches.append((node, Switch(argument, slope, pieces, _jumps(op), tuple(numbers[b] for b in below if b in numbers))))
+        jumps, bends = _discontinuous(op)
+        switches.append((node, Switch(argument, slope, pieces, jumps, bends, tuple(numbers[b] for b in below if b in numbers))))
     place = {numbers[node]: k for k, (node, _) in enumerate(switches)}
     found = [replace(s, inner=tuple(place[i] for i in sorted(s.inner) if i in place)) for _, s in switches]
     return _without_others(own, found, narrow)
@@ -162,27 +168,36 @@ def _without_others(graph: Graph, switches: Sequence[Switch], narrow: Sequence[i
 
 def may_switch(program: Program) -> bool:
     """True if a program reads the time and has an operation that changes its formula."""
-    return _reads_time(program, SWITCHING)
+    return _reads(program, SWITCHING, {TIME})
 
 
-def _reads_time(program: Program, codes: Container[str]) -> bool:
-    """True if a program reads the time and has an operation of these codes."""
+def _reads(program: Program, codes: Container[str], changing: Collection[Input]) -> bool:
+    """True if a program reads some of what changes with time and has an operation of some codes."""
     if not any(op.code in codes for block in program.blocks for op in block.ops):
         return False
-    loads = any(op.code == "load" and op.input == TIME for block in program.blocks for op in block.ops)
-    return loads or any(slot.array == "t" for block in program.blocks for slot in block.slots)
+    loads = any(op.code == "load" and op.input in changing for block in program.blocks for op in block.ops)
+    arrays = {each.array for each in changing}
+    return loads or any(slot.array in arrays for block in program.blocks for slot in block.slots)
 
 
-def _jumps(op: Op) -> bool:
-    """True if the value of an operation jumps."""
+def _discontinuous(op: Op) -> tuple[bool, bool]:
+    """Whether the value of an operation jumps, and whether its slope or the value does."""
     if op.code != PIECES:
-        return op.code == "sign"
+        return op.code == "sign", True
     pieces = op.pieces
     at = [*zip(pieces.knots, pieces.rows, pieces.rows[1:], strict=False)]
     if pieces.period:  # the row before the first knot is never taken; before it comes the last but one
         at = [(pieces.knots[-1], pieces.rows[-2], (pieces.rows[1][0] + pieces.period, *pieces.rows[1][1:])), *at[1:-1]]
     size = max(abs(_at(row, knot)) for knot, *rows in at for row in rows)
-    return any(abs(_at(before, knot) - _at(after, knot)) > 1e-9 * size for knot, before, after in at)
+    jumps = any(abs(_at(before, knot) - _at(after, knot)) > 1e-9 * size for knot, before, after in at)
+    length = min((b - a for a, b in pairwise(pieces.knots)), default=1.0)
+    slopes = [abs(_at(_slope(before), knot) - _at(_slope(after), knot)) * length for knot, before, after in at]
+    return jumps, jumps or any(slope > 1e-9 * size for slope in slopes)
+
+
+def _slope(row: Sequence[float]) -> tuple[float, ...]:
+    """Origin and coefficients of a polynomial's derivative."""
+    return row[0], *(k * coefficient for k, coefficient in enumerate(row[1:]) if k)
 
 
 def _at(row: Sequence[float], x: float) -> float:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from ncgen.compiler import compile, generate
+from ncgen.exchange.examples import load
 from ncgen.program.ir import cut as cutting
-from ncgen.program.ir.blocks import Program, Store, Straight
+from ncgen.program.ir.blocks import Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.cut import KEPT, cut
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.finishing import finish
-from ncgen.program.ir.graph import Graph
+from ncgen.program.ir.graph import Graph, Op
 from ncgen.program.ir.verify import verify
 
 
@@ -26,7 +30,7 @@ def program(seed: int) -> Program:
     return Program("out", ("q",), "out", len(outputs), (finish(Straight(tuple(graph.ops), stores)),))
 
 
-@pytest.mark.parametrize("longest", [7, 40, 150])
+@pytest.mark.parametrize("longest", [7, 40, 110])
 @pytest.mark.parametrize("seed", range(3))
 def test_same_numbers_in_short_blocks(monkeypatch, longest, seed):
     monkeypatch.setattr(cutting, "LONGEST", longest)
@@ -61,3 +65,31 @@ def test_what_lies_in_the_output_is_kept_nowhere_else(monkeypatch):
 
 def test_what_is_short_stays_whole():
     assert cut(program(0)).blocks == program(0).blocks
+
+
+def test_kernels_with_loops_are_cut_in_their_straight_lines(monkeypatch):
+    """What stands in loops stays where it was, between the parts of the straight lines."""
+    monkeypatch.setattr(cutting, "LONGEST", 40)
+    whole = program(0)
+    loop = Loop(3, (Op("slot", (), 0),), (Slot("q", (0, 1, 2)),), (TableStore("out", (0, 1, 2), 0, True),))
+    both = replace(whole, blocks=(*whole.blocks, loop))
+    parts = cut(both)
+    verify(parts, {"q": 5})
+    q = [0.3, -1.2, 0.7, 2.0, -0.4]
+    assert evaluate(parts, {"q": q}) == evaluate(both, {"q": q})
+    assert parts.blocks[-1] == loop and len(parts.blocks) > 2
+    assert cut(parts) is parts
+
+
+def test_long_kernels_are_several_functions_in_c(monkeypatch):
+    """They compute the same, and their loops stand in the function that calls the parts."""
+    model = load("quadruped")
+    whole = compile(generate(model), "c")
+    monkeypatch.setattr(cutting, "LONGEST", 60)
+    sources = generate(model)
+    assert "quadruped_gamma_2(" in sources.c["quadruped.c"] and "for (int i = 0;" in sources.c["quadruped.c"]
+    parts = compile(sources, "c")
+    rng = np.random.default_rng(0)
+    q, qd = rng.uniform(-1, 1, (2, whole.n))
+    for name in ("phi", "phi_q", "gamma"):
+        assert np.allclose(parts.values(name, 0.0, q, qd, parts.p0), whole.values(name, 0.0, q, qd, whole.p0), rtol=1e-13, atol=1e-13)

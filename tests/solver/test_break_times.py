@@ -274,3 +274,13 @@ def test_steps_from_outside_end_at_breaks(integrator, h):
         many.step(h)
     assert one["A.x"] == pytest.approx(after_the_pulse(one.t), abs=3e-7)
     assert many["A.x"] == pytest.approx(3 * [one["A.x"]], abs=1e-14)
+
+
+@pytest.mark.parametrize("engine", ["c", "python"])
+@pytest.mark.parametrize("formalism, integrator", FIXED)
+def test_a_jump_at_the_start(formalism, integrator, engine):
+    """1 N from the first instant on, on 1 kg: x = t²/2 at every row."""
+    kernels = ncgen.compile(pushed(lambda t, w, m: sympy.Heaviside(t)))
+    run = ncgen.simulate(kernels, 1.0, formalism=formalism, integrator=integrator, max_step=0.1, points=11, engine=engine)
+    np.testing.assert_allclose(run["s"], run.t**2 / 2, rtol=0, atol=1e-10 if formalism != "ali3p" else 1e-4)
+    np.testing.assert_allclose(run["rate(s)"], run.t, rtol=0, atol=1e-10 if formalism != "ali3p" else 1e-4)

@@ -189,3 +189,14 @@ def test_a_function_is_asked_less_often_than_a_thousand_times():
         calls = []
         break_times(kernels, kernels.p0, 0.0, DURATION, [lambda t, f=function, c=calls: c.append(t) or f(t)])
         assert 400 < len(calls) < 1000 and all(type(t) is float for t in calls)
+
+
+def test_beside_a_jump_nothing_is_fast():
+    """The acceleration of a driver, a sum of products of what jumps, gives no breaks besides the jump."""
+    m = ncgen.Model("driven")
+    axis = m.vector("axis", (1, 0, 0), fixed=True)
+    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y")
+    m.body("block", [A], mass=MASS)
+    m.drive(m.slide("s", O, A, axis), m.parameter("w", 1.3) * sympy.Max(0, m.time - m.parameter("t1", 0.62)) ** 2)
+    kernels = ncgen.compile(m, "numpy")
+    assert break_times(kernels, kernels.p0, 0.0, 2.0) == pytest.approx(np.array([[0.62, 0.62]]), rel=1e-14)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.special import ellipk
@@ -123,6 +124,44 @@ def test_work_until_then(engine):
     assert run[name][-1] == pytest.approx(value, abs=1e-10)
     assert run.energy_drift < 1e-6
     assert run.q[:-1] == pytest.approx(whole.q[: len(run.t) - 1], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("formalism", "integrator", "engine"),
+    [
+        ("coordinate-partitioning", "dop853", "emitted"),
+        ("coordinate-partitioning", "dopri5", "c"),
+        ("lagrange", "dop853", "c"),
+        ("lagrange", "radau", "c"),
+        ("coordinate-partitioning", "dop853", "python"),
+        ("lagrange", "dopri5", "python"),
+    ],
+)
+@pytest.mark.parametrize("depth", [1e-2, 1e-3, 1e-4, 1e-6])
+def test_there_and_back_within_a_step(pendulum, depth, formalism, integrator, engine):
+    """The pendulum comes back to the height that it fell from, and is nearer to it than `depth` for less than a step."""
+    with mpmath.workdps(20):
+        fallen = float(mpmath.quad(lambda a: 1 / mpmath.sqrt(2 * 9.81 * mpmath.sin(a)), [0, mpmath.asin(depth) / 16, mpmath.asin(depth)]))
+    options = {"formalism": formalism, "integrator": integrator, "engine": engine, "atol": None, "rtol": 1e-9}
+    run = fall(pendulum, {"B.y": (-depth, "rising")}, **options)
+    assert run.stopped and run["B.y"][-1] == pytest.approx(-depth, abs=1e-12)
+    assert run.t[-1] == pytest.approx(2 * QUARTER - fallen, abs=1e-5)
+    late = fall(pendulum, {"B.y": (-depth, "falling")}, **options)
+    assert late.t[-1] == pytest.approx(fallen, abs=1e-5)
+
+
+@pytest.mark.parametrize("engine", ["c", "python"])
+def test_a_ball_that_is_thrown(engine):
+    """Its parabola is exact in one step: 10 mm below the apex it is twice."""
+    model = ncgen.Model("ball")
+    model.body("ball", [model.point("P", (0, 0))], mass=1.0)
+    model.gravity((0, -9.81))
+    kernels = ncgen.compile(model, backend="c")
+    half = np.sqrt(2 * 0.01 / 9.81)
+    for way, expected in (("rising", 0.5 - half), ("falling", 0.5 + half)):
+        stop = {"P.y": (9.81 / 8 - 0.01, way)}
+        run = ncgen.simulate(kernels, 1.0, points=2, qd0={"P.y": 9.81 / 2}, rtol=1e-6, engine=engine, stop=stop)
+        assert run.stopped and run.t[-1] == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_fraction_is_a_number(pendulum):

@@ -6,8 +6,8 @@ from ncgen.emit.expressions import Assignment
 from ncgen.emit.spelling import Record, Spelling
 from ncgen.emit.tables import Tables
 from ncgen.program.ir.angles import SHARED
-from ncgen.program.ir.blocks import Block, Program, Slot, Store, TableStore
-from ncgen.program.ir.cut import KEPT
+from ncgen.program.ir.blocks import Block, Loop, Program, Slot, Store, TableStore
+from ncgen.program.ir.cut import KEPT, cut
 
 
 class C(Spelling):
@@ -46,11 +46,15 @@ class C(Spelling):
         return f"{store.array}[{place}] {'+=' if store.accumulate else '='} {value};"
 
     def kernel(self, program: Program) -> Record:
-        return super().kernel(program) | {
+        program = cut(program)
+        record = super().kernel(program)
+        for number, block in enumerate(program.blocks):
+            is_apart = KEPT in program.temporaries and not isinstance(block, Loop)
+            record["blocks"][number]["part"] = self._part(program, number) if is_apart else None
+        return record | {
             "function": f"{self.prefix}_{program.name}",
             "angles": self._angles(program.angles),
             "unused": [a for a in program.inputs if a not in _read(program)],
-            "parts": [self._part(program, number) for number in range(len(program.blocks))] if KEPT in program.temporaries else [],
         }
 
     def _part(self, program: Program, number: int) -> Record:

@@ -182,7 +182,7 @@ typedef struct ncgen_options {
     ncgen_scalar atol;      /* fixed step */
     const ncgen_scalar *sizes; /* what atol is multiplied by, one a velocity, position and the work that are integrated; NULL: 1 */
     ncgen_scalar span;      /* explicit methods with error control: a step of length h may have h / span of the tolerance; 0: all */
-    ncgen_scalar max_step;  /* with error control: longest step, 0 for none; others: the step */
+    ncgen_scalar max_step;  /* with error control: longest step, 0 for none; others: the step, negative for one from each time to the next */
     ncgen_scalar tolerance; /* of the position problem, relative to row_sizes */
     ncgen_scalar growth;    /* coordinate partitioning: stop with NCGEN_PIVOT when the amplification has grown by this factor */
     long max_steps;         /* 0 for no limit */

@@ -2,6 +2,7 @@
  *
  * An integrator tells here that it has come from t to t + h, and how to interpolate in between.
  */
+#include "ncgen_crossing.h"
 #include "ncgen_grid.h"
 
 /* A row nearer to the end of a step than this share of it takes the state of the step itself. */
@@ -34,6 +35,15 @@ ncgen_scalar ncgen_next_break(const ncgen_run *r, ncgen_scalar t, ncgen_scalar e
     return signals && k < signals->n_breaks && signals->breaks[k] < end ? signals->breaks[k] : end;
 }
 
+ncgen_scalar ncgen_next_goal(const ncgen_run *r, ncgen_scalar t, ncgen_scalar end)
+{
+    const ncgen_scalar goal = ncgen_next_break(r, t, end);
+    int row = r->rows;
+    while (r->options->max_step < 0 && row < r->n_times && !(r->times[row] > t))
+        ++row;
+    return r->options->max_step < 0 && row < r->n_times && r->times[row] < goal ? r->times[row] : goal;
+}
+
 /* q and qd at t + s h. */
 static int state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
 {
@@ -56,29 +66,70 @@ static int event_value(ncgen_run *r, ncgen_scalar t, ncgen_real *value)
     return NCGEN_OK;
 }
 
-static int crosses(const ncgen_event *event, ncgen_real before, ncgen_real after)
+/* The event's function at the share s of the step, of the state on the constraints. */
+static int event_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s, ncgen_real *value)
 {
-    return (event->direction >= 0 && before < 0 && after >= 0) || (event->direction <= 0 && before > 0 && after <= 0);
+    const int status = state_inside(r, w, t, h, s);
+    return status == NCGEN_OK ? event_value(r, t + s * h, value) : status;
 }
 
-/* The share *s of the step at which the event happens: Illinois' rule on the interpolant, down to the tolerance. */
-static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real before, ncgen_real after,
+/* Where the event's coordinate or velocity stands in y itself, which then is a polynomial in time within a step; else -1. */
+static int place_in_state(const ncgen_run *r)
+{
+    const int k = r->options->event->coordinate;
+    if (k < 0 || !r->constrained)
+        return -1;
+    return k < r->n ? r->n + k : k - r->n;
+}
+
+/* The event's function at the shares 0, 1/8, ... 1 of the step; the first and the last one are there. */
+static int sample_event(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real *values)
+{
+    const int place = place_in_state(r);
+    int status = NCGEN_OK;
+    for (int k = 1; k < NCGEN_CROSSING_DEGREE && status == NCGEN_OK; ++k) {
+        const ncgen_scalar s = k / (ncgen_scalar)NCGEN_CROSSING_DEGREE;
+        if (place < 0) {
+            status = event_inside(r, w, t, h, s, &values[k]);
+        } else {
+            status = w->interpolate(r, w, t, h, s);
+            values[k] = w->at[place] - r->options->event->value;
+        }
+    }
+    return status;
+}
+
+/* Does the event happen within the step? Then between the shares *low and *high of it. */
+static int find_event(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real before, int *found, ncgen_scalar *low,
+                      ncgen_scalar *high)
+{
+    ncgen_real values[NCGEN_CROSSING_DEGREE + 1];
+    values[0] = before;
+    values[NCGEN_CROSSING_DEGREE] = w->event;
+    const int status = sample_event(r, w, t, h, values);
+    ncgen_scalar size = NCGEN_ABS(r->options->event->value);
+    for (int k = 0; k <= NCGEN_CROSSING_DEGREE; ++k)
+        if (NCGEN_ABS(values[k]) > size)
+            size = NCGEN_ABS(values[k]);
+    *found = status == NCGEN_OK && ncgen_first_crossing(values, 1000 * r->rounding * size, r->options->event->direction, low, high);
+    return status;
+}
+
+/* The share *s of the step, first the end of what it may be, at which the event happens: Illinois' rule on the interpolant. */
+static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real at_low, ncgen_real at_high, ncgen_scalar low,
                   ncgen_scalar *s)
 {
-    ncgen_scalar low = 0, high = 1;
-    ncgen_real at_low = before, at_high = after;
+    ncgen_scalar high = *s;
     int side = 0;
     for (int k = 0; k < 60 && high - low > 64 * r->rounding; ++k) {
         ncgen_real value = 0;
         *s = low + (high - low) * (at_low / (at_low - at_high));
-        int status = state_inside(r, w, t, h, *s);
-        if (status == NCGEN_OK)
-            status = event_value(r, t + *s * h, &value);
+        const int status = event_inside(r, w, t, h, *s, &value);
         if (status != NCGEN_OK)
             return status;
         if (!(NCGEN_ABS(value) > 0))
             return NCGEN_OK;
-        const int beyond = (value > 0) == (after > 0);
+        const int beyond = (value > 0) == (at_high > 0);
         if (beyond) {
             high = *s;
             at_high = value;
@@ -91,6 +142,23 @@ static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar 
         side = beyond ? 1 : -1;
     }
     *s = high;
+    return state_inside(r, w, t, h, *s);
+}
+
+/* The same between two shares; the state on the constraints may turn a little beside the interpolant, and then it is the second one. */
+static int locate_between(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real before, ncgen_scalar low,
+                          ncgen_scalar *s)
+{
+    ncgen_real at_low = before, at_high = w->event;
+    int status = NCGEN_OK;
+    if (low > 0)
+        status = event_inside(r, w, t, h, low, &at_low);
+    if (status == NCGEN_OK && *s < 1)
+        status = event_inside(r, w, t, h, *s, &at_high);
+    if (status != NCGEN_OK)
+        return status;
+    if ((at_low < 0 && at_high > 0) || (at_low > 0 && at_high < 0))
+        return locate(r, w, t, h, at_low, at_high, low, s);
     return state_inside(r, w, t, h, *s);
 }
 
@@ -110,6 +178,26 @@ static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_s
         }
     }
     return NCGEN_OK;
+}
+
+/* After an accepted step: ends the run at the event, if it happens in it. */
+static int stop_at_event(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar t_new)
+{
+    const ncgen_scalar h = t_new - t;
+    const ncgen_real before = w->event;
+    ncgen_scalar low = 0, s = 1;
+    int happens = 0;
+    int status = event_value(r, t_new, &w->event);
+    if (status == NCGEN_OK)
+        status = find_event(r, w, t, h, before, &happens, &low, &s);
+    if (status == NCGEN_OK && happens)
+        status = locate_between(r, w, t, h, before, low, &s);
+    if (status != NCGEN_OK || !happens)
+        return status;
+    ncgen_keep_state(r, t + s * h, w->at[r->weighed - 1]);
+    status = write_inside(r, w, t, h, s);
+    r->statistics->stopped = status == NCGEN_OK;
+    return status;
 }
 
 /* Has the step under way rows before a time that must be of their own instants? Looks alone wait for its end. */
@@ -171,23 +259,15 @@ int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w)
 int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar t_new)
 {
     const ncgen_scalar h = t_new - t;
-    const ncgen_real before = w->event;
     int status = check_state(r, w->new_y[r->weighed - 1]);
     if (status != NCGEN_OK)
         return status;
     status = ncgen_accept(r, t_new, w->new_y);
     r->statistics->steps += 1;
-    int trouble = r->options->event ? event_value(r, t_new, &w->event) : NCGEN_OK;
-    if (trouble == NCGEN_OK && r->options->event && crosses(r->options->event, before, w->event)) {
-        ncgen_scalar s = 1;
-        trouble = locate(r, w, t, h, before, w->event, &s);
-        if (trouble != NCGEN_OK)
-            return trouble;
-        ncgen_keep_state(r, t + s * h, w->at[r->weighed - 1]);
-        trouble = write_inside(r, w, t, h, s);
-        r->statistics->stopped = trouble == NCGEN_OK;
+    const int sought = r->options->event != NULL;
+    int trouble = sought ? stop_at_event(r, w, t, t_new) : NCGEN_OK;
+    if (r->statistics->stopped)
         return trouble;
-    }
     if (trouble == NCGEN_OK && has_rows_before(r, t + (1 - on_the_grid) * h))
         trouble = write_inside(r, w, t, h, 1 - on_the_grid);
     if (trouble != NCGEN_OK)

@@ -48,7 +48,7 @@ int ncgen_is_possible(const ncgen_model *model, const ncgen_dynamics *dynamics, 
         return 0;
     if (ncgen_uses_tangents(model, dynamics, options) && (!dynamics->tangents || (partitioned && dynamics->newton && !dynamics->rows)))
         return 0;
-    if (facts[options->method].has_fixed_step && !(options->max_step > 0))
+    if (facts[options->method].has_fixed_step && !(options->max_step > 0 || options->max_step < 0))
         return 0;
     return ncgen_is_stepper(options) || (facts[options->method].takes_derivative && options->formalism != NCGEN_ALI3P);
 }

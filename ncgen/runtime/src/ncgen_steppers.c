@@ -106,19 +106,21 @@ int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     const ncgen_scalar end = r->times[r->n_times - 1];
     ncgen_scalar t = r->times[0];
     w->interpolate = interpolate;
-    (void)ncgen_cross_break(r, &t, end);
     ncgen_copy(r->n, r->y, r->qd);
     ncgen_keep_state(r, r->times[0], 0);
-    int status = begin(r, c, t);
-    if (status == NCGEN_OK)
-        status = ncgen_grid_begin(r, w);
+    int status = ncgen_grid_begin(r, w); /* the first row is there before a jump at the start is crossed */
+    if (status == NCGEN_OK) {
+        (void)ncgen_cross_break(r, &t, end);
+        status = begin(r, c, t);
+    }
     while (t < end && status == NCGEN_OK && !r->statistics->stopped) {
-        const ncgen_scalar goal = ncgen_next_break(r, t, end);
+        const ncgen_scalar goal = ncgen_next_goal(r, t, end);
+        const int is_broken = !(goal < ncgen_next_break(r, t, end));
         status = step_through(r, w, c, t, goal);
         t = goal;
         if (status == NCGEN_OK && !r->statistics->stopped)
             (void)ncgen_cross_break(r, &t, end);
-        if (status == NCGEN_OK && t < end && !r->statistics->stopped)
+        if (status == NCGEN_OK && is_broken && t < end && !r->statistics->stopped)
             status = begin(r, c, t);
     }
     return status;

@@ -49,7 +49,8 @@ static int correct_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncg
 static int trapezoidal_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
 {
     int status = NCGEN_NOT_CONVERGED;
-    if (m->factored && !(m->last_step < h || m->last_step > h))
+    const ncgen_scalar other = h - m->last_step, rounded = R(1.0e-9) * h; /* equal steps between times that are rounded */
+    if (m->factored && other <= rounded && -other <= rounded)
         status = correct_fixed(r, w, m, t, h);
     if (status != NCGEN_OK && status != NCGEN_INTERRUPTED) {
         for (int i = 0; i < r->ny; ++i)
@@ -85,8 +86,8 @@ int ncgen_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     if (ncgen_cross_break(r, &t, end) && (begun = r->derivative(r, t, r->y, w->slopes)) != NCGEN_OK)
         return begun;
     while (t < end) {
-        const ncgen_scalar goal = ncgen_next_break(r, t, end);
-        const int last = t + r->options->max_step >= goal;
+        const ncgen_scalar goal = ncgen_next_goal(r, t, end);
+        const int last = r->options->max_step < 0 || t + r->options->max_step >= goal;
         const ncgen_scalar t_new = last ? goal : t + r->options->max_step;
         if (!(t_new > t))
             return NCGEN_ARGUMENT;

@@ -87,6 +87,7 @@ def gradient_batch(
     check_told(progress)
     with telling(progress, f"gradients of {len(values)} motions of {kernels.name}", 0.0, 1.0) as told:
         found = batch.sweep(weigh, told)
+    values[[status != "ok" for status in found.status]] = np.nan
     return BatchGradients(values, found.slopes, batch.names, tuple(found.status), found.alone)
 
 

@@ -9,25 +9,25 @@ computation, through the solution of the position problem by the implicit functi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.break_times import break_times
-from ncgen.mechanism.driver_jumps import refuse_jumps
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.moving_breaks import Jump
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.table import INTEGRATORS
+from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.finite import watched
 from ncgen.solver.formalisms.coordinate_partitioning import Start, dependent_position, motion_at
 from ncgen.solver.positions.partition import Kinematics, determined, kinematics, quality
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.start import begin
-from ncgen.solver.trajectories.trajectory import Trajectory
 
 NODES, WEIGHTS = (tuple(map(float, numbers)) for numbers in zip(*INTEGRATORS["rk4"].coefficients.successive))
 """The classical Runge-Kutta method: k_i = f(t + c_i h, y + c_i h k_{i−1}), y + h Σ w_i k_i."""
@@ -42,9 +42,9 @@ POOR = 1e-5
 
 
 class PartitionedMotion:
-    """A motion over equal steps, every stage kept for the derivative's sake.
+    """A motion over the steps of a grid, which are split at breaks of laws in time, every stage kept for the derivative's sake.
 
-    t (K,); q, qd (K, n), there once `forward` or `steps` has gone through; names: of the columns of derivatives: parameters, z, rate(z)
+    t (K,); q, qd (K, n); names: of the columns of derivatives: parameters, z, rate(z)
     z_by_p: where z starts, by the parameters
     """
 
@@ -56,8 +56,9 @@ class PartitionedMotion:
         self.signals = signals
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self.t = watched(kernels), begun.p, times
-        refuse_jumps(kernels, begun.p, begun.q, break_times(kernels, begun.p, times[0], times[-1]), "derivatives")
-        self.h = (times[-1] - times[0]) / (len(times) - 1)
+        self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
+        self._split = self.jumps.ends(times)
+        self._ends, self._seen = self._split.t, self._split.seen
         self.partition = determined(begun.partitions).position
         independent = self.partition.independent
         self.nz = len(independent)
@@ -73,11 +74,42 @@ class PartitionedMotion:
 
     @property
     def q(self) -> np.ndarray:
-        return np.array(self._stages and self._q)
+        return self._states[0][self._seen]
+
+    def _at_the_grid(self, rows: list[np.ndarray]) -> np.ndarray:
+        """Those of all ends of steps that are at instants of the grid."""
+        return np.array(rows)[self._seen]
+
+    @cached_property
+    def _jumps(self) -> Mapping[int, Jump]:
+        """Jumps that parameters move, by the number of the step that goes across."""
+        if not self.jumps.breaks.moved:
+            return {}
+        return self.jumps(self._ends, *self._states)
+
+    def _across(self, k: int, dy: np.ndarray, dp: np.ndarray) -> np.ndarray:
+        """Changes of y where step k begins, and a jump is behind it."""
+        if k not in self._jumps:
+            return dy
+        return dy + np.pad(self._jumps[k].along(dp)[self.partition.independent], ((0, self.nz), (0, 0)))
+
+    def _felt(self, k: int, adjoint: np.ndarray) -> np.ndarray:
+        """What a jump where step k begins says of p."""
+        if k not in self._jumps:
+            return np.zeros(len(self.p))
+        weights = np.zeros(self.kernels.n)
+        weights[self.partition.independent] = adjoint[: self.nz]
+        return self._jumps[k].felt(weights)
 
     @property
     def qd(self) -> np.ndarray:
-        return np.array(self._stages and self._qd)
+        return self._states[1][self._seen]
+
+    @property
+    def _states(self) -> tuple[np.ndarray, np.ndarray]:
+        """q and q̇ at all ends of steps, (ends, n) each."""
+        self._stages  # noqa: B018 - it runs
+        return np.array(self._q), np.array(self._qd)
 
     @property
     def _stages(self) -> list[list[_Stage]]:
@@ -88,19 +120,28 @@ class PartitionedMotion:
 
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D)."""
-        dy, dp = (seeds @ directions for seeds in self._seeds())
+        dy, dp = self._checked(directions)
         q_by, qd_by = [], []
-        for stages in self._stages:
+        for k, (stages, h) in enumerate(zip(self._stages, np.diff(self._ends), strict=True)):
             slopes, total = np.zeros_like(dy), np.zeros_like(dy)
+            _, *seen = stages[0].forward(dy, dp) if k in self._jumps else (None,)
+            dy = self._across(k, dy, dp)
             for stage, node, weight in zip(stages, NODES, WEIGHTS, strict=True):
-                slopes, dq, dqd = stage.forward(dy + node * self.h * slopes, dp)
+                slopes, *found = stage.forward(dy + node * h * slopes, dp)
+                seen = seen or found
                 total += weight * slopes
-                if node == 0.0:
-                    q_by.append(dq)
-                    qd_by.append(dqd)
-            dy = dy + self.h * total
+            q_by.append(seen[0])
+            qd_by.append(seen[1])
+            dy = dy + h * total
         _, dq, dqd = self._last.forward(dy, dp)
-        return np.array([*q_by, dq]), np.array([*qd_by, dqd])
+        return self._at_the_grid([*q_by, dq]), self._at_the_grid([*qd_by, dqd])
+
+    def _checked(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How y at the start and p change along directions. Raises ModelError for one along which there is no derivative."""
+        self._jumps  # noqa: B018 - what a jump says may be that there is none
+        self.jumps.check_along(directions)
+        dy, dp = (seeds @ directions for seeds in self._seeds())
+        return dy, dp
 
     def _seeds(self) -> tuple[np.ndarray, np.ndarray]:
         """How y at the start and p change with every column."""
@@ -111,25 +152,37 @@ class PartitionedMotion:
         dy[nz:, :parameters] = self.z_by_p
         return dy, np.eye(parameters, count)
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray, by: Iterable[str] | None = None) -> tuple[np.ndarray, Driven]:
         """Derivatives of a number by what has a name (columns,), and by what drove the run, from those by q and q̇ at all instants, (K, n)
-        each."""
-        t = self.t[:-1, None] + self.h * np.array(NODES)
-        driven = Driven(t, np.broadcast_to(self.t[:-1, None], t.shape), np.zeros((*t.shape, len(self.kernels.inputs))))
-        adjoint, p_bar = self._last.backward(np.zeros(2 * self.nz), by_q[-1], by_qd[-1])
-        nothing, h = np.zeros(self.kernels.n), self.h
-        for k, stages in reversed(list(enumerate(self._stages))):
-            later = np.zeros_like(adjoint)
+        each; by: as of `TapedMotion`."""
+        by_q, by_qd = self._at_all_steps(by_q), self._at_all_steps(by_qd)
+        lengths = np.diff(self._ends)
+        begun = self._ends[:-1, None]
+        t = begun + lengths[:, None] * np.array(NODES)
+        driven = Driven(t, np.broadcast_to(begun, t.shape), np.zeros((*t.shape, len(self.kernels.inputs))))
+        nothing, still = np.zeros(self.kernels.n), np.zeros(2 * self.nz)
+        stages_of_all = self._stages
+        adjoint, p_bar = self._last.backward(still, by_q[-1], by_qd[-1])
+        for k, stages in reversed(list(enumerate(stages_of_all))):
+            later, h = np.zeros_like(adjoint), lengths[k]
             total = adjoint.copy()
             for i in reversed(range(4)):
-                seen = (by_q[k], by_qd[k]) if i == 0 else (nothing, nothing)
                 ahead = h * NODES[i + 1] * later if i < 3 else 0.0
-                later, by_p = stages[i].backward(h * WEIGHTS[i] * adjoint + ahead, *seen)
+                later, by_p = stages[i].backward(h * WEIGHTS[i] * adjoint + ahead, nothing, nothing)
                 total += later
                 p_bar = p_bar + by_p
                 driven.values[k, i] = by_p[len(by_p) - driven.values.shape[2] :]
-            adjoint = total
+            seen, by_p = stages[0].backward(still, by_q[k], by_qd[k])
+            p_bar = p_bar + by_p + self._felt(k, total)
+            adjoint = total + seen
+        self.jumps.check(by)
         return self._by_columns(adjoint, p_bar), driven
+
+    def _at_all_steps(self, rows: np.ndarray) -> np.ndarray:
+        """Weights (ends of steps, n) from those at the instants of the grid, (K, n)."""
+        weights = np.zeros((len(self._ends), rows.shape[1]))
+        weights[self._seen] = rows
+        return weights
 
     def _by_columns(self, adjoint: np.ndarray, p_bar: np.ndarray) -> np.ndarray:
         """From derivatives by y at the start and by p."""
@@ -139,17 +192,17 @@ class PartitionedMotion:
     def _steps(self) -> Iterator[list[_Stage]]:
         """The four stages of every step; `_last` is the instant at the end."""
         y, guess = self.y0, Start(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
-        for t in self.t[:-1]:
+        for t, h in zip(self._ends, np.diff(self._ends), strict=False):
             stages, slope = [], np.zeros_like(y)
             for node in NODES:
-                stage = _Stage(self, guess, t + node * self.h, y + node * self.h * slope, self._present(t, t + node * self.h))
+                stage = _Stage(self, guess, t + node * h, y + node * h * slope, self._present(t, t + node * h))
                 stages.append(stage)
                 slope = stage.slope
             self._keep(stages[0])
             guess = Start(t, stages[0].q, stages[0].qd, self.p)
-            y = y + self.h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
+            y = y + h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
             yield stages
-        self._last = _Stage(self, guess, self.t[-1], y, self._present(self.t[-1], self.t[-1]))
+        self._last = _Stage(self, guess, self._ends[-1], y, self._present(self._ends[-1], self._ends[-1]))
         self._keep(self._last)
 
     def _present(self, begun: float, t: float) -> np.ndarray:
@@ -157,79 +210,115 @@ class PartitionedMotion:
         return self.signals.begun_at(begun)(t, self.p) if self.signals else self.p
 
     def _keep(self, stage: _Stage) -> None:
+        self._check_quality(stage)
+        self._q.append(stage.q)
+        self._qd.append(stage.qd)
+
+    def _check_quality(self, stage: _Stage) -> None:
         if quality(self.kernels, self.partition, stage.q, stage.t, self.p) < POOR:
             names = ", ".join(self.partition.names(self.kernels))
             raise ModelError(
                 f"{names} do not determine the motion any more at t = {stage.t:.6g} s; choose other independent coordinates (z)"
             )
-        self._q.append(stage.q)
-        self._qd.append(stage.qd)
 
 
 class TrapezoidalMotion(PartitionedMotion):
     """The same by the trapezoidal rule, y₁ = y₀ + h/2 (f₀ + f₁), whose steps come from a run: (1 − h/2 J₁) dy₁ = (1 + h/2 J₀) dy₀ + …"""
 
-    def __init__(self, kernels: Kernels, initial: Initial, run: Trajectory, start_follows: bool) -> None:
-        """run: `simulate`'s on independent coordinates, whose instants are the ends of its steps."""
-        super().__init__(kernels, initial, run.t, start_follows)
-        self._run = run
+    def __init__(
+        self, kernels: Kernels, initial: Initial, times: np.ndarray, start_follows: bool, run: Stepping,
+        signals: Signals | None = None,
+    ) -> None:  # fmt: skip
+        """run: on independent coordinates; others as of `PartitionedMotion`"""
+        super().__init__(kernels, initial, times, start_follows, signals)
+        run_of_steps = run(self._split.of_steps, self.jumps.rows)
+        self._run_q, self._run_qd = self._split.spread(run_of_steps.q), self._split.spread(run_of_steps.qd)
 
     @cached_property
-    def _instants(self) -> list[_Stage]:
-        """One stage an instant. Raises ModelError where the run was on other coordinates."""
-        independent, found = self.partition.independent, list[_Stage]()
+    def _steps_of_run(self) -> list[tuple[_Stage, _Stage] | None]:
+        """The first and last stage of every step, None where a jump is crossed.
+
+        Raises ModelError where the run was on other coordinates.
+        """
+        found, last = list[tuple[_Stage, _Stage] | None](), None
         guess = Start(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
-        for t, q, qd in zip(self.t, self._run.q, self._run.qd, strict=True):
-            y = np.concatenate([qd[independent], q[independent]])
-            found.append(_Stage(self, guess, t, y, self.p))
-            guess = Start(t, q, qd, self.p)
-            self._keep(found[-1])
-            self._check_step(found[-2:])
+        for k, (t, end) in enumerate(pairwise(self._ends.tolist())):
+            if self._split.is_crossed[k]:
+                found.append(None)
+                continue
+            first = self._stage(guess, k, t, t) if last is None or self._split.begins[k] else last
+            guess = Start(t, first.q, first.qd, self.p)
+            last = self._stage(guess, k + 1, t, end)
+            self._check_step(first, last, end - t)
+            found.append((first, last))
         return found
 
-    def _check_step(self, stages: list[_Stage]) -> None:
-        before, after = stages[0], stages[-1]
-        if len(stages) > 1 and not np.allclose(after.y, before.y + self.h / 2 * (before.slope + after.slope), rtol=0, atol=CLOSED):
+    def _stage(self, guess: Start, k: int, begun: float, t: float) -> _Stage:
+        """That of the run at an end of a step which began at a time (s)."""
+        independent, q, qd = self.partition.independent, self._run_q[k], self._run_qd[k]
+        stage = _Stage(self, guess, t, np.concatenate([qd[independent], q[independent]]), self._present(begun, t))
+        self._check_quality(stage)
+        return stage
+
+    def _check_step(self, before: _Stage, after: _Stage, h: float) -> None:
+        if not np.allclose(after.y, before.y + h / 2 * (before.slope + after.slope), rtol=0, atol=CLOSED):
             names = ", ".join(self.partition.names(self.kernels))
             raise ModelError(
                 f"the step to t = {after.t:.6g} s went on with other independent coordinates than {names}; choose some that last (z)"
             )
 
     @property
-    def _stages(self) -> list[list[_Stage]]:
-        return [[stage] for stage in self._instants]
+    def _states(self) -> tuple[np.ndarray, np.ndarray]:
+        self._steps_of_run  # noqa: B018 - it checks the run
+        return self._run_q, self._run_qd
 
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        dy, dp = (seeds @ directions for seeds in self._seeds())
-        still, half = np.zeros_like(dy), self.h / 2
-        first, *others = self._instants
-        slope, dq, dqd = first.forward(dy, dp)
-        q_by, qd_by = [dq], [dqd]
-        for stage in others:
-            right = dy + half * (slope + stage.forward(still, dp)[0])
-            dy = np.linalg.solve(self._matrix(stage), right)
-            slope, dq, dqd = stage.forward(dy, dp)
-            q_by.append(dq)
-            qd_by.append(dqd)
-        return np.array(q_by), np.array(qd_by)
+        dy, dp = self._checked(directions)
+        still, before = np.zeros_like(dy), None
+        slope = still
+        seen: dict[int, list[np.ndarray]] = {}
+        for k, (step, h) in enumerate(zip(self._steps_of_run, np.diff(self._ends), strict=True)):
+            if step is None:
+                dy, before = self._across(k, dy, dp), None
+                continue
+            first, last = step
+            if first is not before:
+                slope, *found = first.forward(dy, dp)
+                seen.setdefault(k, found)
+            right = dy + h / 2 * (slope + last.forward(still, dp)[0])
+            dy, before = np.linalg.solve(self._matrix(last, h), right), last
+            slope, *seen[k + 1] = last.forward(dy, dp)
+        rows = [seen[k] for k in self._seen.tolist()]
+        return np.array([dq for dq, _ in rows]), np.array([dqd for _, dqd in rows])
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
-        nothing, half = np.zeros(self.kernels.n), self.h / 2
-        adjoint, p_bar, slope_bar = np.zeros(2 * self.nz), np.zeros(len(self.p)), np.zeros(2 * self.nz)
-        for k, stage in reversed(list(enumerate(self._instants))):
-            more, by_p = stage.backward(slope_bar, by_q[k], by_qd[k])
-            adjoint, p_bar = adjoint + more, p_bar + by_p
-            if k:
-                adjoint = np.linalg.solve(self._matrix(stage).T, adjoint)
-                slope_bar = half * adjoint
-                p_bar = p_bar + stage.backward(slope_bar, nothing, nothing)[1]
-        none = np.empty((0, 0))
-        return self._by_columns(adjoint, p_bar), Driven(none, none, none[..., None])
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray, by: Iterable[str] | None = None) -> tuple[np.ndarray, Driven]:
+        by_q, by_qd = self._at_all_steps(by_q), self._at_all_steps(by_qd)
+        nothing, still, steps = np.zeros(self.kernels.n), np.zeros(2 * self.nz), [*self._steps_of_run, None]
+        t, inputs = np.column_stack([self._ends[:-1], self._ends[1:]]), len(self.kernels.inputs)
+        driven = Driven(t, np.broadcast_to(t[:, :1], t.shape), np.zeros((*t.shape, inputs)))
+        adjoint, p_bar = np.zeros(2 * self.nz), np.zeros(len(self.p))
+        for k, h in reversed(list(enumerate(np.diff(self._ends)))):
+            step = steps[k]
+            if step is None:
+                p_bar = p_bar + self._felt(k, adjoint)
+                continue
+            first, last = step
+            if steps[k + 1] is None:  # else it is seen with the first stage of the next step
+                more, by_p = last.backward(still, by_q[k + 1], by_qd[k + 1])
+                adjoint, p_bar = adjoint + more, p_bar + by_p
+            adjoint = np.linalg.solve(self._matrix(last, h).T, adjoint)
+            slope_bar = h / 2 * adjoint
+            _, at_end = last.backward(slope_bar, nothing, nothing)
+            more, at_start = first.backward(slope_bar, by_q[k], by_qd[k])
+            driven.values[k] = np.array([at_start, at_end])[:, len(p_bar) - inputs :]
+            adjoint, p_bar = adjoint + more, p_bar + at_start + at_end
+        self.jumps.check(by)
+        return self._by_columns(adjoint, p_bar), driven
 
-    def _matrix(self, stage: _Stage) -> np.ndarray:
+    def _matrix(self, stage: _Stage, h: float) -> np.ndarray:
         """1 − h/2 J."""
         every = np.eye(2 * self.nz)
-        return every - self.h / 2 * stage.forward(every, np.zeros((len(self.p), 2 * self.nz)))[0]
+        return every - h / 2 * stage.forward(every, np.zeros((len(self.p), 2 * self.nz)))[0]
 
 
 class _Stage:

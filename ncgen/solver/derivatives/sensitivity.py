@@ -23,13 +23,11 @@ from ncgen.solver.derivatives.stepped_motion import SteppedMotion
 from ncgen.solver.derivatives.taped_motion import TapedMotion
 from ncgen.solver.engines.compiled import checked_compiled, is_written_out
 from ncgen.solver.given import checked_kernels, echo, names_of, numbers_of, values_by_name
-from ncgen.solver.motions.simulate import simulate_equal_steps
+from ncgen.solver.motions.simulate import simulate_steps
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial, InitialArguments, count, positive, relative_tolerance
 from ncgen.solver.runs.signals import Signal, Signals, signals_of
 from ncgen.solver.runs.tolerances import Tolerances
-
-WHOLE = 1 + 1e-12
-"""A step that is longer than the grid's by this share: as many steps as there are instants, whatever rounding does."""
+from ncgen.solver.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,21 +120,24 @@ def gradient(
     rtol: float | None = None,
     options: dict[str, Any] | None = None,
     inputs: Mapping[str, Signal] | None = None,
+    by: str | Iterable[str] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Gradient:
     """The gradient of one number that depends on a motion, by one sweep back through it.
 
     objective: from q and qd (K, n) at the instants of the motion to (value, its derivatives by q and by qd, each (K, n));
         None stands for a derivative that is zero
+    by: names of the slopes that are wanted, None for all
     steps, integrator, rtol, options, inputs, start: as for `sensitivities`, with the same errors
     """
     checked_kernels(kernels)
     check_objective(objective)
     motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
+    names = motion.names if by is None else names_of(by, "by", motion.names, "parameter or initial value")
     value, by_q, by_qd = of_objective(objective, motion.q, motion.qd)
-    slopes, driven = motion.backward(by_q, by_qd)
+    slopes, driven = motion.backward(by_q, by_qd, names)
     by_inputs = motion.signals.by_values(driven.t, driven.begun, driven.values) if motion.signals else {}
-    return Gradient(value, dict(zip(motion.names, slopes.tolist(), strict=True)), by_inputs)
+    return Gradient(value, {name: float(slopes[motion.names.index(name)]) for name in names}, by_inputs)
 
 
 def hessian(
@@ -257,15 +258,12 @@ def _implicit_motion(
 ) -> SteppedMotion | TrapezoidalMotion:  # fmt: skip
     """By steps of `simulate`."""
     signals = signals_of(kernels, inputs, initial.p)
-    if signals and entry.is_ordinary:
-        others = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau or (other.has_fixed_step and not other.is_ordinary))
-        raise ModelError(f"inputs: derivatives of driven motions do not go through steps of {entry.name}; take {others}")
     method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
-    step = float(times[-1] - times[0]) / (len(times) - 1)
-    run = simulate_equal_steps(
-        kernels, float(times[-1] - times[0]), formalism=method.formalism.name, integrator=entry.name, max_step=step * WHOLE, points=times,
-        options=options, inputs=inputs, **start,
-    )  # fmt: skip
+
+    def run(ends: np.ndarray, breaks: np.ndarray) -> Trajectory:
+        asked = {"formalism": method.formalism.name, "integrator": entry.name, "options": options, "inputs": inputs, **start}
+        return simulate_steps(kernels, ends, breaks, **asked)
+
     if entry.is_ordinary:
-        return TrapezoidalMotion(kernels, initial, run, follows)
-    return SteppedMotion(kernels, initial, run, follows, method, signals)
+        return TrapezoidalMotion(kernels, initial, times, follows, run, signals)
+    return SteppedMotion(kernels, initial, times, follows, run, method, signals)

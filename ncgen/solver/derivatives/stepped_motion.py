@@ -10,7 +10,7 @@ one Newton step from their ends, which leaves rounding.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,9 +19,11 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.moving_breaks import Jump
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.method import Method
 from ncgen.program.motions.step_equations import INPUTS, INSTANTS, StepEquations, assemble_step, extra
+from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import rate_slope
 from ncgen.solver.positions.branches import refresh_branches
@@ -32,7 +34,6 @@ from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.start import begin
 from ncgen.solver.steppers.energy_momentum import STILL
 from ncgen.solver.steppers.generalized_alpha import newmark
-from ncgen.solver.trajectories.trajectory import Trajectory
 
 SOLVED = 1e-7
 """A Newton step from the ends of a step of a run moves nothing by more than this, in natural sizes."""
@@ -99,26 +100,38 @@ class _Equations:
 
 
 class SteppedMotion:
-    """A motion over equal steps, seen at their ends; members as of `TapedMotion`.
+    """A motion over the steps of a grid, which are split at breaks of laws in time; members as of `TapedMotion`.
 
     t (K,); q, qd (K, n); names: of the columns of derivatives: parameters, z, rate(z)
     """
 
     def __init__(
-        self, kernels: Kernels, initial: Initial, run: Trajectory, start_follows: bool, method: Method,
+        self, kernels: Kernels, initial: Initial, times: np.ndarray, start_follows: bool, run: Stepping, method: Method,
         signals: Signals | None = None,
     ) -> None:  # fmt: skip
-        """run: `simulate`'s, whose instants are the ends of its steps; start_follows: whether the position at the start is the model's own,
-        which may change with parameters; signals: what drives the run."""
+        """start_follows: whether the position at the start is the model's own, which may change with parameters; signals: what drives the
+        run."""
         if kernels.model.callbacks:
             raise ModelError(f"{kernels.name}: a force of a Python function has no derivative here; write it as an expression")
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self._method, self.signals = kernels, begun.p, method, signals
-        self.t, self.q, self.qd = run.t, run.q, run.qd
-        self._looks_back = not run.engine.startswith("python")  # a table's piece is that of the step's start
+        self.t, self.jumps = times, Jumps.of(kernels, begun.p, begun.q, times, signals)
+        self._ends = self.jumps.ends(times)
+        found = run(self._ends.of_steps, self.jumps.rows)
+        self._q, self._qd = self._ends.spread(found.q), self._ends.spread(found.qd)
+        # A table's piece is that of the step's start.
+        self._looks_back = len(self.jumps.rows) > 0 or not found.engine.startswith("python")
         self._partitions, self._follows = determined(begun.partitions), start_follows
         z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
         self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
+
+    @property
+    def q(self) -> np.ndarray:
+        return self._q[self._ends.seen]
+
+    @property
+    def qd(self) -> np.ndarray:
+        return self._qd[self._ends.seen]
 
     # -- steps ---------------------------------------------------------------------------------
 
@@ -132,28 +145,37 @@ class SteppedMotion:
         return self.kernels.remember("step equations", (name, kept.tobytes()), lambda: _Equations(self.kernels, name, kept), REMEMBERED)
 
     @cached_property
-    def _solved(self) -> list[tuple[float, tuple[np.ndarray, ...]]]:
-        """Of every step the time when it begins, and (h, x, u, w, p)."""
-        found, equations, n = [], self._equations(self._method.integrator.name), self.kernels.n
-        carried = np.empty(0)
-        if self._first:
-            _, (_, _, u, *_) = self._begun
-            carried = np.concatenate([u[:n], u[:n]])
-        for k, t in enumerate(self.t[:-1]):
-            h = self._numbers(k)
-            given = h, np.concatenate([self.q[k], self.qd[k], carried]), self._guess(k, equations.layout.unknowns, carried), self._inputs(k)
-            p = refresh_branches(self.kernels, self.q[k], self.p)
-            found.append((float(t), self._settled(equations, float(t), *given, p)))
+    def _solved(self) -> list[tuple[float, tuple[np.ndarray, ...]] | None]:
+        """Of every step the time when it begins, and (h, x, u, w, p); None where a jump is crossed."""
+        found: list[tuple[float, tuple[np.ndarray, ...]] | None] = []
+        equations, n, carried = self._equations(self._method.integrator.name), self.kernels.n, np.empty(0)
+        for k, t in enumerate(self._ends.t[:-1].tolist()):
+            if self._ends.is_crossed[k]:
+                found.append(None)
+                continue
+            if k in self._begun:
+                _, (_, _, u, *_) = self._begun[k]
+                carried = np.concatenate([u[:n], u[:n]])
+            h, p = self._numbers(k), refresh_branches(self.kernels, self._q[k], self.p)
+            x, u = np.concatenate([self._q[k], self._qd[k], carried]), self._guess(k, equations.layout.unknowns, carried)
+            settled = self._settled(equations, t, h, x, u, self._inputs(k), p)
+            found.append((t, settled))
             if self._first:
-                carried = self._carried(h, carried, found[-1][1][2][:n])
+                carried = self._carried(h, carried, settled[2][:n])
         return found
 
     @cached_property
-    def _begun(self) -> tuple[float, tuple[np.ndarray, ...]]:
-        """The equations of the accelerations at the start, as of a step."""
-        assert self._first is not None
-        x, t = np.concatenate([self.q[0], self.qd[0]]), float(self.t[0])
-        return t, self._settled(self._first, t, np.zeros(1), x, np.zeros(self._first.layout.unknowns), self._inputs(0), self.p)
+    def _begun(self) -> dict[int, tuple[float, tuple[np.ndarray, ...]]]:
+        """The equations of the accelerations, as of a step, at the start and where laws begin with another formula: what a method carries
+        follows from them there. None for methods that carry nothing."""
+        if self._first is None:
+            return {}
+        found = {}
+        for k in [0, *(np.flatnonzero(self._ends.begins[1:-1]) + 1).tolist()]:
+            x, t, p = np.concatenate([self._q[k], self._qd[k]]), float(self._ends.t[k]), refresh_branches(self.kernels, self._q[k], self.p)
+            unknown = np.zeros(self._first.layout.unknowns)
+            found[k] = t, self._settled(self._first, t, np.zeros(1), x, unknown, self._inputs(k), p)
+        return found
 
     def _settled(
         self, equations: _Equations, t: float, h: np.ndarray, x: np.ndarray, u: np.ndarray, w: np.ndarray, p: np.ndarray
@@ -182,16 +204,16 @@ class SteppedMotion:
 
     def _numbers(self, k: int) -> np.ndarray:
         """h of a step."""
-        h, sizes, options = self.t[k + 1] - self.t[k], self.kernels.column_sizes, self._method.options
+        h, sizes, options = self._ends.t[k + 1] - self._ends.t[k], self.kernels.column_sizes, self._method.options
         if self._method.integrator.name == "energy-momentum":
-            moved = (self.q[k + 1] - self.q[k]) / sizes
+            moved = (self._q[k + 1] - self._q[k]) / sizes
             return np.array([h, float(moved @ moved >= STILL**2), float(options["project_velocities"]), *sizes])
         return np.array([h, *newmark(options["rho"], options["hht"])]) if self._first else np.array([h])
 
     def _guess(self, k: int, unknowns: int, carried: np.ndarray) -> np.ndarray:
         """Unknowns of a step but for what its equations are linear in."""
         n, m, name = self.kernels.n, self.kernels.m, self._method.integrator.name
-        u, h, q, qd = np.zeros(unknowns), self.t[k + 1] - self.t[k], self.q, self.qd
+        u, h, q, qd = np.zeros(unknowns), self._ends.t[k + 1] - self._ends.t[k], self._q, self._qd
         moved = q[k + 1] - q[k]
         if name == "generalized-alpha":
             alpha_m, alpha_f, beta, _ = newmark(self._method.options["rho"], self._method.options["hht"])
@@ -218,49 +240,64 @@ class SteppedMotion:
     @cached_property
     def _instants(self) -> tuple[np.ndarray, np.ndarray]:
         """When inputs are read (steps, 3), and times whose pieces of tables hold there."""
-        start, end = self.t[:-1], self.t[1:]
+        start, end = self._ends.t[:-1], self._ends.t[1:]
         t = np.column_stack([start, (start + end) / 2, end])
         return t, np.broadcast_to(start[:, None], t.shape) if self._looks_back else t
 
     # -- derivatives ---------------------------------------------------------------------------
 
-    def _linears(self, backwards: bool) -> Iterator[tuple[int, _Linear]]:
-        """Every step by its number, with what it changes with; −1 is what comes before the first."""
-        equations = self._equations(self._method.integrator.name)
-        steps = list(enumerate(self._solved))
-        for k, (t, given) in reversed(steps) if backwards else steps:
-            yield k, equations.linear(t, *given)
+    @cached_property
+    def _jumps(self) -> Mapping[int, Jump]:
+        """Jumps that parameters move, by the number of what stands in the place of a step there."""
+        return self.jumps(self._ends.t, self._q, self._qd) if self.jumps.breaks.moved else {}
 
-    def _before(self) -> _Linear | None:
-        return self._first.linear(self._begun[0], *self._begun[1]) if self._first else None
+    def _linear(self, k: int) -> _Linear | None:
+        """What a step changes with; None where a jump is crossed."""
+        step = self._solved[k]
+        return None if step is None else self._equations(self._method.integrator.name).linear(step[0], *step[1])
+
+    def _before(self, k: int) -> _Linear | None:
+        """The same of what a method carries from here on, where it begins anew."""
+        return self._first.linear(self._begun[k][0], *self._begun[k][1]) if self._first and k in self._begun else None
 
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D)."""
-        n, inputs = self.kernels.n, len(self.kernels.inputs)
+        n, inputs, jumps = self.kernels.n, len(self.kernels.inputs), self._jumps
+        self.jumps.check_along(directions)
         change, dp = np.vstack(self._start) @ directions, directions[: len(self.p)]
         fixed = np.vstack([np.tile(dp[len(self.p) - inputs :], (len(INSTANTS), 1)), dp])
         found = [change[: 2 * n]]
-        if before := self._before():
-            change = before.forward(np.vstack([change, fixed]))
-        for _, linear in self._linears(backwards=False):
-            change = linear.forward(np.vstack([change, fixed]))
+        for k in range(len(self._ends.t) - 1):
+            if before := self._before(k):
+                change = before.forward(np.vstack([change[: 2 * n], fixed]))
+            if k in jumps:
+                change = change + np.pad(jumps[k].along(dp), ((n, len(change) - 2 * n), (0, 0)))
+            if linear := self._linear(k):
+                change = linear.forward(np.vstack([change, fixed]))
             found.append(change[: 2 * n])
-        both = np.array(found)
+        both = np.array(found)[self._ends.seen]
         return both[:, :n], both[:, n:]
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray, by: Iterable[str] | None = None) -> tuple[np.ndarray, Driven]:
         """As of `TapedMotion`."""
-        seen, n, inputs = np.hstack([by_q, by_qd]), self.kernels.n, len(self.kernels.inputs)
+        count, n, inputs = len(self._ends.t) - 1, self.kernels.n, len(self.kernels.inputs)
+        seen = np.zeros((count + 1, 2 * n))
+        seen[self._ends.seen] = np.hstack([by_q, by_qd])
         weights, by_p = np.zeros(4 * n if self._first else 2 * n), np.zeros(len(self.p))
-        driven = np.zeros((len(self.t) - 1, len(INSTANTS), inputs))
+        driven = np.zeros((count, len(INSTANTS), inputs))
         weights[: 2 * n] += seen[-1]
-        for k, linear in self._linears(backwards=True):
-            weights, felt, more = _parted(linear.backward(weights), driven.shape[1:], len(by_p))
+        for k in reversed(range(count)):
+            if linear := self._linear(k):
+                weights, felt, more = _parted(linear.backward(weights), driven.shape[1:], len(by_p))
+                driven[k], by_p = felt, by_p + more
+            if k in self._jumps:
+                by_p = by_p + self._jumps[k].felt(weights[n : 2 * n])
+            if before := self._before(k):
+                weights, felt, more = _parted(before.backward(weights), driven.shape[1:], len(by_p))
+                driven[k], by_p = driven[k] + felt, by_p + more
+                weights = np.pad(weights, (0, 2 * n if k else 0))
             weights[: 2 * n] += seen[k]
-            driven[k], by_p = felt, by_p + more
-        if before := self._before():
-            weights, felt, more = _parted(before.backward(weights), driven.shape[1:], len(by_p))
-            driven[0], by_p = driven[0] + felt, by_p + more
+        self.jumps.check(by)
         by_p[len(by_p) - inputs :] += driven.sum(axis=(0, 1))
         found = np.vstack(self._start).T @ weights
         found[: len(by_p)] += by_p
@@ -269,7 +306,7 @@ class SteppedMotion:
     @cached_property
     def _start(self) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of q and q̇ at the start, (n, columns) each."""
-        kernels, t, q, qd, p = self.kernels, float(self.t[0]), self.q[0], self.qd[0], self.p
+        kernels, t, q, qd, p = self.kernels, float(self._ends.t[0]), self._q[0], self._qd[0], self.p
         place, rate = (kinematics(kernels, part, q, t, p) for part in (self._partitions.position, self._partitions.velocity))
         count, nz = len(p), place.R.shape[1]
         given = {"t": t, "q": q, "qd": qd, "p": p}

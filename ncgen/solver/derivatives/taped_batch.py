@@ -16,7 +16,7 @@ import numpy as np
 
 from ncgen.errors import NcgenError
 from ncgen.mechanism.batch import thread_count
-from ncgen.mechanism.driver_jumps import may_jump
+from ncgen.mechanism.break_times import break_times_of_each
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motions import LaneRuns, Motions
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion
@@ -91,8 +91,9 @@ class TapedBatch:
 
     @cached_property
     def _motions(self) -> Motions | None:
-        """In lanes, None where the motion is not written out or too long for them, or where drivers may ask for impulses."""
-        if not is_taped(self.kernels, self.method) or may_jump(self.kernels):
+        """In lanes, None where the motion is not written out or too long for them, or where laws of time have breaks in it."""
+        breaks = break_times_of_each(self.kernels, self.states.p, *self.times[[0, -1]].tolist())
+        if not is_taped(self.kernels, self.method) or any(map(len, breaks or ())):
             return None
         motions = Motions(all_coordinates(checked_compiled(self.kernels), form="emitted"), self.method, self.times)
         return motions if motions.may_run else None
@@ -183,7 +184,10 @@ class TapedBatch:
             rows[i] = found
         if asked.weigh is not None:
             by_q, by_qd = asked.weigh(np.array([i]), q[None], qd[None])
-            slopes[i, [self.names.index(name) for name in motion.names]] = motion.backward(by_q[0], by_qd[0])[0]
+            try:
+                slopes[i, [self.names.index(name) for name in motion.names]] = motion.backward(by_q[0], by_qd[0])[0]
+            except NcgenError as error:
+                return str(error)
         return "ok"
 
     def _motion(self, i: int) -> TapedMotion | PartitionedMotion:

@@ -10,7 +10,7 @@ ones, the columns R of allowed motions and N(q, p), a step of Newton's method, w
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, TypeAlias
@@ -18,11 +18,11 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError
-from ncgen.mechanism.break_times import break_times
-from ncgen.mechanism.driver_jumps import refuse_jumps
+from ncgen.mechanism.break_times import beside
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.sweep import SMALL, Sweep
 from ncgen.mechanism.taped import Driven, Segmented, taped
+from ncgen.solver.derivatives.jumps import Jumps
 from ncgen.solver.engines.compiled import all_coordinates, closeness
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.positions.partition import Kinematics, Partitions, determined, kinematics
@@ -118,9 +118,10 @@ class TapedMotion:
         dynamics = all_coordinates(kernels, form="emitted")
         start = begun.q, begun.qd, begun.p
         told = signals.functions if signals else ()
-        breaks = break_times(kernels, begun.p, times[0], times[-1], told)
-        refuse_jumps(kernels, begun.p, begun.q, breaks, "derivatives")
-        self._run = taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"), inputs=told, breaks=breaks)
+        self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
+        given = {"rank": rank, "tolerance": closeness("double"), "inputs": told, "breaks": self.jumps.rows}
+        jumping = self.jumps if self.jumps.breaks.moved else None
+        self._run = taped(dynamics, method, beside(self.jumps.rows, times), *start, allowed, jumps=jumping, **given)
         self._check()
 
     @property
@@ -133,7 +134,9 @@ class TapedMotion:
 
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D); those by z and its rates may be left out."""
-        return self._run.forward(*self._seeds(directions))
+        found = self._run.forward(*self._seeds(directions))
+        self.jumps.check_along(directions)
+        return found
 
     def _seeds(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Changes of q and q̇ at the start, (n, D) each, and of p, (n_p, D), along directions."""
@@ -153,10 +156,14 @@ class TapedMotion:
         dqd = self._run.velocities_along(dq, dp)
         return dq, dqd + start.velocities @ (rates - dqd[velocity]), dp
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray, by: Iterable[str] | None = None) -> tuple[np.ndarray, Driven]:
         """Derivatives of a number by what has a name (columns,), and by what drove the run, from those by q and q̇ at all instants, (K, n)
-        each."""
+        each.
+
+        by: names that are wanted, None for all. Raises ModelError where there is no derivative by one of them; that by others is NaN
+        """
         *by_state, by_p, driven = self._run.backward(by_q, by_qd)
+        self.jumps.check(by)
         by_start, by_z, by_rates = self._start_back(np.concatenate(by_state))
         return np.concatenate([by_p + by_start, by_z, by_rates]), driven
 
@@ -169,6 +176,7 @@ class TapedMotion:
             raise ModelError(
                 f"{self.kernels.name}: {len(self.t) - 1} steps are too many for second derivatives; take fewer, or a shorter motion"
             )
+        self.jumps.check_second()
         seeds = self._seeds(directions)
         q, qd, sweeps = self._run.second(*seeds)
         found = np.empty(directions.shape)

@@ -203,7 +203,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom_at(kernels, q, times[0], p).rank if task.rank is None else task.rank, event=task.stop, max_step=task.max_step,
+        rank=freedom_at(kernels, q, times[0], p).rank if task.rank is None else task.rank, event=task.stop, max_step=task.step_in_c,
         progress=Progress(task.progress, kernels.name, task.arrival),
         looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
         **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
@@ -373,7 +373,7 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> 
             progress(t)
             here = _for_next(kernels, partitions, form, len(seen), q, p, number)
             done = here.simulate(
-                method.integrator.name, times, q, zd, p, max_step=task.max_step, event=task.stop, tolerance=closeness(number),
+                method.integrator.name, times, q, zd, p, max_step=task.step_in_c, event=task.stop, tolerance=closeness(number),
                 growth=growth, progress=progress, looks=looks, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
                 breaks=task.breaks, **_in_c(task.tolerances, kernels, partitions),
             )  # fmt: skip

@@ -107,17 +107,12 @@ class _Run:
         self, solver: OdeSolver, stop: Stop, start: float, before: np.ndarray, after: np.ndarray
     ) -> tuple[float, tuple[np.ndarray, np.ndarray, np.ndarray]] | None:
         """(time, (q, q̇, y)) at which the last step passed the stop, or None."""
-        n = self.kernels.n
-        gaps = stop.gap(before[self._q], before[:n]), stop.gap(after[self._q], after[:n])
-        if not stop.is_passed(*gaps):
-            return None
         between = solver.dense_output()
 
-        def state(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            y = self._closed(t, between(t))
-            return y[self._q], y[:n], y
+        def parts(y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            return y[self._q], y[: self.kernels.n], y
 
-        return stop.locate(start, solver.t, *gaps, state)
+        return stop.find(start, solver.t, parts(before), parts(after), lambda t: parts(self._closed(t, between(t))))
 
     @property
     def _q(self) -> slice:

@@ -121,9 +121,6 @@ class _Run:
 
     def _stop(self, solver: OdeSolver, stop: Stop, before: Motion, here: Motion) -> tuple[float, State] | None:
         """(time, (q, q̇, motion, work)) at which the last step passed the stop, or None."""
-        gaps = stop.gap(before.q, before.qd), stop.gap(here.q, here.qd)
-        if not stop.is_passed(*gaps):
-            return None
         between = solver.dense_output()
 
         def state(t: float) -> State:
@@ -131,8 +128,9 @@ class _Run:
             now = self._motion(t, y)
             return now.q, now.qd, now, float(y[-1])
 
-        found = stop.locate(before.t, here.t, *gaps, state)
-        self.stopped = found[0]
+        ends = (before.q, before.qd, before, 0.0), (here.q, here.qd, here, float(solver.y[-1]))
+        found = stop.find(before.t, here.t, *ends, state)
+        self.stopped = found[0] if found else None
         return found
 
     @property

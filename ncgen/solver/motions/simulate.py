@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError
-from ncgen.mechanism.break_times import NO_BREAKS, beside, break_times
-from ncgen.mechanism.driver_jumps import driver_jumps, refuse_jumps
+from ncgen.mechanism.break_times import beside, break_times
+from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
@@ -32,6 +32,9 @@ from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.telling import Told, telling
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
+
+WHOLE = 1 + 1e-12
+"""A step that is longer than a grid's by this share: as many steps as there are instants, whatever rounding does."""
 
 MANY = 100
 """Degrees of freedom from which coordinate partitioning, whose matrices are dense, is worth a warning."""
@@ -102,7 +105,9 @@ def simulate(
     number: what C computes with: "double", "float" (as a small controller would) or "long double"; tolerances finer than
         its rounding are raised to that, and the trajectory has doubles in any case
     stop: {coordinate: value} to end where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction,
-        {"psi": (1.2, "rising")} or "falling". The last instant of the trajectory is that one, and its `stopped` is True
+        {"psi": (1.2, "rising")} or "falling". The last instant of the trajectory is that one, and its `stopped` is True. Within
+        a step the interpolant is a polynomial, and its first such passage is found by bounds, not by samples, however short it is; with
+        coordinate partitioning a coordinate that is not independent is a polynomial of degree 8 through nine states of the step
     progress: called with the time reached, again and again while the run goes on; True for a bar in a terminal or a notebook
 
     Raises ModelError for what cannot be asked, ConvergenceError naming the rows where the start does not close, SingularError for a
@@ -127,20 +132,26 @@ def simulate(
         return _carry_out(kernels, run, choice, start, told)
 
 
-def simulate_equal_steps(kernels: Kernels, duration: float, **options: Any) -> Trajectory:
-    """As `simulate` by a method with a fixed step, whose steps are all of that length: none is split where a law in time breaks, since
-    derivatives go from each point of the grid to the next."""
-    run = Run.asked(checked_kernels(kernels), duration, **options)
+def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **options: Any) -> Trajectory:
+    """As `simulate` by a method with a fixed step, with one step from each of the times (K,), s, to the next.
+
+    breaks (B, 2): of the laws in time, as of `break_times`; no step goes from one side of a row to the other
+    """
+    step, length = float(np.max(np.diff(times))), float(times[-1] - times[0])
+    run = Run.asked(checked_kernels(kernels), length, points=times, max_step=step, **options)
     kernels, choice = kernels.driven_by(run.signals), choose(run)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
-    return _carry_out(kernels, run, choice, start, None, is_split=False)
+    return _carry_out(kernels, run, choice, start, None, breaks)
 
 
 def _carry_out(
-    kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None, is_split: bool = True
+    kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None, breaks: np.ndarray | None = None
 ) -> Trajectory:
-    """The motion of a run on its grid, with warnings where something speaks against it. Raises Interrupted with what was reached."""
-    motion = _Motion(kernels, run, choice, start, *_with_looks(run.times, looks(run, choice.method)), progress, is_split)
+    """The motion of a run on its grid, or by steps from row to row where breaks are given, with warnings where something speaks against it.
+
+    Raises Interrupted with what was reached.
+    """
+    motion = _Motion(kernels, run, choice, start, *_with_looks(run.times, looks(run, choice.method)), progress, breaks)
     clock = time.perf_counter()
     try:
         motion.advance()
@@ -168,11 +179,19 @@ def _with_looks(times: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.nd
     return both[order], order >= len(times)
 
 
+def _with_neighbours(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Breaks, and the times of a grid before and after each: between these steps of a method in SciPy's manner are equal."""
+    before = times[np.maximum(np.searchsorted(times, breaks[:, 0], side="left") - 1, 0)]
+    after = times[np.minimum(np.searchsorted(times, breaks[:, 1], side="right"), len(times) - 1)]
+    rows = np.concatenate([breaks, *(np.column_stack([each, each]) for each in (before, after))])
+    return np.unique(rows, axis=0)
+
+
 @dataclass
 class _Motion:
     """One run on its way: the path so far, and which engine makes it.
 
-    is_split: whether steps end at the breaks of laws in time
+    given_breaks: None, or the breaks of a run that takes one step from each of its times to the next
     times: its own instants and those at which it is looked at, of which `looks` is a mask; C moves these to where its steps end
     """
 
@@ -183,7 +202,7 @@ class _Motion:
     times: np.ndarray
     looks: np.ndarray
     progress: Callable[[float], None] | None
-    is_split: bool = True
+    given_breaks: np.ndarray | None = None
     engine: str = "c"
 
     def __post_init__(self) -> None:
@@ -191,10 +210,8 @@ class _Motion:
         told = self.run.signals.told if self.run.signals else ()
         rounding = compiled.rounding(self.run.number)
         ends = float(self.times[0]), float(self.times[-1])
-        start, self.breaks = self.start, break_times(self.kernels, self.start.p, *ends, told, rounding)
-        if not self.is_split:
-            refuse_jumps(self.kernels, start.p, start.q, self.breaks, "derivatives")
-            self.breaks = NO_BREAKS
+        start, found = self.start, self.given_breaks
+        self.breaks = break_times(self.kernels, start.p, *ends, told, rounding) if found is None else found
         self.jumps = driver_jumps(self.kernels, start.p, start.q, self.breaks)
         self.tolerances = Tolerances.of(self.run, self.kernels.length, compiled.rounding(self.run.number))
 
@@ -288,7 +305,10 @@ class _Motion:
             begun = float(task.grid[len(path.q)])
             advance(path, kernels.driven_by(task.signals.begun_at(begun)) if task.signals and len(self.breaks) else kernels, task)
 
-        segments.in_segments(engine, self.path, self.kernels, task, self.breaks)
+        ends = self.breaks
+        if task.steps_to_rows and not task.method.is_stepper:
+            ends, task = _with_neighbours(ends, task.grid), replace(task, max_step=task.max_step * WHOLE)
+        segments.in_segments(engine, self.path, self.kernels, task, ends)
 
     def _task(self) -> Task:
         """What is asked of an engine."""
@@ -297,7 +317,7 @@ class _Motion:
         gives_way = stiff_choice(run, self.choice, recurs=True) is not None
         return Task(
             method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
-            run.signals, self.breaks, self.looks, self.jumps,
+            run.signals, self.breaks, self.looks, self.jumps, steps_to_rows=self.given_breaks is not None,
         )  # fmt: skip
 
     def _rates(self) -> np.ndarray:

@@ -13,9 +13,13 @@ from ncgen.errors import ModelError, shown
 from ncgen.methods.table import is_real
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import Outline
+from ncgen.solver.runs.crossing import SAMPLES, first_crossing
 
 State = TypeVar("State", bound=tuple[Any, ...])
 """A state of a run: q, q̇, and whatever else an engine wants to know of it."""
+
+NOISE = 1000 * float(np.finfo(float).eps)
+"""A gap smaller than this, relative to the value and to the largest gap of a step, has no sign."""
 
 DIRECTIONS = {"falling": -1, "either": 0, "rising": 1}
 
@@ -32,24 +36,39 @@ class Stop:
         """How far a state is above the value."""
         return float(np.concatenate([q, qd])[self.coordinate]) - self.value
 
-    def is_passed(self, before: float, after: float) -> bool:
-        """True if the gap went through zero, or ends there; a run that starts there goes on."""
-        rises, falls = before < 0 <= after, before > 0 >= after
-        return (rises and self.direction >= 0) or (falls and self.direction <= 0)
-
-    def locate(self, t0: float, t1: float, before: float, after: float, state: Callable[[float], State]) -> tuple[float, State]:
-        """(time, state) at which it happens between two times with these gaps, by the Illinois rule down to rounding.
+    def find(self, t0: float, t1: float, before: State, after: State, state: Callable[[float], State]) -> tuple[float, State] | None:
+        """(time, state) at which it happens for the first time between two states, or None; a run that starts there goes on.
 
         state(t) -> a state inside the step, whose first two members are q and q̇
         """
-        low, high, at_low, at_high, side = t0, t1, before, after, 0
+
+        def gap(t: float) -> float:
+            return self.gap(*state(t)[:2])
+
+        inner = [gap(t0 + float(s) * (t1 - t0)) for s in SAMPLES[1:-1]]
+        values = np.array([self.gap(*before[:2]), *inner, self.gap(*after[:2])])
+        noise = NOISE * float(max(abs(self.value), np.max(np.abs(values))))
+        found = first_crossing(values, noise, self.direction)
+        if found is None:
+            return None
+        low, high = found
+        at_low = values[0] if low == 0 else gap(t0 + low * (t1 - t0))
+        at_high = values[-1] if high == 1 else gap(t0 + high * (t1 - t0))
+        low, high = t0 + low * (t1 - t0), t0 + high * (t1 - t0)
+        if at_low * at_high < 0:
+            return self._locate(low, high, at_low, at_high, state)
+        return high, state(high)  # on the constraints it turns a little beside the interpolant
+
+    def _locate(self, low: float, high: float, at_low: float, at_high: float, state: Callable[[float], State]) -> tuple[float, State]:
+        """(time, state) where the gap is zero between two times with gaps of different signs, by the Illinois rule down to rounding."""
+        side = 0
         for _ in range(60):
             t = low + (high - low) * at_low / (at_low - at_high)
             there = state(t)
             gap = self.gap(*there[:2])
             if gap == 0.0 or not low < t < high:
                 return t, there
-            if (gap > 0) == (after > 0):
+            if (gap > 0) == (at_high > 0):
                 high, at_high, at_low, side = t, gap, at_low * (0.5 if side > 0 else 1.0), 1
             else:
                 low, at_low, at_high, side = t, gap, at_high * (0.5 if side < 0 else 1.0), -1

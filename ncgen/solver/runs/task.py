@@ -34,6 +34,7 @@ class Task:
     breaks (B, 2): the breaks of the laws in time (s), as `break_times` finds them; jumps (J, 2): those at which a driver's velocity jumps
     rank: of Φ_q, None where it is not known yet
     before: when the run began (s), of which this is a part, and how many steps it has taken so far
+    steps_to_rows: whether a method with a fixed step takes one from each time of the grid to the next, whatever max_step is
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -54,6 +55,7 @@ class Task:
     jumps: np.ndarray = field(default_factory=lambda: NO_BREAKS)
     rank: int | None = None
     before: tuple[float, int] = (0.0, 0)
+    steps_to_rows: bool = False
 
     def looks_from(self, row: int) -> np.ndarray:
         """The mask from a row on."""
@@ -64,16 +66,22 @@ class Task:
         np.copyto(self.grid[row : row + len(times)], times, where=self.looks_from(row)[: len(times)])
 
     @property
+    def step_in_c(self) -> float:
+        """`max_step` of `ncgen_options`."""
+        return -1.0 if self.steps_to_rows else self.max_step
+
+    @property
     def steps(self) -> int:
-        """How many equal steps of at most max_step a stepper takes: as in C, so that they end with the grid."""
-        return max(1, ceil((self.grid[-1] - self.grid[0]) / self.max_step - CLOSE))
+        """How many steps a stepper takes: one to each row, or equal ones of at most max_step, which as in C end with the grid."""
+        return len(self.grid) - 1 if self.steps_to_rows else max(1, ceil((self.grid[-1] - self.grid[0]) / self.max_step - CLOSE))
 
     @property
     def step(self) -> float | None:
         """The length (s) of the steps of a method that has a fixed one."""
         if not self.method.has_fixed_step:
             return None
-        return float(self.grid[-1] - self.grid[0]) / self.steps if self.method.is_stepper else self.max_step
+        equal = self.method.is_stepper and not self.steps_to_rows
+        return float(self.grid[-1] - self.grid[0]) / self.steps if equal else self.max_step
 
     @property
     def arrival(self) -> float | None:

@@ -37,7 +37,7 @@ def stepper_of(method: Method) -> type[Stepper]:
 
 def run(path: Path, kernels: Kernels, task: Task) -> None:
     """Fill an empty path over a time grid, to its end or to a `Stop`, with equal steps of max_step, or a little less
-    so that they end with the grid.
+    so that they end with the grid, or where the task says so with one step to each of its times.
 
     Instants within a step are interpolated and projected onto the constraints.
     Raises ConvergenceError with the time where a step cannot be solved, DomainError naming what is not a number there. Whatever
@@ -49,7 +49,9 @@ def run(path: Path, kernels: Kernels, task: Task) -> None:
     path.extend(stepper.q[None], stepper.qd[None], [0.0], [0] * 5)
     reached: State = stepper.t, stepper.q, stepper.qd, stepper.work
     try:
-        for _ in range(task.steps):
+        for k in range(task.steps):
+            if task.steps_to_rows:
+                stepper.start, stepper.taken, stepper.h = grid[k], 0, grid[k + 1] - grid[k]
             reached = _step(path, stepper, reached, grid, task.stop)
             if path.stopped is not None:
                 break
@@ -80,11 +82,8 @@ def _step(path: Path, stepper: Stepper, before: State, grid: np.ndarray, stop: S
 
 def _stop(stepper: Stepper, before: State, stop: Stop, path: Path) -> tuple[float, tuple[np.ndarray, np.ndarray, float]] | None:
     """(time, (q, q̇, work)) at which the last step passed the stop, or None."""
-    t0, q0, qd0, _ = before
-    gaps = stop.gap(q0, qd0), stop.gap(stepper.q, stepper.qd)
-    if not stop.is_passed(*gaps):
-        return None
-    return stop.locate(t0, stepper.t, *gaps, lambda t: _between(stepper, before, t, path))
+    t0, q0, qd0, work = before
+    return stop.find(t0, stepper.t, (q0, qd0, work), (stepper.q, stepper.qd, stepper.work), lambda t: _between(stepper, before, t, path))
 
 
 def _between(stepper: Stepper, before: State, t: float, path: Path) -> tuple[np.ndarray, np.ndarray, float]:

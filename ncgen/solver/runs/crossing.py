@@ -1,0 +1,78 @@
+"""Where a polynomial changes its sign for the first time on [0, 1]: the reference of `ncgen_crossing.c`, which says how and why."""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+
+DEGREE = 8
+"""Of the polynomial through the samples; interpolants in time have 7 at most, but for those of LSODA and other methods of high order."""
+
+PARTS = 2**30
+"""Two changes of sign nearer to each other than 1 / PARTS are none."""
+
+SAMPLES = np.arange(DEGREE + 1) / DEGREE
+"""Where the polynomial's values are taken."""
+
+_BINOMIALS = np.array([comb(DEGREE, k) for k in range(DEGREE + 1)])
+_INVERSE = np.linalg.inv(_BINOMIALS * SAMPLES[:, None] ** np.arange(DEGREE + 1) * (1 - SAMPLES[:, None]) ** np.arange(DEGREE, -1, -1))
+
+
+class _Walk:
+    """What is known as parts of the interval are walked through from left to right: the last sign and where it was seen."""
+
+    def __init__(self, direction: int, sign: int) -> None:
+        self.direction, self.sign, self.at, self.next = direction, sign, 0.0, 0.0
+
+    def turns(self, place: float, sign: int) -> bool:
+        """Whether the sign at a place is the one that is waited for, and was the other one before."""
+        self.next = place
+        if self.sign * sign < 0 and sign * self.direction >= 0:
+            return True
+        if sign:
+            self.sign, self.at = sign, place
+        return False
+
+
+def first_crossing(values: np.ndarray, noise: float, direction: int) -> tuple[float, float] | None:
+    """Two places in [0, 1] between which the polynomial changes its sign for the first time, or None where it does not.
+
+    values (9,): at SAMPLES; noise: what is smaller has no sign, but for the first and the last of them
+    direction: 1 from negative to positive, −1 the other way, 0 either
+    """
+    coefficients = _INVERSE @ values
+    coefficients[[0, -1]] = values[[0, -1]]
+    walk, place, width = _Walk(direction, int(np.sign(values[0]))), 0, PARTS
+    while place < PARTS:
+        low, high = place / PARTS, (place + width) / PARTS
+        part = _restricted(coefficients, low, high)
+        signs = np.where(np.abs(part) > noise, np.sign(part), 0).astype(int)
+        seen = signs[signs != 0]
+        changes = int(np.count_nonzero(seen[1:] != seen[:-1]))
+        first, last = int(signs[0]), int(signs[-1])
+        if width > 1 and (changes > 1 or (changes == 1 and not (first and last))):
+            width //= 2
+            continue
+        if (
+            walk.turns((low + high) / 2, int(seen[-1]) if len(seen) else 0)
+            if changes == 0
+            else walk.turns(low, first) or walk.turns(high, last)
+        ):
+            return walk.at, walk.next
+        place += width
+        while width < PARTS and place % (2 * width) == 0:
+            width *= 2
+    end = int(np.sign(values[-1])) or -walk.sign  # to end at zero is to get there
+    return (walk.at, walk.next) if walk.turns(1.0, end) else None
+
+
+def _restricted(coefficients: np.ndarray, low: float, high: float) -> np.ndarray:
+    """The coefficients (9,) on the part from low to high, by de Casteljau's rule for either end."""
+    part = coefficients.copy()
+    for j in range(1, DEGREE + 1):
+        part[j:] = (1 - high) * part[j - 1 : -1] + high * part[j:]
+    share = low / high
+    for j in range(1, DEGREE + 1):
+        part[: DEGREE + 1 - j] = (1 - share) * part[: DEGREE + 1 - j] + share * part[1 : DEGREE + 2 - j]
+    return part
