@@ -127,9 +127,10 @@ def test_shapes_that_never_touch_are_not_listed(tmp_path):
         assert touching(model) == len({int(g) for contact in data.contact for g in contact.geom})
 
 
-RICH = """<mujoco><option density="1.2" wind="1 0 0"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/><site name="o" pos="1 0 0"/>
-<body name="a" pos="0 0 0.5">
-<joint name="q" axis="0 1 0" stiffness="1" damping="0.1" range="-1 1" limited="true" frictionloss="0.1"/><geom name="g" size="0.1"/><site name="s" pos="0.1 0 0"/><body name="b" pos="0.3 0 0" gravcomp="0.5"><joint name="ball" type="ball"/>
+RICH = """<mujoco><option density="1.2" wind="1 0 0"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
+<site name="o" pos="1 0 0"/><body name="a" pos="0 0 0.5">
+<joint name="q" axis="0 1 0" stiffness="1" damping="0.1" range="-1 1" limited="true" frictionloss="0.1"/><geom name="g" size="0.1"/>
+<site name="s" pos="0.1 0 0"/><body name="b" pos="0.3 0 0" gravcomp="0.5"><joint name="ball" type="ball"/>
 <geom type="box" size="0.1 0.05 0.02"/></body></body>
 <body name="f" pos="0 1 1"><freejoint/><geom type="capsule" size="0.05 0.1"/></body></worldbody>
 <tendon><fixed name="t"><joint joint="q" coef="2"/></fixed>
