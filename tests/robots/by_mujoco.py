@@ -13,6 +13,7 @@ import numpy as np
 
 import ncgen
 from ncgen.exchange.robots import read_robot
+from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
 from ncgen.exchange.robots.mjcf_keyframes import start_of
 from ncgen.exchange.robots.natural import word
 from ncgen.exchange.robots.robot import together
@@ -28,7 +29,9 @@ class Beside:
         import mujoco
 
         self.mujoco = mujoco
-        self.model, self.robot = ncgen.load(path, **options), together(read_robot(path))
+        robot = read_robot(path)
+        robot = with_closures(robot, closures_of(robot)) if follows_from_start(robot) else robot
+        self.model, self.robot = ncgen.load(path, **options), together(robot)
         self.kernels = None
         if largest and len(self.model.components) > largest:
             return
@@ -50,6 +53,8 @@ class Beside:
     def _place(self) -> None:
         """{element: (number of MuJoCo's body, its place there)}."""
         mujoco, m, d = self.mujoco, self.theirs, self.data
+        for name, j in self.joints.items():  # loops may have been closed by moving joints
+            d.qpos[m.jnt_qposadr[j]] = self.kernels.q0[self.kernels.index[name]]
         mujoco.mj_kinematics(m, d)
         numbers = {word(m.body(i).name or f"body{i}", "link"): i for i in range(1, m.nbody)}
         self.at = {}

@@ -14,11 +14,12 @@ from typing import TypedDict
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.mjcf_actuators import actuators
 from ncgen.exchange.robots.mjcf_compiled import Compiled, compiled, family
-from ncgen.exchange.robots.mjcf_equalities import equalities
+from ncgen.exchange.robots.mjcf_equalities import Apart, equalities
 from ncgen.exchange.robots.mjcf_fields import (
     AT_JOINT,
     NO_DAMPERS,
@@ -108,6 +109,13 @@ class _Spring(TypedDict):
     more_stiffness: tuple[float, ...]
 
 
+def _closure(apart: Apart, robot: Robot) -> Closure:
+    """A loop that is to be closed; robot: in the world where the model begins."""
+    joint, frames = apart.joint, robot.frames(robot.base)
+    parent, child = frames[joint.parent].inverse() @ joint.placement, frames[joint.child].inverse() @ apart.child
+    return Closure(joint.name, joint.kind, joint.parent, joint.child, parent, child, where=joint.where)
+
+
 class _Reader:
     def __init__(self, model: Compiled, files: Sequence[Markup], path: Path) -> None:
         self.m, self.where, self.path = model, path.name, path
@@ -146,7 +154,8 @@ class _Reader:
             sensors=sensors(self.m, self.joint_names),
             actuators=motors,
         )
-        return hung(robot, self.places)
+        found = hung(robot, self.places)
+        return with_closures(found, [*closures_of(found), *(_closure(each, found) for each in closed.apart)]) if closed.apart else found
 
     def _body(self, i: int) -> None:
         m = self.m

@@ -232,7 +232,7 @@ class _Builder:
                 f"{coupling.where}: {coupling.name}: joint {missing[0]} is no hinge or slider, so nothing can be coupled to it"
             )
         own, other = (
-            sum(share * (c.symbol - c.components[0].initial) for name, share in shares.items() for c in [self.coordinates[name]])
+            sum(share * (self.coordinates[name].symbol - coupling.zeros.get(name, 0.0)) for name, share in shares.items())
             for shares in (coupling.shares, coupling.others)
         )
         follows = sum(factor * other**power for power, factor in enumerate(coupling.powers, 1) if factor)

@@ -87,7 +87,7 @@ class Mimic:
 class Coupling:
     """A row over joints: Σ share · coordinate = offset (rad or m) + c₁ x + c₂ x² + …, where x is the sum over others.
 
-    Coordinates count from where the model begins.
+    zeros: {joint: the value from which its coordinate counts}
     shares, others: {joint: share}; powers: c₁, c₂, …
     """
 
@@ -96,6 +96,7 @@ class Coupling:
     offset: float = 0.0
     where: str = ""
     others: Mapping[str, float] = field(default_factory=dict)
+    zeros: Mapping[str, float] = field(default_factory=dict)
     powers: tuple[float, ...] = ()
 
 
@@ -199,6 +200,7 @@ class Robot:
     base: of the root in the world; gravity: m/s²; floats: whether the root is a free body
     omitted: what the file says and a model does not, in words; starts: states of the file, by name
     actuators: of the file; None in formats without them
+    motors: names of joints that have one, where a file beside the robot's says so
     """
 
     name: str
@@ -213,6 +215,7 @@ class Robot:
     starts: Mapping[str, Start] = field(default_factory=dict)
     actuators: tuple[Actuator, ...] | None = None
     sensors: tuple[Sensor, ...] = ()
+    motors: tuple[str, ...] = ()
 
     def ordered(self) -> Robot:
         """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""
