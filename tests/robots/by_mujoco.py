@@ -55,6 +55,10 @@ class Beside:
         mujoco, m, d = self.mujoco, self.theirs, self.data
         for name, j in self.joints.items():  # loops may have been closed by moving joints
             d.qpos[m.jnt_qposadr[j]] = self.kernels.q0[self.kernels.index[name]]
+        frames = self.robot.frames(self.robot.base)
+        for j in np.flatnonzero(m.jnt_type == 0).tolist():
+            frame, at = frames[m.body(m.jnt_bodyid[j]).name or f"body{m.jnt_bodyid[j]}"], m.jnt_qposadr[j]
+            d.qpos[at : at + 7] = [*frame.position, *frame.quaternion]
         mujoco.mj_kinematics(m, d)
         numbers = {word(m.body(i).name or f"body{i}", "link"): i for i in range(1, m.nbody)}
         self.at = {}
@@ -64,7 +68,6 @@ class Beside:
                     i = numbers[name]
                     away = element.initial - d.xpos[i] if isinstance(element, Point) else element.initial
                     self.at[element] = i, d.xmat[i].reshape(3, 3).T @ away
-        frames = self.robot.frames(self.robot.base)
         links = {word(name, "link"): name for name in frames}
         bodies = self.model.bodies.values()
         self.places = {e: (links[body.name], e.initial) for body in bodies for e in body.elements if isinstance(e, Spatial)}

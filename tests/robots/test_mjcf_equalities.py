@@ -95,3 +95,20 @@ def test_frames_that_never_meet_are_refused_with_the_gap(tmp_path):
     said = '<connect name="far" site1="tip" site2="away"/>'
     with pytest.raises(ModelError, match="loop far cannot close: its frames stay"):
         ncgen.load(chain(tmp_path / "chain.xml", said))
+
+
+FREE = """<mujoco><worldbody><site name="nail" pos="0.3 0 0.4" quat="0.8 0 0.6 0"/>
+<body name="a" pos="0 0 1"><freejoint/><site name="tip" pos="0.1 0 0"/>
+<inertial pos="0 0 -0.3" mass="1" diaginertia="0.02 0.02 0.01"/></body>
+<body name="b" pos="1 0 1"><freejoint/><site name="eye" pos="0 0.1 0" quat="1 0.2 0 0"/>
+<inertial pos="0 0.1 -0.3" mass="1" diaginertia="0.02 0.02 0.01"/></body></worldbody>
+<equality><connect site1="tip" site2="nail"/><weld site1="eye" site2="tip"/></equality></mujoco>"""
+
+
+def test_free_bodies_are_brought_together(tmp_path):
+    """To the world's site by a ball, and to each other by a weld."""
+    path = tmp_path / "free.xml"
+    path.write_text(FREE)
+    both = Beside(path)
+    assert ncgen.freedom(both.kernels).dof == 3
+    assert both.closed_error(np.random.default_rng(1), states=2) < 1e-9
