@@ -74,7 +74,11 @@ def main(folders: list[str]) -> None:
         mine, theirs = multiprocessing.Pipe()
         process = multiprocessing.get_context("fork").Process(target=_answer, args=(path, theirs))
         process.start()
-        word, said = mine.recv() if mine.poll(LONGEST) else ("failed", f"not done after {LONGEST} s")
+        theirs.close()
+        try:
+            word, said = mine.recv() if mine.poll(LONGEST) else ("failed", f"not done after {LONGEST} s")
+        except EOFError:
+            word, said = "failed", "its process ended without a word"
         process.kill()
         process.join()
         counts[word] += 1
