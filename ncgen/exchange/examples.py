@@ -36,6 +36,7 @@ def load(
     motors: bool = False,
     sensors: bool = False,
     loops: str | Path | None = None,
+    inertias: str = "refused",
 ) -> Model:
     """The model of an example, of a TOML file, of a robot's file (URDF, SDF, MJCF), or of a Python file that has a function `build()`
     returning a model.
@@ -45,6 +46,7 @@ def load(
     motors: a robot's actuators, or its joints where the file says no actuators, have inputs, with gears, servos and limits of the file
     sensors: the sensors of an MJCF file are outputs
     loops: a TOML file that says what closes a robot's loops; None for ROBOT.loops.toml beside its file, if there is one
+    inertias: "balanced" for the mean of moments of inertia that no body has, with a warning; "refused" for a ModelError
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
     having = {"limits": limits, "friction": friction, "motors": motors, "sensors": sensors}
@@ -54,8 +56,13 @@ def load(
             raise ModelError(f"{word}: {shown(given)} given; give True or False")
     suffix = path.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(path):
-        return robots.load_robot(path, floating, limits, friction, loops, motors, sensors)
-    for word, given in (("floating", floating is not None), *having.items(), ("loops", loops is not None)):
+        return robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias)
+    for word, given in (
+        ("floating", floating is not None),
+        *having.items(),
+        ("loops", loops is not None),
+        ("inertias", inertias != "refused"),
+    ):
         if given:
             raise ModelError(f"{path.name}: {word} is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says itself what it has")
     if str(name) in example_names():
@@ -126,7 +133,7 @@ def _checked(module: ModuleType) -> Model:
         raise ModelError(f"{path}: it has no function build(); define one that returns an ncgen.Model")
     if needed := [p.name for p in _guarded(path, lambda: inspect.signature(module.build)).parameters.values() if is_required(p)]:
         raise ModelError(f"{path.name}: build() needs {needed[0]}, but it is called with nothing; give {needed[0]} a default")
-    from ncgen.solver.runs.run import check_options
+    from ncgen.solver.runs.simulation_options import check_options
 
     model = _guarded(path, module.build)
     if not isinstance(model, Model):
