@@ -85,7 +85,7 @@ def break_times(
 def breaks_of_laws(kernels: Kernels, laws: TimeLaws, start: float, end: float) -> np.ndarray:
     """The breaks of some of a mechanism's laws with its own parameters, as of `break_times`."""
     gap = UNCERTAINTY * DOUBLE * max(abs(start), abs(end))
-    return _merged(_of_laws(laws, np.asarray(kernels.p0), start, end, gap, ()), start, end, gap)
+    return merged(_of_laws(laws, np.asarray(kernels.p0), start, end, gap, ()), start, end, gap)
 
 
 def _of_laws(laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float, driven: Collection[int]) -> np.ndarray:
