@@ -129,7 +129,7 @@ def run(
     from ncgen.report.timing import kernel_times
     from ncgen.solver.motions.simulate import simulate
     from ncgen.solver.positions.rank import freedom
-    from ncgen.solver.runs.run import check_simulation, simulation_of
+    from ncgen.solver.runs.simulation_options import check_simulation, simulation_of
 
     given: dict[str, Any] = dict(
         duration=duration, p=assigned("--param", param), zd0=assigned("--velocity", velocity), stop=assigned("--stop", stop, "rising"),

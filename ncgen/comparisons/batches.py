@@ -18,7 +18,7 @@ from ncgen.report.repeat import Call, each, runner
 from ncgen.solver.engines.compiled import GROWTH, dynamics, is_emitted
 from ncgen.solver.motions.batch import BatchTrajectory, accelerations_batch, simulate_batch
 from ncgen.solver.positions.position import TOLERANCE
-from ncgen.solver.runs.run import simulation_of
+from ncgen.solver.runs.simulation_options import simulation_of
 
 STATES = 10_000
 RUNS = 2_000

@@ -19,7 +19,8 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.report.methods import Tolerances
 from ncgen.solver.engines.compiled import is_emitted
 from ncgen.solver.motions.simulate import simulate
-from ncgen.solver.runs.run import InitialArguments, simulation_of
+from ncgen.solver.runs.run import InitialArguments
+from ncgen.solver.runs.simulation_options import simulation_of
 from ncgen.solver.trajectories.trajectory import Trajectory
 
 TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-10)

@@ -19,7 +19,7 @@ from ncgen.solver.derivatives.gradients import gradient_batch
 from ncgen.solver.derivatives.sensitivity import motion_of
 from ncgen.solver.derivatives.taped_motion import TapedMotion
 from ncgen.solver.positions.position import solve_position
-from ncgen.solver.runs.run import simulation_of
+from ncgen.solver.runs.simulation_options import simulation_of
 
 STEPS = 100
 """Of rk4."""

@@ -8,7 +8,7 @@ from ncgen.exchange import robots
 from ncgen.exchange.examples import load
 from ncgen.exchange.toml_reader import problems_of_run, read_toml
 from ncgen.model import Model
-from ncgen.solver.runs.run import check_simulation
+from ncgen.solver.runs.simulation_options import check_simulation
 
 
 def checked(path: Path) -> tuple[Model | None, list[str]]:

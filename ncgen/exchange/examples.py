@@ -124,7 +124,7 @@ def _checked(module: ModuleType) -> Model:
         raise ModelError(f"{path}: it has no function build(); define one that returns an ncgen.Model")
     if needed := [p.name for p in _guarded(path, lambda: inspect.signature(module.build)).parameters.values() if is_required(p)]:
         raise ModelError(f"{path.name}: build() needs {needed[0]}, but it is called with nothing; give {needed[0]} a default")
-    from ncgen.solver.runs.run import check_options
+    from ncgen.solver.runs.simulation_options import check_options
 
     model = _guarded(path, module.build)
     if not isinstance(model, Model):

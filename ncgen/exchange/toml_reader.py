@@ -78,7 +78,7 @@ def line_of(path: Path, word: str, key: str) -> int:
 
 def problems_of_run(path: Path, model: Model) -> list[Problem]:
     """What is wrong with the run that [simulation] describes, in a file that could be read."""
-    from ncgen.solver.runs.run import refusals
+    from ncgen.solver.runs.simulation_options import refusals
 
     return sorted(
         (Problem(line_of(path, "simulation", option or ""), message) for option, message in refusals(model)), key=lambda p: p.line

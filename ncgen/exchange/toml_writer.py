@@ -50,7 +50,7 @@ class _Writer:
         if word in NOT_IN_FILES:
             raise ModelError(f"{word}: a Python function cannot be written into a model file; use an expression")
         if word == "simulation":
-            from ncgen.solver.runs.run import check_options
+            from ncgen.solver.runs.simulation_options import check_options
 
             arguments = arguments.get("options", {})
             check_options(arguments)

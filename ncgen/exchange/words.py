@@ -42,7 +42,7 @@ def head() -> inspect.Signature:
 
 def _run_options() -> inspect.Signature:
     """What [simulation] can say."""
-    from ncgen.solver.runs.run import OPTIONS
+    from ncgen.solver.runs.simulation_options import OPTIONS
 
     return inspect.Signature(
         [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation="option") for name in OPTIONS]

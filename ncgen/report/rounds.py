@@ -13,7 +13,7 @@ from ncgen.exchange.checking import checked
 from ncgen.report.running import run_record
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.positions.rank import freedom
-from ncgen.solver.runs.run import simulation_of
+from ncgen.solver.runs.simulation_options import simulation_of
 
 SHOWN = 6
 """Numbers that are told in one line, and problems."""

@@ -21,7 +21,8 @@ from ncgen.model.elements import coordinate_of
 from ncgen.model.model import checked_model
 from ncgen.solver.given import count as whole
 from ncgen.solver.given import known_name, several
-from ncgen.solver.runs.run import Run, check_options, outline, simulation_of
+from ncgen.solver.runs.run import Run, outline
+from ncgen.solver.runs.simulation_options import check_options, simulation_of
 from ncgen.solver.trajectories.outputs import uses_accelerations
 from ncgen.studies.design import Design, Varied, argument_of, started
 from ncgen.studies.kept import Kept, kept

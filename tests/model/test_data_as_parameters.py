@@ -16,7 +16,8 @@ from ncgen.exchange.examples import example_names
 from ncgen.exchange.toml_reader import model_of
 from ncgen.exchange.toml_writer import to_toml
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.runs.run import Initial, simulation_of
+from ncgen.solver.runs.run import Initial
+from ncgen.solver.runs.simulation_options import simulation_of
 from ncgen.solver.runs.start import begin
 
 NUMBER = r"(?<![\w\"*(.])-?\d+\.?\d*(?:e[+-]?\d+)?(?![\w\"*(.])"

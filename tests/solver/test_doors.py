@@ -11,7 +11,7 @@ import pytest
 import ncgen
 from ncgen.errors import ModelError, NcgenError
 from ncgen.model import Model
-from ncgen.solver.runs.run import check_simulation
+from ncgen.solver.runs.simulation_options import check_simulation
 
 
 def swing() -> Model:

@@ -37,7 +37,8 @@ from ncgen.solver.engines.compiled import own_positions
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.positions.rank import freedom, trial_positions
-from ncgen.solver.runs.run import Run, check_options, simulation_of
+from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.simulation_options import check_options, simulation_of
 from ncgen.solver.runs.start import begin
 from ncgen.solver.trajectories.outputs import uses_loads
 

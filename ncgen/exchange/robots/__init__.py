@@ -76,12 +76,17 @@ def load_robot(
     loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
     Raises ModelError with file and line.
     """
+    from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
     from ncgen.exchange.robots.loops import beside, closed
     from ncgen.exchange.robots.natural import model_of
 
     robot = read_robot(path)
     table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
-    return model_of(closed(robot, table) if table else robot, floating, limits, friction, motors)
+    if table:
+        robot = closed(robot, table)
+    elif follows_from_start(robot):
+        robot = with_closures(robot, closures_of(robot))
+    return model_of(robot, floating, limits, friction, motors)
 
 
 def robot_text(model: Model, suffix: str) -> str:

@@ -12,21 +12,30 @@
 
     [[weld]]                  # nothing moves; without a point
 
-Loops close where all joints are at 0: the point of the child is what stands there then.
+The point of the child is what stands there when all joints are at 0. Or two frames are named, which are links of the file:
+
+    [[weld]]                  # revolute and prismatic have an axis in both, else z
+    parent_frame = "rod_end"
+    child_frame = "slider_pin"
+
+and the robot is assembled: its joints begin where the frames meet (`ncgen.exchange.robots.closures`).
+
+Of Gepetto's parallel robots (github.com/Gepetto/example-parallel-robots) the `robot.yaml` beside `robot.urdf` is read as it is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
 from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
+from ncgen.exchange.robots.parallel_robots import YAML, says_loops, with_yaml
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.robots.robot import Joint, Robot
+from ncgen.exchange.robots.robot import Robot
 from ncgen.exchange.text import NotToml, placed, text_of, toml
 from ncgen.files import is_file
 from ncgen.model.arithmetic import norm, unit
@@ -35,7 +44,7 @@ from ncgen.model.values import LARGEST
 KINDS = {"connect": "spherical", "revolute": "revolute", "prismatic": "prismatic", "weld": "fixed"}
 """{word: kind of joint}."""
 
-KEYS = ("name", "parent", "child", "point", "axis")
+KEYS = ("name", "parent", "child", "point", "axis", "parent_frame", "child_frame")
 
 SUFFIX = ".loops.toml"
 
@@ -43,24 +52,29 @@ SUFFIX = ".loops.toml"
 def beside(path: Path) -> Path | None:
     """The table that belongs to a robot's file, if there is one."""
     found = path.with_suffix(SUFFIX)
-    return found if is_file(found) else None
+    if is_file(found):
+        return found
+    return next((each for end in YAML if is_file(each := path.with_suffix(end)) and says_loops(text_of(each))), None)
 
 
 def closed(robot: Robot, path: Path) -> Robot:
-    """The robot with the loops of a table. Raises ModelError with the file, and the loop by its kind and number."""
-    try:
-        said = toml(text_of(path))
-    except NotToml as error:
-        raise ModelError(placed(path.name, error.line, str(error))) from None
-    reader = _Reader(robot, robot.frames(Placement()), path)
-    loops = [
-        reader.loop(kind, number, table) for kind, tables in said.items() for number, table in enumerate(reader.tables(kind, tables), 1)
-    ]
-    names = [joint.name for joint in (*robot.joints, *robot.loops, *loops)]
+    """The robot with the loops of a table, assembled. Raises ModelError with the file, and the loop by its kind and number."""
+    if path.suffix in YAML:
+        robot, loops = with_yaml(robot, path)
+    else:
+        try:
+            table = toml(text_of(path))
+        except NotToml as error:
+            raise ModelError(placed(path.name, error.line, str(error))) from None
+        reader = _Reader(robot, robot.frames(Placement()), path)
+        loops = [
+            reader.loop(kind, number, each) for kind, tables in table.items() for number, each in enumerate(reader.tables(kind, tables), 1)
+        ]
+    names = [joint.name for joint in (*robot.joints, *robot.loops)] + [loop.name for loop in loops]
     for loop in loops:
         if names.count(loop.name) > 1:
             raise ModelError(placed(path.name, None, f"there are two joints {shown(loop.name)}; rename the loop"))
-    return replace(robot, loops=(*robot.loops, *loops))
+    return with_closures(robot, [*closures_of(robot), *loops])
 
 
 class _Reader:
@@ -74,27 +88,34 @@ class _Reader:
             self.refuse(f"{kind} is no list of tables; write [[{kind}]]")
         return tables
 
-    def loop(self, kind: str, number: int, table: Mapping[str, object]) -> Joint:
+    def loop(self, kind: str, number: int, table: Mapping[str, object]) -> Closure:
         where = f"{kind} {number}"
         if unknown := [key for key in table if key not in KEYS]:
             self.refuse(f"{where}: {shown(unknown[0])} is not known; give {', '.join(KEYS)}")
-        ends = []
-        for key in ("parent", "child"):
-            name = table.get(key)
-            if not isinstance(name, str) or name not in self.robot.links:
-                self.refuse(f"{where}: its {key} {shown(name)} is no link of {self.robot.name}")
-            ends.append(name)
+        by_frames = "parent_frame" in table or "child_frame" in table
+        ends = [self._link(table, f"{key}_frame" if by_frames else key, where) for key in ("parent", "child")]
         if ends[0] == ends[1]:
             self.refuse(f"{where}: it joins link {ends[0]} to itself; name two links")
-        point = self._three(table.get("point", [0.0, 0.0, 0.0] if kind in ("weld", "prismatic") else None), f"{where}: point")
-        axis = self._three(table.get("axis", None if kind in ("revolute", "prismatic") else [0.0, 0.0, 1.0]), f"{where}: axis")
+        if by_frames and (mixed := next((key for key in ("parent", "child", "point") if key in table), None)):
+            self.refuse(f"{where}: it has frames and {mixed}; leave {mixed} out")
+        has_point = by_frames or kind in ("weld", "prismatic")
+        point = self._three(table.get("point", [0.0, 0.0, 0.0] if has_point else None), f"{where}: point")
+        has_axis = not by_frames and kind in ("revolute", "prismatic")
+        axis = self._three(table.get("axis", None if has_axis else [0.0, 0.0, 1.0]), f"{where}: axis")
         if not norm(axis) > 0:
             self.refuse(f"{where}: its axis is 0 0 0; give a direction")
         name = table.get("name", f"{kind}{number}")
         if not isinstance(name, str):
             self.refuse(f"{where}: its name is {shown(name)}; give a text")
-        place = self.frames[ends[0]] @ Placement(position=point)
-        return Joint(name, KINDS[kind], ends[0], ends[1], place, unit(axis), where=f"{self.path.name}, {where}")
+        on_parent = Placement(position=point)
+        on_child = Placement() if by_frames else self.frames[ends[1]].inverse() @ self.frames[ends[0]] @ on_parent
+        return Closure(name, KINDS[kind], ends[0], ends[1], on_parent, on_child, unit(axis), f"{self.path.name}, {where}")
+
+    def _link(self, table: Mapping[str, object], key: str, where: str) -> str:
+        name = table.get(key)
+        if not isinstance(name, str) or name not in self.robot.links:
+            self.refuse(f"{where}: its {key} {shown(name)} is no link of {self.robot.name}")
+        return name
 
     def _three(self, given: object, what: str) -> np.ndarray:
         if (

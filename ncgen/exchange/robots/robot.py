@@ -182,6 +182,7 @@ class Robot:
     base: of the root in the world; gravity: m/s²; floats: whether the root is a free body
     omitted: what the file says and a model does not, in words; starts: states of the file, by name
     actuators: of the file; None in formats without them
+    motors: names of joints that have one, where a file beside the robot's says so
     """
 
     name: str
@@ -195,6 +196,7 @@ class Robot:
     rows: tuple[Coupling, ...] = ()
     starts: Mapping[str, Start] = field(default_factory=dict)
     actuators: tuple[Actuator, ...] | None = None
+    motors: tuple[str, ...] = ()
 
     def ordered(self) -> Robot:
         """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""

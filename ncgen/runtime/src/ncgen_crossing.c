@@ -7,10 +7,12 @@
 #include "ncgen_crossing.h"
 #include "ncgen_vectors.h"
 
-enum { DEGREE = NCGEN_CROSSING_DEGREE, SIZE = DEGREE + 1, WHOLE = 1 << 30 }; /* places in the interval are counted in 2^-30 of it */
+enum { DEGREE = NCGEN_CROSSING_DEGREE, COEFFICIENTS = DEGREE + 1 };
+
+static const int whole = 1 << 30; /* places in the interval are counted in 2^-30 of it */
 
 /* 88200 times rows 1 to 4 of the inverse of B, B[i][k] the k-th polynomial of Bernstein at i / 8; rows 5 to 7 are 3 to 1 backwards. */
-static const ncgen_scalar inverse[4][SIZE] = {
+static const ncgen_scalar inverse[4][COEFFICIENTS] = {
     {-151515, 705600, -1234800, 1646400, -1543500, 987840, -411600, 100800, -11025},
     {199390, -1359360, 3790080, -5680640, 5619600, -3709440, 1576960, -391680, 43290},
     {-204765, 1622720, -5480720, 10153920, -11147500, 7819840, -3459120, 883520, -99695},
@@ -47,7 +49,7 @@ static void to_coefficients(const ncgen_real *values, ncgen_real *b)
     b[DEGREE] = values[DEGREE];
     for (int i = 1; i < DEGREE; ++i) {
         b[i] = 0;
-        for (int k = 0; k < SIZE; ++k)
+        for (int k = 0; k < COEFFICIENTS; ++k)
             b[i] += (i <= 4 ? inverse[i - 1][k] : inverse[DEGREE - i - 1][DEGREE - k]) * values[k];
         b[i] /= R(88200.0);
     }
@@ -56,14 +58,14 @@ static void to_coefficients(const ncgen_real *values, ncgen_real *b)
 /* The coefficients on the part from `low` to `high`, by de Casteljau's rule for either end. */
 static void restrict_to(const ncgen_real *b, ncgen_scalar low, ncgen_scalar high, ncgen_real *c)
 {
-    for (int i = 0; i < SIZE; ++i)
+    for (int i = 0; i < COEFFICIENTS; ++i)
         c[i] = b[i];
-    for (int j = 1; j < SIZE; ++j)
+    for (int j = 1; j < COEFFICIENTS; ++j)
         for (int i = DEGREE; i >= j; --i)
             c[i] = (1 - high) * c[i - 1] + high * c[i];
     const ncgen_scalar share = low / high;
-    for (int j = 1; j < SIZE; ++j)
-        for (int i = 0; i < SIZE - j; ++i)
+    for (int j = 1; j < COEFFICIENTS; ++j)
+        for (int i = 0; i < COEFFICIENTS - j; ++i)
             c[i] = (1 - share) * c[i] + share * c[i + 1];
 }
 
@@ -72,7 +74,7 @@ static int changes_of(const ncgen_real *c, ncgen_scalar noise, int *sign)
 {
     int changes = 0;
     *sign = 0;
-    for (int i = 0; i < SIZE; ++i) {
+    for (int i = 0; i < COEFFICIENTS; ++i) {
         const int here = sign_of(c[i], noise);
         if (!here)
             continue;
@@ -82,12 +84,12 @@ static int changes_of(const ncgen_real *c, ncgen_scalar noise, int *sign)
     return changes;
 }
 
-/* Is the part of width / WHOLE from place / WHOLE on to be halved? Else: does the sign turn in it? */
+/* Is the part of width / whole from place / whole on to be halved? Else: does the sign turn in it? */
 static int is_mixed(walk *w, const ncgen_real *b, int place, int width, ncgen_scalar noise, int *found)
 {
-    ncgen_real c[SIZE];
+    ncgen_real c[COEFFICIENTS];
     int sign;
-    const ncgen_scalar low = place / (ncgen_scalar)WHOLE, high = (place + width) / (ncgen_scalar)WHOLE;
+    const ncgen_scalar unit = 1 / (ncgen_scalar)whole, low = (ncgen_scalar)place * unit, high = (ncgen_scalar)(place + width) * unit;
     restrict_to(b, low, high, c);
     const int changes = changes_of(c, noise, &sign), first = sign_of(c[0], noise), last = sign_of(c[DEGREE], noise);
     if (width > 1 && (changes > 1 || (changes == 1 && !(first && last))))
@@ -101,16 +103,16 @@ static int is_mixed(walk *w, const ncgen_real *b, int place, int width, ncgen_sc
 
 int ncgen_first_crossing(const ncgen_real *values, ncgen_scalar noise, int direction, ncgen_scalar *low, ncgen_scalar *high)
 {
-    ncgen_real b[SIZE];
+    ncgen_real b[COEFFICIENTS];
     walk w = {direction, sign_of(values[0], 0), 0, 0};
-    int found = 0, place = 0, width = WHOLE;
+    int found = 0, place = 0, width = whole;
     to_coefficients(values, b);
-    while (place < WHOLE && !found) {
+    while (place < whole && !found) {
         if (is_mixed(&w, b, place, width, noise, &found)) {
             width /= 2;
             continue;
         }
-        for (place += width; width < WHOLE && place % (2 * width) == 0;) /* the next part is as wide as its place among the halves allows */
+        for (place += width; width < whole && place % (2 * width) == 0;) /* the next part is as wide as its place among the halves allows */
             width *= 2;
     }
     const int last = sign_of(values[DEGREE], 0); /* to end at zero is to get there */

@@ -88,7 +88,7 @@ static int sample_event(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_s
     const int place = place_in_state(r);
     int status = NCGEN_OK;
     for (int k = 1; k < NCGEN_CROSSING_DEGREE && status == NCGEN_OK; ++k) {
-        const ncgen_scalar s = k / (ncgen_scalar)NCGEN_CROSSING_DEGREE;
+        const ncgen_scalar s = (ncgen_scalar)k / (ncgen_scalar)NCGEN_CROSSING_DEGREE;
         if (place < 0) {
             status = event_inside(r, w, t, h, s, &values[k]);
         } else {

@@ -1,0 +1,351 @@
+"""Joint values at which a robot's loops are closed, found before there is a model.
+
+Loops are closed by Levenberg's and Marquardt's damped Gauss-Newton steps over the motions of the joints (Nocedal & Wright, Numerical
+Optimization, 2006, section 10.3), beginning where all joints are at 0, so joints move as little as they need to. Joints that mimic others
+follow them on the way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.robot import Joint, Robot, refused
+from ncgen.model.arithmetic import unit
+
+CLOSED = 1e-12
+"""Gaps below this, over the robot's size or in rad, are rounding."""
+
+DIGITS = 1e-4
+"""Gaps up to this, over the robot's size or in rad, are the last digits of a file: they stay where nothing closes better."""
+
+STEPS, STARTS = 300, 24
+"""Most steps from one start, and starts: the first at 0, others at random joint values, the same ones every time."""
+
+ENOUGH = 2
+"""Starts that end with the same gap as another one, after which it is the least."""
+
+LONGEST = 0.5
+"""Largest step of a joint (rad or m)."""
+
+HEIGHTS = {"spherical": 3}
+"""Equations of kinds of loops, where there are not six."""
+
+TURNS = {"revolute": 1, "prismatic": 1, "spherical": 3, "universal": 2, "floating": 6, "planar": 3, "fixed": 0, "screw": 1}
+"""Degrees of freedom of kinds of joints."""
+
+Frames: TypeAlias = dict[str, tuple[np.ndarray, np.ndarray]]
+"""{link: rotation (3, 3) and position (3,) in m, in the root's frame}."""
+
+
+@dataclass(frozen=True, eq=False)
+class Closure:
+    """A loop: a frame of a link that stands where a frame of another link is.
+
+    kind: "fixed" (frames coincide), "spherical" (their origins do), "revolute" (origins and axes do), "prismatic" (axes of both lie on one
+        line, without turning); axis (3,): in both frames
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    on_parent: Placement
+    on_child: Placement
+    axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    where: str = ""
+
+
+def closures_of(robot: Robot) -> list[Closure]:
+    """The robot's own loops, which are closed where all joints are at 0. Joints must be ordered."""
+    frames = robot.frames(Placement())
+    return [
+        Closure(
+            loop.name,
+            loop.kind,
+            loop.parent,
+            loop.child,
+            frames[loop.parent].inverse() @ loop.placement,
+            frames[loop.child].inverse() @ loop.placement,
+            loop.axis,
+            loop.where,
+        )
+        for loop in robot.loops
+    ]
+
+
+def with_closures(robot: Robot, closures: Sequence[Closure]) -> Robot:
+    """The robot with these loops in place of its own, where they are closed. Joints must be ordered.
+
+    Raises ModelError naming the loop that stays open, with its gap.
+    """
+    found = _Assembly(robot, closures).solved()
+    frames = found.frames(Placement())
+    loops = []
+    for number, each in enumerate(closures):
+        new = Joint(each.name, each.kind, each.parent, each.child, axis=each.axis, where=each.where)
+        own = robot.loops[number] if number < len(robot.loops) else new
+        has_moved = found.joints != robot.joints or own is new
+        loops.append(replace(own, placement=frames[each.parent] @ each.on_parent) if has_moved else own)
+    return replace(found, loops=tuple(loops))
+
+
+def follows_from_start(robot: Robot) -> bool:
+    """Whether a joint that mimics another one is not at 0 where that one is."""
+    begins = {joint.name: joint.start for joint in robot.joints}
+    followers = ((joint, joint.mimic) for joint in robot.joints if joint.mimic)
+    return any(mimic.factor * begins.get(mimic.joint, 0.0) + mimic.offset != joint.start for joint, mimic in followers)
+
+
+def moved(robot: Robot, values: Mapping[str, np.ndarray]) -> Robot:
+    """The robot with joints moved by these values (m, rad; rotation vectors of balls), by their names; others stay where they are."""
+    joints = []
+    for joint in robot.joints:
+        x = values.get(joint.name)
+        if x is None or not np.any(x):
+            joints.append(joint)
+            continue
+        place = joint.placement @ motion(joint, x)
+        axis = _turn(joint.second, -x[1]) @ joint.axis if joint.kind == "universal" and joint.second is not None else joint.axis
+        start = joint.start + float(x[0]) if joint.kind in ("revolute", "prismatic") else joint.start
+        joints.append(replace(joint, placement=place, axis=axis, start=start))
+    return replace(robot, joints=tuple(joints))
+
+
+def motion(joint: Joint, x: np.ndarray) -> Placement:
+    """The child's frame in the joint's at values (m, rad)."""
+    if joint.kind == "prismatic":
+        return Placement(position=x[0] * joint.axis)
+    if joint.kind == "universal":
+        assert joint.second is not None, "a universal joint with one axis"
+        return Placement(_turn(joint.axis, x[0]) @ _turn(joint.second, x[1]))
+    if joint.kind == "revolute":
+        return Placement(_turn(joint.axis, x[0]))
+    return Placement(rotation_by(x))
+
+
+def rotation_by(vector: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) by a rotation vector (rad)."""
+    angle = float(np.linalg.norm(vector))
+    return np.eye(3) if angle == 0.0 else _turn(vector / angle, angle)
+
+
+def _turn(axis: np.ndarray | None, angle: float) -> np.ndarray:
+    assert axis is not None
+    x, y, z = unit(axis)
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * (skew @ skew)
+
+
+def rotation_vector(rotation: np.ndarray) -> np.ndarray:
+    """The rotation vector (rad) of a rotation, by its quaternion."""
+    w, x, y, z = Placement(rotation).quaternion
+    size = math.hypot(x, y, z)
+    return np.array([x, y, z]) * (2 * math.atan2(size, w) / size if size > 0 else 2.0)
+
+
+class _Assembly:
+    """Closures as equations of joint values x. Balls have rotation vectors, multiplied on at every step."""
+
+    def __init__(self, robot: Robot, closures: Sequence[Closure]) -> None:
+        self.robot, self.closures = robot, closures
+        self.begins = {joint.name: joint.start for joint in robot.joints}
+        self.free = [
+            joint for joint in robot.joints if TURNS[joint.kind] and not joint.mimic and joint.kind not in ("floating", "planar", "screw")
+        ]
+        self.followers = [
+            joint for joint in robot.joints if joint.mimic and joint.mimic.joint in self.begins and joint.kind in ("revolute", "prismatic")
+        ]
+        counts = [TURNS[joint.kind] for joint in self.free]
+        self.starts = dict(zip((joint.name for joint in self.free), np.cumsum([0, *counts[:-1]]), strict=True)) if counts else {}
+        self.n = sum(counts)
+        self.paths_to_parent = [self._path(each.parent) for each in closures]
+        self.paths_to_child = [self._path(each.child) for each in closures]
+        origins = np.array([frame.position for frame in robot.frames(Placement()).values()])
+        self.size = float(np.ptp(origins, axis=0).max()) or 1.0
+
+    def solved(self) -> Robot:
+        generator = np.random.default_rng(1)
+        best: tuple[float, dict[str, np.ndarray]] | None = None
+        same = 0
+        for start in range(STARTS):
+            scale = 0.0 if start == 0 else 0.3 * (1 + start // 4)
+            values = self._begin(generator.standard_normal(self.n) * scale)
+            gap, values = self._descend(values)
+            same += best is not None and abs(gap - best[0]) < 1e-6 * gap
+            if best is None or gap < best[0] * (1 - 1e-6) - CLOSED:
+                best = gap, values
+            if best[0] < DIGITS or same == ENOUGH:
+                break
+        assert best is not None
+        if not best[0] < DIGITS:
+            raise self._open(best[1])
+        turns = {joint.name for joint in self.free if joint.kind == "revolute"}
+        return moved(
+            self.robot,
+            {name: np.remainder(x + np.pi, 2 * np.pi) - np.pi if name in turns and abs(x[0]) > np.pi else x for name, x in best[1].items()},
+        )
+
+    def _begin(self, x: np.ndarray) -> dict[str, np.ndarray]:
+        values = {joint.name: np.zeros(TURNS[joint.kind]) for joint in self.free}
+        return self._stepped(values, x)
+
+    def _stepped(self, values: Mapping[str, np.ndarray], step: np.ndarray) -> dict[str, np.ndarray]:
+        """Values after a step, those of followers with them."""
+        found = {}
+        for joint in self.free:
+            start = self.starts[joint.name]
+            change, old = step[start : start + TURNS[joint.kind]], values[joint.name]
+            found[joint.name] = rotation_vector(rotation_by(old) @ rotation_by(change)) if joint.kind == "spherical" else old + change
+        for joint in self._in_order_of_following():
+            assert joint.mimic is not None
+            moved_by = found.get(joint.mimic.joint, np.zeros(1))
+            found[joint.name] = joint.mimic.factor * (self.begins[joint.mimic.joint] + moved_by) + joint.mimic.offset - joint.start
+        return found
+
+    def _in_order_of_following(self) -> Iterable[Joint]:
+        """Followers after those that they follow; those in a circle last."""
+        waiting, known = list(self.followers), set(self.starts)
+        while waiting:
+            ready = [joint for joint in waiting if joint.mimic and joint.mimic.joint in known] or waiting
+            known |= {joint.name for joint in ready}
+            yield from ready
+            waiting = [joint for joint in waiting if joint not in ready]
+
+    def _descend(self, values: dict[str, np.ndarray]) -> tuple[float, dict[str, np.ndarray]]:
+        """The gap, over the robot's size, and the values where the steps end."""
+        damping, frames = 1e-6, self._frames(values)
+        residual = self._residual(frames)
+        for _ in range(STEPS):
+            if np.max(np.abs(residual), initial=0.0) < CLOSED or damping > 1e6:
+                break
+            left, singular, right = np.linalg.svd(self._jacobian(frames), full_matrices=False)
+            while damping <= 1e6:
+                scaled = singular / (singular**2 + damping * max(singular.max(initial=0.0), 1e-30) ** 2)
+                step = -right.T @ (scaled * (left.T @ residual))
+                trial = self._stepped(values, step * min(1.0, LONGEST / max(np.abs(step).max(initial=0.0), 1e-30)))
+                moved_frames = self._frames(trial)
+                new = self._residual(moved_frames)
+                if new @ new < residual @ residual:
+                    values, frames, residual, damping = trial, moved_frames, new, max(damping / 10, 1e-15)
+                    break
+                damping *= 10
+        return float(np.max(np.abs(residual), initial=0.0)), values
+
+    def _frames(self, values: Mapping[str, np.ndarray]) -> Frames:
+        """Rotation and position of every link in the root's frame."""
+        found: Frames = {self.robot.root: (np.eye(3), np.zeros(3))}
+        for joint in self.robot.joints:
+            x = values.get(joint.name)
+            place = _after(found[joint.parent], joint.placement)
+            found[joint.child] = place if x is None else _after(place, motion(joint, x))
+        return found
+
+    def _residual(self, frames: Frames) -> np.ndarray:
+        return np.concatenate([np.zeros(0), *(self._gap(each, frames) for each in self.closures)])
+
+    def _gap(self, each: Closure, frames: Frames) -> np.ndarray:
+        """How far a closure is open: metres over the robot's size, and rad; in the frame of the parent."""
+        turn, shift = _between(each, frames)
+        far = shift / self.size
+        match each.kind:
+            case "spherical":
+                return far
+            case "revolute":
+                return np.concatenate([far, np.cross(each.axis, turn @ each.axis)])
+            case "prismatic":
+                return np.concatenate([far - (far @ each.axis) * each.axis, rotation_vector(turn)])
+            case _:
+                return np.concatenate([far, rotation_vector(turn)])
+
+    def _jacobian(self, frames: Frames) -> np.ndarray:
+        """How the residual changes with a step, but for the curvature of rotations that are still open."""
+        J = np.zeros((len(self._residual(frames)), self.n))
+        for joint in self.free:
+            for k, (axis, origin) in enumerate(_screws(joint, frames[joint.child])):
+                self._add_column(J[:, self.starts[joint.name] + k], joint, axis, origin, frames)
+        for follower in self._in_order_of_following():
+            if (leader := self._leader(follower)) is not None:
+                ((axis, origin),) = _screws(follower, frames[follower.child])
+                column = np.zeros(len(J))
+                self._add_column(column, follower, axis, origin, frames)
+                J[:, self.starts[leader[0]]] += leader[1] * column
+        return J
+
+    def _leader(self, follower: Joint) -> tuple[str, float] | None:
+        """The free joint that a follower depends on, and its factor; None in a circle, or where that is no hinge or slider."""
+        by_name, factor, joint = {each.name: each for each in self.robot.joints}, 1.0, follower
+        for _ in range(len(by_name)):
+            if joint.mimic is None:
+                return (joint.name, factor) if joint.kind in ("revolute", "prismatic") else None
+            if joint.mimic.joint not in by_name:
+                return None
+            factor, joint = factor * joint.mimic.factor, by_name[joint.mimic.joint]
+        return None
+
+    def _add_column(self, column: np.ndarray, joint: Joint, axis: np.ndarray, origin: np.ndarray | None, frames: Frames) -> None:
+        """Add the change of all gaps where a joint turns about an axis through a point, or slides along it (no point)."""
+        row = 0
+        for each, on_a, on_b in zip(self.closures, self.paths_to_parent, self.paths_to_child, strict=True):
+            height = HEIGHTS.get(each.kind, 6)
+            if (joint.name in on_a) != (joint.name in on_b):
+                sign = 1.0 if joint.name in on_b else -1.0
+                across, _ = _after(frames[each.parent], each.on_parent)
+                _, end = _after(frames[each.child], each.on_child)
+                far = across.T @ (axis if origin is None else np.cross(axis, end - origin)) * (sign / self.size)
+                turn = np.zeros(3) if origin is None else sign * (across.T @ axis)
+                if each.kind == "revolute":
+                    turn = np.cross(each.axis, np.cross(turn, _between(each, frames)[0] @ each.axis))
+                elif each.kind == "prismatic":
+                    far = far - (far @ each.axis) * each.axis
+                column[row : row + height] += np.concatenate([far, turn])[:height]
+            row += height
+
+    def _path(self, link: str) -> frozenset[str]:
+        """Names of joints that carry a link."""
+        above, found = {joint.child: joint for joint in self.robot.joints}, set()
+        while (joint := above.get(link)) is not None:
+            found.add(joint.name)
+            link = joint.parent
+        return frozenset(found)
+
+    def _open(self, values: Mapping[str, np.ndarray]) -> ModelError:
+        """The refusal, with the loop that stays open most."""
+        frames = self._frames(values)
+        worst = max(self.closures, key=lambda each: float(np.max(np.abs(self._gap(each, frames)))))
+        turn, shift = _between(worst, frames)
+        turned = "" if worst.kind == "spherical" else f" and {np.linalg.norm(rotation_vector(turn)):.3g} rad"
+        return refused(
+            worst.where,
+            f"loop {worst.name} cannot close: its frames stay {np.linalg.norm(shift):.3g} m{turned} apart, wherever the joints are; "
+            "correct a length, or close it by a ball",
+        )
+
+
+def _after(frame: tuple[np.ndarray, np.ndarray], place: Placement) -> tuple[np.ndarray, np.ndarray]:
+    """A placement in a frame, in plain floating point: the assembled robot is placed by `Placement` again."""
+    turn, shift = frame
+    return turn @ place.rotation, shift + turn @ place.position
+
+
+def _between(each: Closure, frames: Frames) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation and position of the child's frame in the parent's."""
+    (turn, start), (other, end) = _after(frames[each.parent], each.on_parent), _after(frames[each.child], each.on_child)
+    return turn.T @ other, turn.T @ (end - start)
+
+
+def _screws(joint: Joint, frame: tuple[np.ndarray, np.ndarray]) -> list[tuple[np.ndarray, np.ndarray | None]]:
+    """(axis, point on it) of what turns, (axis, None) of what slides, in the root's frame; frame: of the child."""
+    turn, origin = frame
+    if joint.kind == "prismatic":
+        return [(turn @ joint.axis, None)]
+    if joint.kind == "spherical":
+        return [(turn[:, k], origin) for k in range(3)]
+    axes = [joint.axis] if joint.second is None else [joint.axis, joint.second]
+    return [(turn @ axis, origin) for axis in axes]
