@@ -128,8 +128,8 @@ class _Builder:
         """Compensated weights of what moves."""
         for solid in self.layout.solids.values():
             frame = self.layout.frames[solid.name]
-            masses = [mass.seen_from(frame) for mass in self.robot.links[solid.name].lifted]
-            lift(self.model, self.bodies[solid], masses, self.robot.gravity)
+            if masses := [mass.seen_from(frame) for mass in self.robot.links[solid.name].lifted]:
+                lift(self.model, self.bodies[solid], masses, self.robot.gravity)
 
     # -- joints --------------------------------------------------------------------------------
 
