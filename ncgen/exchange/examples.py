@@ -35,6 +35,7 @@ def load(
     friction: bool = False,
     motors: bool = False,
     loops: str | Path | None = None,
+    inertias: str = "refused",
 ) -> Model:
     """The model of an example, of a TOML file, of a robot's file (URDF, SDF, MJCF), or of a Python file that has a function `build()`
     returning a model.
@@ -43,6 +44,7 @@ def load(
     limits, friction: a robot's joints have the stops and the dry friction of its file, as springs and smooth couples
     motors: a robot's actuators, or its joints where the file says no actuators, have inputs, with gears, servos and limits of the file
     loops: a TOML file that says what closes a robot's loops; None for ROBOT.loops.toml beside its file, if there is one
+    inertias: "balanced" for the mean of moments of inertia that no body has, with a warning; "refused" for a ModelError
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
     having = {"limits": limits, "friction": friction, "motors": motors}
@@ -52,8 +54,13 @@ def load(
             raise ModelError(f"{word}: {shown(given)} given; give True or False")
     suffix = path.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(path):
-        return robots.load_robot(path, floating, limits, friction, loops, motors)
-    for word, given in (("floating", floating is not None), *having.items(), ("loops", loops is not None)):
+        return robots.load_robot(path, floating, limits, friction, loops, motors, inertias)
+    for word, given in (
+        ("floating", floating is not None),
+        *having.items(),
+        ("loops", loops is not None),
+        ("inertias", inertias != "refused"),
+    ):
         if given:
             raise ModelError(f"{path.name}: {word} is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says itself what it has")
     if str(name) in example_names():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
@@ -17,7 +17,7 @@ from ncgen.exchange.robots.starts import named_start, rotation_about
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import dot, product, unit
-from ncgen.model.bodies import Body
+from ncgen.model.bodies import Body, BodyFrame
 from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector
 from ncgen.model.names import RESERVED, normal, numbered
 
@@ -38,6 +38,7 @@ def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, f
     """
     builder = _Builder(together(robot), robot.floats if floating is None else floating)
     model = builder.build()
+    model.frames = _frames_of(robot, builder.layout.ground.name, {solid.name: body.name for solid, body in builder.bodies.items()})
     acting = [(hold.joint, builder.coordinates[hold.joint.name]) for hold in builder.layout.holds if hold.joint.name in builder.coordinates]
     for asked, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
         if asked:
@@ -50,6 +51,15 @@ def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, f
         for name, start in robot.starts.items():
             model.starts[name] |= {"inputs": {inputs[each]: value for each, value in start.inputs.items() if each in inputs}}
     return model
+
+
+def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str, BodyFrame]:
+    """Frames of all links in the initial position. bodies: {link without those fixed to it: name of its body}, the ground's among them."""
+    homes = {robot.root: robot.root}
+    for joint in robot.joints:
+        homes[joint.child] = homes[joint.parent] if joint.kind == "fixed" else joint.child
+    places = robot.frames(robot.base)
+    return {name: BodyFrame(bodies.get(homes[name], bodies[ground]), place.rotation, place.position) for name, place in places.items()}
 
 
 class _Builder:
