@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
@@ -18,7 +18,7 @@ from ncgen.exchange.robots.starts import named_start, rotation_about
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import dot, product, unit
-from ncgen.model.bodies import Body
+from ncgen.model.bodies import Body, BodyFrame
 from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector
 from ncgen.model.names import RESERVED, normal, numbered
 
@@ -42,6 +42,7 @@ def model_of(
     """
     builder = _Builder(together(robot), robot.floats if floating is None else floating)
     model = builder.build()
+    model.frames = _frames_of(robot, builder.layout.ground.name, {solid.name: body.name for solid, body in builder.bodies.items()})
     acting = [(hold.joint, builder.coordinates[hold.joint.name]) for hold in builder.layout.holds if hold.joint.name in builder.coordinates]
     for asked, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
         if asked:
@@ -61,6 +62,15 @@ def model_of(
         }
         model.left_out = left(model.left_out, SENSORS, add_sensors(model, robot, frames, builder.coordinates))
     return model
+
+
+def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str, BodyFrame]:
+    """Frames of all links in the initial position. bodies: {link without those fixed to it: name of its body}, the ground's among them."""
+    homes = {robot.root: robot.root}
+    for joint in robot.joints:
+        homes[joint.child] = homes[joint.parent] if joint.kind == "fixed" else joint.child
+    places = robot.frames(robot.base)
+    return {name: BodyFrame(bodies.get(homes[name], bodies[ground]), place.rotation, place.position) for name, place in places.items()}
 
 
 class _Builder:
@@ -139,8 +149,8 @@ class _Builder:
         """Compensated weights of what moves."""
         for solid in self.layout.solids.values():
             frame = self.layout.frames[solid.name]
-            masses = [mass.seen_from(frame) for mass in self.robot.links[solid.name].lifted]
-            lift(self.model, self.bodies[solid], masses, self.robot.gravity)
+            if masses := [mass.seen_from(frame) for mass in self.robot.links[solid.name].lifted]:
+                lift(self.model, self.bodies[solid], masses, self.robot.gravity)
 
     # -- joints --------------------------------------------------------------------------------
 
