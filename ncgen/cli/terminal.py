@@ -27,13 +27,15 @@ ModelName = Annotated[
 Floating = Annotated[
     bool | None, typer.Option("--floating/--fixed", help="a robot's base moves freely, or is ground [default: its file's]")
 ]
-JOINTS = ("limits", "friction", "motors")
+JOINTS = ("limits", "friction", "motors", "sensors")
 """What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
 
 Having = Annotated[
     list[str] | None,
     typer.Option(
-        "--with", help="limits, friction or motors of a robot's joints, as its file says; may be repeated", autocompletion=lambda: JOINTS
+        "--with",
+        help="limits, friction, motors or sensors of a robot's joints, as its file says; may be repeated",
+        autocompletion=lambda: JOINTS,
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]

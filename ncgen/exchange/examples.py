@@ -34,7 +34,9 @@ def load(
     limits: bool = False,
     friction: bool = False,
     motors: bool = False,
+    sensors: bool = False,
     loops: str | Path | None = None,
+    inertias: str = "refused",
 ) -> Model:
     """The model of an example, of a TOML file, of a robot's file (URDF, SDF, MJCF), or of a Python file that has a function `build()`
     returning a model.
@@ -42,18 +44,25 @@ def load(
     floating: a robot's root is a free body (True) or part of the ground (False); None for what its file says
     limits, friction: a robot's joints have the stops and the dry friction of its file, as springs and smooth couples
     motors: a robot's actuators, or its joints where the file says no actuators, have inputs, with gears, servos and limits of the file
+    sensors: the sensors of an MJCF file are outputs
     loops: a TOML file that says what closes a robot's loops; None for ROBOT.loops.toml beside its file, if there is one
+    inertias: "balanced" for the mean of moments of inertia that no body has, with a warning; "refused" for a ModelError
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
-    having = {"limits": limits, "friction": friction, "motors": motors}
+    having = {"limits": limits, "friction": friction, "motors": motors, "sensors": sensors}
     path = as_path(name, "the name of an example or the path of a file")
     for word, given in (("floating", False if floating is None else floating), *having.items()):
         if not isinstance(given, bool):
             raise ModelError(f"{word}: {shown(given)} given; give True or False")
     suffix = path.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(path):
-        return robots.load_robot(path, floating, limits, friction, loops, motors)
-    for word, given in (("floating", floating is not None), *having.items(), ("loops", loops is not None)):
+        return robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias)
+    for word, given in (
+        ("floating", floating is not None),
+        *having.items(),
+        ("loops", loops is not None),
+        ("inertias", inertias != "refused"),
+    ):
         if given:
             raise ModelError(f"{path.name}: {word} is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says itself what it has")
     if str(name) in example_names():

@@ -35,12 +35,15 @@ from ncgen.program.programs import Split
 from ncgen.program.tree.tree_tables import TreeTables
 from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
 from ncgen.toolchain.cache import compiled
-from ncgen.toolchain.compilers import FLAGS
+from ncgen.toolchain.compilers import FLAGS, STRAIGHT_FLAGS
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
 
 PARTITIONED = number_in_c(FORMALISMS["coordinate-partitioning"])
 """The formalism that a run has where nothing else is said."""
+
+LONG_LINES = 300_000
+"""Characters of straight lines, which gcc takes 2 s for, above which it does what they need and no more."""
 
 Part: TypeAlias = Literal["explicit", "whole", "adjoint"]
 """Of the runtime: with explicit methods alone, all of it, or what goes back over a run."""
@@ -54,9 +57,10 @@ PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
 
 
 def _load(files: dict[str, str], number: str, declarations: str) -> tuple[Interface, InC]:
-    """A library of these files and the headers, and its interface."""
+    """A library of these files, which are straight lines, and the headers, and its interface."""
+    flags = STRAIGHT_FLAGS if sum(map(len, files.values())) > LONG_LINES else FLAGS
     files = files | shared("headers", lambda: runtime_files(*RUNTIME_HEADERS, *HEADERS))
-    return load(files, declarations, runtime_abi(number), (*FLAGS, *NUMBERS[number].flags))
+    return load(files, declarations, runtime_abi(number), (*flags, *NUMBERS[number].flags))
 
 
 @once

@@ -50,6 +50,17 @@ class Inertia:
     is_judged: bool = True
 
 
+class BodyFrame(NamedTuple):
+    """A frame that moves with a body: rotation (3, 3), its axes as columns, and position (3,) in m, global, in the initial position.
+
+    body: its name; "ground" where it rests
+    """
+
+    body: str
+    rotation: np.ndarray
+    position: np.ndarray
+
+
 class JointLoad(NamedTuple):
     """The components of a joint load, global axes, as expressions of sympy for outputs."""
 

@@ -11,7 +11,7 @@ from ncgen.model import arithmetic
 from ncgen.model.elements import AXES, Point, Spatial
 
 if TYPE_CHECKING:
-    from ncgen.model.bodies import Body
+    from ncgen.model.bodies import Body, BodyFrame
     from ncgen.model.conditions import Condition
     from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
@@ -40,6 +40,7 @@ class Contents:
     chosen_independent: names of coordinates
     conditions: on values that depend on parameters and stand in no body and no row of the catalogue by themselves, such as radii
     facts: how the model was told
+    frames: of links, by their names in a robot's file
     left_out: what a robot's file says beside all this, in words
     starts: {name: arguments of `ncgen.simulate` (q0, qd0, t0)}, states that a robot's file names
     """
@@ -69,6 +70,7 @@ class Contents:
     facts: list[Fact]
     left_out: tuple[str, ...]
     starts: dict[str, dict[str, Any]]
+    frames: dict[str, BodyFrame]
     _related: Claims
     _box: Box | None
     _telling: bool

@@ -79,6 +79,7 @@ class Model(Joints, Loads, Pictures):
         self.ground = Body("ground", rigid=False, frame=Frame(Owner("body", "ground")))
         self._related = {}
         self._box = None
+        self.frames = {}
         self.facts = []
         self.left_out = ()
         self.starts = {}

@@ -90,7 +90,8 @@ class Slopes:
     def _slopes(self, motion: Motion, column: Kept, q0: Any) -> dict[str, float]:
         """Derivatives of a number by everything: parameters, and positions and velocities of the independent coordinates at the start."""
         by_q, by_qd, by_p = self._weights(motion, column)
-        found = dict(zip(motion.names, motion.backward(by_q, by_qd)[0].tolist(), strict=True))
+        by = [started(each.by) or each.by for each in self.study.gradients]
+        found = dict(zip(motion.names, motion.backward(by_q, by_qd, by)[0].tolist(), strict=True))
         free = [name for name in motion.names if name in self.kernels.index and isinstance(q0, dict) and name not in q0]
         rows = self.kernels.start_p(motion.p)[[self.kernels.index[name] for name in free]] if free else np.empty((0, len(motion.p)))
         for k, name in enumerate(self.kernels.parameters):  # a start that is given in part follows parameters in the rest

@@ -34,7 +34,16 @@ FLAGS = ("-std=c99", "-O3", "-march=native", "-fno-tree-slp-vectorize", "-ffp-co
 """No -ffast-math: sums keep their order. Fused multiply-adds, where the processor has them, halve the rounding error of the
 robot's kernels and save a quarter of their time; the price is a last bit that depends on the processor."""
 
-OPTIONAL = ("-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", *ALIGNED, "-fno-math-errno", "-fopenmp", "-fcx-limited-range")
+LEAST = ("-fexpensive-optimizations", "-ftree-loop-vectorize")
+"""What long straight lines need of what -O3 is more than -O1: fused multiply-adds, and loops of sines and cosines in lanes."""
+
+STRAIGHT_FLAGS = tuple(part for flag in FLAGS for part in (("-O1", *LEAST) if flag == "-O3" else (flag,)))
+"""For long straight lines. gcc takes three quarters of the time of -O3 for a humanoid's motion, whose programs run as fast and have as many
+instructions: there are no branches and no common subexpressions that it could find."""
+
+OPTIONAL = (
+    "-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", *ALIGNED, *LEAST, "-fno-math-errno", "-fopenmp", "-fcx-limited-range",
+)  # fmt: skip
 """Flags that make code faster and no different: a compiler that refuses one is used without it."""
 
 UNSAID = ("-fopenmp",)

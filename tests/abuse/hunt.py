@@ -34,20 +34,21 @@ WARM = -1
 
 @dataclass
 class Tally:
-    """What a hunt found: counts, and (seed, judge, text) of every finding."""
+    """What a hunt found: counts, and (seed, judge, text) of every finding; kind: the module that repeats it."""
 
     counts: Counter = field(default_factory=Counter)
     findings: list[tuple[int, str, str]] = field(default_factory=list)
+    kind: str = "random_models"
 
     def lines(self) -> list[str]:
         """The counts, and every finding with the line that repeats it."""
         told = ", ".join(f"{count} {what}" for what, count in sorted(self.counts.items(), key=lambda item: -item[1]))
-        return [told, *(f"{judge}: {text}\n    python tests/abuse/random_models.py {seed}" for seed, judge, text in self.findings)]
+        return [told, *(f"{judge}: {text}\n    python tests/abuse/{self.kind}.py {seed}" for seed, judge, text in self.findings)]
 
 
-def hunt(seeds: Iterable[int], workers: int | None = None) -> Tally:
-    """Examine seeds in as many processes as there are processors."""
-    tally, waiting, lock = Tally(), iter(seeds), threading.Lock()
+def hunt(seeds: Iterable[int], workers: int | None = None, kind: str = "random_models") -> Tally:
+    """Examine seeds in as many processes as there are processors. kind: the module whose models these are"""
+    tally, waiting, lock = Tally(kind=kind), iter(seeds), threading.Lock()
 
     def following() -> Iterator[int]:
         while True:
@@ -58,7 +59,7 @@ def hunt(seeds: Iterable[int], workers: int | None = None) -> Tally:
             yield seed
 
     def serve() -> None:
-        with Worker() as worker:
+        with Worker(kind) as worker:
             for seed in following():
                 answer = worker.examine(seed)
                 with lock:
@@ -73,7 +74,10 @@ def hunt(seeds: Iterable[int], workers: int | None = None) -> Tally:
 
 
 class Worker:
-    """A process that examines seeds, and is replaced when it dies."""
+    """A process that examines seeds of a kind, and is replaced when it dies."""
+
+    def __init__(self, kind: str):
+        self.kind = kind
 
     def __enter__(self):
         self._start()
@@ -84,7 +88,7 @@ class Worker:
 
     def _start(self) -> None:
         self.errors = tempfile.TemporaryFile("w+", encoding="utf-8")
-        command = [sys.executable, "-X", "utf8", str(Path(__file__).resolve())]
+        command = [sys.executable, "-X", "utf8", str(Path(__file__).resolve()), self.kind]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.errors, text=True, encoding="utf-8"
         )
@@ -132,11 +136,14 @@ class Worker:
         return None
 
 
-def _work() -> None:
+def _work(kind: str) -> None:
     """What a worker does: seeds from the input, JSON lines to the output."""
     import faulthandler
+    import importlib
 
-    from judges import examine, warm
+    from judges import warm
+
+    examine = importlib.import_module(kind).examine
 
     # The dump comes even out of C; then the signal does what it does by itself, which is to end the process.
     faulthandler.register(signal.SIGPROF, chain=True)
@@ -175,4 +182,4 @@ def next_seeds(count: int) -> range:
 
 
 if __name__ == "__main__":
-    _work()
+    _work(sys.argv[1])

@@ -6,20 +6,17 @@ pulse. A law of another kind has the size 0 and lies outside the run.
 
 from __future__ import annotations
 
-import ctypes
 import math
-import subprocess
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import scipy.interpolate
 import scipy.special
 import sympy
+from exported_motion import Exported
 
 import ncgen
 
@@ -255,45 +252,24 @@ def by_gradient(pulses: Sequence[Pulse], rtol: float) -> Iterator[End]:
         yield ends[0], ends[1]
 
 
-class Exported:
-    """An exported mechanism in C, as a library; state: t, work, power, h, q, qd, qdd."""
-
-    def __init__(self, mechanism: str) -> None:
-        self.kernels, self.name = compiled(mechanism), MECHANISMS[mechanism]().name
-        with tempfile.TemporaryDirectory() as folder:
-            ncgen.export(MECHANISMS[mechanism](), "c", folder)
-            sources = [str(path) for path in sorted(Path(folder, "src").glob("*.c"))]
-            command = ["cc", "-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared", f"-I{folder}/include", f"-I{folder}/src"]
-            subprocess.run([*command, *sources, "-lm", "-o", f"{folder}/lib.so"], check=True)
-            self.library = ctypes.CDLL(f"{folder}/lib.so")
-
-    def end(self, pulse: Pulse, rtol: float, parts: int, by_steps: bool) -> End:
-        """Of a run in equal parts, by steps with error control or of fixed length."""
-        begun = ncgen.start(self.kernels, p=pulse.parameters, zd0={"x": pulse.speed})
-        n = self.kernels.n
-        state = (ctypes.c_double * (4 + 3 * n))(0, 0, 0, 0, *begun.q.tolist(), *begun.qd.tolist())
-        p = (ctypes.c_double * len(self.kernels.p0))(*(pulse.parameters.get(name, 0.0) for name in self.kernels.parameters))
-        self._call("settle", state, p)
-        for k in range(1, parts + 1):
-            if by_steps:
-                self._call("step", state, p, DURATION / parts)
-            else:
-                self._call("advance", state, p, DURATION * k / parts, rtol, 0.01 * rtol)
-        return state[4 + self.kernels.index["x"]], state[4 + n + self.kernels.index["x"]]
-
-    def _call(self, function: str, state: ctypes.Array, p: ctypes.Array, *numbers: float) -> None:
-        status = getattr(self.library, f"{self.name}_{function}")(state, p, *map(ctypes.c_double, numbers))
-        assert status == 0, f"{function} of {self.name} in C gives status {status}"
-
-
-exported = cache(Exported)
+@cache
+def exported(mechanism: str) -> Exported:
+    return Exported(MECHANISMS[mechanism](), compiled(mechanism))
 
 
 def by_export(pulses: Sequence[Pulse], rtol: float) -> Iterator[End]:
-    """In one part, in many, and by steps of fixed length: the length of a wide pulse, and eleven times that of the narrowest."""
+    """In one part, in many, and by steps of fixed length: the length of a wide pulse, and ten times that of the narrowest."""
     for k, pulse in enumerate(pulses):
-        parts = (1, 7, 50, 1000)[k % 4]
-        yield exported(pulse.mechanism).end(pulse, rtol, parts, by_steps=parts == 1000)
+        parts, motion = (1, 7, 50, 1000)[k % 4], exported(pulse.mechanism)
+        begun = ncgen.start(motion.kernels, p=pulse.parameters, zd0={"x": pulse.speed})
+        motion.begin(begun.q, begun.qd, begun.p)
+        for part in range(1, parts + 1):
+            if parts == 1000:
+                motion.step(DURATION / parts)
+            else:
+                motion.advance(DURATION * part / parts, rtol)
+        x = motion.kernels.index["x"]
+        yield motion.q[x], motion.qd[x]
 
 
 @dataclass(frozen=True)

@@ -743,10 +743,15 @@ KINDS = (
 )
 
 
+def examine(seed: int, watch=lambda what: None):
+    """The report of a seed."""
+    import judges
+
+    return judges.examine(seed, watch)
+
+
 def main(arguments: list[str]) -> int:
     """Print the models of seeds and what is wrong with them; returns how many findings there are."""
-    from judges import examine
-
     from ncgen.exchange.toml_writer import to_toml
 
     first, count = int(arguments[0]), int(arguments[1]) if len(arguments) > 1 else 1

@@ -7,7 +7,8 @@ import pytest
 
 import ncgen
 from ncgen.comparisons.arms import random_arm
-from ncgen.toolchain.compilers import LONG_SOURCE, _groups, find_compiler
+from ncgen.mechanism import runtime
+from ncgen.toolchain.compilers import FLAGS, LEAST, LONG_SOURCE, _groups, find_compiler
 
 
 @pytest.fixture(scope="module")
@@ -35,3 +36,13 @@ def test_long_sources_are_compiled_side_by_side(monkeypatch):
     assert len(_groups(short)) == 1
     assert sorted(map(len, _groups(short | {"a.c": LONG_SOURCE, "b.c": 3 * LONG_SOURCE}))) == [1, 6]
     assert len(_groups({f"{i}.c": LONG_SOURCE for i in range(9)})) == 4
+
+
+def test_long_lines_are_compiled_with_what_they_need(monkeypatch):
+    """All flags but -O3, and what of it a straight line gains by; short ones with -O3."""
+    asked: list[set[str]] = []
+    monkeypatch.setattr(runtime, "load", lambda files, declarations, base, flags: asked.append(set(flags)))
+    for length in (runtime.LONG_LINES, runtime.LONG_LINES + 1):
+        runtime._load({"lines.c": " " * length}, "double", "")
+    assert asked[0] >= set(FLAGS)
+    assert asked[1] - asked[0] == {"-O1", *LEAST} and asked[0] - asked[1] == {"-O3"}

@@ -12,18 +12,29 @@ from pathlib import Path
 import numpy as np
 
 import ncgen
+from ncgen.exchange.robots import read_robot
+from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
+from ncgen.exchange.robots.mjcf_keyframes import start_of
 from ncgen.exchange.robots.natural import word
+from ncgen.exchange.robots.robot import together
+from ncgen.exchange.robots.starts import named_start
 from ncgen.model.elements import Point, Spatial
 
 
 class Beside:
     """A file in ncgen and in MuJoCo, without contacts and limits."""
 
-    def __init__(self, path: Path, **options) -> None:
+    def __init__(self, path: Path, largest: int | None = None, **options) -> None:
+        """largest: a model of more coordinates is loaded and no more"""
         import mujoco
 
         self.mujoco = mujoco
-        self.model = ncgen.load(path, **options)
+        robot = read_robot(path)
+        robot = with_closures(robot, closures_of(robot)) if follows_from_start(robot) else robot
+        self.model, self.robot = ncgen.load(path, **options), together(robot)
+        self.kernels = None
+        if largest and len(self.model.components) > largest:
+            return
         self.kernels = ncgen.compile(self.model, "numpy")
         self.p = np.array(self.kernels.p0)
         self.theirs = mujoco.MjModel.from_xml_path(str(path))
@@ -42,6 +53,12 @@ class Beside:
     def _place(self) -> None:
         """{element: (number of MuJoCo's body, its place there)}."""
         mujoco, m, d = self.mujoco, self.theirs, self.data
+        for name, j in self.joints.items():  # loops may have been closed by moving joints
+            d.qpos[m.jnt_qposadr[j]] = self.kernels.q0[self.kernels.index[name]]
+        frames = self.robot.frames(self.robot.base)
+        for j in np.flatnonzero(m.jnt_type == 0).tolist():
+            frame, at = frames[m.body(m.jnt_bodyid[j]).name or f"body{m.jnt_bodyid[j]}"], m.jnt_qposadr[j]
+            d.qpos[at : at + 7] = [*frame.position, *frame.quaternion]
         mujoco.mj_kinematics(m, d)
         numbers = {word(m.body(i).name or f"body{i}", "link"): i for i in range(1, m.nbody)}
         self.at = {}
@@ -51,13 +68,37 @@ class Beside:
                     i = numbers[name]
                     away = element.initial - d.xpos[i] if isinstance(element, Point) else element.initial
                     self.at[element] = i, d.xmat[i].reshape(3, 3).T @ away
-        assert all(e in self.at for e in self.model.elements.values() if isinstance(e, Spatial) and not e.fixed), "a body between joints"
+        links = {word(name, "link"): name for name in frames}
+        bodies = self.model.bodies.values()
+        self.places = {e: (links[body.name], e.initial) for body in bodies for e in body.elements if isinstance(e, Spatial)}
+        self.frames = frames
+        self.names = [m.joint(j).name or f"joint{j}" for j in range(m.njnt)]
+        self.relative = {name: self.model.elements[word(name, "joint")] for name in self.names if word(name, "joint") in self.joints}
+        self.known = np.zeros(self.kernels.n, dtype=bool)
+        for component in (c for element in (*self.at, *self.relative.values()) for c in element.components if not c.fixed):
+            self.known[self.kernels.index[component.name]] = True
+
+    def only_what_is_modelled(self) -> None:
+        """Switch off what ncgen leaves out of a file, in MuJoCo: actuators and tendons that are not modelled, and fluids."""
+        m = self.theirs
+        m.opt.density = m.opt.viscosity = 0.0
+        for name in ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "armature", "frictionloss"):
+            getattr(m, f"tendon_{name}")[:] = 0.0
+        modelled = {actuator.name for actuator in self.robot.actuators or ()}
+        for k in range(m.nactuator):
+            if (m.actuator(k).name or f"actuator{k}") not in modelled:
+                m.actuator_gainprm[k], m.actuator_biasprm[k], m.actuator_gaintype[k], m.actuator_biastype[k] = 0.0, 0.0, 0, 0
 
     def state(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Natural coordinates and their rates at one of MuJoCo's states, which is set."""
         self.data.qpos[:], self.data.qvel[:] = qpos, qvel
         self.mujoco.mj_forward(self.theirs, self.data)
         q, qd, _ = self._natural()
+        if not self.known.all():  # elements of bodies between two joints of one
+            start = named_start(start_of(self.theirs, qpos, qvel, self.names), self.robot, self.frames, self.places, self.relative)
+            for c in np.flatnonzero(~self.known):
+                name = self.kernels.coordinates[c]
+                q[c], qd[c] = start["q0"].get(name, q[c]), start.get("qd0", {}).get(name, 0.0)
         return q, qd
 
     def accelerations(self) -> np.ndarray:
@@ -146,7 +187,7 @@ class Beside:
         closed = np.max(np.abs(k.phi(q, t, self.p)), initial=0.0)
         assert closed < 1e-9, f"positions do not close: {closed:.1e}"
         found = lagrange(k, q, qd, t, self.p)
-        return float(np.max(np.abs(found - expected)) / (1 + np.max(np.abs(expected))))
+        return float(np.max(np.abs(found - expected)[self.known]) / (1 + np.max(np.abs(expected)[self.known])))
 
 
 def lagrange(k, q: np.ndarray, qd: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:

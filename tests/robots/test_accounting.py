@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+from vocabulary_of_sdf import ignored
 
 import ncgen
 from ncgen.errors import ModelError
@@ -127,3 +128,11 @@ def test_a_rotation_that_is_not_read_is_refused(tmp_path):
     (tmp_path / "r.urdf").write_text(URDF.format(pose=' quat_xyzw="1 0 0 0"', link="", joint="", kind="revolute"))
     with pytest.raises(ModelError, match="r.urdf, line 2: quat_xyzw is not read; write the rotation as rpy"):
         ncgen.load(tmp_path / "r.urdf")
+
+
+@pytest.mark.parametrize(("count", "seed"), [(60, 1), pytest.param(5000, 2, marks=pytest.mark.slow)])
+def test_no_word_of_sdf_is_ignored(tmp_path, count, seed):
+    """A file with one word more is read as another robot, or lists the word, or is refused."""
+    found, nothing = ignored(count, seed, tmp_path)
+    assert nothing == []
+    assert found["modelled or listed"] > found["refused"] > 0

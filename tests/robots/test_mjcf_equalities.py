@@ -20,7 +20,7 @@ CHAIN = """<mujoco><compiler angle="radian"/>{option}<worldbody><site name="nail
 <inertial pos="0.1 0 0.1" mass="0.4" diaginertia="0.01 0.02 0.01"/>
 </body></body></body>
 <body name="d" pos="0.9 0 0.4"><joint name="u" axis="0 1 0.2"/><inertial pos="0 0.1 0.2" mass="0.5" diaginertia="0.01 0.02 0.02"/>
-<site name="hole" pos="-0.6 0 0"/></body>
+<site name="hole" pos="-0.6 0 0"/><site name="near" pos="-0.5 0 0.1"/><site name="away" pos="9 0 0"/></body>
 </worldbody>{tendon}<equality>{said}</equality></mujoco>"""
 
 TENDONS = """<tendon><fixed name="t"><joint joint="q" coef="2"/><joint joint="r" coef="-1"/></fixed>
@@ -29,7 +29,11 @@ TENDONS = """<tendon><fixed name="t"><joint joint="q" coef="2"/><joint joint="r"
 ROWS = """<joint joint1="q" joint2="r" polycoef="0.1 0.8 -0.3 0.2 0.15"/><joint joint1="u" polycoef="0.2 0 0 0 0"/>
 <tendon tendon1="v" tendon2="t" polycoef="0.05 0.4 0.1 0 0"/>"""
 
+APART = '<connect site1="tip" site2="near"/>'
+
 CASES = {
+    "sites that are apart": APART,
+    "a weld with a pose of its own": '<weld body1="a" body2="b" relpose="0 0 -0.6 0.9 0 0.2 0"/>',
     "a polynomial of fourth order": '<joint joint1="q" joint2="r" polycoef="0.1 0.8 -0.3 0.2 0.15"/>',
     "a constant": '<joint joint1="q" polycoef="0.2 0 0 0 0"/>',
     "two for one joint": '<joint joint1="q" joint2="r" polycoef="0 2 0 0 0"/><joint joint1="q" joint2="s" polycoef="0 -1 0 0 0"/>',
@@ -78,7 +82,33 @@ def test_softness_is_told(tmp_path):
     assert "softness of equalities, which are rigid here (1)" in ncgen.load(chain(tmp_path / "chain.xml", said)).left_out
 
 
-def test_frames_that_are_apart_are_refused_with_the_gap(tmp_path):
-    said = '<weld name="glue" body1="a" body2="d" relpose="0.9 0 -0.5 1 0 0 0"/>'
-    with pytest.raises(ModelError, match="equality glue: its frames on a and d are 0.1 m apart where the model begins"):
+def test_frames_that_are_apart_are_brought_together(tmp_path):
+    """Joints move to where the loop is closed, and count from the zeros of the file; rows over them count from its references."""
+    said = APART + '<joint joint1="s" polycoef="0.02 0 0 0 0"/>'
+    both = Beside(chain(tmp_path / "chain.xml", said, s='ref="0.1"'))
+    moved = [both.kernels.q0[both.kernels.index[name]] for name in "qr"]
+    assert max(map(abs, moved)) > 0.01
+    assert both.closed_error(np.random.default_rng(1), states=1) < 1e-9
+
+
+def test_frames_that_never_meet_are_refused_with_the_gap(tmp_path):
+    said = '<connect name="far" site1="tip" site2="away"/>'
+    with pytest.raises(ModelError, match="loop far cannot close: its frames stay"):
         ncgen.load(chain(tmp_path / "chain.xml", said))
+
+
+FREE = """<mujoco><worldbody><site name="nail" pos="0.3 0 0.4" quat="0.8 0 0.6 0"/>
+<body name="a" pos="0 0 1"><freejoint/><site name="tip" pos="0.1 0 0"/>
+<inertial pos="0 0 -0.3" mass="1" diaginertia="0.02 0.02 0.01"/></body>
+<body name="b" pos="1 0 1"><freejoint/><site name="eye" pos="0 0.1 0" quat="1 0.2 0 0"/>
+<inertial pos="0 0.1 -0.3" mass="1" diaginertia="0.02 0.02 0.01"/></body></worldbody>
+<equality><connect site1="tip" site2="nail"/><weld site1="eye" site2="tip"/></equality></mujoco>"""
+
+
+def test_free_bodies_are_brought_together(tmp_path):
+    """To the world's site by a ball, and to each other by a weld."""
+    path = tmp_path / "free.xml"
+    path.write_text(FREE)
+    both = Beside(path)
+    assert ncgen.freedom(both.kernels).dof == 3
+    assert both.closed_error(np.random.default_rng(1), states=2) < 1e-9

@@ -125,3 +125,55 @@ def test_shapes_that_never_touch_are_not_listed(tmp_path):
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         assert touching(model) == len({int(g) for contact in data.contact for g in contact.geom})
+
+
+RICH = """<mujoco><option density="1.2" wind="1 0 0"/><worldbody><geom name="floor" type="plane" size="2 2 0.1"/>
+<site name="o" pos="1 0 0"/><body name="a" pos="0 0 0.5">
+<joint name="q" axis="0 1 0" stiffness="1" damping="0.1" range="-1 1" limited="true" frictionloss="0.1"/><geom name="g" size="0.1"/>
+<site name="s" pos="0.1 0 0"/><body name="b" pos="0.3 0 0" gravcomp="0.5"><joint name="ball" type="ball"/>
+<geom type="box" size="0.1 0.05 0.02"/></body></body>
+<body name="f" pos="0 1 1"><freejoint/><geom type="capsule" size="0.05 0.1"/></body></worldbody>
+<tendon><fixed name="t"><joint joint="q" coef="2"/></fixed>
+<spatial name="p" stiffness="3"><site site="o"/><site site="s"/></spatial></tendon>
+<equality><joint joint1="q" active="false"/></equality>
+<actuator><motor name="m" joint="q"/><position name="n" tendon="t" kp="2"/><general joint="q" dyntype="filter" dynprm="0.1"/></actuator>
+<sensor><gyro site="s"/></sensor><keyframe><key/></keyframe></mujoco>"""
+
+
+WORDS = {"tendon_": "tendons", "geom_fluid": "forces of a fluid", "wind": "forces of a fluid", "density": "forces of a fluid",
+         "viscosity": "forces of a fluid", "actuator_": "actuators"}  # fmt: skip
+"""{how fields begin: the words for them, which the file above has}."""
+
+
+def test_what_is_called_without_effect_has_none():
+    """Numbers of each field that is not modelled: where others change MuJoCo's accelerations, they change what is listed, too.
+
+    Contacts, limits and friction are off in both, as what is listed says.
+    """
+    rng, flags = np.random.default_rng(6), mujoco.mjtDisableBit
+    base = mujoco.MjModel.from_xml_string(RICH)
+    qvel, changed = rng.normal(size=base.nv), set()
+
+    def accelerations(model):
+        model.opt.disableflags |= flags.mjDSBL_CONTACT | flags.mjDSBL_LIMIT | flags.mjDSBL_FRICTIONLOSS
+        data = mujoco.MjData(model)
+        data.qvel, data.ctrl = qvel, 0.3
+        mujoco.mj_forward(model, data)
+        return data.qacc.copy()
+
+    listed, expected, tried = mjcf_fields.left_out(base), accelerations(mujoco.MjModel.from_xml_string(RICH)), 0
+    for table, names in (("fields", held(base)), ("options", held(base.opt))):
+        for name in names:
+            model = mujoco.MjModel.from_xml_string(RICH)
+            values = getattr(model if table == "fields" else model.opt, name)
+            kind = meaning(name, table)
+            if kind in ("modelled", "derived") or not isinstance(values, np.ndarray) or values.dtype.kind != "f" or not values.size:
+                continue
+            values[:] = rng.uniform(0.5, 1.5, values.shape)
+            tried += 1
+            if not np.allclose(accelerations(model), expected, rtol=0, atol=1e-12):
+                assert kind == "listed", f"{name} changes accelerations"
+                changed.add(name)
+                words = next((words for begins, words in WORDS.items() if name.startswith(begins)), None)
+                assert words in listed or mjcf_fields.left_out(model) != listed, f"{name} is not listed"
+    assert tried > 45 and {"tendon_damping", "geom_fluid", "wind"} <= changed

@@ -1,5 +1,7 @@
 """Robots from URDF and SDF: what becomes of links and joints, loops and mimics, and what is said about files that are wrong."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -410,3 +412,9 @@ def test_a_mass_without_moments_means_what_its_format_says(write):
     sdf += '<joint name="j" type="revolute"><parent>world</parent><child>b</child><axis><xyz>0 0 1</xyz></axis></joint></model></sdf>'
     for text, name, moment in ((urdf, "r.urdf", 0.0), (sdf, "r.sdf", 1.0)):
         assert np.array_equal(ncgen.load(write(text, name)).bodies["b"].inertia.tensor, moment * np.eye(3))
+
+
+def test_a_robot_of_numbers_is_read_without_sympy():
+    """Importing it takes as long as all the rest of a motion that is in the cache."""
+    code = "import sys, ncgen; ncgen.load(sys.argv[1]); assert not [name for name in sys.modules if name.split('.')[0] == 'sympy']"
+    subprocess.run([sys.executable, "-c", code, str(HERE / "crane.urdf")], check=True)

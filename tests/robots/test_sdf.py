@@ -363,3 +363,24 @@ def test_a_screw_has_the_name_and_the_zero_of_the_file(tmp_path, ends):
     expected = -2 * 9.81 * k / (0.25 + 2 * k * k) * 0.8**2 / 2
     assert run["lead"][-1] == pytest.approx(sign * expected, rel=1e-8)
     assert run["lead_slide"][-1] == pytest.approx(sign * k * expected, rel=1e-8)
+
+
+def test_inertias_that_no_body_has_are_balanced_where_that_is_asked_for(tmp_path):
+    """By their mean, with a warning; others stay as they are."""
+    flat = "<inertial><mass>2</mass><inertia><ixx>0.1</ixx><iyy>0.2</iyy><izz>0.6</izz></inertia></inertial>"
+    (tmp_path / "m.sdf").write_text(f'<sdf version="1.7">{model(link("a", mass=flat) + link("b") + HINGE.format("j", "a", "b"))}</sdf>')
+    with pytest.raises(ModelError, match="body a: no body has principal moments of inertia 0.1, 0.2, 0.6"):
+        ncgen.load(tmp_path / "m.sdf")
+    with pytest.warns(UserWarning, match=r"m: moments of inertia that no body has are replaced by their mean, those of a first \(1\)"):
+        bodies = ncgen.load(tmp_path / "m.sdf", inertias="balanced").bodies
+    np.testing.assert_allclose(bodies["a"].inertia.tensor.astype(float), 0.3 * np.eye(3), rtol=1e-15)
+    np.testing.assert_allclose(bodies["b"].inertia.tensor.astype(float), np.diag([0.1, 0.2, 0.25]), rtol=1e-15)
+    with pytest.raises(ModelError, match="inertias: 'guessed' given; give 'refused' or 'balanced'"):
+        ncgen.load(tmp_path / "m.sdf", inertias="guessed")
+
+
+def test_motors_have_the_effort_limits_of_the_file(read):
+    """A negative one is none."""
+    for effort, expected in (("30", (-30.0, 30.0)), ("-1", None), ("inf", None)):
+        joint = HINGE.format("j", "a", "b").replace("</axis>", f"<limit><effort>{effort}</effort></limit></axis>")
+        assert read(model(link("a") + link("b") + joint)).joints[0].effort == expected

@@ -22,9 +22,13 @@ AT = {"t1": T1, "t2": T2, "w": W}
 
 
 @cache
-def block(law, backend: str = "c", name: str = "block") -> ncgen.Mechanism:
+def block(law, backend: str = "c") -> ncgen.Mechanism:
+    return ncgen.compile(model(law), backend)
+
+
+def model(law) -> ncgen.Model:
     """1 kg on a slide with a spring, pushed by law(t, t1, t2, w, m) in N."""
-    m = ncgen.Model(name)
+    m = ncgen.Model("block")
     axis = m.vector("axis", (1, 0, 0), fixed=True)
     O, A, B = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y"), m.point("B", (0.1, 0), fixed="y")
     s = m.slide("s", O, A, axis)
@@ -32,7 +36,7 @@ def block(law, backend: str = "c", name: str = "block") -> ncgen.Mechanism:
     m.independent(s)
     parameters = [m.parameter(name, value) for name, value in AT.items()]
     m.torque(s, law(m.time, *parameters, m) - OMEGA**2 * s)
-    return ncgen.compile(m, backend)
+    return m
 
 
 def interpolated(x):
@@ -210,6 +214,16 @@ def test_what_is_not_known_is_refused_by_name(case, integrator):
     with pytest.raises(ModelError, match="there is no derivative by"):
         calls()
     calls(by=[name for name in (*AT, "s") if name not in names])
+
+
+def test_a_study_is_refused_what_it_asks_for_alone():
+    given = {"design": "list", "steps": 20, "duration": T}
+    found = ncgen.study(model(LAWS["Heaviside"][0]), {"t1": [T1, 0.0]}, keep=["gradient(s, w)"], **given)
+    for k, t1 in enumerate((T1, 0.0)):
+        wanted = ncgen.gradient(block(LAWS["Heaviside"][0]), T, 20, end_of, by="w", p={"t1": t1}).slopes["w"]
+        assert found["gradient(s, w)"][k] == pytest.approx(wanted, rel=1e-12)
+    found = ncgen.study(model(LAWS["Heaviside"][0]), {"t1": [0.0]}, keep=["gradient(s, w)", "gradient(s, t1)"], **given)
+    assert np.isnan(found["gradient(s, t1)"][0]) and "no gradient: block: there is no derivative by t1, which moves" in str(found.said)
 
 
 def test_a_corner_at_the_start_is_no_jump():

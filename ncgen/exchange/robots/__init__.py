@@ -67,26 +67,30 @@ def load_robot(
     friction: bool = False,
     loops: str | Path | None = None,
     motors: bool = False,
+    sensors: bool = False,
+    inertias: str = "refused",
 ) -> Model:
     """The model of a robot's file.
 
     floating: the root is a free body; None for what the file says
     limits, friction: of joints, as springs and couples; else they are left out
-    motors: inputs for actuators of the file, or for joints; else they are left out
+    motors, sensors: inputs for actuators of the file, or for joints; outputs for its sensors; else they are left out
     loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
+    inertias: "refused", or "balanced" where no body has them
     Raises ModelError with file and line.
     """
+    from ncgen.exchange.robots.balance import balanced
     from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
     from ncgen.exchange.robots.loops import beside, closed
     from ncgen.exchange.robots.natural import model_of
 
-    robot = read_robot(path)
+    robot = balanced(read_robot(path), inertias)
     table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
     if table:
         robot = closed(robot, table)
     elif follows_from_start(robot):
         robot = with_closures(robot, closures_of(robot))
-    return model_of(robot, floating, limits, friction, motors)
+    return model_of(robot, floating, limits, friction, motors, sensors)
 
 
 def robot_text(model: Model, suffix: str) -> str:

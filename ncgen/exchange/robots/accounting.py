@@ -7,7 +7,7 @@ read.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -88,41 +88,50 @@ def _word(line: str) -> Word:
     return Word(path, versions, tuple(each.strip() for each in default.split(" or ")) if default else (), meaning, words, anchor)
 
 
-def account(root: Markup, words: dict[str, Word], anchor: str, compiled: bool = False) -> Iterator[Finding]:
-    """What a file says and a model does not have. Raises ModelError with file and line for what is refused.
+def account(root: Markup, words: dict[str, Word], anchor: str) -> list[Finding]:
+    """What a file says and a model does not have, after a reader is done. Raises ModelError with file and line for what is refused.
 
     words: the format's vocabulary; anchor: the path of what stands in `root`
-    compiled: somebody else read the file, so a modelled word counts as read; else what nobody has read is listed, too
     """
+    found: list[Finding] = []
+    _account(root, words, anchor, found)
+    return found
+
+
+def _account(root: Markup, words: dict[str, Word], anchor: str, found: list[Finding]) -> None:
+    read = root.attributes.read
     for name, text in dict.items(root.attributes):
         word = words.get(f"{anchor}@{name}")
         if word is None:
             if not name.startswith("xmlns"):
-                yield Finding(f"the attribute {name} of <{root.tag}>, which is none of the format's", "left out")
-        elif not word.is_default(text):
-            yield from _judged(root, word, f"the attribute {name} of <{root.tag}>", compiled or name in root.attributes.read)
+                found.append(Finding(f"the attribute {name} of <{root.tag}>, which is none of the format's", "left out"))
+        elif not (word.meaning == "modelled" and name in read) and not word.is_default(text):
+            found += _judged(root, word, f"the attribute {name} of <{root.tag}>")
     for child in root.children:
         word = words.get(f"{anchor}/{child.tag}")
         if word is None:
-            yield Finding(f"<{child.tag}> in <{root.tag}>, which is none of the format's elements", "left out")
+            found.append(Finding(f"<{child.tag}> in <{root.tag}>, which is none of the format's elements", "left out"))
             continue
-        what, text = f"<{child.tag}> in <{root.tag}>", child.raw.strip()
-        if word.meaning != "modelled":
-            if not (text and word.is_default(text)) or child.children:
-                yield from _judged(child, word, what, False)
-            continue
-        if text and not word.is_default(text):
-            yield from _judged(child, word, what, compiled or child.is_read)
-        yield from account(child, words, word.anchor or word.path, compiled)
+        text = child.raw.strip()
+        if word.meaning == "modelled":
+            if text and not child.is_read and not word.is_default(text):
+                found += _judged(child, word, f"<{child.tag}> in <{root.tag}>")
+            _account(child, words, word.anchor or word.path, found)
+        elif child.children or not text or not word.is_default(text):
+            found += _judged(child, word, f"<{child.tag}> in <{root.tag}>")
 
 
-def _judged(element: Markup, word: Word, what: str, is_read: bool) -> Iterator[Finding]:
-    if word.meaning == "refused":
-        element.refuse(word.words)
-    if word.meaning in ("left out", "no effect"):
-        yield Finding(word.words or what, word.meaning)
-    if word.meaning == "modelled" and not is_read:
-        yield Finding(word.words or f"{what} that nothing reads", "left out")
+def _judged(element: Markup, word: Word, what: str) -> list[Finding]:
+    """What becomes of a word that is not at its default, and if it is modelled has not been read."""
+    match word.meaning:
+        case "refused":
+            element.refuse(word.words)
+        case "modelled":
+            return [Finding(word.words or f"{what} that nothing reads", "left out")]
+        case "looks":
+            return []
+        case meaning:
+            return [Finding(word.words or what, meaning)]
 
 
 def counted(findings: Iterable[Finding | str]) -> tuple[str, ...]:

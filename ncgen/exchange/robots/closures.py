@@ -104,7 +104,10 @@ def follows_from_start(robot: Robot) -> bool:
 
 
 def moved(robot: Robot, values: Mapping[str, np.ndarray]) -> Robot:
-    """The robot with joints moved by these values (m, rad; rotation vectors of balls), by their names; others stay where they are."""
+    """The robot with joints moved by these values, by their names; others stay where they are.
+
+    values: m, rad; rotation vectors of balls, places and rotation vectors of free bodies
+    """
     joints = []
     for joint in robot.joints:
         x = values.get(joint.name)
@@ -122,6 +125,8 @@ def motion(joint: Joint, x: np.ndarray) -> Placement:
     """The child's frame in the joint's at values (m, rad)."""
     if joint.kind == "prismatic":
         return Placement(position=x[0] * joint.axis)
+    if joint.kind == "floating":
+        return Placement(rotation_by(x[3:]), x[:3])
     if joint.kind == "universal":
         assert joint.second is not None, "a universal joint with one axis"
         return Placement(_turn(joint.axis, x[0]) @ _turn(joint.second, x[1]))
@@ -151,14 +156,12 @@ def rotation_vector(rotation: np.ndarray) -> np.ndarray:
 
 
 class _Assembly:
-    """Closures as equations of joint values x. Balls have rotation vectors, multiplied on at every step."""
+    """Closures as equations of joint values x. Balls have rotation vectors, multiplied on at every step, free bodies a place and one."""
 
     def __init__(self, robot: Robot, closures: Sequence[Closure]) -> None:
         self.robot, self.closures = robot, closures
         self.begins = {joint.name: joint.start for joint in robot.joints}
-        self.free = [
-            joint for joint in robot.joints if TURNS[joint.kind] and not joint.mimic and joint.kind not in ("floating", "planar", "screw")
-        ]
+        self.free = [joint for joint in robot.joints if TURNS[joint.kind] and not joint.mimic and joint.kind not in ("planar", "screw")]
         self.followers = [
             joint for joint in robot.joints if joint.mimic and joint.mimic.joint in self.begins and joint.kind in ("revolute", "prismatic")
         ]
@@ -202,7 +205,7 @@ class _Assembly:
         for joint in self.free:
             start = self.starts[joint.name]
             change, old = step[start : start + TURNS[joint.kind]], values[joint.name]
-            found[joint.name] = rotation_vector(rotation_by(old) @ rotation_by(change)) if joint.kind == "spherical" else old + change
+            found[joint.name] = _added(joint, old, change)
         for joint in self._in_order_of_following():
             assert joint.mimic is not None
             moved_by = found.get(joint.mimic.joint, np.zeros(1))
@@ -328,6 +331,16 @@ class _Assembly:
         )
 
 
+def _added(joint: Joint, x: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Values after a step, which is in the child's axes where it turns in space."""
+    if joint.kind == "spherical":
+        return rotation_vector(rotation_by(x) @ rotation_by(step))
+    if joint.kind == "floating":
+        turn = rotation_by(x[3:])
+        return np.concatenate([x[:3] + turn @ step[:3], rotation_vector(turn @ rotation_by(step[3:]))])
+    return x + step
+
+
 def _after(frame: tuple[np.ndarray, np.ndarray], place: Placement) -> tuple[np.ndarray, np.ndarray]:
     """A placement in a frame, in plain floating point: the assembled robot is placed by `Placement` again."""
     turn, shift = frame
@@ -347,5 +360,7 @@ def _screws(joint: Joint, frame: tuple[np.ndarray, np.ndarray]) -> list[tuple[np
         return [(turn @ joint.axis, None)]
     if joint.kind == "spherical":
         return [(turn[:, k], origin) for k in range(3)]
+    if joint.kind == "floating":
+        return [(turn[:, k], where) for where in (None, origin) for k in range(3)]
     axes = [joint.axis] if joint.second is None else [joint.axis, joint.second]
     return [(turn @ axis, origin) for axis in axes]

@@ -14,11 +14,12 @@ from typing import TypedDict
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.mjcf_actuators import actuators
 from ncgen.exchange.robots.mjcf_compiled import Compiled, compiled, family
-from ncgen.exchange.robots.mjcf_equalities import equalities
+from ncgen.exchange.robots.mjcf_equalities import Apart, equalities
 from ncgen.exchange.robots.mjcf_fields import (
     AT_JOINT,
     NO_DAMPERS,
@@ -31,6 +32,7 @@ from ncgen.exchange.robots.mjcf_fields import (
     without_constraints,
 )
 from ncgen.exchange.robots.mjcf_keyframes import keyframes
+from ncgen.exchange.robots.mjcf_sensors import frames_of, sensors
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung
 from ncgen.exchange.text import placed
@@ -107,6 +109,13 @@ class _Spring(TypedDict):
     more_stiffness: tuple[float, ...]
 
 
+def _closure(apart: Apart, robot: Robot) -> Closure:
+    """A loop that is to be closed; robot: in the world where the model begins."""
+    joint, frames = apart.joint, robot.frames(robot.base)
+    parent, child = frames[joint.parent].inverse() @ joint.placement, frames[joint.child].inverse() @ apart.child
+    return Closure(joint.name, joint.kind, joint.parent, joint.child, parent, child, where=joint.where)
+
+
 class _Reader:
     def __init__(self, model: Compiled, files: Sequence[Markup], path: Path) -> None:
         self.m, self.where, self.path = model, path.name, path
@@ -116,6 +125,7 @@ class _Reader:
         self.geoms: dict[int, list[int]] = {}
         for g, body in enumerate(model.geom_bodyid):
             self.geoms.setdefault(int(body), []).append(g)
+        self.frames = frames_of(model)
         self.name = files[0].attributes.get("model") or path.stem
         self.bodies = [WORLD, *(model.body(i).name or f"body{i}" for i in range(1, model.nbody))]
         self.places: dict[str, Placement] = {WORLD: Placement()}
@@ -141,9 +151,11 @@ class _Reader:
             omitted=omitted,
             rows=closed.rows,
             starts=starts,
+            sensors=sensors(self.m, self.joint_names),
             actuators=motors,
         )
-        return hung(robot, self.places)
+        found = hung(robot, self.places)
+        return with_closures(found, [*closures_of(found), *(_closure(each, found) for each in closed.apart)]) if closed.apart else found
 
     def _body(self, i: int) -> None:
         m = self.m
@@ -159,7 +171,10 @@ class _Reader:
             parent = child
         if not own:
             self.joints.append(Joint(f"{name}.fixed", "fixed", parent, name, place, where=self.where))
-        self.places[name], self.links[name] = place, Link(name, self._mass(i), self.where, self._seen(i), self._lifted(i))
+        self.places[name], self.links[name] = (
+            place,
+            Link(name, self._mass(i), self.where, self._seen(i), self._lifted(i), self.frames.get(i, {})),
+        )
 
     def _seen(self, i: int) -> tuple[Shape, ...]:
         """The shapes of a body."""

@@ -24,8 +24,8 @@ def actuators(model: Compiled, joints: Sequence[str]) -> tuple[Actuator, ...]:
         return ()
     found = []
     for k in range(m.nactuator):
-        shares = _shares(m, k, joints)
-        if shares is not None and _is_affine(m, k) and not is_disabled(m, k):
+        shares = shares_of(m, "actuator", k, joints)
+        if shares is not None and _is_affine(m, k) and not is_disabled(m, k) and not _is_bounded(m, k):
             found.append(_actuator(m, k, shares))
     return tuple(found)
 
@@ -36,20 +36,27 @@ def _is_affine(m: Compiled, k: int) -> bool:
     return bool(plain and m.actuator_gaintype[k] in (FIXED, AFFINE) and m.actuator_biastype[k] in (FIXED, AFFINE))
 
 
-def _shares(m: Compiled, k: int, joints: Sequence[str]) -> dict[str, float] | None:
-    """Shares of joints in an actuator's length; None for one that is over something else."""
-    kind, target, gear = int(m.actuator_trntype[k]), int(m.actuator_trnid[k][0]), float(m.actuator_gear[m.actuator_outadr[k]][0])
-    if kind in AT_JOINT and m.jnt_type[target] >= SCALAR:
-        return {joints[target]: gear}
-    if kind != TENDON or m.tendon_actfrclimited[target]:
-        return None
+def shares_of(m: Compiled, whose: str, number: int, joints: Sequence[str]) -> dict[str, float] | None:
+    """Shares of joints in the length of a "joint", "tendon" or "actuator"; None where that is no sum of coordinates."""
+    if whose == "joint":
+        return {joints[number]: 1.0} if m.jnt_type[number] >= SCALAR else None
+    if whose == "actuator":
+        kind, target = int(m.actuator_trntype[number]), int(m.actuator_trnid[number][0])
+        gear = float(m.actuator_gear[m.actuator_outadr[number]][0])
+        inner = shares_of(m, "joint" if kind in AT_JOINT else "tendon", target, joints) if kind in (*AT_JOINT, TENDON) else None
+        return None if inner is None else {joint: gear * share for joint, share in inner.items()}
     shares = dict[str, float]()
-    for w in range(m.tendon_adr[target], m.tendon_adr[target] + m.tendon_num[target]):
+    for w in range(m.tendon_adr[number], m.tendon_adr[number] + m.tendon_num[number]):
         if int(m.wrap_type[w]) != OVER_JOINT:
             return None
         joint = joints[int(m.wrap_objid[w])]
-        shares[joint] = shares.get(joint, 0.0) + gear * float(m.wrap_prm[w])
+        shares[joint] = shares.get(joint, 0.0) + float(m.wrap_prm[w])
     return shares
+
+
+def _is_bounded(m: Compiled, k: int) -> bool:
+    """Whether the forces of all actuators of a tendon are bounded together."""
+    return int(m.actuator_trntype[k]) == TENDON and bool(m.tendon_actfrclimited[m.actuator_trnid[k][0]])
 
 
 def _actuator(m: Compiled, k: int, shares: dict[str, float]) -> Actuator:

@@ -20,15 +20,23 @@ BODY = 1
 """MuJoCo's number of bodies among objects; what else connections join are sites."""
 
 CLOSED = 1e-6
-"""How far apart two frames may stand that are joined where the model begins (m and rad): more than files and compiler round."""
+"""How far apart two frames may stand that are one (m and rad): more than files and compiler round. Else joints move until they are."""
 
 
 class Equalities(NamedTuple):
-    """Joints that close loops, placed in the world; who follows whom; rows over joints."""
+    """Joints that close loops, placed in the world; who follows whom; rows over joints; joints whose frames are apart."""
 
     loops: tuple[Joint, ...]
     followers: Mapping[str, Mimic]
     rows: tuple[Coupling, ...]
+    apart: tuple[Apart, ...]
+
+
+class Apart(NamedTuple):
+    """A joint that closes a loop, placed at its parent's frame, and the frame of its child that shall be there, both in the world."""
+
+    joint: Joint
+    child: Placement
 
 
 def equalities(model: Compiled, bodies: Sequence[str], joints: Sequence[str], places: Mapping[str, Placement], where: str) -> Equalities:
@@ -37,13 +45,14 @@ def equalities(model: Compiled, bodies: Sequence[str], joints: Sequence[str], pl
     if not without_constraints(model, NO_EQUALITIES):
         for e in np.flatnonzero(model.eq_active0).tolist():
             reader.read(e)
-    return Equalities(tuple(reader.loops), reader.followers, tuple(reader.rows))
+    return Equalities(tuple(reader.loops), reader.followers, tuple(reader.rows), tuple(reader.apart))
 
 
 class _Reader:
     def __init__(self, model: Compiled, bodies: Sequence[str], joints: Sequence[str], places: Mapping[str, Placement], where: str) -> None:
         self.m, self.bodies, self.joints, self.places, self.where = model, bodies, joints, places, where
         self.loops: list[Joint] = []
+        self.apart: list[Apart] = []
         self.followers: dict[str, Mimic] = {}
         self.rows: list[Coupling] = []
 
@@ -87,7 +96,8 @@ class _Reader:
             for joint, share in other.items():
                 own[joint] = own.get(joint, 0.0) - powers[0] * share
             other, powers = {}, []
-        self.rows.append(Coupling(name, own, offset, self.where, other, tuple(powers) if other else ()))
+        zeros = {joint: self._begins(joint) for joint in (*own, *other)}
+        self.rows.append(Coupling(name, own, offset, self.where, other, zeros, tuple(powers) if other else ()))
 
     def _begins(self, joint: str) -> float:
         """The value of a joint where the model begins."""
@@ -96,14 +106,15 @@ class _Reader:
     # -- of bodies -----------------------------------------------------------------------------
 
     def _join(self, e: int, name: str, kind: int) -> None:
-        """A ball or a weld between two frames, which are one where the model begins."""
+        """A ball or a weld between two frames; where the model begins they may be apart."""
         (first, one), (second, other) = self._frames(e, kind)
+        joint = Joint(name, "fixed" if kind == WELD else "spherical", first, second, one, where=self.where)
         gap = float(np.linalg.norm(one.position - other.position))
         turned = float(np.linalg.norm(one.rotation - other.rotation)) if kind == WELD else 0.0
-        if gap > CLOSED or turned > CLOSED:
-            far = f"{gap:.3g} m apart" if gap > CLOSED else f"turned against each other by {turned:.3g} rad"
-            self._refuse(f"equality {name}: its frames on {first} and {second} are {far} where the model begins; move a body there")
-        self.loops.append(Joint(name, "fixed" if kind == WELD else "spherical", first, second, one, where=self.where))
+        if max(gap, turned) > CLOSED:
+            self.apart.append(Apart(joint, other))
+        else:
+            self.loops.append(joint)
 
     def _frames(self, e: int, kind: int) -> tuple[tuple[str, Placement], tuple[str, Placement]]:
         """Two bodies and the frames on them, in the world, that an equality holds together."""

@@ -24,7 +24,8 @@ FIELDS = {
         eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 eq_data tendon_type tendon_adr tendon_num wrap_type wrap_objid wrap_prm
         actuator_trntype actuator_trnid actuator_gear actuator_outadr actuator_damping actuator_dampingpoly actuator_armature
         actuator_gaintype actuator_biastype actuator_gainprm actuator_biasprm actuator_ctrladr actuator_ctrllimited actuator_ctrlrange
-        actuator_forcelimited actuator_forcerange jnt_actfrclimited jnt_actfrcrange key_ctrl key_time key_qpos key_qvel""",
+        actuator_forcelimited actuator_forcerange jnt_actfrclimited jnt_actfrcrange key_ctrl
+        sensor_type sensor_objtype sensor_objid sensor_cutoff key_time key_qpos key_qvel""",
     "looks": """
         geom_type geom_bodyid geom_dataid geom_matid geom_group geom_castshadow geom_size geom_pos geom_quat geom_rgba
         site_type site_dataid site_matid site_group site_size site_rgba jnt_group actuator_group tendon_matid tendon_group tendon_width
@@ -48,18 +49,18 @@ FIELDS = {
         tendon_damping tendon_dampingpoly tendon_armature tendon_frictionloss tendon_lengthspring tendon_springyield
         actuator_dyntype actuator_ctrlnum actuator_ctrlspec actuator_outnum actuator_act* actuator_cranklength actuator_dynprm
         actuator_history* actuator_delay actuator_plugin
-        sensor_* plugin plugin_* key_act key_mpos key_mquat key_plastic""",
+        sensor_(?!type|objtype|objid|cutoff)* plugin plugin_* key_act key_mpos key_mquat key_plastic""",
 }
 """{meaning: names of fields; * stands for anything, # for letters and digits}."""
 
 OPTIONS = {
-    "modelled": "gravity disableflags",
+    "modelled": "gravity magnetic disableflags",
     "method": """
         timestep impratio tolerance ls_tolerance noslip_tolerance ccd_tolerance sleep_tolerance integrator cone jacobian solver iterations
         ls_iterations noslip_iterations ccd_iterations sdf_initpoints sdf_iterations""",
-    "listed": "wind magnetic density viscosity o_margin o_solref o_solimp o_friction enableflags disableactuator",
+    "listed": "wind density viscosity o_margin o_solref o_solimp o_friction enableflags disableactuator",
 }
-"""The same of MuJoCo's options: wind and magnetic act only with a fluid and on sensors, what begins with o_ on contacts."""
+"""The same of MuJoCo's options: wind acts only with a fluid, what begins with o_ on contacts."""
 
 NO_CONSTRAINTS, NO_EQUALITIES, NO_FRICTION, NO_LIMITS, NO_CONTACTS, NO_SPRINGS, NO_DAMPERS, NO_GRAVITY, NO_CLAMPS, NO_ACTUATION = (
     1 << bit for bit in (0, 1, 2, 3, 4, 5, 6, 7, 8, 11)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,11 +18,15 @@ FREE, BALL = 0, 1
 
 def keyframes(model: Compiled, joints: Sequence[str]) -> dict[str, Start]:
     """{name: start} of all keyframes; joints: names by MuJoCo's numbers."""
-    return {model.key(k).name or f"key{k}": _start(model, k, joints) for k in range(model.nkey)}
+    found = {}
+    for k in range(model.nkey):
+        start = start_of(model, np.array(model.key_qpos[k]), np.array(model.key_qvel[k]), joints)
+        found[model.key(k).name or f"key{k}"] = replace(start, inputs=controls(model, k), time=float(model.key_time[k]))
+    return found
 
 
-def _start(m: Compiled, k: int, joints: Sequence[str]) -> Start:
-    qpos, qvel = np.array(m.key_qpos[k]), np.array(m.key_qvel[k])
+def start_of(m: Compiled, qpos: np.ndarray, qvel: np.ndarray, joints: Sequence[str]) -> Start:
+    """A state of MuJoCo's, qpos (nq,) and qvel (nv,)."""
     values, rates = dict[str, float](), dict[str, float]()
     turned = dict[str, tuple[np.ndarray, np.ndarray]]()
     free = dict[str, tuple[Placement, np.ndarray, np.ndarray]]()
@@ -33,4 +38,4 @@ def _start(m: Compiled, k: int, joints: Sequence[str]) -> Start:
             turned[name] = Placement.of_quaternion(np.zeros(3), qpos[at : at + 4]).rotation, qvel[dof : dof + 3]
         else:
             values[name], rates[name] = float(qpos[at]), float(qvel[dof])
-    return Start(values, rates, turned, free, controls(m, k), float(m.key_time[k]))
+    return Start(values, rates, turned, free)

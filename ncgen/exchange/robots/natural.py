@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
@@ -13,11 +13,12 @@ from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
 from ncgen.exchange.robots.motors import EFFORTS, MOTORS, add_motors
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
 from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
+from ncgen.exchange.robots.sensors import SENSORS, add_sensors
 from ncgen.exchange.robots.starts import named_start, rotation_about
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import dot, product, unit
-from ncgen.model.bodies import Body
+from ncgen.model.bodies import Body, BodyFrame
 from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector
 from ncgen.model.names import RESERVED, normal, numbered
 
@@ -28,16 +29,20 @@ NOTHING = 1e-15
 """Entries of a tensor below this, over mass · size² of the robot, are rounding of whoever wrote the file."""
 
 
-def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, friction: bool = False, motors: bool = False) -> Model:
+def model_of(
+    robot: Robot, floating: bool | None = None, limits: bool = False, friction: bool = False, motors: bool = False, sensors: bool = False
+) -> Model:
     """The model of a robot whose joints are ordered, with all joint coordinates at 0.
 
     floating: the root is a free body instead of part of the ground; None for what the robot's file says
     limits, friction: joints have stops and dry friction (`ncgen.exchange.robots.stops`); else they are among what is left out
+    sensors: outputs for sensors of the file (`ncgen.exchange.robots.sensors`)
     motors: inputs for actuators of the file, or for joints (`ncgen.exchange.robots.motors`)
     Raises ModelError naming a link with an impossible inertia, or a joint that cannot be as it is said.
     """
     builder = _Builder(together(robot), robot.floats if floating is None else floating)
     model = builder.build()
+    model.frames = _frames_of(robot, builder.layout.ground.name, {solid.name: body.name for solid, body in builder.bodies.items()})
     acting = [(hold.joint, builder.coordinates[hold.joint.name]) for hold in builder.layout.holds if hold.joint.name in builder.coordinates]
     for asked, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
         if asked:
@@ -49,7 +54,23 @@ def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, f
             model.left_out = left(model.left_out, words, count)
         for name, start in robot.starts.items():
             model.starts[name] |= {"inputs": {inputs[each]: value for each, value in start.inputs.items() if each in inputs}}
+    if sensors:
+        frames = {
+            name: (builder.bodies[solid], builder.layout.frames[link] @ place)
+            for link, solid in builder.layout.solids.items()
+            for name, place in builder.robot.links[link].frames.items()
+        }
+        model.left_out = left(model.left_out, SENSORS, add_sensors(model, robot, frames, builder.coordinates))
     return model
+
+
+def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str, BodyFrame]:
+    """Frames of all links in the initial position. bodies: {link without those fixed to it: name of its body}, the ground's among them."""
+    homes = {robot.root: robot.root}
+    for joint in robot.joints:
+        homes[joint.child] = homes[joint.parent] if joint.kind == "fixed" else joint.child
+    places = robot.frames(robot.base)
+    return {name: BodyFrame(bodies.get(homes[name], bodies[ground]), place.rotation, place.position) for name, place in places.items()}
 
 
 class _Builder:
@@ -128,8 +149,8 @@ class _Builder:
         """Compensated weights of what moves."""
         for solid in self.layout.solids.values():
             frame = self.layout.frames[solid.name]
-            masses = [mass.seen_from(frame) for mass in self.robot.links[solid.name].lifted]
-            lift(self.model, self.bodies[solid], masses, self.robot.gravity)
+            if masses := [mass.seen_from(frame) for mass in self.robot.links[solid.name].lifted]:
+                lift(self.model, self.bodies[solid], masses, self.robot.gravity)
 
     # -- joints --------------------------------------------------------------------------------
 
@@ -221,7 +242,7 @@ class _Builder:
                 f"{coupling.where}: {coupling.name}: joint {missing[0]} is no hinge or slider, so nothing can be coupled to it"
             )
         own, other = (
-            sum(share * (c.symbol - c.components[0].initial) for name, share in shares.items() for c in [self.coordinates[name]])
+            sum(share * (self.coordinates[name].symbol - coupling.zeros.get(name, 0.0)) for name, share in shares.items())
             for shares in (coupling.shares, coupling.others)
         )
         follows = sum(factor * other**power for power, factor in enumerate(coupling.powers, 1) if factor)

@@ -51,20 +51,20 @@ def point_of(model: Model, body: Body, place: np.ndarray) -> Combination:
     return as_combination(first) + model.direction_of(body, offset.tolist(), "arm") if offset.any() else as_combination(first)
 
 
-def expressions(combination: Combination, rates: bool = False) -> sympy.Matrix:
-    """The three components of a combination, or their rates, as expressions of coordinates."""
+def expressions(combination: Combination, order: int = 0) -> sympy.Matrix:
+    """The three components of a combination, or their derivatives by time of an order up to 2, as expressions of coordinates."""
     import sympy
 
     rows = []
     for axis in range(3):
         parts = [(weight, element.components[axis]) for weight, element in combination.terms]
-        rows.append(sum(weight * _scalar(c, rates) for weight, c in parts))
+        rows.append(sum(weight * _scalar(c, order) for weight, c in parts))
     return sympy.Matrix(rows)
 
 
-def _scalar(c: Component, is_rate: bool) -> sympy.Symbol | float:
-    """A coordinate or its rate; the number of one that is fixed."""
-    return (0.0 if is_rate else c.initial) if c.fixed else c.rate if is_rate else c.symbol
+def _scalar(c: Component, order: int) -> sympy.Symbol | float:
+    """A coordinate or its derivative by time; the number of one that is fixed."""
+    return (0.0 if order else c.initial) if c.fixed else (c.symbol, c.rate, c.acceleration)[order]
 
 
 def lift(model: Model, body: Body, masses: Iterable[Mass], gravity: Sequence[float]) -> None:
@@ -87,12 +87,12 @@ def spring_of_ball(model: Model, parent: Body, child: Body, joint: Joint, frame:
     a, b = ([expressions(each) for each in axes] for axes in (before, after))
     couple = sympy.zeros(3, 1)
     if joint.stiffness or any(joint.more_stiffness):
-        across = _turning(a, b)
+        across = turning_of(a, b)
         sine = sympy.sqrt(across.dot(across) + LEAST_SINE**2)
         angle = sympy.atan2(sine, (sum(x.dot(y) for x, y in zip(a, b, strict=True)) - 1) / 2)
         couple -= _stiffness(joint, angle) * angle / sine * across
     if joint.damping or any(joint.more_damping):
-        turning = _turning(a, [expressions(each, True) for each in before]), _turning(b, [expressions(each, True) for each in after])
+        turning = turning_of(a, [expressions(each, 1) for each in before]), turning_of(b, [expressions(each, 1) for each in after])
         couple -= _damped(joint, turning[1] - turning[0], b)
     label = f"spring of {joint.name}"
     model.couple(child, list(couple), label)
@@ -102,7 +102,7 @@ def spring_of_ball(model: Model, parent: Body, child: Body, joint: Joint, frame:
         _spring_of_place(model, child, joint, frame.position, label)
 
 
-def _turning(axes: Sequence[sympy.Matrix], rates: Sequence[sympy.Matrix]) -> sympy.Matrix:
+def turning_of(axes: Sequence[sympy.Matrix], rates: Sequence[sympy.Matrix]) -> sympy.Matrix:
     """½ Σ a × b: the angular velocity of three directions that are perpendicular to each other, from their rates."""
     import sympy
 
@@ -131,7 +131,7 @@ def _spring_of_place(model: Model, body: Body, joint: Joint, origin: np.ndarray,
     far = expressions(place) - sympy.Matrix(origin.tolist())
     size = sympy.sqrt(far.dot(far) + LEAST_SINE**2)
     axes = [sympy.Matrix(axis) for axis in np.eye(3).tolist()]
-    force = -_stiffness(joint, size) * far - _damped(joint, expressions(place, True), axes)
+    force = -_stiffness(joint, size) * far - _damped(joint, expressions(place, 1), axes)
     first = body.points[0]
     model.force(first, list(force), f"{label}, force")
     arm = expressions(place) - expressions(as_combination(first))

@@ -56,6 +56,7 @@ class Link:
     """mass: None for a link without inertia; where: its place in the file, for messages; shapes: what it looks like, in its frame.
 
     lifted: masses whose weight is compensated by a force at their centre; their tensors say nothing
+    frames: that something is measured in, by names that no other link has
     """
 
     name: str
@@ -63,12 +64,14 @@ class Link:
     where: str = ""
     shapes: tuple[Shape, ...] = ()
     lifted: tuple[Mass, ...] = ()
+    frames: Mapping[str, Placement] = field(default_factory=dict)
 
     def seen_from(self, frame: Placement) -> Link:
         """The same, where its own frame stands in another one like this."""
         mass = None if self.mass is None else self.mass.seen_from(frame)
         shapes, lifted = (tuple(each.seen_from(frame) for each in some) for some in (self.shapes, self.lifted))
-        return replace(self, mass=mass, shapes=shapes, lifted=lifted)
+        frames = {name: frame @ own for name, own in self.frames.items()}
+        return replace(self, mass=mass, shapes=shapes, lifted=lifted, frames=frames)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,7 @@ class Mimic:
 class Coupling:
     """A row over joints: Σ share · coordinate = offset (rad or m) + c₁ x + c₂ x² + …, where x is the sum over others.
 
-    Coordinates count from where the model begins.
+    zeros: {joint: the value from which its coordinate counts}
     shares, others: {joint: share}; powers: c₁, c₂, …
     """
 
@@ -93,6 +96,7 @@ class Coupling:
     offset: float = 0.0
     where: str = ""
     others: Mapping[str, float] = field(default_factory=dict)
+    zeros: Mapping[str, float] = field(default_factory=dict)
     powers: tuple[float, ...] = ()
 
 
@@ -159,6 +163,20 @@ class Actuator:
 
 
 @dataclass(frozen=True, eq=False)
+class Sensor:
+    """Something that a file measures. kind: of `ncgen.exchange.robots.sensors`
+
+    of: the name of a frame, or {joint: share} of a length; cutoff: the largest reading, 0 for none; field (3,): what a magnetometer feels
+    """
+
+    name: str
+    kind: str
+    of: str | Mapping[str, float] = ""
+    cutoff: float = 0.0
+    field: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
 class Start:
     """A named state of a file. values, rates: of joints with a coordinate (rad, m, and per second); time: s
 
@@ -196,6 +214,7 @@ class Robot:
     rows: tuple[Coupling, ...] = ()
     starts: Mapping[str, Start] = field(default_factory=dict)
     actuators: tuple[Actuator, ...] | None = None
+    sensors: tuple[Sensor, ...] = ()
     motors: tuple[str, ...] = ()
 
     def ordered(self) -> Robot:
@@ -305,7 +324,8 @@ def together(robot: Robot) -> Robot:
         home[joint.child] = body, here
         own, more = links[body], links.pop(joint.child).seen_from(here)
         mass = own.mass.plus(more.mass) if own.mass and more.mass else own.mass or more.mass
-        links[body] = replace(own, mass=mass, shapes=(*own.shapes, *more.shapes), lifted=(*own.lifted, *more.lifted))
+        shapes, lifted = (*own.shapes, *more.shapes), (*own.lifted, *more.lifted)
+        links[body] = replace(own, mass=mass, shapes=shapes, lifted=lifted, frames={**own.frames, **more.frames})
     for loop in robot.loops:
         if home[loop.parent][0] == home[loop.child][0]:
             raise refused(loop.where, changes_nothing(loop, f"links {loop.parent} and {loop.child} are fixed to each other"))

@@ -172,6 +172,7 @@ class _Reader:
             pitch=_pitch(each) if kind == "screw" else 0.0,
             limits=_limits(axis) if kind in ACTING else None,
             friction=_number(dynamics, "friction"),
+            effort=_effort(axis) if kind in ACTING else None,
             mimic=self._mimic(entry, axis) if kind in ACTING else None,
             where=each.place,
         )
@@ -256,6 +257,13 @@ def _limits(axis: Markup | None) -> tuple[float, float] | None:
         return None
     lower, upper = (each.limit(each.text, tag) if (each := limit.first(tag)) else end for tag, end in LIMITS.items())
     return None if lower <= -UNLIMITED and upper >= UNLIMITED else (lower, upper)
+
+
+def _effort(axis: Markup | None) -> tuple[float, float] | None:
+    """None where it is unlimited: negative or infinite."""
+    said = limit.first("effort") if axis is not None and (limit := axis.first("limit")) is not None else None
+    effort = -1.0 if said is None else said.limit(said.text, "effort")
+    return (-effort, effort) if 0 <= effort < UNLIMITED else None
 
 
 LIMITS = {"lower": -UNLIMITED, "upper": UNLIMITED}

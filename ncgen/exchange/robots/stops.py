@@ -8,16 +8,17 @@ joint that stands under less than F creeps at up to v₀. k, d and v₀ are para
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TypeAlias
-
-import sympy
+from typing import TYPE_CHECKING, TypeAlias
 
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.robot import Joint
 from ncgen.model import Model
 from ncgen.model.elements import Relative
 
-Law: TypeAlias = Callable[[sympy.Expr, sympy.Expr], sympy.Expr]
+if TYPE_CHECKING:
+    import sympy
+
+Law: TypeAlias = "Callable[[sympy.Expr, sympy.Expr], sympy.Expr]"
 """Torque against growth, or tension, from a value and its rate."""
 
 STIFFNESS, LOSS = 1e4, 0.5
@@ -54,6 +55,8 @@ def add_stops(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
 
 def _stop(lower: float, upper: float, k: sympy.Expr, d: sympy.Expr) -> Law:
     """The torque against growth between two limits, of a value x and its rate v."""
+    import sympy
+
     return lambda x, v: k * (beyond(x - upper) * (1 + sympy.tanh(d * v)) - beyond(lower - x) * (1 - sympy.tanh(d * v)))
 
 
@@ -69,11 +72,16 @@ def add_friction(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
 
 
 def _rough(force: float, creep: sympy.Expr) -> Law:
+    """The torque against growth of dry friction, of a value and its rate v."""
+    import sympy
+
     return lambda x, v: force * sympy.tanh(v / creep)
 
 
 def beyond(s: sympy.Expr) -> sympy.Expr:
     """s where it is positive, else 0."""
+    import sympy
+
     return (s + sympy.Abs(s)) / 2
 
 

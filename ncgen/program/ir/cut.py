@@ -7,6 +7,7 @@ whose places are used again when nobody reads them any more.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from dataclasses import replace
 from typing import TypeGuard
 
@@ -92,7 +93,7 @@ def _block(block: Straight, part: list[int], places: dict[int, Input], number: i
     for store in block.stores:
         wanted.setdefault(store.node, []).append(store)
     written: list[Store] = []
-    for node in (k for k, p in enumerate(part) if p == number):
+    for node in range(bisect_left(part, number), bisect_right(part, number)):
         for a in block.ops[node].args:
             take(a)
         take(node)

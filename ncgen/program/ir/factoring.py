@@ -70,9 +70,13 @@ class _Factoring:
         self._reader = {a: op.code for op in block.ops for a in op.args}
         self._forms: list[Form] = []
         self._known: list[bool] = []
+        known, forms = self._known, self._forms
         for number, op in enumerate(block.ops):
-            self._known.append(is_known(op, [self._known[a] for a in op.args], parameters))
-            self._forms.append(self._held(number, self._form(op, [self._forms[a] for a in op.args])))
+            known.append(is_known(op, [known[a] for a in op.args], parameters))
+            if op.args:
+                forms.append(self._held(number, self._form(op, [forms[a] for a in op.args])))
+            else:
+                forms.append(Term(False, self.graph.copied(op, ())))
 
     def node(self, number: int) -> int:
         """An operation in the grown graph."""

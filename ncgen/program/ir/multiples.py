@@ -18,8 +18,9 @@ LARGEST = 100
 
 def is_known(op: Op, arguments: Sequence[bool], parameters: int) -> bool:
     """True of an operation on nothing but numbers and parameters; arguments: whether that is true of each."""
-    is_leaf = op.code == "const" or (op.code == "load" and op.input.array == "p" and op.input.position < parameters)
-    return is_leaf or (bool(op.args) and all(arguments))
+    if op.args:
+        return all(arguments)
+    return op.code == "const" or (op.code == "load" and op.input.array == "p" and op.input.position < parameters)
 
 
 def is_exact(op: Op) -> bool:

@@ -63,6 +63,10 @@ def terms(form: Form) -> list[Term]:
 
 def factors(product: Product) -> list[int]:
     """From left to right; a square has one twice."""
+    if isinstance(product, int):
+        return [product]
+    if isinstance(product[0], int) and isinstance(product[1], int):
+        return [product[0], product[1]]
     found: list[int] = []
     waiting = [product]
     while waiting:

@@ -26,6 +26,7 @@ from ncgen.program.tree.joint_space import Made, assemble_joint_space
 from ncgen.solver import given
 from ncgen.solver.frames import transformation
 from ncgen.solver.joints.joint_names import carried, followed_by, names_of
+from ncgen.solver.joints.link_frames import LinkFrame
 from ncgen.symbolic.tree import Tree, moving, spanning_tree
 
 FRAMES = ("global", "local", "spatial")
@@ -242,6 +243,11 @@ class JointSpace(ABC):
             back = np.swapaxes(transformation(self.kernels, self.tree.links[link].body.name, q), -1, -2)
             halves = [back @ half for half in halves]
         return np.concatenate(halves, axis=-2)
+
+    def frame(self, name: str) -> LinkFrame:
+        """The frame of a link of the robot's file, also of one that is fixed to another: pose, velocity, Jacobian. Raises ModelError for a
+        name that the file does not have."""
+        return LinkFrame(self, name)
 
     def centre_of_mass_jacobian(self, q: ArrayLike) -> np.ndarray:
         """Velocity of the centre of mass for rate 1 of every joint (…, 3, n)."""

@@ -1,0 +1,112 @@
+"""Frames of a robot's links: pose, velocity, Jacobian and its derivative in joint space.
+
+Jacobians have the velocity of the frame's origin above the angular velocity, and are told in one of three ways, as in Pinocchio:
+"world-aligned" (along the global axes), "local" (along the frame's own axes), "world" (the velocity of what of the body is at the global
+origin, along the global axes).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import ModelError
+from ncgen.solver import given
+from ncgen.solver.frames import transformation
+
+if TYPE_CHECKING:
+    from ncgen.solver.joints.joint_space import JointSpace
+
+Reference: TypeAlias = Literal["world-aligned", "local", "world"]
+REFERENCES = ("world-aligned", "local", "world")
+
+
+class LinkFrame:
+    """A frame of a link. name: of the link in the robot's file; body: the body that it moves with, "ground" for what rests."""
+
+    def __init__(self, space: JointSpace, name: str) -> None:
+        frames = space.kernels.model.frames
+        if not isinstance(name, str) or name not in frames:
+            known = ", ".join(frames) or "it has none; frames are those of links in robots' files"
+            raise ModelError(f"{space.kernels.name} has no frame {given.echo(name)}; known: {known}")
+        self.space, self.name, self._initial = space, name, frames[name]
+        self.body = self._initial.body
+        links = space.tree.links
+        self._link = next((number for number, link in enumerate(links) if link.body.name == self.body), None)
+
+    def __repr__(self) -> str:
+        return f"<LinkFrame {self.name} on {self.body}>"
+
+    def pose(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation (…, 3, 3), the frame's axes as columns in global axes, and position (…, 3) in m, at natural coordinates q (…, n_q)."""
+        q, start = self.space._array(q), self._initial
+        if self._link is None:
+            return tuple(np.broadcast_to(x, (*q.shape[:-1], *x.shape)).copy() for x in (start.rotation, start.position))
+        point = self.space.tree.links[self._link].body.points[0]
+        turn = transformation(self.space.kernels, self.body, q)
+        return turn @ start.rotation, self.space.element(point, q) + turn @ (start.position - point.initial)
+
+    def jacobian(self, q: ArrayLike, reference: Reference = "world-aligned") -> np.ndarray:
+        """Velocity of the origin and angular velocity for rate 1 of every joint, (…, 6, n); m/s and rad/s a unit of the rate."""
+        q, reference = self.space._array(q), self._checked(reference)
+        rotation, position = self.pose(q)
+        along, turning = self._screws(q)
+        if reference != "world":
+            along = along + np.cross(turning, position[..., None, :])
+        spread = self._spread(q)
+        halves = [np.swapaxes(half, -1, -2) @ spread for half in (along, turning)]
+        if reference == "local":
+            halves = [np.swapaxes(rotation, -1, -2) @ half for half in halves]
+        return np.concatenate(halves, axis=-2)
+
+    def velocity(self, q: ArrayLike, v: ArrayLike, reference: Reference = "world-aligned") -> np.ndarray:
+        """Velocity of the origin (m/s) and angular velocity (rad/s), (…, 6), at rates v (…, n)."""
+        v = self.space._over_rates(v, "v")
+        return np.einsum("...ij,...j->...i", self.jacobian(q, reference), v)
+
+    def jacobian_derivative(self, q: ArrayLike, v: ArrayLike, reference: Reference = "world-aligned") -> np.ndarray:
+        """How the Jacobian changes with time (…, 6, n) at rates v (…, n). Of open trees.
+
+        Screws (u, r × u) are of second degree in natural coordinates, so their central difference along a motion is their derivative for
+        any step, to rounding. Raises ModelError where loops are closed.
+        """
+        space, reference = self.space, self._checked(reference)
+        if space.why:
+            raise ModelError(f"{space.kernels.name}, frame {self.name}: the Jacobian's derivative is for open trees; {space.why}")
+        q, v = space._array(q), space._over_rates(v, "v")
+        rates = space.velocities(q, v)
+        step = 1.0 / np.maximum(1.0, np.max(np.abs(rates), axis=-1, keepdims=True))
+        ahead, behind = (self._screws(q + sign * step * rates) for sign in (1.0, -1.0))
+        along, turning = ((a - b) / (2.0 * step[..., None]) for a, b in zip(ahead, behind, strict=True))
+        if reference != "world":
+            moving = self.velocity(q, v)
+            _, axes = self._screws(q)
+            position = self.pose(q)[1]
+            along = along + np.cross(turning, position[..., None, :]) + np.cross(axes, moving[..., None, :3])
+        spread = self._spread(q)
+        halves = [np.swapaxes(half, -1, -2) @ spread for half in (along, turning)]
+        if reference == "local":
+            back, now = np.swapaxes(self.pose(q)[0], -1, -2), self.jacobian(q)
+            spin = self.velocity(q, v)[..., 3:, None]
+            parts = (now[..., :3, :], now[..., 3:, :])
+            halves = [back @ (half - np.cross(spin, part, axis=-2)) for half, part in zip(halves, parts, strict=True)]
+        return np.concatenate(halves, axis=-2)
+
+    def _screws(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity of what is at the global origin, and angular velocity, of the joints that carry the frame (…, k, 3)."""
+        path = [] if self._link is None else self.space.tree.paths[self._link]
+        screws = self.space.screws(q)[..., path, :]
+        return screws[..., 3:], screws[..., :3]
+
+    def _spread(self, q: np.ndarray) -> np.ndarray:
+        """Rates of the joints that carry the frame for those of the space (…, k, n)."""
+        path = [] if self._link is None else self.space.tree.paths[self._link]
+        return self.space._spread(q)[0][..., path, :]
+
+    @staticmethod
+    def _checked(reference: Reference) -> Reference:
+        if reference not in REFERENCES:
+            raise ModelError(f"reference: {given.echo(reference)} is none of {', '.join(REFERENCES)}")
+        return reference

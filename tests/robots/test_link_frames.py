@@ -1,0 +1,111 @@
+"""Frames of links beside Pinocchio: pose, velocity, Jacobian and its derivative, in all three ways of telling them."""
+
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen.errors import ModelError
+
+ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
+
+ARM = """<robot name="arm"><link name="base"/><link name="tool0"/><link name="rail"/>
+<link name="upper"><inertial><origin xyz="0.2 0 0.1"/><mass value="2"/><inertia ixx="0.02" iyy="0.1" izz="0.1"/></inertial></link>
+<link name="lower"><inertial><origin xyz="0.1 0.05 0"/><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link>
+<link name="hand"><inertial><origin xyz="0 0.05 0"/><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link>
+<joint name="r" type="fixed"><parent link="base"/><child link="rail"/><origin xyz="0.4 0.2 0.1" rpy="0.1 0.2 0.3"/></joint>
+<joint name="a" type="continuous"><parent link="rail"/><child link="upper"/><origin xyz="0.1 0 0.3" rpy="0.4 0 0.2"/><axis xyz="0 0.6 0.8"/>
+</joint>
+<joint name="b" type="prismatic"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0" rpy="0 0.7 0"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="c" type="continuous"><parent link="lower"/><child link="hand"/><origin xyz="0.3 0.1 0" rpy="0.2 0.1 0.9"/><axis xyz="0 0 1"/>
+</joint>
+<joint name="t" type="fixed"><parent link="hand"/><child link="tool0"/><origin xyz="0 0.1 0.2" rpy="1.5 0.3 -0.2"/></joint></robot>"""
+
+TOLERANCE = 1e-11
+
+
+def compare(path, count):
+    """The largest difference over `count` states and all frames, relative to the largest entry of a matrix or 1."""
+    pin = pytest.importorskip("pinocchio")
+    theirs = pin.buildModelFromUrdf(str(path))
+    data, space = theirs.createData(), ncgen.joint_space(ncgen.compile(ncgen.load(path), "numpy"))
+    rng, worst = np.random.default_rng(7), 0.0
+    references = {"world-aligned": pin.LOCAL_WORLD_ALIGNED, "local": pin.LOCAL, "world": pin.WORLD}
+    order = [theirs.joints[theirs.getJointId(name)].idx_v for name in space.rates]
+    for _ in range(count):
+        values, w, q = {}, rng.normal(size=theirs.nv), pin.neutral(theirs)
+        for name, at in zip(space.rates, order, strict=True):
+            joint = theirs.joints[theirs.getJointId(name)]
+            values[name] = float(rng.uniform(-1, 1))
+            q[joint.idx_q : joint.idx_q + joint.nq] = [values[name]] if joint.nq == 1 else [np.cos(values[name]), np.sin(values[name])]
+            assert joint.idx_v == at
+        pin.computeJointJacobiansTimeVariation(theirs, data, q, w)
+        pin.forwardKinematics(theirs, data, q, w)
+        pin.updateFramePlacements(theirs, data)
+        ours = space.position(values)
+        for name in space.kernels.model.frames:
+            found, number = space.frame(name), theirs.getFrameId(name)
+            rotation, position = found.pose(ours)
+            pairs = [(rotation, data.oMf[number].rotation), (position, data.oMf[number].translation)]
+            for word, reference in references.items():
+                J = pin.getFrameJacobian(theirs, data, number, reference)[:, order]
+                dJ = pin.getFrameJacobianTimeVariation(theirs, data, number, reference)[:, order]
+                pairs += [(found.jacobian(ours, word), J), (found.jacobian_derivative(ours, w[order], word), dJ)]
+                pairs += [(found.velocity(ours, w[order], word), pin.getFrameVelocity(theirs, data, number, reference).vector)]
+            worst = max(worst, *(np.max(np.abs(a - b)) / max(1.0, np.max(np.abs(b))) for a, b in pairs))
+    return worst
+
+
+def test_frames_of_an_arm_are_those_of_pinocchio(tmp_path):
+    (tmp_path / "arm.urdf").write_text(ARM)
+    assert compare(tmp_path / "arm.urdf", 3) < TOLERANCE
+
+
+@pytest.fixture(scope="module")
+def space(tmp_path_factory):
+    path = tmp_path_factory.mktemp("arm") / "arm.urdf"
+    path.write_text(ARM)
+    return ncgen.joint_space(ncgen.compile(ncgen.load(path), "numpy"))
+
+
+def test_a_jacobian_is_the_derivative_of_the_pose(space):
+    """By central differences of the position and of the rotation, joint by joint."""
+    at = {"a": 0.3, "b": 0.2, "c": -0.7}
+    found, step = space.frame("tool0"), 1e-6
+    J = found.jacobian(space.position(at))
+    rotation, _ = found.pose(space.position(at))
+    for k, name in enumerate(space.rates):
+        (turn, ahead), (back, behind) = (found.pose(space.position({**at, name: at[name] + sign * step})) for sign in (1, -1))
+        spin = (turn - back) / (2 * step) @ rotation.T
+        np.testing.assert_allclose(J[:3, k], (ahead - behind) / (2 * step), atol=1e-9)
+        np.testing.assert_allclose(J[3:, k], [spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-9)
+
+
+def test_a_frame_that_rests_and_one_that_is_not_there(space):
+    q = np.stack([space.position({"a": 0.1}), space.position({"a": 0.2})])
+    rotation, position = space.frame("rail").pose(q)
+    assert position.shape == (2, 3)
+    np.testing.assert_allclose(position[1], [0.4, 0.2, 0.1], atol=1e-15)
+    assert rotation.shape == (2, 3, 3)
+    assert not space.frame("rail").jacobian(q).any()
+    with pytest.raises(ModelError, match="arm has no frame tool1; known: base, rail, upper, lower, hand, tool0"):
+        space.frame("tool1")
+    with pytest.raises(ModelError, match="reference: body is none of world-aligned, local, world"):
+        space.frame("tool0").jacobian(q, "body")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not ROBOTS.is_dir(), reason="needs example-robot-data")
+def test_frames_of_twenty_robots_are_those_of_pinocchio():
+    """Of example-robot-data, each with fixed base and at most 24 hinges and sliders that follow none."""
+    found = {}
+    for path in sorted(ROBOTS.rglob("*.urdf")):
+        text = path.read_text()
+        moving = sum(text.count(f'type="{kind}"') for kind in ("revolute", "continuous", "prismatic"))
+        if len(found) < 20 and 0 < moving <= 24 and not any(word in text for word in ("<mimic", '"floating"', '"planar"')):
+            found[path.name] = compare(path, 2)
+    assert len(found) == 20
+    assert max(found.values()) < TOLERANCE, found
