@@ -97,13 +97,13 @@ def _in_frame(model: Model, sensor: Sensor, frames: Mapping[str, tuple[Body, Pla
     if sensor.kind == "clock":
         model.output(_label(model, sensor.name), model.time, "s")
         return True
-    if sensor.of not in frames:
+    if not isinstance(sensor.of, str) or sensor.of not in frames:
         return False  # on the ground
     body, frame = frames[sensor.of]
     axes = [model.direction_of(body, axis, "axis") for axis in frame.rotation.T.tolist()]
     unit, read = OF_FRAMES[sensor.kind]
     vector = read(_Frame(point_of(model, body, np.asarray(frame.position)), axes), model, sensor)
-    for axis, value in zip(AXES, vector, strict=True):
+    for axis, value in zip(AXES, vector.flat(), strict=True):
         model.output(_label(model, f"{sensor.name}.{axis}"), _cut(sensor, value), unit)
     return True
 

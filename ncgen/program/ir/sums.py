@@ -68,7 +68,7 @@ def factors(product: Product) -> list[int]:
     if isinstance(product[0], int) and isinstance(product[1], int):
         return [product[0], product[1]]
     found: list[int] = []
-    waiting = [product]
+    waiting: list[Product] = [product]
     while waiting:
         product = waiting.pop()
         if isinstance(product, int):

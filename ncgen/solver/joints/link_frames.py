@@ -43,7 +43,8 @@ class LinkFrame:
         """Rotation (…, 3, 3), the frame's axes as columns in global axes, and position (…, 3) in m, at natural coordinates q (…, n_q)."""
         q, start = self.space._array(q), self._initial
         if self._link is None:
-            return tuple(np.broadcast_to(x, (*q.shape[:-1], *x.shape)).copy() for x in (start.rotation, start.position))
+            rotation, position = (np.broadcast_to(x, (*q.shape[:-1], *x.shape)).copy() for x in (start.rotation, start.position))
+            return rotation, position
         point = self.space.tree.links[self._link].body.points[0]
         turn = transformation(self.space.kernels, self.body, q)
         return turn @ start.rotation, self.space.element(point, q) + turn @ (start.position - point.initial)
