@@ -8,6 +8,7 @@ import pytest
 
 import ncgen
 from ncgen.errors import ModelError
+from ncgen.exchange.robots.natural import word
 
 ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
 
@@ -34,11 +35,12 @@ def compare(path, count):
     data, space = theirs.createData(), ncgen.joint_space(ncgen.compile(ncgen.load(path), "numpy"))
     rng, worst = np.random.default_rng(7), 0.0
     references = {"world-aligned": pin.LOCAL_WORLD_ALIGNED, "local": pin.LOCAL, "world": pin.WORLD}
-    order = [theirs.joints[theirs.getJointId(name)].idx_v for name in space.rates]
+    called = {word(name, "joint"): name for name in theirs.names}  # the file's names, of which ncgen's are made
+    order = [theirs.joints[theirs.getJointId(called[name])].idx_v for name in space.rates]
     for _ in range(count):
         values, w, q = {}, rng.normal(size=theirs.nv), pin.neutral(theirs)
         for name, at in zip(space.rates, order, strict=True):
-            joint = theirs.joints[theirs.getJointId(name)]
+            joint = theirs.joints[theirs.getJointId(called[name])]
             values[name] = float(rng.uniform(-1, 1))
             q[joint.idx_q : joint.idx_q + joint.nq] = [values[name]] if joint.nq == 1 else [np.cos(values[name]), np.sin(values[name])]
             assert joint.idx_v == at
@@ -50,11 +52,11 @@ def compare(path, count):
             found, number = space.frame(name), theirs.getFrameId(name)
             rotation, position = found.pose(ours)
             pairs = [(rotation, data.oMf[number].rotation), (position, data.oMf[number].translation)]
-            for word, reference in references.items():
+            for told, reference in references.items():
                 J = pin.getFrameJacobian(theirs, data, number, reference)[:, order]
                 dJ = pin.getFrameJacobianTimeVariation(theirs, data, number, reference)[:, order]
-                pairs += [(found.jacobian(ours, word), J), (found.jacobian_derivative(ours, w[order], word), dJ)]
-                pairs += [(found.velocity(ours, w[order], word), pin.getFrameVelocity(theirs, data, number, reference).vector)]
+                pairs += [(found.jacobian(ours, told), J), (found.jacobian_derivative(ours, w[order], told), dJ)]
+                pairs += [(found.velocity(ours, w[order], told), pin.getFrameVelocity(theirs, data, number, reference).vector)]
             worst = max(worst, *(np.max(np.abs(a - b)) / max(1.0, np.max(np.abs(b))) for a, b in pairs))
     return worst
 
