@@ -20,8 +20,8 @@ import pytest
 
 LISTED = Path(__file__).with_name("slow.txt")
 
-SHORT = 0.6
-LONG = 3.0
+SHORT = 0.25
+LONG = 1.5
 """Seconds of the processor, with those of compilers and other processes that a test starts."""
 
 

@@ -979,11 +979,11 @@ static NCGEN_APART void arm_gamma_2(const ncgen_real *NCGEN_RESTRICT q, const nc
     gamma[22] = x5;
     /* row 24: 1012 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u4, n = u3, psi = psi4, ln = 1 */
     const ncgen_real u2_y = q[25];
-    const ncgen_real u4_z = q[32];
     const ncgen_real du2_y = qd[25];
+    const ncgen_real u4_z = q[32];
     const ncgen_real u2_z = q[26];
-    const ncgen_real u4_y = q[31];
     const ncgen_real du2_z = qd[26];
+    const ncgen_real u4_y = q[31];
     const ncgen_real x6 = du4_z * u2_y + du2_y * u4_z - du4_y * u2_z - du2_z * u4_y;
     const ncgen_real u3_x = q[27];
     const ncgen_real u2_x = q[24];
@@ -1010,14 +1010,14 @@ static NCGEN_APART void arm_gamma_2(const ncgen_real *NCGEN_RESTRICT q, const nc
     const ncgen_real x20 = cos_psi4 * (x19 - x14 * (u3_y * x12 + (u3_x * x8 + u3_z * x9)));
     gamma[23] = sin_psi4 * (x15 - x13 * (x11 + du3_y * x12)) + x20;
     /* row 25: 1000 distance r4-r5 (body link5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.305164 */
-    const ncgen_real dr5_x = qd[12];
     const ncgen_real dr4_x = qd[9];
+    const ncgen_real dr5_x = qd[12];
     const ncgen_real x21 = dr4_x - dr5_x;
-    const ncgen_real dr5_y = qd[13];
     const ncgen_real dr4_y = qd[10];
+    const ncgen_real dr5_y = qd[13];
     const ncgen_real x22 = dr4_y - dr5_y;
-    const ncgen_real dr5_z = qd[14];
     const ncgen_real dr4_z = qd[11];
+    const ncgen_real dr5_z = qd[14];
     const ncgen_real x23 = dr4_z - dr5_z;
     const ncgen_real x24 = R(3.2769276820761615) * (x21 * x21 + x22 * x22 + x23 * x23);
     gamma[24] = -x24;
@@ -1099,11 +1099,11 @@ static NCGEN_APART void arm_gamma_3(const ncgen_real *NCGEN_RESTRICT q, const nc
     gamma[34] = x8;
     /* row 36: 1012 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u6, n = u5, psi = psi6, ln = 1 */
     const ncgen_real u4_y = q[31];
-    const ncgen_real u6_z = q[38];
     const ncgen_real du4_y = qd[31];
+    const ncgen_real u6_z = q[38];
     const ncgen_real u4_z = q[32];
-    const ncgen_real u6_y = q[37];
     const ncgen_real du4_z = qd[32];
+    const ncgen_real u6_y = q[37];
     const ncgen_real x9 = du6_z * u4_y + du4_y * u6_z - du6_y * u4_z - du4_z * u6_y;
     const ncgen_real u5_x = q[33];
     const ncgen_real u4_x = q[30];
@@ -1130,14 +1130,14 @@ static NCGEN_APART void arm_gamma_3(const ncgen_real *NCGEN_RESTRICT q, const nc
     const ncgen_real x23 = cos_psi6 * (x22 - x17 * (u5_y * x15 + (u5_x * x11 + u5_z * x12)));
     gamma[35] = sin_psi6 * (x18 - x16 * (x14 + du5_y * x15)) + x23;
     /* row 37: 1000 distance r6-r7 (body link7): |a|^2 - L^2 = 0 with a = r6-r7, L = 0.305164 */
-    const ncgen_real dr7_x = qd[18];
     const ncgen_real dr6_x = qd[15];
+    const ncgen_real dr7_x = qd[18];
     const ncgen_real x24 = dr6_x - dr7_x;
-    const ncgen_real dr7_y = qd[19];
     const ncgen_real dr6_y = qd[16];
+    const ncgen_real dr7_y = qd[19];
     const ncgen_real x25 = dr6_y - dr7_y;
-    const ncgen_real dr7_z = qd[20];
     const ncgen_real dr6_z = qd[17];
+    const ncgen_real dr7_z = qd[20];
     const ncgen_real x26 = dr6_z - dr7_z;
     const ncgen_real x27 = R(3.2769276820761615) * (x24 * x24 + x25 * x25 + x26 * x26);
     gamma[36] = -x27;
@@ -1766,14 +1766,14 @@ static NCGEN_APART void arm_constraints_2(const ncgen_real *NCGEN_RESTRICT q, co
     const ncgen_real x21 = sin_psi3 * (x13 - (x10 + x1 * du2_y) * x11) + cos_psi3 * (x17 - x12 * (x20 + (x18 + x19)));
     constraints[330] = x21;
     /* row 19: 1000 distance r3-r4 (body link4): |a|^2 - L^2 = 0 with a = r3-r4, L = 0.305164 */
-    const ncgen_real r4_x = q[9];
     const ncgen_real r3_x = q[6];
+    const ncgen_real r4_x = q[9];
     const ncgen_real x22 = r3_x - r4_x;
-    const ncgen_real r4_y = q[10];
     const ncgen_real r3_y = q[7];
+    const ncgen_real r4_y = q[10];
     const ncgen_real x23 = r3_y - r4_y;
-    const ncgen_real r4_z = q[11];
     const ncgen_real r3_z = q[8];
+    const ncgen_real r4_z = q[11];
     const ncgen_real x24 = r3_z - r4_z;
     const ncgen_real x25 = x22 * x22 + x23 * x23 + x24 * x24 - R(0.09312499999999997);
     constraints[18] = R(1.6384638410380812) * x25;
@@ -1804,14 +1804,14 @@ static NCGEN_APART void arm_constraints_2(const ncgen_real *NCGEN_RESTRICT q, co
     /* row 22: 1002 angle u4, r4-r3 (body link4): u.a - L c = 0 with u = u4, a = r4-r3, L = 0.305164, c = 0.978628 */
     constraints[167] = x31;
     /* row 19: 1000 distance r3-r4 (body link4): |a|^2 - L^2 = 0 with a = r3-r4, L = 0.305164 */
-    const ncgen_real dr4_x = qd[9];
     const ncgen_real dr3_x = qd[6];
+    const ncgen_real dr4_x = qd[9];
     const ncgen_real x32 = dr3_x - dr4_x;
-    const ncgen_real dr4_y = qd[10];
     const ncgen_real dr3_y = qd[7];
+    const ncgen_real dr4_y = qd[10];
     const ncgen_real x33 = dr3_y - dr4_y;
-    const ncgen_real dr4_z = qd[11];
     const ncgen_real dr3_z = qd[8];
+    const ncgen_real dr4_z = qd[11];
     const ncgen_real x34 = dr3_z - dr4_z;
     const ncgen_real x35 = R(3.2769276820761624) * (x32 * x32 + x33 * x33 + x34 * x34);
     constraints[331] = -x35;
@@ -1967,14 +1967,14 @@ static NCGEN_APART void arm_constraints_3(const ncgen_real *NCGEN_RESTRICT q, co
     /* row 28: 1002 angle u4, r5-r4 (body link5): u.a - L c = 0 with u = u4, a = r5-r4, L = 0.305164, c = 0.983078 */
     constraints[210] = x10;
     /* row 25: 1000 distance r4-r5 (body link5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.305164 */
-    const ncgen_real dr5_x = qd[12];
     const ncgen_real dr4_x = qd[9];
+    const ncgen_real dr5_x = qd[12];
     const ncgen_real x11 = dr4_x - dr5_x;
-    const ncgen_real dr5_y = qd[13];
     const ncgen_real dr4_y = qd[10];
+    const ncgen_real dr5_y = qd[13];
     const ncgen_real x12 = dr4_y - dr5_y;
-    const ncgen_real dr5_z = qd[14];
     const ncgen_real dr4_z = qd[11];
+    const ncgen_real dr5_z = qd[14];
     const ncgen_real x13 = dr4_z - dr5_z;
     const ncgen_real x14 = R(3.2769276820761615) * (x11 * x11 + x12 * x12 + x13 * x13);
     constraints[337] = -x14;
@@ -2096,14 +2096,14 @@ static NCGEN_APART void arm_constraints_3(const ncgen_real *NCGEN_RESTRICT q, co
     const ncgen_real x52 = sin_psi5 * (x47 - (x44 + x29 * du4_y) * x45) + cos_psi5 * (x51 - x46 * (x30 + (x28 + x32)));
     constraints[342] = x52;
     /* row 31: 1000 distance r5-r6 (body link6): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.305164 */
-    const ncgen_real r6_x = q[15];
     const ncgen_real r5_x = q[12];
+    const ncgen_real r6_x = q[15];
     const ncgen_real x53 = r5_x - r6_x;
-    const ncgen_real r6_y = q[16];
     const ncgen_real r5_y = q[13];
+    const ncgen_real r6_y = q[16];
     const ncgen_real x54 = r5_y - r6_y;
-    const ncgen_real r6_z = q[17];
     const ncgen_real r5_z = q[14];
+    const ncgen_real r6_z = q[17];
     const ncgen_real x55 = r5_z - r6_z;
     const ncgen_real x56 = x53 * x53 + x54 * x54 + x55 * x55 - R(0.09312500000000007);
     constraints[30] = R(1.6384638410380803) * x56;
@@ -2289,14 +2289,14 @@ static NCGEN_APART void arm_constraints_4(const ncgen_real *NCGEN_RESTRICT q, co
     const ncgen_real x28 = sin_psi6 * (x20 - (x17 + x7 * du5_y) * x18) + cos_psi6 * (x24 - x19 * (x27 + (x25 + x26)));
     constraints[348] = x28;
     /* row 37: 1000 distance r6-r7 (body link7): |a|^2 - L^2 = 0 with a = r6-r7, L = 0.305164 */
-    const ncgen_real r7_x = q[18];
     const ncgen_real r6_x = q[15];
+    const ncgen_real r7_x = q[18];
     const ncgen_real x29 = r6_x - r7_x;
-    const ncgen_real r7_y = q[19];
     const ncgen_real r6_y = q[16];
+    const ncgen_real r7_y = q[19];
     const ncgen_real x30 = r6_y - r7_y;
-    const ncgen_real r7_z = q[20];
     const ncgen_real r6_z = q[17];
+    const ncgen_real r7_z = q[20];
     const ncgen_real x31 = r6_z - r7_z;
     const ncgen_real x32 = x29 * x29 + x30 * x30 + x31 * x31 - R(0.09312500000000003);
     constraints[36] = R(1.6384638410380807) * x32;
@@ -2327,14 +2327,14 @@ static NCGEN_APART void arm_constraints_4(const ncgen_real *NCGEN_RESTRICT q, co
     /* row 40: 1002 angle u6, r7-r6 (body link7): u.a - L c = 0 with u = u6, a = r7-r6, L = 0.305164, c = 0.983078 */
     constraints[296] = x38;
     /* row 37: 1000 distance r6-r7 (body link7): |a|^2 - L^2 = 0 with a = r6-r7, L = 0.305164 */
-    const ncgen_real dr7_x = qd[18];
     const ncgen_real dr6_x = qd[15];
+    const ncgen_real dr7_x = qd[18];
     const ncgen_real x39 = dr6_x - dr7_x;
-    const ncgen_real dr7_y = qd[19];
     const ncgen_real dr6_y = qd[16];
+    const ncgen_real dr7_y = qd[19];
     const ncgen_real x40 = dr6_y - dr7_y;
-    const ncgen_real dr7_z = qd[20];
     const ncgen_real dr6_z = qd[17];
+    const ncgen_real dr7_z = qd[20];
     const ncgen_real x41 = dr6_z - dr7_z;
     const ncgen_real x42 = R(3.2769276820761615) * (x39 * x39 + x40 * x40 + x41 * x41);
     constraints[349] = -x42;
@@ -2616,7 +2616,7 @@ const ncgen_model *arm_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "arm",
-        .fingerprint = "ee0362e8d38702f7",
+        .fingerprint = "f7ea353c7b2a021d",
         .n_coordinates = 49,
         .n_rows = 42,
         .n_parameters = 7,

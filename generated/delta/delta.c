@@ -1636,8 +1636,8 @@ static NCGEN_APART void delta_constraints_1(const ncgen_real *NCGEN_RESTRICT q, 
 
 static NCGEN_APART void delta_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
-    const ncgen_real dP1b_x = qd[33];
     const ncgen_real dE1b_x = qd[6];
+    const ncgen_real dP1b_x = qd[33];
     const ncgen_real x1 = dE1b_x - dP1b_x;
     kept[9] = x1;
     const ncgen_real dE1b_y = qd[7];
@@ -1650,16 +1650,16 @@ static NCGEN_APART void delta_constraints_2(const ncgen_real *NCGEN_RESTRICT q, 
     kept[11] = x3;
     /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
     constraints[379] = -(R(0.9478672985781991) * (x1 * x1 + x2 * x2 + x3 * x3));
-    const ncgen_real P2a_x = q[36];
     const ncgen_real E2a_x = q[13];
+    const ncgen_real P2a_x = q[36];
     const ncgen_real x4 = E2a_x - P2a_x;
     kept[12] = x4;
-    const ncgen_real P2a_y = q[37];
     const ncgen_real E2a_y = q[14];
+    const ncgen_real P2a_y = q[37];
     const ncgen_real x5 = E2a_y - P2a_y;
     kept[13] = x5;
-    const ncgen_real P2a_z = q[38];
     const ncgen_real E2a_z = q[15];
+    const ncgen_real P2a_z = q[38];
     const ncgen_real x6 = E2a_z - P2a_z;
     kept[14] = x6;
     /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
@@ -1700,16 +1700,16 @@ static NCGEN_APART void delta_constraints_2(const ncgen_real *NCGEN_RESTRICT q, 
     /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
     const ncgen_real x17 = R(0.947867298578199) * (x14 * x14 + x15 * x15 + x16 * x16);
     constraints[380] = -x17;
-    const ncgen_real P2b_x = q[39];
     const ncgen_real E2b_x = q[16];
+    const ncgen_real P2b_x = q[39];
     const ncgen_real x18 = E2b_x - P2b_x;
     kept[18] = x18;
-    const ncgen_real P2b_y = q[40];
     const ncgen_real E2b_y = q[17];
+    const ncgen_real P2b_y = q[40];
     const ncgen_real x19 = E2b_y - P2b_y;
     kept[19] = x19;
-    const ncgen_real P2b_z = q[41];
     const ncgen_real E2b_z = q[18];
+    const ncgen_real P2b_z = q[41];
     const ncgen_real x20 = E2b_z - P2b_z;
     kept[20] = x20;
     /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
@@ -1750,16 +1750,16 @@ static NCGEN_APART void delta_constraints_2(const ncgen_real *NCGEN_RESTRICT q, 
     /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
     const ncgen_real x31 = R(0.947867298578199) * (x28 * x28 + x29 * x29 + x30 * x30);
     constraints[381] = -x31;
-    const ncgen_real P3a_x = q[42];
     const ncgen_real E3a_x = q[23];
+    const ncgen_real P3a_x = q[42];
     const ncgen_real x32 = E3a_x - P3a_x;
     kept[24] = x32;
-    const ncgen_real P3a_y = q[43];
     const ncgen_real E3a_y = q[24];
+    const ncgen_real P3a_y = q[43];
     const ncgen_real x33 = E3a_y - P3a_y;
     kept[25] = x33;
-    const ncgen_real P3a_z = q[44];
     const ncgen_real E3a_z = q[25];
+    const ncgen_real P3a_z = q[44];
     const ncgen_real x34 = E3a_z - P3a_z;
     kept[26] = x34;
     /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
@@ -1800,16 +1800,16 @@ static NCGEN_APART void delta_constraints_2(const ncgen_real *NCGEN_RESTRICT q, 
     /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
     const ncgen_real x45 = R(0.947867298578199) * (x42 * x42 + x43 * x43 + x44 * x44);
     constraints[382] = -x45;
-    const ncgen_real P3b_x = q[45];
     const ncgen_real E3b_x = q[26];
+    const ncgen_real P3b_x = q[45];
     const ncgen_real x46 = E3b_x - P3b_x;
     kept[30] = x46;
-    const ncgen_real P3b_y = q[46];
     const ncgen_real E3b_y = q[27];
+    const ncgen_real P3b_y = q[46];
     const ncgen_real x47 = E3b_y - P3b_y;
     kept[31] = x47;
-    const ncgen_real P3b_z = q[47];
     const ncgen_real E3b_z = q[28];
+    const ncgen_real P3b_z = q[47];
     const ncgen_real x48 = E3b_z - P3b_z;
     kept[32] = x48;
     /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
@@ -2688,7 +2688,7 @@ const ncgen_model *delta_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "delta",
-        .fingerprint = "9a66318d0db1f08a",
+        .fingerprint = "d2fdf6b79ee8adb2",
         .n_coordinates = 60,
         .n_rows = 63,
         .n_parameters = 0,

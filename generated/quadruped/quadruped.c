@@ -1536,11 +1536,11 @@ static NCGEN_APART void quadruped_gamma_2(const ncgen_real *NCGEN_RESTRICT q, co
     gamma[32] = -x23;
     /* row 34: 1012 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = left, b = u2, n = ahead, psi = alpha2, ln = 1 */
     const ncgen_real left_y = q[4];
-    const ncgen_real u2_z = q[41];
     const ncgen_real dleft_y = qd[4];
+    const ncgen_real u2_z = q[41];
     const ncgen_real left_z = q[5];
-    const ncgen_real u2_y = q[40];
     const ncgen_real dleft_z = qd[5];
+    const ncgen_real u2_y = q[40];
     const ncgen_real x24 = du2_z * left_y + dleft_y * u2_z - du2_y * left_z - dleft_z * u2_y;
     const ncgen_real left_x = q[3];
     const ncgen_real dleft_x = qd[3];
@@ -1691,11 +1691,11 @@ static NCGEN_APART void quadruped_gamma_3(const ncgen_real *NCGEN_RESTRICT q, co
     gamma[45] = -x19;
     /* row 47: 1012 angle alpha3 (coordinate alpha3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = left, b = u3, n = ahead, psi = alpha3, ln = 1 */
     const ncgen_real left_y = q[4];
-    const ncgen_real u3_z = q[56];
     const ncgen_real dleft_y = qd[4];
+    const ncgen_real u3_z = q[56];
     const ncgen_real left_z = q[5];
-    const ncgen_real u3_y = q[55];
     const ncgen_real dleft_z = qd[5];
+    const ncgen_real u3_y = q[55];
     const ncgen_real x20 = du3_z * left_y + dleft_y * u3_z - du3_y * left_z - dleft_z * u3_y;
     const ncgen_real left_x = q[3];
     const ncgen_real dleft_x = qd[3];
@@ -1830,11 +1830,11 @@ static NCGEN_APART void quadruped_gamma_4(const ncgen_real *NCGEN_RESTRICT q, co
     gamma[58] = -x11;
     /* row 60: 1012 angle alpha4 (coordinate alpha4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = left, b = u4, n = ahead, psi = alpha4, ln = 1 */
     const ncgen_real left_y = q[4];
-    const ncgen_real u4_z = q[71];
     const ncgen_real dleft_y = qd[4];
+    const ncgen_real u4_z = q[71];
     const ncgen_real left_z = q[5];
-    const ncgen_real u4_y = q[70];
     const ncgen_real dleft_z = qd[5];
+    const ncgen_real u4_y = q[70];
     const ncgen_real x12 = du4_z * left_y + dleft_y * u4_z - du4_y * left_z - dleft_z * u4_y;
     const ncgen_real ahead_x = q[0];
     const ncgen_real left_x = q[3];
@@ -4605,7 +4605,7 @@ const ncgen_model *quadruped_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "quadruped",
-        .fingerprint = "e95aae9aacc1d2cd",
+        .fingerprint = "8cc0088fddd3e4e7",
         .n_coordinates = 84,
         .n_rows = 70,
         .n_parameters = 0,

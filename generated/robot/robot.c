@@ -2410,16 +2410,16 @@ static NCGEN_APART void robot_constraints_2(const ncgen_real *NCGEN_RESTRICT q, 
     constraints[128] = -x25;
     const ncgen_real x26 = R(7.339665020851732) * (du3_x * x10 + du3_y * x11 + du3_z * x12);
     constraints[263] = x26;
-    const ncgen_real r7_x = q[18];
     const ncgen_real r6_x = q[15];
+    const ncgen_real r7_x = q[18];
     const ncgen_real x27 = r6_x - r7_x;
     kept[18] = x27;
-    const ncgen_real r7_y = q[19];
     const ncgen_real r6_y = q[16];
+    const ncgen_real r7_y = q[19];
     const ncgen_real x28 = r6_y - r7_y;
     kept[19] = x28;
-    const ncgen_real r7_z = q[20];
     const ncgen_real r6_z = q[17];
+    const ncgen_real r7_z = q[20];
     const ncgen_real x29 = r6_z - r7_z;
     kept[20] = x29;
     /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
@@ -2608,8 +2608,8 @@ static NCGEN_APART void robot_constraints_2(const ncgen_real *NCGEN_RESTRICT q, 
     const ncgen_real x75 = kept[1];
     const ncgen_real x76 = u3_y * x74 - u3_x * x75;
     const ncgen_real cos_psi2 = cosine[1];
-    const ncgen_real sin_psi2 = sine[1];
     const ncgen_real x77 = kept[2];
+    const ncgen_real sin_psi2 = sine[1];
     const ncgen_real x78 = R(0.9120758847136081) * (x76 * cos_psi2 + x77 * sin_psi2);
     constraints[26] = -x78;
     const ncgen_real x79 = R(0.9120758847136081) * (u3_y * cos_psi2);
@@ -3062,7 +3062,7 @@ const ncgen_model *robot_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "robot",
-        .fingerprint = "5370ab6da7a15d9e",
+        .fingerprint = "8b865fe4ccd204c9",
         .n_coordinates = 36,
         .n_rows = 31,
         .n_parameters = 0,

@@ -2852,16 +2852,16 @@ static NCGEN_APART void tree_constraints_2(const ncgen_real *NCGEN_RESTRICT q, c
     constraints[23] = x25;
     constraints[179] = NCGEN_SPLAT(-R(0.18073567678358435));
     constraints[180] = NCGEN_SPLAT(-R(0.9832908257749207));
-    const ncgen_real B5_x = q[33];
     const ncgen_real B3_x = q[21];
+    const ncgen_real B5_x = q[33];
     const ncgen_real x26 = B3_x - B5_x;
     kept[13] = x26;
-    const ncgen_real B5_y = q[34];
     const ncgen_real B3_y = q[22];
+    const ncgen_real B5_y = q[34];
     const ncgen_real x27 = B3_y - B5_y;
     kept[14] = x27;
-    const ncgen_real B5_z = q[35];
     const ncgen_real B3_z = q[23];
+    const ncgen_real B5_z = q[35];
     const ncgen_real x28 = B3_z - B5_z;
     kept[15] = x28;
     /* row 25: 1000 distance B3-B5 (body5): |a|^2 - L^2 = 0 with a = B3-B5, L = 0.575721 */
@@ -2893,16 +2893,16 @@ static NCGEN_APART void tree_constraints_2(const ncgen_real *NCGEN_RESTRICT q, c
     constraints[196] = x35;
     /* row 46: 1002 angle u9, B5-B3 (body5): u.a - L c = 0 with u = u9, a = B5-B3, L = 0.575721, c = -0.288768 */
     constraints[295] = x35;
-    const ncgen_real dB5_x = qd[33];
     const ncgen_real dB3_x = qd[21];
+    const ncgen_real dB5_x = qd[33];
     const ncgen_real x36 = dB3_x - dB5_x;
     kept[16] = x36;
-    const ncgen_real dB5_y = qd[34];
     const ncgen_real dB3_y = qd[22];
+    const ncgen_real dB5_y = qd[34];
     const ncgen_real x37 = dB3_y - dB5_y;
     kept[17] = x37;
-    const ncgen_real dB5_z = qd[35];
     const ncgen_real dB3_z = qd[23];
+    const ncgen_real dB5_z = qd[35];
     const ncgen_real x38 = dB3_z - dB5_z;
     kept[18] = x38;
     /* row 25: 1000 distance B3-B5 (body5): |a|^2 - L^2 = 0 with a = B3-B5, L = 0.575721 */
@@ -3491,7 +3491,6 @@ static NCGEN_APART void tree_constraints_4(const ncgen_real *NCGEN_RESTRICT q, c
     const ncgen_real body9_across_y = q[64];
     const ncgen_real x9 = x5 * body9_across_x + x6 * body9_across_y + x7 * body9_across_z;
     const ncgen_real x10 = x9 - x3 * x8;
-    const ncgen_real screw9_angle = q[66];
     const ncgen_real sin_screw9_angle = sine[0];
     const ncgen_real x11 = x6 * body9_across_z - x7 * body9_across_y;
     const ncgen_real x12 = u9_x * x11;
@@ -3580,6 +3579,7 @@ static NCGEN_APART void tree_constraints_4(const ncgen_real *NCGEN_RESTRICT q, c
     const ncgen_real x68 = kept[4];
     constraints[458] = -(R(2.0) * (du9_x * x66 + du9_y * x67 + du9_z * x68));
     /* row 55: screw screw9 (joint screw body5-body9): -0.0159154943091895*screw9.angle + screw9.slide - 0.178560799123083 = 0 */
+    const ncgen_real screw9_angle = q[66];
     const ncgen_real x69 = screw9_slide - R(0.17856079912308323) - R(0.015915494309189534) * screw9_angle;
     constraints[54] = x69;
     constraints[376] = NCGEN_SPLAT(-R(0.015915494309189534));
@@ -3661,14 +3661,14 @@ static NCGEN_APART void tree_constraints_4(const ncgen_real *NCGEN_RESTRICT q, c
     constraints[402] = -x86;
     constraints[403] = -x87;
     constraints[404] = -x88;
-    const ncgen_real dD2_x = qd[68];
     const ncgen_real dB3_x = qd[21];
+    const ncgen_real dD2_x = qd[68];
     const ncgen_real x89 = dB3_x - dD2_x;
-    const ncgen_real dD2_y = qd[69];
     const ncgen_real dB3_y = qd[22];
+    const ncgen_real dD2_y = qd[69];
     const ncgen_real x90 = dB3_y - dD2_y;
-    const ncgen_real dD2_z = qd[70];
     const ncgen_real dB3_z = qd[23];
+    const ncgen_real dD2_z = qd[70];
     const ncgen_real x91 = dB3_z - dD2_z;
     const ncgen_real x92 = R(0.6858663254139654) * (x89 * x89 + x90 * x90 + x91 * x91);
     constraints[466] = -x92;
@@ -3913,7 +3913,7 @@ const ncgen_model *tree_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "tree",
-        .fingerprint = "e8ea499308b171c2",
+        .fingerprint = "e0ec194b0a674333",
         .n_coordinates = 71,
         .n_rows = 62,
         .n_parameters = 0,

@@ -20,7 +20,7 @@ from ncgen.mechanism import direct, runtime
 from ncgen.mechanism.batch import LANES
 from ncgen.toolchain import compilers
 from ncgen.toolchain.cache import build, compiled, entries
-from ncgen.toolchain.compilers import LIBRARY, OPTIONAL, Compiler, find_compiler, make_library
+from ncgen.toolchain.compilers import LEAST, LIBRARY, OPTIONAL, Compiler, find_compiler, make_library
 
 LOG = "tiny.c:1: something is wrong\nand here is why\n"
 
@@ -297,7 +297,7 @@ def test_a_flag_that_is_refused_is_left_out(scripted, cache, said, flag, tmp_pat
     """Code is slower without it and no different; only -fopenmp is not worth a word. The second time it is known."""
     refuse = f'for word; do [ "$word" = {flag} ] && {{ echo "error: unknown option $word" >&2; exit 1; }}; done'
     scripted(f'echo >> {tmp_path}/log; {refuse}; exec $CC "$@"')
-    flags = (*LANES[:-2], "-fopenmp", "-fcx-limited-range")
+    flags = (*LANES[:-2], *LEAST, "-fopenmp", "-fcx-limited-range")
     assert ctypes.CDLL(str(compiled(TINY, flags).library)).tiny() == 7
     asked = (tmp_path / "log").read_text().count("\n")
     compiled(TINY | {"more.c": "int more;\n"}, flags)
@@ -374,6 +374,7 @@ def test_zig_is_given_all_sources_at_once(tmp_path, monkeypatch):
     script.write_text(ZIG.replace("{cc}", shutil.which("cc")))
     script.chmod(0o755)
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(compilers, "PATIENCE", 60.0)
     (tmp_path / "built").mkdir()
     files = {f"part{k}.c": f"int part{k}(void);\nint part{k}(void) {{ return {k}; }}\n" for k in range(4 * compilers.FEW_SOURCES)}
     make_library(tmp_path / "built", files, Compiler((str(script),), "zig"), ("-shared", "-fPIC"), ())

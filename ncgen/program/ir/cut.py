@@ -94,6 +94,8 @@ def _block(block: Straight, part: list[int], places: dict[int, Input], number: i
         wanted.setdefault(store.node, []).append(store)
     written: list[Store] = []
     for node in range(bisect_left(part, number), bisect_right(part, number)):
+        if not block.ops[node].args and node not in wanted:
+            continue  # a leaf is taken where it is read
         for a in block.ops[node].args:
             take(a)
         take(node)
