@@ -4,7 +4,7 @@
     python tests/times.py times.jsonl                              # writes tests/slow.txt anew
 
 Of a test with parameters all cases below SHORT stay in the ordinary suite, and the quickest one below LONG; so does a test that has
-one case. What the sources mark, `pytest.mark.slow`, is among the longer proofs in any case.
+one case, and what KEPT names. What the sources mark, `pytest.mark.slow`, is among the longer proofs in any case.
 """
 
 from __future__ import annotations
@@ -23,6 +23,25 @@ LISTED = Path(__file__).with_name("slow.txt")
 SHORT = 0.25
 LONG = 1.5
 """Seconds of the processor, with those of compilers and other processes that a test starts."""
+
+KEPT = (
+    "tests/cli/test_cli_commands.py::test_inspect",
+    "tests/comparisons/test_bench.py",
+    "tests/comparisons/test_compare.py::test_the_report_asks_nobody",
+    "tests/comparisons/test_compare.py::test_functions_of_the_user",
+    "tests/comparisons/test_precision.py",
+    "tests/comparisons/test_robots.py",
+    "tests/export/test_casadi.py::test_derivatives_are_those_of_the_functions[dynamics-cartpole]",
+    "tests/export/test_casadi.py::test_start",
+    "tests/export/test_casadi.py::test_values_are_those_of_a_run[cam]",
+    "tests/export/test_joints_in_c.py::test_a_loop_in_c",
+    "tests/export/test_joints_in_c.py::test_its_own_program_runs_by_the_readme",
+    "tests/robots/test_written_loops.py::test_an_open_tree_keeps_its_zeros_in_sdf",
+    "tests/robots/test_written_loops.py::test_gears_become_mimics",
+    "tests/robots/test_written_loops.py::test_mimics_come_back[.sdf]",
+    "tests/robots/test_written_loops.py::test_what_is_read_back_moves_as_what_was_written[fivebar]",
+)
+"""Beginnings of the names of tests that stay however long they take: no other ordinary one passes through what they are about."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -60,7 +79,7 @@ def longer_proofs(times: Iterable[tuple[str, float]]) -> list[str]:
     for each in cases.values():
         quickest = min(each, key=lambda name: each[name])
         found += [name for name, seconds in each.items() if seconds > (LONG if name == quickest else SHORT)]
-    return sorted(found)
+    return sorted(name for name in found if not name.startswith(KEPT))
 
 
 if __name__ == "__main__":
