@@ -107,3 +107,12 @@ def test_a_driver_that_pushes_a_body_beside_its_hinge():
         momentum = (1.8 + 2.0 * (0.4**2 + run["s"] ** 2)) * run["rate(phi)"] - 2.0 * 0.4 * run["rate(s)"]
         assert momentum == pytest.approx(momentum[0], abs=1e-7)
     assert runs[0].statistics.steps < 1.2 * runs[1].statistics.steps
+
+
+def test_where_it_cannot_go_on_the_matrix_does():
+    """The governor closes a loop near a singular position, where Newton's steps in the degrees of freedom do not end."""
+    model = ncgen.load("flyball")
+    kernels, options = ncgen.compile(model), model.simulation_options
+    run = ncgen.simulate(kernels, **{"duration": 1.0, **options})
+    exact = ncgen.simulate(kernels, **{"duration": 1.0, **options, "integrator": "dop853", "rtol": 1e-11})
+    assert np.max(np.abs(run.q - exact.q)) < 1e-6

@@ -221,6 +221,8 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
     if done.status in FINAL and task.step:
         path.break_off(grid, done.reached, done.last[0], done.last[1], work + done.last[2])
         raise ConvergenceError(unsolved_step(kernels.name, done.reached, task.step))
+    if done.status in FINAL and form != "dense" and method.integrator.tangents == "unless_recursive":
+        return run_constrained(path, kernels, task)  # Newton's steps with the matrix pass positions where the recursion's do not end
     if done.status in FINAL:
         raise ConvergenceError(
             f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s, where steps become too short; the mechanism comes "
