@@ -15,9 +15,8 @@ from typing import TypeAlias
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.placement import Placement, rotation_about
 from ncgen.exchange.robots.robot import Joint, Robot, refused
-from ncgen.model.arithmetic import unit
 
 CLOSED = 1e-12
 """Gaps below this, over the robot's size or in rad, are rounding."""
@@ -115,7 +114,7 @@ def moved(robot: Robot, values: Mapping[str, np.ndarray]) -> Robot:
             joints.append(joint)
             continue
         place = joint.placement @ motion(joint, x)
-        axis = _turn(joint.second, -x[1]) @ joint.axis if joint.kind == "universal" and joint.second is not None else joint.axis
+        axis = rotation_about(joint.second, -x[1]) @ joint.axis if joint.kind == "universal" and joint.second is not None else joint.axis
         start = joint.start + float(x[0]) if joint.kind in ("revolute", "prismatic") else joint.start
         joints.append(replace(joint, placement=place, axis=axis, start=start))
     return replace(robot, joints=tuple(joints))
@@ -129,23 +128,16 @@ def motion(joint: Joint, x: np.ndarray) -> Placement:
         return Placement(rotation_by(x[3:]), x[:3])
     if joint.kind == "universal":
         assert joint.second is not None, "a universal joint with one axis"
-        return Placement(_turn(joint.axis, x[0]) @ _turn(joint.second, x[1]))
+        return Placement(rotation_about(joint.axis, x[0]) @ rotation_about(joint.second, x[1]))
     if joint.kind == "revolute":
-        return Placement(_turn(joint.axis, x[0]))
+        return Placement(rotation_about(joint.axis, x[0]))
     return Placement(rotation_by(x))
 
 
 def rotation_by(vector: np.ndarray) -> np.ndarray:
     """The rotation (3, 3) by a rotation vector (rad)."""
     angle = float(np.linalg.norm(vector))
-    return np.eye(3) if angle == 0.0 else _turn(vector / angle, angle)
-
-
-def _turn(axis: np.ndarray | None, angle: float) -> np.ndarray:
-    assert axis is not None
-    x, y, z = unit(axis)
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * (skew @ skew)
+    return np.eye(3) if angle == 0.0 else rotation_about(vector / angle, angle)
 
 
 def rotation_vector(rotation: np.ndarray) -> np.ndarray:

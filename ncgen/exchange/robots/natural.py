@@ -12,9 +12,10 @@ from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
 from ncgen.exchange.robots.motors import EFFORTS, MOTORS, add_motors
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
+from ncgen.exchange.robots.placement import rotation_about
 from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
 from ncgen.exchange.robots.sensors import SENSORS, add_sensors
-from ncgen.exchange.robots.starts import named_start, rotation_about
+from ncgen.exchange.robots.starts import named_start
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import dot, product, unit

@@ -14,6 +14,18 @@ FLAT = 1e-9
 """Cosine of the pitch below which roll and yaw are one."""
 
 
+def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """The rotation (3, 3) by an angle (rad) about an axis of length 1: Rodrigues' formula."""
+    skew = _skew(axis)
+    return np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * product(skew, skew)
+
+
+def _skew(v: np.ndarray) -> np.ndarray:
+    """The matrix (3, 3) of the cross product with v from the left."""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 @dataclass(frozen=True, eq=False)
 class Placement:
     """A frame in another one. rotation (3, 3): its axes as columns; position (3,): its origin (m)."""
@@ -29,8 +41,8 @@ class Placement:
     @classmethod
     def of_quaternion(cls, position: np.ndarray, quaternion: np.ndarray) -> Placement:
         """quaternion: w, x, y, z."""
-        w, x, y, z = unit(quaternion)
-        skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        w, *along = unit(quaternion)
+        skew = _skew(np.array(along))
         return cls(np.eye(3) + 2 * w * skew + 2 * product(skew, skew), np.array(position, dtype=float))
 
     def __matmul__(self, other: Placement) -> Placement:

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.placement import Placement, rotation_about
 from ncgen.exchange.robots.robot import Joint, Robot, Start
-from ncgen.model.arithmetic import product
 from ncgen.model.elements import Point, Relative, Spatial
 
 
@@ -21,13 +20,6 @@ class _Moving:
     frame: Placement
     velocity: np.ndarray
     turning: np.ndarray
-
-
-def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """The rotation (3, 3) by an angle (rad) about an axis of length 1: Rodrigues' formula."""
-    x, y, z = axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * product(skew, skew)
 
 
 def named_start(
