@@ -5,6 +5,9 @@
 #include "ncgen_crossing.h"
 #include "ncgen_grid.h"
 
+/* A value of the event's function below this, in units of rounding and over its size, has no sign. */
+static const ncgen_scalar event_noise = R(1000.0);
+
 /* A row nearer to the end of a step than this share of it takes the state of the step itself. */
 static const ncgen_scalar on_the_grid = R(1.0e-9);
 
@@ -39,9 +42,11 @@ ncgen_scalar ncgen_next_goal(const ncgen_run *r, ncgen_scalar t, ncgen_scalar en
 {
     const ncgen_scalar goal = ncgen_next_break(r, t, end);
     int row = r->rows;
-    while (r->options->max_step < 0 && row < r->n_times && !(r->times[row] > t))
+    if (!(r->options->max_step < 0))
+        return goal;
+    while (row < r->n_times && !(r->times[row] > t))
         ++row;
-    return r->options->max_step < 0 && row < r->n_times && r->times[row] < goal ? r->times[row] : goal;
+    return row < r->n_times && r->times[row] < goal ? r->times[row] : goal;
 }
 
 /* q and qd at t + s h. */
@@ -111,7 +116,7 @@ static int find_event(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_sca
     for (int k = 0; k <= NCGEN_CROSSING_DEGREE; ++k)
         if (NCGEN_ABS(values[k]) > size)
             size = NCGEN_ABS(values[k]);
-    *found = status == NCGEN_OK && ncgen_first_crossing(values, 1000 * r->rounding * size, r->options->event->direction, low, high);
+    *found = status == NCGEN_OK && ncgen_first_crossing(values, event_noise * r->rounding * size, r->options->event->direction, low, high);
     return status;
 }
 
@@ -264,8 +269,7 @@ int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scala
         return status;
     status = ncgen_accept(r, t_new, w->new_y);
     r->statistics->steps += 1;
-    const int sought = r->options->event != NULL;
-    int trouble = sought ? stop_at_event(r, w, t, t_new) : NCGEN_OK;
+    int trouble = r->options->event ? stop_at_event(r, w, t, t_new) : NCGEN_OK;
     if (r->statistics->stopped)
         return trouble;
     if (trouble == NCGEN_OK && has_rows_before(r, t + (1 - on_the_grid) * h))

@@ -54,11 +54,11 @@ def first_crossing(values: np.ndarray, noise: float, direction: int) -> tuple[fl
         if width > 1 and (changes > 1 or (changes == 1 and not (first and last))):
             width //= 2
             continue
-        if (
-            walk.turns((low + high) / 2, int(seen[-1]) if len(seen) else 0)
-            if changes == 0
-            else walk.turns(low, first) or walk.turns(high, last)
-        ):
+        if changes == 0:
+            found = walk.turns((low + high) / 2, int(seen[-1]) if len(seen) else 0)
+        else:
+            found = walk.turns(low, first) or walk.turns(high, last)
+        if found:
             return walk.at, walk.next
         place += width
         while width < PARTS and place % (2 * width) == 0:
