@@ -30,7 +30,7 @@ from ncgen.solver.positions.partition import (
     stuck_message,
 )
 from ncgen.solver.positions.position import TOLERANCE, newton_position
-from ncgen.solver.positions.rank import closeness_at, freedom_at, trial_positions
+from ncgen.solver.positions.rank import closeness_at, trial_positions
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.run import EMITTED, Form, Partitioned
@@ -203,7 +203,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom_at(kernels, q, times[0], p).rank if task.rank is None else task.rank, event=task.stop, max_step=task.step_in_c,
+        rank=task.rank_at(kernels, q, times[0]), event=task.stop, max_step=task.step_in_c,
         progress=Progress(task.progress, kernels.name, task.arrival),
         looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
         **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),

@@ -23,7 +23,7 @@ from ncgen.solver.formalisms.projection import project
 from ncgen.solver.integrators.shared_tolerance import sharing
 from ncgen.solver.integrators.solvers import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.positions.rank import best_rows, freedom_at, scaled_jacobian
+from ncgen.solver.positions.rank import best_rows, scaled_jacobian
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.stop import Stop
@@ -56,7 +56,7 @@ class _Run:
     def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
         self.path, self.kernels, self.task, self.method, self.p = path, watched(kernels), task, task.method, task.p
         self.accelerations = accelerations_by(self.method.formalism.name)
-        self.rank = freedom_at(kernels, task.q, task.grid[0], task.p).rank if task.rank is None else task.rank
+        self.rank = task.rank_at(kernels, task.q, task.grid[0])
         self.reached: tuple[float, np.ndarray] | None = None
         self.projecting = self.method.options["stabilisation"] == "projection"
         self.rows: np.ndarray | None = None

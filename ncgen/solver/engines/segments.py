@@ -12,7 +12,6 @@ import numpy as np
 from ncgen.mechanism.break_times import beside
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.impulse import cross
-from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
 
@@ -35,7 +34,7 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task, ends: 
         q, qd, work = path.q[-1], path.qd[-1], float(path.work[-1])
         velocities = _velocities(path, task, qd)
     if task.method.is_constrained and not task.method.is_stepper:
-        task = replace(task, rank=freedom_at(kernels, task.q, float(grid[0]), task.p).rank)
+        task = replace(task, rank=task.rank_at(kernels, task.q, float(grid[0])))
     path.impulses = [each for each in path.impulses if each.t < t]  # later ones are met again
     for before, after in [*ends[(ends[:, 1] > t) & (ends[:, 0] < end)].tolist(), [end, end]]:
         if t < before:

@@ -10,7 +10,9 @@ import numpy as np
 
 from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.driving import Function, Pieces
+from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
+from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.stop import Stop
 from ncgen.solver.runs.tolerances import Tolerances
@@ -56,6 +58,10 @@ class Task:
     rank: int | None = None
     before: tuple[float, int] = (0.0, 0)
     steps_to_rows: bool = False
+
+    def rank_at(self, kernels: Kernels, q: np.ndarray, t: float) -> int:
+        """The rank of Φ_q where the run, or what is left of it, begins: at q (n,) and t (s), unless it is known already."""
+        return freedom_at(kernels, q, t, self.p).rank if self.rank is None else self.rank
 
     def looks_from(self, row: int) -> np.ndarray:
         """The mask from a row on."""
