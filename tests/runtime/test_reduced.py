@@ -115,4 +115,5 @@ def test_where_it_cannot_go_on_the_matrix_does():
     kernels, options = ncgen.compile(model), model.simulation_options
     run = ncgen.simulate(kernels, **{"duration": 1.0, **options})
     exact = ncgen.simulate(kernels, **{"duration": 1.0, **options, "integrator": "dop853", "rtol": 1e-11})
+    assert 0 < run.statistics.fallbacks < run.statistics.evaluations
     assert np.max(np.abs(run.q - exact.q)) < 1e-6

@@ -222,12 +222,20 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
         path.break_off(grid, done.reached, done.last[0], done.last[1], work + done.last[2])
         raise ConvergenceError(unsolved_step(kernels.name, done.reached, task.step))
     if done.status in FINAL and form != "dense" and method.integrator.tangents == "unless_recursive":
-        return run_constrained(path, kernels, task)  # Newton's steps with the matrix pass positions where the recursion's do not end
+        return _by_the_matrix(path, kernels, task)
     if done.status in FINAL:
         raise ConvergenceError(
             f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s, where steps become too short; the mechanism comes "
             "to a singular position there, or rtol asks for less than rounding leaves"
         )
+    return reason
+
+
+def _by_the_matrix(path: Path, kernels: CompiledKernels, task: Task) -> str | None:
+    """The rest of a run whose Newton steps in the degrees of freedom do not converge; its evaluations count as those that fall back."""
+    before = path.evaluations
+    reason = run_constrained(path, kernels, task)
+    path.fallbacks += path.evaluations - before
     return reason
 
 

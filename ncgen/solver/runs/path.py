@@ -43,6 +43,11 @@ class Path:
     def empty(cls, n: int, partitions: Partitions | None) -> Path:
         return cls(np.empty((0, n)), np.empty((0, n)), np.empty(0), np.zeros(5, dtype=int), partitions)
 
+    @property
+    def evaluations(self) -> int:
+        """So far."""
+        return int(self.counts[1])
+
     def extend(self, q: ArrayLike, qd: ArrayLike, work: ArrayLike, counts: ArrayLike) -> None:
         """Add rows behind the last one; counts add up."""
         rows = np.asarray(q), np.asarray(qd), np.asarray(work)

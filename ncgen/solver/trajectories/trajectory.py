@@ -57,7 +57,7 @@ class Statistics:
     independent coordinates, steps repeated because the position problem failed, and seconds; how often a state was
     projected onto the constraints, and how far a position was moved at most, relative to its natural size. Of implicit
     methods how many Jacobians were taken; of emitted ones how many accelerations were computed with row exchanges, since
-    a pivot vanished or a step had to be repeated.
+    a pivot vanished, a step had to be repeated, or Newton's steps in the degrees of freedom did not converge.
     """
 
     steps: int
