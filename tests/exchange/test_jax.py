@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 import sympy
+from sliding import sliding_block
 from swing import swing
 
 import ncgen
@@ -164,12 +165,7 @@ def test_vmap_costs_what_a_batch_does():
 
 def pushed() -> ncgen.Model:
     """1 kg on a slide, at rest, pushed by F (N) from 0.13 s to 0.27 s."""
-    m = ncgen.Model("pushed")
-    axis = m.vector("axis", (1, 0, 0), fixed=True)
-    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y")
-    slide = m.slide("s", O, A, axis)
-    m.body("block", [A], mass=1.0)
-    m.independent(slide)
+    m, slide = sliding_block("pushed")
     m.torque(slide, m.parameter("F", 2.0) * (sympy.Heaviside(m.time - 0.13) - sympy.Heaviside(m.time - 0.27)))
     return m
 

@@ -13,6 +13,7 @@ import pytest
 import scipy.integrate
 import sympy
 from exported import STRICT, shell
+from sliding import sliding_block
 
 import ncgen
 from ncgen.exchange.export import export
@@ -145,12 +146,7 @@ def test_the_next_break(tmp_path):
 
 def sliding(law) -> ncgen.Model:
     """1 kg on a slide, pushed by law(t, begin, width) in N."""
-    m = ncgen.Model("sliding")
-    axis = m.vector("axis", (1, 0, 0), fixed=True)
-    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y")
-    s = m.slide("s", O, A, axis)
-    m.body("block", [A], mass=1.0)
-    m.independent(s)
+    m, s = sliding_block("sliding")
     m.torque(s, law(m.time, m.parameter("begin", 1.0), m.parameter("width", 1.0)))
     m.simulation(duration=10.0)
     return m

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import sympy
+from sliding import sliding_block
 from test_breaks_of_exports import Moved, by_node, by_numpy
 
 import ncgen
@@ -18,12 +19,7 @@ DURATION, LATEST = 10.0, 9.8
 
 def sliding(law) -> ncgen.Model:
     """1 kg on a slide along A.x, pushed by law(t, at, width) in N."""
-    m = ncgen.Model("sliding")
-    axis = m.vector("axis", (1, 0, 0), fixed=True)
-    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y")
-    slide = m.slide("s", O, A, axis)
-    m.body("block", [A], mass=1.0)
-    m.independent(slide)
+    m, slide = sliding_block("sliding")
     m.torque(slide, law(m.time, m.parameter("at", 5.0), m.parameter("width", 1e-3)))
     m.simulation(duration=DURATION)
     return m

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 import sympy
+from sliding import sliding_block
 
 import ncgen
 from ncgen.mechanism.break_times import break_times
@@ -91,12 +92,7 @@ def test_a_driver_by_a_spline_has_breaks_at_its_knots():
 
 def pushed(law) -> ncgen.Model:
     """1 kg on a slide, pushed by law(t, w, m) in N."""
-    m = ncgen.Model("pushed")
-    axis = m.vector("axis", (1, 0, 0), fixed=True)
-    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y")
-    s = m.slide("s", O, A, axis)
-    m.body("block", [A], mass=1.0)
-    m.independent(s)
+    m, s = sliding_block("pushed")
     m.torque(s, law(m.time, m.parameter("w", 3.0), m))
     return m
 

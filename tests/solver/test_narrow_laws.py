@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.special
 import sympy
+from sliding import sliding_block
 
 import ncgen
 from ncgen.mechanism.break_times import break_times
@@ -41,12 +42,7 @@ INTEGRALS = {
 
 def pushed(law) -> ncgen.Model:
     """2 kg on a slide, pushed by size law((t − at) / s) + F in N."""
-    m = ncgen.Model("pushed")
-    axis = m.vector("axis", (1, 0, 0), fixed=True)
-    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y")
-    slide = m.slide("s", O, A, axis)
-    m.body("block", [A], mass=MASS)
-    m.independent(slide)
+    m, slide = sliding_block("pushed", MASS)
     u = (m.time - m.parameter("at", 5.0)) / m.parameter("width", 1e-3)
     m.torque(slide, m.parameter("size", 1.0) * law(u) + m.input("F", "N"))
     return m
