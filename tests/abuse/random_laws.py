@@ -11,6 +11,7 @@ import sys
 
 import judges
 import numpy as np
+import random_models
 import scipy.interpolate
 import sympy
 from exported_motion import Exported, Failed
@@ -417,19 +418,5 @@ def examine(seed: int, watch=lambda what: None):
     return judges.examine(seed, watch, Lawful, Driven)
 
 
-def main(arguments: list[str]) -> int:
-    from ncgen.exchange.toml_writer import to_toml
-
-    first, count = int(arguments[0]), int(arguments[1]) if len(arguments) > 1 else 1
-    found = 0
-    for seed in range(first, first + count):
-        report = examine(seed)
-        if count == 1 and report.model is not None:
-            print(to_toml(report.model))
-        print(report)
-        found += len(report.findings)
-    return found
-
-
 if __name__ == "__main__":
-    sys.exit(1 if main(sys.argv[1:]) else 0)
+    sys.exit(1 if random_models.main(sys.argv[1:], examine) else 0)

@@ -750,8 +750,8 @@ def examine(seed: int, watch=lambda what: None):
     return judges.examine(seed, watch)
 
 
-def main(arguments: list[str]) -> int:
-    """Print the models of seeds and what is wrong with them; returns how many findings there are."""
+def main(arguments: list[str], examine=examine) -> int:
+    """Print the models of seeds and what is wrong with them, by a search's own way to examine; returns how many findings there are."""
     from ncgen.exchange.toml_writer import to_toml
 
     first, count = int(arguments[0]), int(arguments[1]) if len(arguments) > 1 else 1
