@@ -43,6 +43,14 @@ def load(tmp_path):
     return made
 
 
+def test_motors_of_the_yaml_are_the_robots(tmp_path):
+    """Of three hinges the file gives one a motor, or says nothing of motors."""
+    (tmp_path / "linkage.urdf").write_text(linkage())
+    for yaml, inputs in ((YAML, ("motor_motor",)), (YAML.partition("name_mot")[0], ("motor_motor", "motor_elbow", "motor_pillar"))):
+        (tmp_path / "linkage.yaml").write_text(yaml)
+        assert set(ncgen.load(tmp_path / "linkage.urdf", motors=True).inputs) == set(inputs)
+
+
 def ends_of(angles):
     """Where tip and pin stand, from the angles alone."""
     one, two = angles["motor"], angles["motor"] + angles["elbow"] + 0.3

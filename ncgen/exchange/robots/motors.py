@@ -1,11 +1,12 @@
 """Motors of a robot as inputs of its model, where they are asked for: with the names, gears, servos and limits of the file.
 
-In formats without actuators every hinge and slider that follows no other one has a motor, called motor_JOINT.
+In formats without actuators every hinge and slider that follows no other one has a motor, called motor_JOINT; where a file beside the
+robot's names joints with motors, these alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 from ncgen.exchange.robots.robot import Actuator, Joint, Robot
@@ -26,7 +27,7 @@ def add_motors(model: Model, robot: Robot, joints: Mapping[str, Joint], coordina
     """Inputs and what they do at the joints; {actuator: its input}. joints, coordinates: by the names of joints"""
     inputs: dict[str, str] = {}
     totals: dict[str, sympy.Expr] = {}
-    for actuator in _of_joints(joints, coordinates) if robot.actuators is None else robot.actuators:
+    for actuator in _of_joints(joints, coordinates, robot.motors) if robot.actuators is None else robot.actuators:
         if not all(name in coordinates for name in actuator.shares):
             continue
         inputs[actuator.name], force = _force(model, actuator, coordinates)
@@ -37,9 +38,10 @@ def add_motors(model: Model, robot: Robot, joints: Mapping[str, Joint], coordina
     return inputs
 
 
-def _of_joints(joints: Mapping[str, Joint], coordinates: Mapping[str, Relative]) -> list[Actuator]:
-    """A motor for each joint that has a coordinate of its own."""
-    return [Actuator(PREFIX + name, {name: 1.0}) for name in coordinates if name in joints and joints[name].mimic is None]
+def _of_joints(joints: Mapping[str, Joint], coordinates: Mapping[str, Relative], named: Collection[str]) -> list[Actuator]:
+    """A motor for each joint that has a coordinate of its own, of these names if there are any."""
+    own = [name for name in coordinates if name in joints and joints[name].mimic is None]
+    return [Actuator(PREFIX + name, {name: 1.0}) for name in own if name in named or not named]
 
 
 def _force(model: Model, actuator: Actuator, coordinates: Mapping[str, Relative]) -> tuple[str, sympy.Expr]:
