@@ -46,7 +46,8 @@ def load(
     motors: a robot's actuators, or its joints where the file says no actuators, have inputs, with gears, servos and limits of the file
     sensors: the sensors of an MJCF file are outputs
     loops: a TOML file that says what closes a robot's loops; None for ROBOT.loops.toml beside its file, if there is one
-    inertias: "balanced" for the mean of moments of inertia that no body has, with a warning; "refused" for a ModelError
+    inertias: of moments of inertia that no body has "balanced" for their mean, "as given" for the file's numbers, both with a warning
+        that counts bodies; "refused" for a ModelError
     Warns, in one line, of how many things of a robot's file that change the motion the model does not have; `left_out` of the model lists
     them. Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """

@@ -39,7 +39,8 @@ class Inertia:
     elements; two points are a bar, and three elements get the cross product of their directions for the third.
     Any number may be a value with parameters; a mass that is one
     scales the tensor only if the user writes it so. `assumed` is True where no moments were given: a point mass, which cannot rotate.
-    `is_judged` is False where parameters may make it one that no body has: in identification, which finds sums over bodies alone.
+    `is_judged` is False where parameters may make it one that no body has: in identification, which finds sums over bodies alone,
+    and where moments that no body has are taken as a file says them.
     """
 
     mass: Value
@@ -160,8 +161,8 @@ def load_names(body: Body, element: Spatial) -> tuple[str, ...]:
     return tuple(f"{kind}({body.name},{element.name}).{axis}" for axis in AXES)
 
 
-def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -> None:
-    """Raise ModelError with what makes an inertia (3, 3) impossible, if anything does."""
+def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray, as_given: bool = False) -> None:
+    """Raise ModelError with what makes an inertia (3, 3) impossible, if anything does. as_given: whatever its principal moments are"""
     if com.shape != (3,):
         raise ModelError(f"body {name}: the centre of mass has shape {com.shape}; give three numbers, or two for a body of the plane")
     of_mass, of_moments = conditions(name, mass, tensor)
@@ -169,7 +170,8 @@ def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -
     gap = np.max(np.abs(tensor - tensor.T))
     if gap > SYMMETRIC * np.max(np.abs(tensor)):
         raise ModelError(f"body {name}: the inertia tensor is not symmetric, by {gap:.3g}; its off-diagonal entries must be equal in pairs")
-    of_moments.check(tensor.ravel())
+    if not as_given:
+        of_moments.check(tensor.ravel())
 
 
 def conditions(name: str, mass: Value, tensor: np.ndarray) -> tuple[Condition, Condition]:

@@ -51,6 +51,7 @@ class Structure(Coordinates):
         *,
         rigid: bool = True,
         constant_mass: bool = False,
+        as_given: bool = False,
     ) -> Body:
         """A rigid body.
 
@@ -64,6 +65,8 @@ class Structure(Coordinates):
         basis: the elements that carry the inertia (default: four independent ones if there are, else what there is)
         rigid: False if you write the rows that keep the body rigid yourself
         constant_mass: add an auxiliary unit vector where that makes the body's mass matrix constant
+        as_given: take moments of inertia that no body has, as files of robots may say them; a run is refused, and warns of instants,
+            where the mass matrix is then not positive definite
 
         Raises ModelError naming the body where its inertia is impossible, or missing although the body can rotate, or where its
         elements are degenerate.
@@ -76,7 +79,7 @@ class Structure(Coordinates):
         if mass is None and (com is not None or inertia is not None):
             raise ModelError(f"body {name}: it has a centre of mass or an inertia but no mass; give its mass")
         if mass is not None:
-            body.inertia = self._inertia(body, mass, com, inertia, basis)
+            body.inertia = self._inertia(body, mass, com, inertia, basis, as_given)
             check_given(body)
         return body
 
@@ -174,7 +177,9 @@ class Structure(Coordinates):
         self.rows.append(replace(new, measured=measured))
         return self.rows[-1]
 
-    def _inertia(self, body: Body, mass: Value, com: Values | None, tensor: Tensor | None, basis: Sequence[Spatial] | None) -> Inertia:
+    def _inertia(
+        self, body: Body, mass: Value, com: Values | None, tensor: Tensor | None, basis: Sequence[Spatial] | None, as_given: bool = False
+    ) -> Inertia:
         carriers = None if basis is None else tuple(basis)
         if carriers is not None:
             check_basis(body.name, carriers)
@@ -194,10 +199,10 @@ class Structure(Coordinates):
             tensor = rod_tensor(mass, *(p.given for p in points))
         else:
             tensor = self._tensor(body.name, 0.0 if tensor is None or isinstance(tensor, str) else tensor)
-        check_inertia(body.name, self._number(mass, ""), self._numbers(com), self._numbers(tensor))
+        check_inertia(body.name, self._number(mass, ""), self._numbers(com), self._numbers(tensor), as_given)
         if not all(map(is_number, tensor.flat)):
             check_pairs(body.name, tensor, self.parameters)
-        return Inertia(mass, tuple(com), symmetric(tensor), carriers, assumed)
+        return Inertia(mass, tuple(com), symmetric(tensor), carriers, assumed, is_judged=not as_given)
 
     def _check_word(self, name: str, word: str) -> None:
         """Raise ModelError where an inertia is called by a word that has no meaning, or two."""

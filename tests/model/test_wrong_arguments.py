@@ -50,7 +50,7 @@ def calls(s) -> dict[str, dict]:
         "independent": {"coordinates": [s.psi]},
         "body": {
             "name": "new", "points": [s.A, s.B], "vectors": [s.v], "mass": 1.0, "com": (1, 0, 0), "inertia": (1, 1, 1),
-            "basis": [s.A, s.B, s.v], "rigid": True, "constant_mass": False,
+            "basis": [s.A, s.B, s.v], "rigid": True, "constant_mass": False, "as_given": False,
         },
         "extend": {"body": s.rod, "elements": [s.B]},
         "attach_point": {"body": s.rod, "name": "new", "position": (4, 4, 4)},

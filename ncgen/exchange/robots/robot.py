@@ -201,6 +201,7 @@ class Robot:
     omitted: what the file says and a model does not, in words; starts: states of the file, by name
     actuators: of the file; None in formats without them
     motors: names of joints that have one, where a file beside the robot's says so
+    as_given: names of links, with what is fixed to them, whose moments of inertia no body has and that are taken all the same
     """
 
     name: str
@@ -216,6 +217,7 @@ class Robot:
     actuators: tuple[Actuator, ...] | None = None
     sensors: tuple[Sensor, ...] = ()
     motors: tuple[str, ...] = ()
+    as_given: frozenset[str] = frozenset()
 
     def ordered(self) -> Robot:
         """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""
