@@ -27,6 +27,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_space import Made, assemble_joint_space
 from ncgen.solver import geometry, given
 from ncgen.solver.frames import transformation
+from ncgen.solver.joints import identification
 from ncgen.solver.joints.joint_names import carried, followed_by, names_of
 from ncgen.solver.joints.link_frames import LinkFrame
 from ncgen.symbolic.tree import Tree, moving, spanning_tree
@@ -357,6 +358,35 @@ class JointSpace(ABC):
             raise SingularError(f"{self.kernels.name}: a joint moves nothing that has inertia; give its bodies mass") from None
         return np.linalg.solve(np.swapaxes(factors, -1, -2), np.linalg.solve(factors, right / sizes)) / sizes
 
+    def regressor(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> np.ndarray:
+        """Y (…, n, 10 · bodies) with Y π = `inverse_dynamics`, without rotors, for the inertial parameters π of the bodies.
+
+        Their names and order: `inertial_names`. It depends on lengths alone.
+        """
+        own = identification.frames(self)
+        kind, size = f"regressor_{identification.key_of(own)}", 10 * len(own) * self.n
+        inputs = {"joint_regressor": self.inputs["joint_inverse"]}
+        made = self._functions_of("regressor", inputs, lambda: {"joint_regressor": size}, kind)
+        found = made("joint_regressor", 0.0, self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"), self.p)
+        return found.reshape(*found.shape[:-1], self.n, 10 * len(own))
+
+    @property
+    def inertial_names(self) -> tuple[str, ...]:
+        """Of the inertial parameters of the bodies, ten each, about the origin of the body's frame: BODY.m, .mx, .my, .mz, .Ixx, .Ixy,
+        .Iyy, .Ixz, .Iyz, .Izz."""
+        return identification.names_of(self)
+
+    def inertial_values(self) -> np.ndarray:
+        """π (10 · bodies,) at the parameters of this space, in kg, kg m and kg m²."""
+        return identification.values_of(self)
+
+    def base_parameters(self, tolerance: float = identification.DEPENDENT) -> identification.BaseParameters:
+        """The combinations of inertial parameters that forces along the joints depend on, by the rank of the regressor at random states.
+
+        tolerance: what is left of a column beside those before it, over the largest column, to count as independent
+        """
+        return identification.base_parameters(self, tolerance)
+
     def inverse_dynamics_slopes(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseSlopes:
         """Exact derivatives of `inverse_dynamics` by positions, rates and accelerations of the joints.
 
@@ -399,11 +429,13 @@ class JointSpace(ABC):
         """Made when they are first asked for: they are longer than all others together."""
         return self._functions_of("slopes", SLOPES, lambda: dict.fromkeys(SLOPES, self.n))
 
-    def _functions_of(self, what: Made, inputs: Mapping[str, tuple[str, ...]], sizes: Callable[[], dict[str, int]]) -> Functions:
-        """Functions that are the same at all parameters."""
+    def _functions_of(
+        self, what: Made, inputs: Mapping[str, tuple[str, ...]], sizes: Callable[[], dict[str, int]], kind: str = ""
+    ) -> Functions:
+        """Functions that are the same at all parameters. kind: a word for them, where they depend on more than the equations"""
 
         def make() -> Functions:
-            return functions(self.kernels, f"{self.kind}_{what}", inputs, sizes(), self._counts(), partial(self.made, what))
+            return functions(self.kernels, f"{self.kind}_{kind or what}", inputs, sizes(), self._counts(), partial(self.made, what))
 
         return self.kernels.remember("joint space functions", what, make)
 
