@@ -47,7 +47,8 @@ def load(
     sensors: the sensors of an MJCF file are outputs
     loops: a TOML file that says what closes a robot's loops; None for ROBOT.loops.toml beside its file, if there is one
     inertias: "balanced" for the mean of moments of inertia that no body has, with a warning; "refused" for a ModelError
-    Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
+    Warns, in one line, of how many things of a robot's file that change the motion the model does not have; `left_out` of the model lists
+    them. Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
     having = {"limits": limits, "friction": friction, "motors": motors, "sensors": sensors}
     path = as_path(name, "the name of an example or the path of a file")
@@ -56,7 +57,7 @@ def load(
             raise ModelError(f"{word}: {shown(given)} given; give True or False")
     suffix = path.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(path):
-        return robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias)
+        return robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias, stacklevel=2)
     for word, given in (
         ("floating", floating is not None),
         *having.items(),
