@@ -50,7 +50,8 @@ def load(
     inertias: "balanced" for the mean of moments of inertia that no body has, with a warning; "refused" for a ModelError
     parameters: "inertia" for masses, centres of mass and moments of inertia of all links as parameters of the model, with the file's
         values, LINK.mass, LINK.centre.x, LINK.inertia.xy; names of links for those of these, which may have none in the file: a payload
-    Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
+    Warns, in one line, of how many things of a robot's file that change the motion the model does not have; `left_out` of the model lists
+    them. Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
     having = {"limits": limits, "friction": friction, "motors": motors, "sensors": sensors}
     path = as_path(name, "the name of an example or the path of a file")
@@ -59,7 +60,7 @@ def load(
             raise ModelError(f"{word}: {shown(given)} given; give True or False")
     suffix = path.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(path):
-        return robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias, parameters)
+        return robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias, parameters, stacklevel=2)
     for word, given in (
         ("floating", floating is not None),
         *having.items(),

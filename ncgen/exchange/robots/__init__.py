@@ -71,8 +71,9 @@ def load_robot(
     sensors: bool = False,
     inertias: str = "refused",
     parameters: str | Sequence[str] = (),
+    stacklevel: int = 1,
 ) -> Model:
-    """The model of a robot's file.
+    """The model of a robot's file. Warns, in one line, of how many things that change the motion it does not have.
 
     floating: the root is a free body; None for what the file says
     limits, friction: of joints, as springs and couples; else they are left out
@@ -80,8 +81,10 @@ def load_robot(
     loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
     inertias: "refused", or "balanced" where no body has them
     parameters: "inertia", or names of links, whose numbers become parameters
+    stacklevel: of warnings, 1 for who calls this
     Raises ModelError with file and line.
     """
+    from ncgen.exchange.robots.accounting import warn_of
     from ncgen.exchange.robots.balance import balanced
     from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
     from ncgen.exchange.robots.loops import beside, closed
@@ -89,13 +92,15 @@ def load_robot(
     from ncgen.exchange.robots.parameters import names_asked
 
     asked = names_asked(parameters)
-    robot = balanced(read_robot(path), inertias)
+    robot = balanced(read_robot(path), inertias, stacklevel + 1)
     table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
     if table:
         robot = closed(robot, table)
     elif follows_from_start(robot):
         robot = with_closures(robot, closures_of(robot))
-    return model_of(robot, floating, limits, friction, motors, sensors, asked)
+    model = model_of(robot, floating, limits, friction, motors, sensors, asked)
+    warn_of(model.left_out, path.name, stacklevel + 1)
+    return model
 
 
 def robot_text(model: Model, suffix: str) -> str:

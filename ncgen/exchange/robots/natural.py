@@ -75,9 +75,23 @@ def model_of(
 
 
 def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str, BodyFrame]:
-    """Frames of all links in the initial position. bodies: {link without those fixed to it: name of its body}, the ground's among them."""
-    homes, places = homes_of(robot), robot.frames(robot.base)
-    return {name: BodyFrame(bodies.get(homes[name], bodies[ground]), place.rotation, place.position) for name, place in places.items()}
+    """Frames of links, and those that the file names on them, in the initial position. Where a link and another frame have one name,
+    both are called with their kind: body:head and site:head.
+
+    bodies: {link without those fixed to it: name of its body}, the ground's among them
+    """
+    homes, places, links = homes_of(robot), robot.frames(robot.base), robot.links
+    own, others = dict[str, BodyFrame](), dict[str, BodyFrame]()
+    for name, at in places.items():
+        body, link = bodies[homes[name]], links[name]
+        for found, named in ((own, {name: link.origin} if link.origin else {}), (others, link.sites)):
+            for each, place in named.items():
+                stands = at @ place
+                found[each] = BodyFrame(body, stands.rotation, stands.position)
+    others |= {name: BodyFrame(bodies[ground], place.rotation, place.position) for name, place in robot.resting.items()}
+    both = own.keys() & others.keys()
+    kinds = zip(robot.words, (own, others), strict=True)
+    return {f"{kind}:{name}" if name in both else name: frame for kind, named in kinds for name, frame in named.items()}
 
 
 class _Builder:

@@ -75,9 +75,10 @@ def parts_of(robot: Robot, floating: bool, asked: Sequence[str]) -> dict[str, Pa
         fixed: Mass | None = None
         parts = []
         for name in (name for name in moving if homes[name] == home):
-            mass = robot.links[name].mass
+            mass, origin = robot.links[name].mass, robot.links[name].origin or Placement()
             if name in chosen:
-                parts.append(Part(name, mass or Mass(0.0, np.zeros(3), np.zeros((3, 3))), frames[name]))
+                own = mass.seen_from(origin.inverse()) if mass else Mass(0.0, np.zeros(3), np.zeros((3, 3)))
+                parts.append(Part(name, own, frames[name] @ origin))
             elif mass:
                 own = mass.seen_from(frames[name])
                 fixed = fixed.plus(own) if fixed else own
