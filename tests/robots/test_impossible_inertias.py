@@ -93,6 +93,16 @@ def test_a_run_that_passes_a_negative_mass_warns_with_the_bodys_name(tmp_path):
         ncgen.simulate(driven(tmp_path, 0.0), 1.5)
 
 
+def test_they_may_be_parameters(tmp_path):
+    (tmp_path / "r.urdf").write_text(ARM.format(ixx=0.9))
+    with pytest.warns(UserWarning, match="taken as given"):
+        model = ncgen.load(tmp_path / "r.urdf", inertias="as given", parameters="inertia")
+    space = ncgen.joint_space(ncgen.compile(model, backend="numpy"))
+    fixed = ncgen.joint_space(ncgen.compile(given(tmp_path, ARM.format(ixx=0.9)), backend="numpy"))
+    M, expected = (each.mass_matrix(each.position({"k": 0.5})) for each in (space, fixed))
+    np.testing.assert_allclose(M, expected, atol=1e-13)
+
+
 def test_they_go_through_toml(tmp_path):
     text = to_toml(given(tmp_path, ARM.format(ixx=0.9)))
     (tmp_path / "r.toml").write_text(text)

@@ -28,7 +28,8 @@ def accepted(robot: Robot, inertias: str, floats: bool, stacklevel: int = 1) -> 
         return robot
     if inertias == "as given":
         found = [name for name, link in together(robot).links.items() if is_impossible(link) and (floats or name != robot.root)]
-        changed, said = replace(robot, as_given=frozenset(found)), "are taken as given"
+        alone = (name for name, link in robot.links.items() if is_impossible(link))
+        changed, said = replace(robot, as_given=frozenset((*found, *alone))), "are taken as given"
     else:
         means = {name: _balanced(link) for name, link in robot.links.items() if is_impossible(link) and _mean(link) > 0}
         changed, said, found = replace(robot, links={**robot.links, **means}), "are replaced by their mean", list(means)
