@@ -15,7 +15,7 @@ INERTIAS = ("refused", "balanced")
 """What can become of a link whose largest moment of inertia exceeds the sum of the others."""
 
 
-def balanced(robot: Robot, inertias: str) -> Robot:
+def balanced(robot: Robot, inertias: str, stacklevel: int = 1) -> Robot:
     """The robot, where "balanced" is asked for with all three moments of a link at their mean if no body has them.
 
     That is what MuJoCo's `balanceinertia` does. Warns of how many links there are. Raises ModelError for a word that is none of `INERTIAS`.
@@ -35,6 +35,6 @@ def balanced(robot: Robot, inertias: str) -> Robot:
     if found:
         warnings.warn(
             f"{robot.name}: moments of inertia that no body has are replaced by their mean, those of {found[0]} first ({len(found)})",
-            stacklevel=4,
+            stacklevel=stacklevel + 1,
         )
     return replace(robot, links=links)

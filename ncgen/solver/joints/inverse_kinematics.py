@@ -76,4 +76,4 @@ class _Aim:
         return np.concatenate([moved, *(np.cross(jacobian[3:].T, column).T for column in self._turned(q).T)])
 
     def _turned(self, q: np.ndarray) -> np.ndarray:
-        return transformation(self.space.kernels, self.body, q)
+        return transformation(self.space.kernels, self.body, q, self.space.p)
