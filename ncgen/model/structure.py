@@ -81,6 +81,22 @@ class Structure(Coordinates):
         return body
 
     @fact
+    def payload(self, body: Body, name: str, mass: Value, com: Values, inertia: Tensor = 0.0) -> None:
+        """A mass that is fixed to a body: a tool, a load that is carried. It adds to what the body has.
+
+        name: for messages; mass: kg; com: its centre of mass (m, global axes, initial position)
+        inertia: its tensor about that (kg m², global axes, initial position), as of `body`; default: all mass is at the centre
+        mass, com and inertia may hold parameters. Raises ModelError naming the payload where its inertia is impossible.
+        """
+        if body is self.ground:
+            raise ModelError(f"payload {name}: the ground does not move; give a body")
+        if isinstance(inertia, str):
+            raise ModelError(f"payload {name}, inertia: {shown(inertia)} given; give numbers (kg m2), or leave it out for a point mass")
+        basis = body.inertia.basis if body.inertia else None
+        added = replace(self._inertia(body, mass, com, inertia, basis, name), name=name)
+        body.inertia = body.inertia.plus([added], self.parameters) if body.inertia else added
+
+    @fact
     def extend(self, body: Body, *elements: Spatial) -> None:
         """Add points and vectors to a body, with the rows that keep them in place."""
         new = [e for e in dict.fromkeys(elements) if e not in body.elements]
@@ -174,7 +190,11 @@ class Structure(Coordinates):
         self.rows.append(replace(new, measured=measured))
         return self.rows[-1]
 
-    def _inertia(self, body: Body, mass: Value, com: Values | None, tensor: Tensor | None, basis: Sequence[Spatial] | None) -> Inertia:
+    def _inertia(
+        self, body: Body, mass: Value, com: Values | None, tensor: Tensor | None, basis: Sequence[Spatial] | None, name: str = ""
+    ) -> Inertia:
+        """name: in messages, where it is not the body's"""
+        name = name or body.name
         carriers = None if basis is None else tuple(basis)
         if carriers is not None:
             check_basis(body.name, carriers)
@@ -193,10 +213,10 @@ class Structure(Coordinates):
         if is_rod:
             tensor = rod_tensor(mass, *(p.given for p in points))
         else:
-            tensor = self._tensor(body.name, 0.0 if tensor is None or isinstance(tensor, str) else tensor)
-        check_inertia(body.name, self._number(mass, ""), self._numbers(com), self._numbers(tensor))
+            tensor = self._tensor(name, 0.0 if tensor is None or isinstance(tensor, str) else tensor)
+        check_inertia(name, self._number(mass, ""), self._numbers(com), self._numbers(tensor))
         if not all(map(is_number, tensor.flat)):
-            check_pairs(body.name, tensor, self.parameters)
+            check_pairs(name, tensor, self.parameters)
         return Inertia(mass, tuple(com), symmetric(tensor), carriers, assumed)
 
     def _check_word(self, name: str, word: str) -> None:

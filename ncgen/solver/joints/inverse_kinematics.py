@@ -55,7 +55,7 @@ class _PointOfBody:
 
     def pose(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         q = np.asarray(q)
-        return transformation(self.space.kernels, self._turns, q), self.space.element(self._element, q)
+        return transformation(self.space.kernels, self._turns, q, self.space.p), self.space.element(self._element, q)
 
     def jacobian(self, q: ArrayLike) -> np.ndarray:
         return self.space.jacobian(self.name, q, self.body)
