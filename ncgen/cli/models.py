@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
@@ -51,7 +52,7 @@ def inspect(
     from ncgen.report.screen import show_inspection
 
     recorded = None if along is None else Recorded.read(along)
-    kernels, _, seconds = _compiled(model, of_robots(floating, having), backend, emission)
+    kernels, _, seconds = _compiled(model, of_robots(floating, having), backend, emission, lists_left_out=recorded is None)
     if recorded is not None:
         health = recorded.health(kernels)
         if json_output:
@@ -145,7 +146,8 @@ def run(
             compiling.append(beside(part=part_for(simulation_of(loaded, **given).get("integrator", AUTO))))
             compiling[0].start()
 
-    kernels, sources, seconds = _compiled(model, of_robots(floating, having), backend, emission, check)
+    words = of_robots(floating, having)
+    kernels, sources, seconds = _compiled(model, words, backend, emission, check, lists_left_out=not json_output)
     found = freedom(kernels)
     if any(thread.is_alive() for thread in compiling):
         with progress("compiling the runtime", None):
@@ -173,19 +175,29 @@ def run(
 
 
 def _compiled(
-    name: str, words: dict[str, Any], backend: str, emission: str, check: Callable[[Model], object] | None = None
+    name: str,
+    words: dict[str, Any],
+    backend: str,
+    emission: str,
+    check: Callable[[Model], object] | None = None,
+    lists_left_out: bool = False,
 ) -> tuple[Kernels, Sources, dict[str, float]]:
     """Kernels, sources and the seconds of every stage, with the stages shown while they run.
 
     words: what `ncgen.load` is told of a robot; check: of the model, before anything is made of it
+    lists_left_out: the command lists what of a file is not modelled, so the warning that counts it is not shown
     """
     from ncgen.compiler import Timings, check_words, compile, sources_of
     from ncgen.exchange.examples import load
+    from ncgen.exchange.robots.accounting import NOT_MODELLED
 
     check_words(backend, emission)
     timings = Timings()
     with progress(f"generating and compiling {name}", None):
-        model = timings.stage("model", lambda: load(name, **words))
+        with warnings.catch_warnings():
+            if lists_left_out:
+                warnings.filterwarnings("ignore", f".* {NOT_MODELLED}, ", UserWarning)
+            model = timings.stage("model", lambda: load(name, **words))
         if check:
             check(model)
         sources = sources_of(model, emission, timings)

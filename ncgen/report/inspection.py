@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ncgen.exchange.robots.accounting import amount, changes_motion
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Angle
 from ncgen.program.ir.cost import cost
@@ -15,7 +16,9 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
 
     name; coordinates, free, rows: counts; rank, dof; redundant: [{row, label, owner, implied_by, coefficients}] with
     rows counted from 1; measured: how many rows have their lengths and angles from the initial position
-    singular: True if the initial position is; omitted: [text]; initial: {angle: radians};
+    singular: True if the initial position is; initial: {angle: radians};
+    left_out: [{what, count, changes_motion}] of a robot's file, which the model does not have
+    omitted: [text] of what the generator left out because it does nothing;
     kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters: {name: default}
     tree: [{body, on, freedoms}], from the ground outward
     """
@@ -31,7 +34,10 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
         "redundant": [_redundant(kernels, r) for r in found.redundant],
         "singular": found.is_singular,
         "measured": sum(row.measured for row in kernels.rows),
-        "omitted": [*(f"{what}: not modelled" for what in model.left_out), *kernels.programs.omitted],
+        "left_out": [
+            {"what": said.rpartition(" (")[0], "count": amount(said), "changes_motion": changes_motion(said)} for said in model.left_out
+        ],
+        "omitted": list(kernels.programs.omitted),
         "initial": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
         "kernels": _kernels(kernels.programs),
         "tree": _tree(spanning_tree(model)),

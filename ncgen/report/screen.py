@@ -26,8 +26,12 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
         console.print(f"  initial angles (degrees): {degrees}", markup=False)
     if facts["measured"]:
         console.print(f"  lengths and angles of {facts['measured']} rows are those of the initial position", markup=False)
+    for words, acts in (("not modelled, and it changes the motion", True), ("without effect on the motion", False)):
+        said = [f"{each['what']} ({each['count']})" for each in facts["left_out"] if each["changes_motion"] == acts]
+        if said:
+            console.print(f"  of the file, {words}: {', '.join(said)}", markup=False)
     for line in _grouped(facts["omitted"]):
-        console.print(f"  left out: {line}", markup=False)
+        console.print(f"  left out by the generator: {line}", markup=False)
     if facts["tree"]:
         links = ", ".join(f"{link['body']} on {link['on']} {link['freedoms']}" for link in facts["tree"])
         console.print(f"  tree of bodies, with freedoms before loops are closed: {links}", markup=False)

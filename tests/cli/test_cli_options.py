@@ -182,12 +182,29 @@ STOPPED = """<robot name="bar"><link name="a"/>
 <limit lower="-0.4" upper="1.1" effort="1" velocity="1"/><dynamics friction="1.5"/></joint></robot>"""
 
 
+@pytest.mark.parametrize(
+    ("command", "times"), [(["inspect"], (1, 0)), (["inspect", "--json"], (0, 0)), (["run", "--no-files", "--duration", "0.1"], (1, 0)),
+                           (["run", "--no-files", "--duration", "0.1", "--json"], (0, 1)), (["convert"], (0, 1))]
+)  # fmt: skip
+def test_what_a_robot_lacks_is_said_once(ncgen_main, folder, command, times):
+    """In a list, apart from what does not change the motion and what the generator left out; where there is no list, in a warning."""
+    Path("bar.urdf").write_text(STOPPED, encoding="utf-8")
+    backend = () if command == ["convert"] else ("--backend", "numpy")
+    said = ncgen_main(command[0], "bar.urdf", *command[1:], *backend)
+    assert said.code == 0
+    listed = "  of the file, not modelled, and it changes the motion: limits of joints (1), friction of joints (1), velocity limits (1)\n"
+    warned = "ncgen: bar.urdf: 3 things that change the motion are not modelled, limits of joints first; "
+    assert (said.out.count(listed), said.err.count(warned)) == times
+    assert said.out.count("  of the file, without effect on the motion: effort limits (1)\n") == times[0]
+
+
 def test_stops_and_friction_of_a_robot(ncgen_main, folder):
     """What is asked for is no longer left out; a bar with a stop at −0.4 rad comes to rest there."""
     Path("bar.urdf").write_text(STOPPED, encoding="utf-8")
-    omitted = json.loads(ncgen_main("inspect", "bar.urdf", "--with", "limits", "--json").out)["omitted"]
-    assert [what for what in omitted if "not modelled" in what] == [
-        f"{what} (1): not modelled" for what in ("friction of joints", "effort limits", "velocity limits")
+    left_out = json.loads(ncgen_main("inspect", "bar.urdf", "--with", "limits", "--json").out)["left_out"]
+    assert left_out == [
+        {"what": what, "count": 1, "changes_motion": changes}
+        for what, changes in (("friction of joints", True), ("effort limits", False), ("velocity limits", True))
     ]
     both = "--with", "limits", "--with", "friction"
     said = ncgen_main("run", "bar.urdf", *both, "--duration", "3", "--rtol", "1e-6", "--no-files", "--json")

@@ -17,7 +17,7 @@ from pathlib import Path
 import ncgen
 from ncgen.errors import NcgenError
 from ncgen.exchange.robots import FORMATS
-from ncgen.exchange.robots.accounting import changes_motion
+from ncgen.exchange.robots.accounting import amount, changes_motion
 from ncgen.exchange.robots.markup import read_markup
 
 SUFFIXES = (".sdf", ".urdf", ".xml")
@@ -41,7 +41,7 @@ def judged(path: Path, only_joints: bool, inertias: str) -> tuple[str, str]:
             model = ncgen.load(path, inertias=inertias)
     except NcgenError as error:
         return "refused", str(error)
-    left = sum(int(said.rpartition("(")[2].rstrip(")")) for said in model.left_out if changes_motion(said))
+    left = sum(amount(said) for said in model.left_out if changes_motion(said))
     return "read", f"{joints} joints, {len(model.bodies)} bodies, {left} left out, {time.process_time() - begun:.2f} s"
 
 

@@ -1,5 +1,6 @@
 """Every word of a robot's file is modelled, only seen, listed or refused: the formats' tables against the published schemas."""
 
+import warnings
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -122,6 +123,24 @@ URDF = """<robot name="r"><link name="a"/>
 def test_what_nobody_reads_of_urdf_is_listed(tmp_path, change, told):
     (tmp_path / "r.urdf").write_text(URDF.format(**{"pose": "", "link": "", "joint": "", "kind": "revolute"} | change))
     assert list(ncgen.load(tmp_path / "r.urdf").left_out) == told
+
+
+@pytest.mark.parametrize(
+    ("joint", "said"),
+    [
+        ('<limit lower="-1" upper="1" effort="5" velocity="0"/><dynamics friction="1"/>', "2 things that change the motion are"),
+        ('<limit lower="-1" upper="1"/>', "1 thing that changes the motion is"),
+        ('<calibration rising="1"/>', ""),
+    ],
+)
+def test_loading_warns_once_of_what_changes_the_motion(tmp_path, joint, said):
+    (tmp_path / "r.urdf").write_text(URDF.format(pose="", link="", joint=joint, kind="revolute"))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        ncgen.load(tmp_path / "r.urdf")
+    told = f"r.urdf: {said} not modelled, limits of joints first; model.left_out and `ncgen inspect` list all"
+    assert [str(each.message) for each in caught] == ([told] if said else [])
+    assert all(each.filename == __file__ and each.category is UserWarning for each in caught)
 
 
 def test_a_rotation_that_is_not_read_is_refused(tmp_path):

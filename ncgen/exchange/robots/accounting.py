@@ -6,6 +6,7 @@ read.
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ WITHOUT_EFFECT = frozenset(
     }
 )  # fmt: skip
 """What is listed and does not change the motion."""
+
+NOT_MODELLED = "not modelled"
+"""What ends the count in the warning of `warn_of`: a program that shows the list itself finds the warning by it."""
 
 
 @dataclass(frozen=True)
@@ -143,3 +147,24 @@ def counted(findings: Iterable[Finding | str]) -> tuple[str, ...]:
 def changes_motion(said: str) -> bool:
     """Whether what `counted` says, without it, is a reason for another motion."""
     return said.rpartition(" (")[0].partition(",")[0] not in WITHOUT_EFFECT
+
+
+def amount(said: str) -> int:
+    """How often something was found, of what `counted` says."""
+    return int(said.rpartition("(")[2].rstrip(")"))
+
+
+def warn_of(left_out: Iterable[str], file: str, stacklevel: int) -> None:
+    """Warn once of what a file says, a model does not have, and would change its motion.
+
+    left_out: of the model; stacklevel: of `warnings.warn` where this is called
+    """
+    acting = [said for said in left_out if changes_motion(said)]
+    count = sum(map(amount, acting))
+    if count:
+        things = "thing that changes the motion is" if count == 1 else "things that change the motion are"
+        first = acting[0].rpartition(" (")[0]
+        warnings.warn(
+            f"{file}: {count} {things} {NOT_MODELLED}, {first} first; model.left_out and `ncgen inspect` list all",
+            stacklevel=stacklevel + 1,
+        )

@@ -32,7 +32,7 @@ from ncgen.exchange.robots.mjcf_fields import (
     without_constraints,
 )
 from ncgen.exchange.robots.mjcf_keyframes import keyframes
-from ncgen.exchange.robots.mjcf_sensors import frames_of, sensors
+from ncgen.exchange.robots.mjcf_sensors import frames_of, sensors, sites_of
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung
 from ncgen.exchange.text import placed
@@ -125,11 +125,11 @@ class _Reader:
         self.geoms: dict[int, list[int]] = {}
         for g, body in enumerate(model.geom_bodyid):
             self.geoms.setdefault(int(body), []).append(g)
-        self.frames = frames_of(model)
+        self.frames, self.sites = frames_of(model), sites_of(model)
         self.name = files[0].attributes.get("model") or path.stem
         self.bodies = [WORLD, *(model.body(i).name or f"body{i}" for i in range(1, model.nbody))]
         self.places: dict[str, Placement] = {WORLD: Placement()}
-        self.links: dict[str, Link] = {WORLD: Link(WORLD, None, shapes=self._seen(0))}
+        self.links: dict[str, Link] = {WORLD: Link(WORLD, None, shapes=self._seen(0), sites=self.sites.get(0, {}))}
         self.joints: list[Joint] = []
         self.joint_names: list[str] = [model.joint(j).name or f"joint{j}" for j in range(model.njnt)]
 
@@ -153,6 +153,7 @@ class _Reader:
             starts=starts,
             sensors=sensors(self.m, self.joint_names),
             actuators=motors,
+            words=("body", "site"),
         )
         found = hung(robot, self.places)
         return with_closures(found, [*closures_of(found), *(_closure(each, found) for each in closed.apart)]) if closed.apart else found
@@ -166,14 +167,22 @@ class _Reader:
             last = count == len(own)
             child = name if last else f"{name}.{self.joint_names[j]}"
             if not last:
-                self.places[child], self.links[child] = place, Link(child, None, self.where)
+                self.places[child], self.links[child] = place, Link(child, None, self.where, origin=None)
             self.joints.append(self._joint(j, parent, child, place))
             parent = child
         if not own:
             self.joints.append(Joint(f"{name}.fixed", "fixed", parent, name, place, where=self.where))
         self.places[name], self.links[name] = (
             place,
-            Link(name, self._mass(i), self.where, self._seen(i), self._lifted(i), self.frames.get(i, {})),
+            Link(
+                name,
+                self._mass(i),
+                self.where,
+                self._seen(i),
+                self._lifted(i),
+                self.frames.get(i, {}),
+                sites=self.sites.get(i, {}),
+            ),
         )
 
     def _seen(self, i: int) -> tuple[Shape, ...]:

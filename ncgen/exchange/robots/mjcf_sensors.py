@@ -62,6 +62,16 @@ def frames_of(m: Compiled) -> dict[int, dict[str, Placement]]:
     return found
 
 
+def sites_of(m: Compiled) -> dict[int, dict[str, Placement]]:
+    """{body: {name of a site: where it is in the body}}."""
+    found: dict[int, dict[str, Placement]] = {}
+    for number in range(m.nsite):
+        if name := m.site(number).name:
+            for body, frame in _frame(m, SITE, number):
+                found.setdefault(body, {})[name] = frame
+    return found
+
+
 def _frame(m: Compiled, kind: int, number: int) -> Iterator[tuple[int, Placement]]:
     """The body of an object and its frame there, if it has one."""
     if kind == BODY:

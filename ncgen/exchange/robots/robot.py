@@ -57,6 +57,8 @@ class Link:
 
     lifted: masses whose weight is compensated by a force at their centre; their tensors say nothing
     frames: that something is measured in, by names that no other link has
+    origin: the frame that the file calls like the link; None where the file has no such link
+    sites: other frames that the file names on it
     """
 
     name: str
@@ -65,13 +67,16 @@ class Link:
     shapes: tuple[Shape, ...] = ()
     lifted: tuple[Mass, ...] = ()
     frames: Mapping[str, Placement] = field(default_factory=dict)
+    origin: Placement | None = field(default_factory=Placement)
+    sites: Mapping[str, Placement] = field(default_factory=dict)
 
     def seen_from(self, frame: Placement) -> Link:
         """The same, where its own frame stands in another one like this."""
         mass = None if self.mass is None else self.mass.seen_from(frame)
         shapes, lifted = (tuple(each.seen_from(frame) for each in some) for some in (self.shapes, self.lifted))
-        frames = {name: frame @ own for name, own in self.frames.items()}
-        return replace(self, mass=mass, shapes=shapes, lifted=lifted, frames=frames)
+        frames, sites = ({name: frame @ own for name, own in some.items()} for some in (self.frames, self.sites))
+        origin = frame @ self.origin if self.origin else None
+        return replace(self, mass=mass, shapes=shapes, lifted=lifted, frames=frames, origin=origin, sites=sites)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,6 +206,9 @@ class Robot:
     omitted: what the file says and a model does not, in words; starts: states of the file, by name
     actuators: of the file; None in formats without them
     motors: names of joints that have one, where a file beside the robot's says so
+    as_given: names of links, by themselves or with what is fixed to them, whose moments of inertia no body has, and are taken all the same
+    resting: frames that the file names in the world, where no link rests
+    words: what the format calls links and their other frames
     """
 
     name: str
@@ -216,6 +224,9 @@ class Robot:
     actuators: tuple[Actuator, ...] | None = None
     sensors: tuple[Sensor, ...] = ()
     motors: tuple[str, ...] = ()
+    as_given: frozenset[str] = frozenset()
+    resting: Mapping[str, Placement] = field(default_factory=dict)
+    words: tuple[str, str] = ("link", "frame")
 
     def ordered(self) -> Robot:
         """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""

@@ -7,7 +7,7 @@ every word.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -90,14 +90,27 @@ class _Reader:
         resting = [name for name, entry in entries.items() if entry.scope.static]
         joints = [joint for entry in self.moving if (joint := self.joint(entry)) is not None]
         places = {name: entry.scope.place(entry.element.name(), entry.element) for name, entry in entries.items()}
-        for entry in self.entries("frame"):
-            entry.scope.place(entry.element.name(), entry.element)  # so that one without sense is refused
+        sites = self._sites(places)
+        links = {name: replace(link, sites=sites.get(name, {})) for name, link in links.items()}
         gears = tuple(self._gear(each, joints) for each in self.gears)
         welds = [Joint(numbered(f"{name}.rests", entries.__contains__), "fixed", WORLD, name, places[name]) for name in resting]
         joints = [*welds, *joints]
         if any(WORLD in (joint.parent, joint.child) for joint in joints):
             links, places = {WORLD: Link(WORLD, None), **links}, {WORLD: Placement(), **places}
-        return replace(self._tree(links, joints, places), rows=gears)
+        return replace(self._tree(links, joints, places), rows=gears, resting=sites.get(WORLD, {}))
+
+    def _sites(self, places: Mapping[str, Placement]) -> dict[str, dict[str, Placement]]:
+        """{link: {frame that moves with it: where it is in the link}}, those of the world among them. Raises ModelError for one that is
+        placed or attached nowhere. places: of links in the world"""
+        found: dict[str, dict[str, Placement]] = {}
+        for entry in self.entries("frame"):
+            name = entry.element.name()
+            place = entry.scope.place(name, entry.element)
+            home = entry.scope.body(name) or (WORLD if entry.scope.static else None)
+            if home is None:
+                entry.element.refuse(f"frame {name}: what it is attached to moves with no link; name a link, a joint, a frame or a model")
+            found.setdefault(home, {})[entry.full] = places[home].inverse() @ place if home != WORLD else place
+        return found
 
     def _tree(self, links: dict[str, Link], joints: list[Joint], places: dict[str, Placement]) -> Robot:
         """A tree of what hangs together; what else moves freely hangs on the world."""

@@ -29,8 +29,9 @@ class LinkFrame:
     def __init__(self, space: JointSpace, name: str) -> None:
         frames = space.kernels.model.frames
         if not isinstance(name, str) or name not in frames:
-            known = ", ".join(frames) or "it has none; frames are those of links in robots' files"
-            raise ModelError(f"{space.kernels.name} has no frame {given.echo(name)}; known: {known}")
+            inner = [each for each in frames if isinstance(name, str) and each.endswith(f":{name}")]
+            known = f"say {' or '.join(inner)}" if inner else given.offer(name, list(frames), "known:")
+            raise ModelError(f"{space.kernels.name} has no frame {given.echo(name)}; {known}")
         self.space, self.name, self._initial = space, name, frames[name]
         self.body = self._initial.body
         links = space.tree.links
@@ -46,7 +47,7 @@ class LinkFrame:
             rotation, position = (np.broadcast_to(x, (*q.shape[:-1], *x.shape)).copy() for x in (start.rotation, start.position))
             return rotation, position
         point = self.space.tree.links[self._link].body.points[0]
-        turn = transformation(self.space.kernels, self.body, q)
+        turn = transformation(self.space.kernels, self.body, q, self.space.p)
         return turn @ start.rotation, self.space.element(point, q) + turn @ (start.position - point.initial)
 
     def jacobian(self, q: ArrayLike, reference: Reference = "world-aligned") -> np.ndarray:
