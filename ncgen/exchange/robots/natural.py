@@ -156,9 +156,10 @@ class _Builder:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
                 tensor = _tensor(mass, self.layout.size).tolist()
-                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor)
+                as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
+                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor, **as_given)
             for part in parts.chosen if parts else ():
-                add_part(self.model, self.bodies[solid], part, word(part.name, "link"))
+                add_part(self.model, self.bodies[solid], part, word(part.name, "link"), part.name in self.robot.as_given)
 
     def _show(self, solid: Solid, body: Body) -> None:
         """What a link looks like, on its body."""

@@ -94,8 +94,8 @@ def homes_of(robot: Robot) -> dict[str, str]:
     return homes
 
 
-def add_part(model: Model, body: Body, part: Part, word: str) -> None:
-    """A part's ten parameters, and its mass fixed to a body. word: how they begin"""
+def add_part(model: Model, body: Body, part: Part, word: str, as_given: bool) -> None:
+    """A part's ten parameters, and its mass fixed to a body. word: how they begin; as_given: whatever its moments of inertia are"""
     names = ["mass", *(f"centre.{axis}" for axis in AXES), *(f"inertia.{AXES[i]}{AXES[j]}" for i, j in ENTRIES)]
     first = numbered(word, lambda wish: any(model.bearer(f"{wish}.{name}") is not None for name in names))
     values = [part.mass.mass, *part.mass.com, *(part.mass.tensor[i, j] for i, j in ENTRIES)]
@@ -107,7 +107,7 @@ def add_part(model: Model, body: Body, part: Part, word: str) -> None:
     for i, j in ENTRIES:
         shares = [rotation[i, k] * rotation[j, l] + (rotation[i, l] * rotation[j, k] if k != l else 0.0) for k, l in ENTRIES]
         tensor[i][j] = tensor[j][i] = combined(np.where(np.abs(shares) < ROUNDING, 0.0, shares), made[4:])
-    model.payload(body, part.name, made[0], com, tensor)
+    model.payload(body, part.name, made[0], com, tensor, **({"as_given": True} if as_given else {}))
 
 
 def combined(shares: Sequence[float] | np.ndarray, values: Sequence[Scalar]) -> Scalar:
