@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 from ncgen.errors import ModelError, NcgenError, shown
 from ncgen.exchange.robots.markup import Markup, read_markup
 from ncgen.exchange.text import placed
-from ncgen.files import contents, is_file, is_there
+from ncgen.files import contents, is_file, is_there, write_text
 
 Compiled: TypeAlias = Any
 """mujoco.MjModel, of a package that need not be there."""
@@ -130,7 +130,7 @@ def compiled(path: Path, text: str | None = None) -> Compiled:
         file = path
         if text is not None:
             file = Path(folder) / path.name
-            file.write_text(text, encoding="utf-8")
+            write_text(file, text)
         _run(file, Path(mujoco.__file__).parent, Path(folder))
         said: list[str] = []
         before = mujoco.get_mju_user_warning()
