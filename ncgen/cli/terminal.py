@@ -30,12 +30,15 @@ Floating = Annotated[
 JOINTS = ("limits", "friction", "motors", "sensors")
 """What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
 
+PARAMETERS = ("inertia",)
+"""What becomes parameters of a robot where it is asked for, by the words of `ncgen.load`."""
+
 Having = Annotated[
     list[str] | None,
     typer.Option(
         "--with",
-        help="limits, friction, motors or sensors of a robot's joints, as its file says; may be repeated",
-        autocompletion=lambda: JOINTS,
+        help="limits, friction, motors or sensors of a robot as its file says, inertia of its links as parameters; may be repeated",
+        autocompletion=lambda: (*JOINTS, *PARAMETERS),
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
@@ -62,9 +65,10 @@ def tell(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]],
 def of_robots(floating: bool | None, having: list[str] | None) -> dict[str, Any]:
     """What `ncgen.load` is told of a robot. Raises ModelError naming a word that --with does not know."""
     for word in having or ():
-        if word not in JOINTS:
-            raise ModelError(f"--with {word}: a robot's joints can have {', '.join(JOINTS)}")
-    return {"floating": floating, **{word: True for word in having or ()}}
+        if word not in (*JOINTS, *PARAMETERS):
+            raise ModelError(f"--with {word}: a robot can have {', '.join((*JOINTS, *PARAMETERS))}")
+    asked = set(having or ())
+    return {"floating": floating, **{word: True for word in JOINTS if word in asked}, "parameters": [w for w in PARAMETERS if w in asked]}
 
 
 def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = ()) -> None:

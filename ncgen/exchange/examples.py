@@ -6,7 +6,7 @@ import ast
 import importlib.util
 import inspect
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -37,6 +37,7 @@ def load(
     sensors: bool = False,
     loops: str | Path | None = None,
     inertias: str = "refused",
+    parameters: str | Sequence[str] = (),
 ) -> Model:
     """The model of an example, of a TOML file, of a robot's file (URDF, SDF, MJCF), or of a Python file that has a function `build()`
     returning a model.
@@ -46,7 +47,10 @@ def load(
     motors: a robot's actuators, or its joints where the file says no actuators, have inputs, with gears, servos and limits of the file
     sensors: the sensors of an MJCF file are outputs
     loops: a TOML file that says what closes a robot's loops; None for ROBOT.loops.toml beside its file, if there is one
-    inertias: "balanced" for the mean of moments of inertia that no body has, with a warning; "refused" for a ModelError
+    inertias: of moments of inertia that no body has "balanced" for their mean, "as given" for the file's numbers, both with a warning
+        that counts bodies; "refused" for a ModelError
+    parameters: "inertia" for masses, centres of mass and moments of inertia of all links as parameters of the model, with the file's
+        values, LINK.mass, LINK.centre.x, LINK.inertia.xy; names of links for those of these, which may have none in the file: a payload
     Warns, in one line, of how many things of a robot's file that change the motion the model does not have; `left_out` of the model lists
     them. Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
@@ -57,12 +61,13 @@ def load(
             raise ModelError(f"{word}: {shown(given)} given; give True or False")
     suffix = path.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(path):
-        return robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias, stacklevel=2)
+        return robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias, parameters, stacklevel=2)
     for word, given in (
         ("floating", floating is not None),
         *having.items(),
         ("loops", loops is not None),
         ("inertias", inertias != "refused"),
+        ("parameters", len(parameters) > 0),
     ):
         if given:
             raise ModelError(f"{path.name}: {word} is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says itself what it has")

@@ -6,9 +6,10 @@ parallel to the global ones, all in the initial position.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ncgen.errors import ModelError, shown
 from ncgen.model.conditions import Bound, Condition, Moments
 from ncgen.model.elements import AXES, Point, Spatial, Vector
 from ncgen.model.rigid import Frame
-from ncgen.model.values import Parameter, Scalar, Value, as_sympy, evaluate, is_number, mentioned, symbol_of, total, vanishes
+from ncgen.model.values import Parameter, Scalar, Value, as_sympy, evaluate, is_number, mentioned, settled, symbol_of, total, vanishes
 
 if TYPE_CHECKING:
     import sympy
@@ -39,7 +40,9 @@ class Inertia:
     elements; two points are a bar, and three elements get the cross product of their directions for the third.
     Any number may be a value with parameters; a mass that is one
     scales the tensor only if the user writes it so. `assumed` is True where no moments were given: a point mass, which cannot rotate.
-    `is_judged` is False where parameters may make it one that no body has: in identification, which finds sums over bodies alone.
+    `is_judged` is False where parameters may make it one that no body has: in identification, which finds sums over bodies alone,
+    and where moments that no body has are taken as a file says them.
+    parts: what it is the sum of, where masses are fixed to the body (`m.payload`); each is judged by itself
     """
 
     mass: Value
@@ -48,6 +51,48 @@ class Inertia:
     basis: tuple[Spatial, ...] | None = None
     assumed: bool = False
     is_judged: bool = True
+    name: str = ""
+    parts: tuple[Inertia, ...] = ()
+
+    def plus(self, others: Iterable[Inertia], parameters: dict[str, Parameter]) -> Inertia:
+        """All together, on the basis of this one."""
+        parts = (*(self.parts or (self,)), *others)
+        masses = [as_sympy(part.mass) for part in parts]
+        mass = total(masses)
+        if sum(evaluate(m, parameters, self.name) for m in masses) == 0:  # nothing yet: parameters may give it a mass
+            masses, mass = [1.0] * len(parts), float(len(parts))
+        com = tuple(
+            settled(total(m * as_sympy(x) for m, x in zip(masses, column, strict=True)) / mass)
+            for column in zip(*(part.com for part in parts), strict=True)
+        )
+        tensor = np.array([[total(part.about(com)[k][l] for part in parts) for l in range(3)] for k in range(3)], dtype=object)
+        is_judged = all(part.is_judged for part in parts)
+        return Inertia(total(as_sympy(part.mass) for part in parts), com, tensor, self.basis, is_judged=is_judged, parts=parts)
+
+    def numbers(self, parameters: dict[str, Parameter]) -> tuple[float, np.ndarray, np.ndarray]:
+        """Mass, centre of mass (3,) and tensor (3, 3) at the parameters' defaults, found once."""
+        if self not in _numbers:
+            _numbers[self] = self._evaluated(parameters)
+        return _numbers[self]
+
+    def _evaluated(self, parameters: dict[str, Parameter]) -> tuple[float, np.ndarray, np.ndarray]:
+        if self.parts:
+            own, *others = (replace(part, mass=m, com=c, tensor=t) for part in self.parts for m, c, t in (part.numbers(parameters),))
+            whole = own.plus(others, parameters)
+            return float(whole.mass), np.array(whole.com), whole.tensor.astype(float)
+        mass, *rest = (evaluate(x, parameters, self.name) for x in (self.mass, *self.com, *self.tensor.flat))
+        return mass, np.array(rest[:3]), np.array(rest[3:]).reshape(3, 3)
+
+    def about(self, point: Sequence[Scalar]) -> list[list[Scalar]]:
+        """The tensor (3, 3) about another point (3,) in m: Steiner."""
+        d = [as_sympy(c) - x for c, x in zip(self.com, point, strict=True)]
+        squared, mass = total(x * x for x in d), as_sympy(self.mass)
+        return [
+            [as_sympy(self.tensor[k, l]) + mass * ((squared if k == l else 0.0) - x * y) for l, y in enumerate(d)] for k, x in enumerate(d)
+        ]
+
+
+_numbers: WeakKeyDictionary[Inertia, tuple[float, np.ndarray, np.ndarray]] = WeakKeyDictionary()
 
 
 class BodyFrame(NamedTuple):
@@ -160,8 +205,8 @@ def load_names(body: Body, element: Spatial) -> tuple[str, ...]:
     return tuple(f"{kind}({body.name},{element.name}).{axis}" for axis in AXES)
 
 
-def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -> None:
-    """Raise ModelError with what makes an inertia (3, 3) impossible, if anything does."""
+def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray, as_given: bool = False) -> None:
+    """Raise ModelError with what makes an inertia (3, 3) impossible, if anything does. as_given: whatever its principal moments are"""
     if com.shape != (3,):
         raise ModelError(f"body {name}: the centre of mass has shape {com.shape}; give three numbers, or two for a body of the plane")
     of_mass, of_moments = conditions(name, mass, tensor)
@@ -169,7 +214,8 @@ def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -
     gap = np.max(np.abs(tensor - tensor.T))
     if gap > SYMMETRIC * np.max(np.abs(tensor)):
         raise ModelError(f"body {name}: the inertia tensor is not symmetric, by {gap:.3g}; its off-diagonal entries must be equal in pairs")
-    of_moments.check(tensor.ravel())
+    if not as_given:
+        of_moments.check(tensor.ravel())
 
 
 def conditions(name: str, mass: Value, tensor: np.ndarray) -> tuple[Condition, Condition]:

@@ -75,7 +75,8 @@ def _found(model: Model) -> Judged:
 def _conditions(model: Model) -> Iterator[Condition]:
     for body in model.bodies.values():
         if body.inertia is not None and body.inertia.is_judged:
-            yield from bodies.conditions(body.name, body.inertia.mass, body.inertia.tensor)
+            for part in body.inertia.parts or (body.inertia,):
+                yield from bodies.conditions(part.name or body.name, part.mass, part.tensor)
     for row in model.rows:
         yield from rows.conditions(row)
     yield from model.conditions

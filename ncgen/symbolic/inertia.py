@@ -5,16 +5,19 @@ For a base point r and directions x₁…x₃ the kinetic energy is ½ Σ s_kl v
     S = [ m    m aᵀ ]    a = X⁻¹ d,  Z = X⁻¹ (J_G + m d dᵀ) X⁻ᵀ,  d = com − r,  J_G = ½ tr(I) 1 − I
         [ m a   Z   ]
 
-(natural coordinates, 2.2). Numbers are doubles taken as fractions, so S is exact and is rounded once. Where positions,
-masses or moments have parameters, entries are expressions of them.
+(natural coordinates, 2.2), summed over what is fixed to the body. Numbers are doubles taken as fractions, so S is exact and is rounded
+once. Where positions, masses or moments have parameters, entries are expressions of them.
 """
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import sympy
@@ -54,10 +57,19 @@ class StandardInertia:
     crossed: bool = False
 
 
+_known: WeakKeyDictionary[Inertia, dict[tuple[Spatial, ...], StandardInertia]] = WeakKeyDictionary()
+
+
 def standard_inertia(body: Body, parameters: dict[str, Parameter]) -> StandardInertia:
-    """The inertia of a body over its basis; raises ModelError where a small basis cannot carry it."""
+    """The inertia of a body over its basis, found once; raises ModelError where a small basis cannot carry it."""
+    known, basis = _known.setdefault(body.own_inertia, {}), body.basis
+    if basis not in known:
+        known[basis] = _over_basis(body, basis, parameters)
+    return known[basis]
+
+
+def _over_basis(body: Body, basis: tuple[Spatial, ...], parameters: dict[str, Parameter]) -> StandardInertia:
     inertia = body.own_inertia
-    basis = body.basis
     base = next(e for e in basis if isinstance(e, Point))
     others = [e for e in basis if e is not base]
     forms: list[Form] = [((1.0, base.components),)]
@@ -66,18 +78,20 @@ def standard_inertia(body: Body, parameters: dict[str, Parameter]) -> StandardIn
     axes = [_exact(e.given) for e in others]
     origin = _exact(base.given)
     axes = [[x - (o if isinstance(e, Point) else 0) for x, o in zip(v, origin, strict=True)] for v, e in zip(axes, others, strict=True)]
-    offset = [c - o for c, o in zip(_exact(inertia.com), origin, strict=True)]
-    if not others:
-        return _point_mass(body, inertia, offset, forms, parameters)
+    if len(others) < 2 and not (others and _is_planar(base, others[0])):
+        offset = [c - o for c, o in zip(_exact(inertia.com), origin, strict=True)]
+        small = _bar(body, inertia, axes[0], offset, forms, parameters) if others else None
+        return small or _point_mass(body, inertia, offset, forms, parameters)
     if len(others) == 1:
-        if not _is_planar(base, others[0]):
-            return _bar(body, inertia, axes[0], offset, forms, parameters)
         forms.append(((1.0, NORMAL.components),))
         axes.append(_exact([0.0, 0.0, 1.0]))
     crossed = len(axes) == 2
     if crossed:
         axes.append(list(cross(axes[0], axes[1])))
-    return StandardInertia(tuple(forms), _standard(inertia, axes, offset, parameters), crossed)
+    matrix, *more = (_standard(part, axes, origin, parameters) for part in inertia.parts or (inertia,))
+    for other in more:
+        matrix = tuple(tuple(_plus(a, b) for a, b in zip(*rows, strict=True)) for rows in zip(matrix, other, strict=True))
+    return StandardInertia(tuple(forms), matrix, crossed)
 
 
 def centre_weights(standard: StandardInertia) -> tuple[Exact, ...]:
@@ -86,22 +100,45 @@ def centre_weights(standard: StandardInertia) -> tuple[Exact, ...]:
 
 
 def _standard(
-    inertia: Inertia, axes: Sequence[Sequence[Exact]], offset: Sequence[Exact], parameters: dict[str, Parameter]
+    inertia: Inertia, axes: Sequence[Sequence[Exact]], origin: Sequence[Exact], parameters: dict[str, Parameter]
 ) -> tuple[tuple[Exact, ...], ...]:
     inverse = _inverse(axes)
     sizes = [_norm(row, parameters) for row in inverse]
-    away = _norm(offset, parameters)
-    a = [_cleaned(dot(row, offset), size * away) for row, size in zip(inverse, sizes, strict=True)]
-    tensor = [_exact(row) for row in inertia.tensor]
-    half = sum((tensor[k][k] for k in range(3)), Fraction(0)) / 2
-    planar: list[list[Exact]] = [[(half if k == l else 0) - tensor[k][l] for l in range(3)] for k in range(3)]
-    spread = [[dot(row, [dot(planar[k], other) for k in range(3)]) for other in inverse] for row in inverse]
-    whole = evaluate(half, parameters, "")  # the trace of J_G; directions have sizes of their own, so every entry has its scale
-    spread = [[_cleaned(x, whole * n * m) for x, m in zip(row, sizes, strict=True)] for row, n in zip(spread, sizes, strict=True)]
+    lever = [*_exact(inertia.com), *origin]
+    away = math.dist(*([evaluate(x, parameters, "") for x in point] for point in (lever[:3], origin)))
+    a = [_cleaned(_combined([*row, *(-x for x in row)], lever, size), size * away) for row, size in zip(inverse, sizes, strict=True)]
+    tensor = [x for row in inertia.tensor for x in _exact(row)]
+    whole = evaluate(sum((tensor[4 * k] for k in range(3)), Fraction(0)) / 2, parameters, "")
+    spread: list[list[Exact]] = [[Fraction(0)] * 3 for _ in range(3)]
+    for i in range(3):
+        for j in range(
+            i + 1
+        ):  # X⁻¹ (½ tr(I) 1 − I) X⁻ᵀ by the entries of I; directions have sizes of their own, so every one has its scale
+            half, scale = dot(inverse[i], inverse[j]) / 2, sizes[i] * sizes[j]
+            shares = [(half if k == l else 0) - inverse[i][k] * inverse[j][l] for k in range(3) for l in range(3)]
+            spread[i][j] = spread[j][i] = _cleaned(_combined(shares, tensor, scale), whole * scale)
     mass = _mass(inertia.mass)
     top = (mass, *(_times(mass, x) for x in a))
     rows = [(_times(mass, a[k]), *(_plus(spread[k][l], _times(mass, a[k] * a[l])) for l in range(3))) for k in range(3)]
     return (top, *map(tuple, rows))
+
+
+def _combined(shares: Sequence[Exact], values: Sequence[Exact], size: float) -> Exact:
+    """Σ share · value, where shares are numbers with each term of the values once; without terms whose share is rounding beside `size`."""
+    if any(map(is_symbolic, shares)) or not any(map(is_symbolic, values)):
+        return sum((share * value for share, value in zip(shares, values, strict=True)), Fraction(0))
+    number, found = Fraction(0), defaultdict[sympy.Expr, Fraction](Fraction)
+    for share, value in zip(shares, values, strict=True):
+        if isinstance(value, Fraction):
+            number += share * value
+            continue
+        for term, factor in value.as_coefficients_dict().items():
+            if term == 1:
+                number += share * Fraction(float(factor))
+            else:
+                found[term] += share * Fraction(float(factor))
+    terms = [sympy.Float(float(share)) * term if share != 1 else term for term, share in found.items() if abs(share) > ROUNDING * size]
+    return sympy.Add(*terms, *([sympy.Float(float(number))] if number else [])) if terms else number
 
 
 def _norm(vector: Iterable[Exact], parameters: dict[str, Parameter]) -> float:

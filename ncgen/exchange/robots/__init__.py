@@ -5,6 +5,7 @@ A format is a module with a function from the file's root element to a `Robot`; 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
@@ -69,6 +70,7 @@ def load_robot(
     motors: bool = False,
     sensors: bool = False,
     inertias: str = "refused",
+    parameters: str | Sequence[str] = (),
     stacklevel: int = 1,
 ) -> Model:
     """The model of a robot's file. Warns, in one line, of how many things that change the motion it does not have.
@@ -77,23 +79,27 @@ def load_robot(
     limits, friction: of joints, as springs and couples; else they are left out
     motors, sensors: inputs for actuators of the file, or for joints; outputs for its sensors; else they are left out
     loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
-    inertias: "refused", or "balanced" where no body has them
+    inertias: "refused", "balanced" or "as given" where no body has them
+    parameters: "inertia", or names of links, whose numbers become parameters
     stacklevel: of warnings, 1 for who calls this
     Raises ModelError with file and line.
     """
     from ncgen.exchange.robots.accounting import warn_of
-    from ncgen.exchange.robots.balance import balanced
+    from ncgen.exchange.robots.balance import accepted
     from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
     from ncgen.exchange.robots.loops import beside, closed
     from ncgen.exchange.robots.natural import model_of
+    from ncgen.exchange.robots.parameters import names_asked
 
-    robot = balanced(read_robot(path), inertias, stacklevel + 1)
+    asked = names_asked(parameters)
+    robot = read_robot(path)
+    robot = accepted(robot, inertias, robot.floats if floating is None else floating, stacklevel + 1)
     table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
     if table:
         robot = closed(robot, table)
     elif follows_from_start(robot):
         robot = with_closures(robot, closures_of(robot))
-    model = model_of(robot, floating, limits, friction, motors, sensors)
+    model = model_of(robot, floating, limits, friction, motors, sensors, asked)
     warn_of(model.left_out, path.name, stacklevel + 1)
     return model
 

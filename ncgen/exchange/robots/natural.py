@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
 from ncgen.exchange.robots.motors import EFFORTS, MOTORS, add_motors
+from ncgen.exchange.robots.parameters import Parts, add_part, homes_of, parts_of
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
 from ncgen.exchange.robots.placement import rotation_about
 from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
@@ -31,7 +32,13 @@ NOTHING = 1e-15
 
 
 def model_of(
-    robot: Robot, floating: bool | None = None, limits: bool = False, friction: bool = False, motors: bool = False, sensors: bool = False
+    robot: Robot,
+    floating: bool | None = None,
+    limits: bool = False,
+    friction: bool = False,
+    motors: bool = False,
+    sensors: bool = False,
+    parameters: Sequence[str] = (),
 ) -> Model:
     """The model of a robot whose joints are ordered, with all joint coordinates at 0.
 
@@ -39,9 +46,11 @@ def model_of(
     limits, friction: joints have stops and dry friction (`ncgen.exchange.robots.stops`); else they are among what is left out
     sensors: outputs for sensors of the file (`ncgen.exchange.robots.sensors`)
     motors: inputs for actuators of the file, or for joints (`ncgen.exchange.robots.motors`)
+    parameters: what becomes a parameter (`ncgen.exchange.robots.parameters`)
     Raises ModelError naming a link with an impossible inertia, or a joint that cannot be as it is said.
     """
-    builder = _Builder(together(robot), robot.floats if floating is None else floating)
+    floats = robot.floats if floating is None else floating
+    builder = _Builder(together(robot), floats, parts_of(robot, floats, parameters) if parameters else {})
     model = builder.build()
     model.frames = _frames_of(robot, builder.layout.ground.name, {solid.name: body.name for solid, body in builder.bodies.items()})
     acting = [(hold.joint, builder.coordinates[hold.joint.name]) for hold in builder.layout.holds if hold.joint.name in builder.coordinates]
@@ -71,10 +80,7 @@ def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str
 
     bodies: {link without those fixed to it: name of its body}, the ground's among them
     """
-    homes = {robot.root: robot.root}
-    for joint in robot.joints:
-        homes[joint.child] = homes[joint.parent] if joint.kind == "fixed" else joint.child
-    places, links = robot.frames(robot.base), robot.links
+    homes, places, links = homes_of(robot), robot.frames(robot.base), robot.links
     own, others = dict[str, BodyFrame](), dict[str, BodyFrame]()
     for name, at in places.items():
         body, link = bodies[homes[name]], links[name]
@@ -89,8 +95,8 @@ def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str
 
 
 class _Builder:
-    def __init__(self, robot: Robot, floating: bool) -> None:
-        self.robot, self.floating = robot, floating
+    def __init__(self, robot: Robot, floating: bool, parts: Mapping[str, Parts]) -> None:
+        self.robot, self.floating, self.parts = robot, floating, parts
         self.layout: Layout = Layer(robot, floating).layout()
         self.model = Model(word(robot.name, "robot"))
         self.elements: dict[Place, Spatial] = {}
@@ -138,8 +144,8 @@ class _Builder:
         return self.model.free_name(word(name, "joint"))
 
     def _body(self, solid: Solid) -> None:
-        link, frame = self.robot.links[solid.name], self.layout.frames[solid.name]
-        mass = link.mass.seen_from(frame) if link.mass else None
+        link, frame, parts = self.robot.links[solid.name], self.layout.frames[solid.name], self.parts.get(solid.name)
+        mass = parts.fixed if parts else link.mass.seen_from(frame) if link.mass else None
         elements = [self.elements[place] for place in solid.places]
         points = [e for e in elements if isinstance(e, Point)]
         vectors = [e for e in elements if isinstance(e, Vector)]
@@ -150,7 +156,10 @@ class _Builder:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
                 tensor = _tensor(mass, self.layout.size).tolist()
-                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor)
+                as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
+                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor, **as_given)
+            for part in parts.chosen if parts else ():
+                add_part(self.model, self.bodies[solid], part, word(part.name, "link"), part.name in self.robot.as_given)
 
     def _show(self, solid: Solid, body: Body) -> None:
         """What a link looks like, on its body."""

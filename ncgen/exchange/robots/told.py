@@ -46,9 +46,8 @@ def mass_of(model: Model, body: Body | None, origin: np.ndarray) -> Mass | None:
     """A body's mass in a frame along the global axes; None where it has none."""
     if body is None or body.inertia is None:
         return None
-    values = (body.inertia.mass, *body.inertia.com, *body.inertia.tensor.flat)
-    numbers = [evaluate(x, model.parameters, f"body {body.name}") for x in values]
-    return Mass(numbers[0], np.array(numbers[1:4]) - origin, np.array(numbers[4:]).reshape(3, 3))
+    mass, com, tensor = body.inertia.numbers(model.parameters)
+    return Mass(mass, com - origin, tensor)
 
 
 def gravity_of(model: Model) -> tuple[float, float, float]:

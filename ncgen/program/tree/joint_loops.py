@@ -25,9 +25,10 @@ from ncgen.program.ir.sampling import Sample
 from ncgen.program.ir.verify import verify
 from ncgen.program.lines import Lines, line
 from ncgen.program.tree.composite import needed_loads
-from ncgen.program.tree.joint_space import ACCELERATED, DIRECTION, MOVING, POSITION, Made, changes, momenta
+from ncgen.program.tree.joint_space import ACCELERATED, DIRECTION, MOVING, POSITION, Made, changes, gravity_of, momenta
 from ncgen.program.tree.rates import Row
 from ncgen.program.tree.recursion import Column, Recursion
+from ncgen.program.tree.regressor import NAMES, frames_of, regressor
 from ncgen.program.tree.tree_position import TreePosition
 from ncgen.symbolic.numbering import Terms
 
@@ -48,7 +49,7 @@ class JointLoops(Recursion):
         super().__init__(equations, None, samples, sizes)
 
     def programs(self, what: Made) -> dict[str, Program]:
-        """By name, tangents or all others."""
+        """By name."""
         found = {program.name: program for program in (make(self) for make in MADE[what])}
         rates = self.rates
         lengths = {"t": 1, "q": len(rates.equations.free), "x": rates.count, "p": len(rates.equations.parameters)}
@@ -104,13 +105,19 @@ class JointLoops(Recursion):
     def loads_tangent(self) -> Program:
         return self._program("loads_tangent", (*MOVING, *DIRECTION), self._changes(self._given))
 
+    def regressor(self) -> Program:
+        place = self.rates.place
+        rates = self.spread(self._loaded("a"), self.bias)[: self.joints]
+        rows = regressor(place, self.velocity, gravity_of(self.lines), rates, frames_of(self.model, place.tree))
+        columns = [{k: row[c] for k, row in rows.items() if c in row} for c in range(len(NAMES) * len(place.tree.links))]
+        return self._program("regressor", ACCELERATED, [dot(self.graph, own, column) for own in self.R for column in columns])
+
     @cached_property
     def _needed(self) -> list[int]:
         """Forces of the independent rates against inertia and gravity."""
         place, graph = self.rates.place, self.graph
-        x, y, z = map(self.lines.value, self.model.gravity_field)
         rates = self.spread(self._loaded("a"), self.bias)
-        found = place.inward({}, needed_loads(place, self.velocity, self.loads.own, (x, y, z), rates[: self.joints]))
+        found = place.inward({}, needed_loads(place, self.velocity, self.loads.own, gravity_of(self.lines), rates[: self.joints]))
         forces: Column = {k: graph.neg(node) for k, node in found.items()}
         if self.loads.mass:
             accelerations = self.over_coordinates(rates, self.velocity.accelerations(rates[: self.joints]))
@@ -224,4 +231,5 @@ MADE = {
         JointLoops.momenta,
     ),
     "slopes": (JointLoops.inverse_tangent, JointLoops.loads_tangent),
+    "regressor": (JointLoops.regressor,),
 }

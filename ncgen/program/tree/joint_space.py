@@ -9,6 +9,7 @@
                                      the angular one about the origin (6 numbers a rate)
     joint_inverse_tangent(t, q, v, a, p, dx, dv), joint_loads_tangent(t, q, v, p, dx, dv)
                                   -> how these two change where the joints move by dx and the rates by dv
+    joint_regressor(t, q, v, a, p) -> what joint_inverse is linear in, row by row (`ncgen.program.tree.regressor`)
 
 All are those of the tree before loops are closed (`ncgen.symbolic.tree`), by composite inertias and the recursive Newton-Euler
 algorithm in global axes (`ncgen.program.tree.composite`). Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5 and 6.
@@ -29,6 +30,7 @@ from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.verify import verify
 from ncgen.program.lines import Lines
 from ncgen.program.tree.composite import inertias_of, mass_matrix, needed_loads, nothing
+from ncgen.program.tree.regressor import NAMES, frames_of, regressor
 from ncgen.program.tree.tree_motion import Loads, TreePlace, TreeVelocity, add_force
 from ncgen.program.tree.tree_position import TreePosition
 from ncgen.symbolic.equations import build_equations
@@ -41,8 +43,8 @@ ACCELERATED = ("t", "q", "v", "a", "p")
 DIRECTION = ("dx", "dv")
 """What programs take: a position, rates and accelerations, and directions of joints and rates."""
 
-Made: TypeAlias = Literal["basics", "slopes"]
-"""Which programs are made: tangents, or all others."""
+Made: TypeAlias = Literal["basics", "slopes", "regressor"]
+"""Which programs are made: tangents, the regressor, or all others."""
 
 Followed = Mapping[int, tuple[int, float]]
 """{coordinate: (rate, share)} of relative coordinates that follow a joint: the coordinate's rate is `share` times that of the screw, and
@@ -50,7 +52,7 @@ it is the coordinate's that the programs take and give."""
 
 
 def assemble_joint_space(equations: Terms, followed: Followed, what: Made) -> dict[str, Program]:
-    """The programs by name, tangents or all others; every coordinate must be that of an element of the tree, or followed."""
+    """The programs by name; every coordinate must be that of an element of the tree, or followed."""
     tree = spanning_tree(equations.model)
     programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MADE[what]}
     n, count = len(equations.free), tree.freedoms
@@ -64,6 +66,12 @@ def changes(graph: Graph, nodes: Sequence[int], moved: Sequence[int], count: int
     direction = {graph.load("q", c): node for c, node in enumerate(moved)} | {graph.load("v", k): graph.load("dv", k) for k in range(count)}
     found = tangent(graph, nodes, direction)
     return [found.get(node, graph.const(0.0)) for node in nodes]
+
+
+def gravity_of(lines: Lines) -> Vector:
+    """The field (m/s²)."""
+    x, y, z = map(lines.value, lines.equations.model.gravity_field)
+    return x, y, z
 
 
 def momenta(place: TreePlace) -> list[int]:
@@ -157,6 +165,13 @@ class _Basics:
         total, found = momenta(self.place)[:4], momenta(self.place)[4:]
         return self.program("momenta", POSITION, [*total, *(self.scaled(k // 6, node) for k, node in enumerate(found))])
 
+    def regressor(self) -> Program:
+        gravity, velocity = gravity_of(self.lines), TreeVelocity(self.place, self.rates())
+        rows = regressor(self.place, velocity, gravity, self.rates("a"), frames_of(self.model, self.tree))
+        count, none = len(NAMES) * len(self.tree.links), self.graph.const(0.0)
+        nodes = [self.scaled(k, rows[k].get(c, none)) for k in range(self.count) for c in range(count)]
+        return self.program("regressor", ACCELERATED, nodes)
+
     def _changes(self, nodes: Sequence[int]) -> list[int]:
         """How nodes change along dx and dv."""
         where, vectors = moving(self.lines.equations, self.tree), self.place.velocities(self.rates("dx"))
@@ -167,9 +182,8 @@ class _Basics:
         return changes(self.graph, nodes, moved, self.count)
 
     def _inverse(self) -> list[int]:
-        x, y, z = map(self.lines.value, self.model.gravity_field)
         velocity = TreeVelocity(self.place, self.rates())
-        needed = needed_loads(self.place, velocity, inertias_of(self.place), (x, y, z), self.rates("a"))
+        needed = needed_loads(self.place, velocity, inertias_of(self.place), gravity_of(self.lines), self.rates("a"))
         found = {k: self.graph.neg(node) for k, node in self.place.inward({}, needed).items()}
         for (a, b), node in self.rotors.items():
             found[a] = self.graph.add(found.get(a, self.graph.const(0.0)), self.graph.mul(node, self.rates("a")[b]))
@@ -207,4 +221,5 @@ class _Basics:
 MADE = {
     "basics": (_Basics.position, _Basics.screws, _Basics.mass, _Basics.inverse, _Basics.loads, _Basics.momenta),
     "slopes": (_Basics.inverse_tangent, _Basics.loads_tangent),
+    "regressor": (_Basics.regressor,),
 }

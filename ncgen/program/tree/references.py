@@ -13,7 +13,7 @@ import numpy as np
 
 from ncgen.model.arithmetic import dot, product
 from ncgen.model.elements import Point
-from ncgen.model.values import Parameter, evaluate
+from ncgen.model.values import Parameter
 from ncgen.symbolic.tree import Link, Tree
 
 LOST = 1e3
@@ -53,8 +53,7 @@ def _is_near(link: Link, point: Point, parameters: dict[str, Parameter]) -> bool
     inertia = link.body.inertia
     if inertia is None:
         return True
-    numbers = [evaluate(x, parameters, link.body.name) for x in (inertia.mass, *inertia.com, *inertia.tensor.flat)]
-    mass, center, tensor = numbers[0], np.array(numbers[1:4]), np.array(numbers[4:]).reshape(3, 3)
+    mass, center, tensor = inertia.numbers(parameters)
     lever = center - point.initial
     for screw in link.screws:
         if screw.point is not None:

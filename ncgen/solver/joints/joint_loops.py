@@ -46,6 +46,10 @@ NEARLY = 1e-9
 """A step that does not get shorter any more is rounding, too, if it is shorter than this."""
 
 
+KEPT = 16
+"""Parameters for which the start with loops closed is kept."""
+
+
 class JointsInLoops(JointSpace):
     """Joints that hold each other. why: that they are no open tree, for messages."""
 
@@ -98,12 +102,15 @@ class JointsInLoops(JointSpace):
                 step /= 2
         return x, q
 
-    @cached_property
+    @property
     def begin(self) -> tuple[np.ndarray, np.ndarray]:
         """All displacements of joints, and coordinates of no body, at the start with loops closed, and the position there."""
-        x = np.zeros(len(self.sizes))
+        return self.kernels.remember("start of joints in loops", self.p.tobytes(), self._begin, KEPT)
+
+    def _begin(self) -> tuple[np.ndarray, np.ndarray]:
+        x, start = np.zeros(len(self.sizes)), self.kernels.start(self.p)
         for c, k in self._coordinates.items():
-            x[k] = self.kernels.q0[c]
+            x[k] = start[c]
         found = self._newton(x)
         if found is None:
             raise ConvergenceError(f"{self.kernels.name}: loops do not close at the start; run assemble first and correct the model")
@@ -113,7 +120,7 @@ class JointsInLoops(JointSpace):
         """Displacements and position with loops closed, near to where they are; None where there is no such place."""
         last = np.inf
         for _ in range(STEPS):
-            found = self._functions("joint_position", 0.0, x, self.kernels.p0)
+            found = self._functions("joint_position", 0.0, x, self.p)
             q, change = found[: self.kernels.n], found[self.kernels.n :]
             size = float(np.max(np.abs(change) / self.sizes, initial=0.0))
             if not size <= 1.0:

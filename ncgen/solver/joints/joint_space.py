@@ -9,10 +9,11 @@ Source: Featherstone, Rigid Body Dynamics Algorithms (2008); natural coordinates
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property, partial
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,14 +21,19 @@ from numpy.typing import ArrayLike
 from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.elements import Point, Spatial
+from ncgen.model.elements import Component, Point, Spatial
+from ncgen.model.values import is_number
 from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_space import Made, assemble_joint_space
-from ncgen.solver import given
+from ncgen.solver import geometry, given
 from ncgen.solver.frames import transformation
+from ncgen.solver.joints import identification
 from ncgen.solver.joints.joint_names import carried, followed_by, names_of
 from ncgen.solver.joints.link_frames import LinkFrame
 from ncgen.symbolic.tree import Tree, moving, spanning_tree
+
+if TYPE_CHECKING:
+    from ncgen.solver.joints.inverse_kinematics import Target
 
 FRAMES = ("global", "local", "spatial")
 """How a Jacobian may be told."""
@@ -47,12 +53,14 @@ SLOPES = {
 """The programs of `ncgen.program.tree.joint_space`, and what they take."""
 
 
-def joint_space(kernels: Kernels) -> JointSpace:
+def joint_space(kernels: Kernels, p: given.Given | None = None) -> JointSpace:
     """The joint space of a mechanism, made once for every kernels object.
 
+    p: parameters, numbers (n_p,) or {name: number}, others have their defaults
     Raises ModelError where a body is too thin to be part of a tree, or where no tree of bodies moves as the rows allow.
     """
-    return given.checked_kernels(kernels).remember("joint space", (), lambda: _made(kernels))
+    space = given.checked_kernels(kernels).remember("joint space", (), lambda: _made(kernels))
+    return space if p is None else space.at(p)
 
 
 def _made(kernels: Kernels) -> JointSpace:
@@ -91,8 +99,8 @@ class JointSpace(ABC):
 
     rates: their names; coordinates: names of the joints that have one; n: how many rates there are
     Positions q are ncgen's natural coordinates (n_q,), consistent, as `position` gives them; with NumPy kernels leading axes are batches,
-    with compiled ones states of a batch go through one after the other. Parameters have their defaults. Forces are N along what slides,
-    N m along what turns.
+    with compiled ones states of a batch go through one after the other. Parameters have their defaults, or are those of `at`. Forces are N
+    along what slides, N m along what turns.
     """
 
     kind: str
@@ -105,12 +113,21 @@ class JointSpace(ABC):
     """Why it is no open tree, where it is none."""
 
     def __init__(self, kernels: Kernels, tree: Tree, rates: tuple[str, ...]) -> None:
-        self.kernels, self.tree = kernels, tree
+        self.kernels, self.tree, self.p = kernels, tree, kernels.p0
         self.rates, self.n = rates, len(rates)
         self.coordinates = tuple(name for name in rates if name in kernels.index)
 
     def __repr__(self) -> str:
         return f"<JointSpace {self.kernels.name}: {self.n} rates>"
+
+    def at(self, p: given.Given) -> JointSpace:
+        """The same at parameters p, numbers (n_p,) or {name: number}; others have their defaults. Nothing is compiled for it.
+
+        Raises ModelError for what is no parameter, and for what the model refuses as a number in its place, such as a negative mass.
+        """
+        found = copy.copy(self)
+        found.p = given.parameters(self.kernels, p)
+        return found
 
     # -- positions -----------------------------------------------------------------------------
 
@@ -137,7 +154,7 @@ class JointSpace(ABC):
 
     def _joint_values(self, values: Mapping[str, float] | None, what: str) -> np.ndarray:
         """Values of all joints (n,): those given by name, else the initial ones."""
-        found = self.values(self.kernels.q0)
+        found = self.values(self.kernels.start(self.p))
         for name, value in given.numbers_by_name({} if values is None else values, self.rates, what, "joint").items():
             found[self.rates.index(name)] = value
         return found
@@ -167,22 +184,25 @@ class JointSpace(ABC):
 
     def inverse_kinematics(
         self,
-        point: str,
-        place: ArrayLike,
+        point: str | Mapping[str, Target],
+        place: ArrayLike | None = None,
         rotation: ArrayLike | None = None,
         body: str | None = None,
         start: Mapping[str, float] | None = None,
     ) -> dict[str, float]:
-        """Values of the joints that bring a point to a place (3,) in m, by least squares from a start, and from some beside it.
+        """Values of the joints that bring frames to poses, or a point to a place, by least squares from a start, and from some beside it.
 
+        point: {frame: (rotation (3, 3), position (3,) in m)} as `LinkFrame.pose` gives them, all of which are reached at once, None for
+            any rotation or position; or the name of a point, which has what follows
+        place: where the point shall be (3,) in m
         rotation: what the body shall have turned by since the initial position (3, 3); None for any
         body: the one that the point is taken with, by default that nearest to the ground
         start: values of joints to begin with, others are those of the initial position
-        Raises ConvergenceError with what is left where the point cannot get there, or not from this start.
+        Raises ConvergenceError with what is left where it cannot get there, or not from this start.
         """
-        from ncgen.solver.joints.inverse_kinematics import values_for
+        from ncgen.solver.joints.inverse_kinematics import aims_of, values_for
 
-        return values_for(self, point, place, rotation, body, self._joint_values(start, "start"))
+        return values_for(self, aims_of(self, point, place, rotation, body), self._joint_values(start, "start"))
 
     def centre_of_mass(self, q: ArrayLike) -> np.ndarray:
         """Of all bodies that move (…, 3), in m."""
@@ -240,7 +260,7 @@ class JointSpace(ABC):
             along = along + np.cross(turning, self.element(element, q)[..., None, :])
         halves = [np.einsum("...ki,...kn->...in", half, spread) for half in (along, turning)]
         if frame == "local":
-            back = np.swapaxes(transformation(self.kernels, self.tree.links[link].body.name, q), -1, -2)
+            back = np.swapaxes(transformation(self.kernels, self.tree.links[link].body.name, q, self.p), -1, -2)
             halves = [back @ half for half in halves]
         return np.concatenate(halves, axis=-2)
 
@@ -271,12 +291,12 @@ class JointSpace(ABC):
 
     def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
         """In J (…,), rotors included."""
-        return self.kernels.energy(self._array(q), self.velocities(q, v))[..., 0]
+        return self.kernels.energy(self._array(q), self.velocities(q, v), p=self.p)[..., 0]
 
     def potential_energy(self, q: ArrayLike) -> np.ndarray:
         """Of weight, springs and whatever else has a potential, in J (…,)."""
         q = self._array(q)
-        return self.kernels.energy(q, np.zeros_like(q))[..., 1]
+        return self.kernels.energy(q, np.zeros_like(q), p=self.p)[..., 1]
 
     def _momenta(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mass (…, 1), first moment about the origin (…, 3), momenta about the origin of the tree's rates (…, -, 6)."""
@@ -309,7 +329,7 @@ class JointSpace(ABC):
 
         Springs, dampers and other forces of the model are not in them: `loads`.
         """
-        return self._functions("joint_inverse", 0.0, self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"), self.kernels.p0)
+        return self._functions("joint_inverse", 0.0, self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"), self.p)
 
     def gravity(self, q: ArrayLike) -> np.ndarray:
         """The forces that hold the mechanism against gravity (…, n)."""
@@ -321,7 +341,7 @@ class JointSpace(ABC):
 
     def loads(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
         """What springs, dampers and other forces of the model do along the joints (…, n), at a time t (s)."""
-        return self._functions("joint_loads", given.finite(t, "t"), self._array(q), self._over_rates(v, "v"), self.kernels.p0)
+        return self._functions("joint_loads", given.finite(t, "t"), self._array(q), self._over_rates(v, "v"), self.p)
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
         """Accelerations of the joints (…, n) with forces along them beside those of the model (…, n; None: zero).
@@ -343,6 +363,35 @@ class JointSpace(ABC):
         except np.linalg.LinAlgError:
             raise SingularError(f"{self.kernels.name}: a joint moves nothing that has inertia; give its bodies mass") from None
         return np.linalg.solve(np.swapaxes(factors, -1, -2), np.linalg.solve(factors, right / sizes)) / sizes
+
+    def regressor(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> np.ndarray:
+        """Y (…, n, 10 · bodies) with Y π = `inverse_dynamics`, without rotors, for the inertial parameters π of the bodies.
+
+        Their names and order: `inertial_names`. It depends on lengths alone.
+        """
+        own = identification.frames(self)
+        kind, size = f"regressor_{identification.key_of(own)}", 10 * len(own) * self.n
+        inputs = {"joint_regressor": self.inputs["joint_inverse"]}
+        made = self._functions_of("regressor", inputs, lambda: {"joint_regressor": size}, kind)
+        found = made("joint_regressor", 0.0, self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"), self.p)
+        return found.reshape(*found.shape[:-1], self.n, 10 * len(own))
+
+    @property
+    def inertial_names(self) -> tuple[str, ...]:
+        """Of the inertial parameters of the bodies, ten each, about the origin of the body's frame: BODY.m, .mx, .my, .mz, .Ixx, .Ixy,
+        .Iyy, .Ixz, .Iyz, .Izz."""
+        return identification.names_of(self)
+
+    def inertial_values(self) -> np.ndarray:
+        """π (10 · bodies,) at the parameters of this space, in kg, kg m and kg m²."""
+        return identification.values_of(self)
+
+    def base_parameters(self, tolerance: float = identification.DEPENDENT) -> identification.BaseParameters:
+        """The combinations of inertial parameters that forces along the joints depend on, by the rank of the regressor at random states.
+
+        tolerance: what is left of a column beside those before it, over the largest column, to count as independent
+        """
+        return identification.base_parameters(self, tolerance)
 
     def inverse_dynamics_slopes(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseSlopes:
         """Exact derivatives of `inverse_dynamics` by positions, rates and accelerations of the joints.
@@ -371,25 +420,34 @@ class JointSpace(ABC):
         """By positions and by rates (…, n, n), one direction after the other."""
         spread = [array[..., None, :] for array in state]
         unit, none = np.eye(self.n), np.zeros((self.n, self.n))
-        parts = (self._slope_functions(name, t, *spread, self.kernels.p0, *along) for along in ((unit, none), (none, unit)))
+        parts = (self._slope_functions(name, t, *spread, self.p, *along) for along in ((unit, none), (none, unit)))
         by_position, by_rate = (np.swapaxes(part, -1, -2) for part in parts)
         return by_position, by_rate
 
     # -- helpers -------------------------------------------------------------------------------
 
-    @cached_property
+    @property
     def _functions(self) -> Functions:
-        return functions(self.kernels, f"{self.kind}_basics", self.inputs, self._sizes(), self._counts(), partial(self.made, "basics"))
+        return self._functions_of("basics", self.inputs, self._sizes)
 
-    @cached_property
+    @property
     def _slope_functions(self) -> Functions:
         """Made when they are first asked for: they are longer than all others together."""
-        sizes = dict.fromkeys(SLOPES, self.n)
-        return functions(self.kernels, f"{self.kind}_slopes", SLOPES, sizes, self._counts(), partial(self.made, "slopes"))
+        return self._functions_of("slopes", SLOPES, lambda: dict.fromkeys(SLOPES, self.n))
+
+    def _functions_of(
+        self, what: Made, inputs: Mapping[str, tuple[str, ...]], sizes: Callable[[], dict[str, int]], kind: str = ""
+    ) -> Functions:
+        """Functions that are the same at all parameters. kind: a word for them, where they depend on more than the equations"""
+
+        def make() -> Functions:
+            return functions(self.kernels, f"{self.kind}_{kind or what}", inputs, sizes(), self._counts(), partial(self.made, what))
+
+        return self.kernels.remember("joint space functions", what, make)
 
     def _counts(self) -> dict[str, int]:
         """{input of a function: how many numbers it has}."""
-        return dict.fromkeys(("x", "v", "a", "dx", "dv"), self.n) | {"q": self.kernels.n, "p": len(self.kernels.p0)}
+        return dict.fromkeys(("x", "v", "a", "dx", "dv"), self.n) | {"q": self.kernels.n, "p": len(self.p)}
 
     def _sizes(self) -> dict[str, int]:
         """Of the outputs of all functions but slopes."""
@@ -402,7 +460,7 @@ class JointSpace(ABC):
         """The programs by name, assembled now."""
 
     def _of(self, name: str, q: ArrayLike) -> np.ndarray:
-        return self._functions(name, 0.0, self._array(q), self.kernels.p0)
+        return self._functions(name, 0.0, self._array(q), self.p)
 
     def _array(self, q: ArrayLike) -> np.ndarray:
         return self._checked(q, self.kernels.n, "q", "coordinates")
@@ -424,8 +482,13 @@ class JointSpace(ABC):
 
     def element(self, element: Spatial, q: np.ndarray) -> np.ndarray:
         index = self.kernels.index
-        parts = [np.broadcast_to(c.initial, q.shape[:-1]) if c.fixed else q[..., index[c.name]] for c in element.components]
+        parts = [self._fixed(c, q) if c.fixed else q[..., index[c.name]] for c in element.components]
         return np.stack(parts, axis=-1)
+
+    def _fixed(self, component: Component, q: np.ndarray) -> np.ndarray:
+        if is_number(component.value):
+            return np.broadcast_to(component.initial, q.shape[:-1])
+        return geometry.component(self.kernels, component, q, self.p)
 
     def point(self, name: str) -> Point:
         found = self.kernels.model.elements.get(name) if isinstance(name, str) else None
@@ -458,7 +521,7 @@ class JointsOfTree(JointSpace):
         super().__init__(kernels, tree, names_of(kernels, tree, followed))
 
     def placed(self, x: np.ndarray) -> np.ndarray:
-        return self._functions("joint_position", 0.0, self._over_rates(x, "x"), self.kernels.p0)
+        return self._functions("joint_position", 0.0, self._over_rates(x, "x"), self.p)
 
     def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.eye(self.n), np.zeros(self.n)

@@ -47,7 +47,7 @@ class LinkFrame:
             rotation, position = (np.broadcast_to(x, (*q.shape[:-1], *x.shape)).copy() for x in (start.rotation, start.position))
             return rotation, position
         point = self.space.tree.links[self._link].body.points[0]
-        turn = transformation(self.space.kernels, self.body, q)
+        turn = transformation(self.space.kernels, self.body, q, self.space.p)
         return turn @ start.rotation, self.space.element(point, q) + turn @ (start.position - point.initial)
 
     def jacobian(self, q: ArrayLike, reference: Reference = "world-aligned") -> np.ndarray:

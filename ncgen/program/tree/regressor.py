@@ -1,0 +1,132 @@
+"""The forces of inverse dynamics by the inertial parameters of the bodies, in which they are linear: joint_regressor(t, q, v, a, p) -> Y.
+
+Ten parameters say what the inertia of a body is, about the origin of its frame and along the axes of that frame, in Pinocchio's order:
+the mass m, the first moments m c and the second ones Ixx, Ixy, Iyy, Ixz, Iyz, Izz. A body needs force and moment
+
+    m a + ω̇ × h + ω × (ω × h),    I ω̇ + ω × I ω + h × a
+
+with a the acceleration of the origin against gravity. With everything told along the frame's axes the inertia of one parameter alone is 0
+but for one or two entries, so most of this vanishes, and what a joint feels of it is its screw times that.
+Source: Atkeson, An, Hollerbach, Estimation of inertial parameters of manipulator loads and links (1986).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ncgen.model import Model, bodies
+from ncgen.model.arithmetic import weights
+from ncgen.program.algebra.space import PLACES, Vector
+from ncgen.program.tree.composite import Inertia
+from ncgen.program.tree.tree_motion import TreePlace, TreeVelocity
+from ncgen.symbolic.inertia import standard_inertia
+from ncgen.symbolic.tree import Tree
+
+ENTRIES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+"""Of the tensor, in the order of the parameters."""
+
+NAMES = ("m", "mx", "my", "mz", *(f"I{'xyz'[i]}{'xyz'[j]}" for i, j in ENTRIES))
+"""Of the parameters of a body."""
+
+ROUNDING = 1e-15
+"""Shares of directions in a frame's axes that are smaller are 0."""
+
+
+class Frame(NamedTuple):
+    """A body's frame in the initial position. rotation (3, 3): its axes as columns; position (3,): its origin (m)."""
+
+    rotation: np.ndarray
+    position: np.ndarray
+
+
+def frames_of(model: Model, tree: Tree) -> list[Frame]:
+    """Of every link: the frame of its body in a robot's file, else its first point and the global axes."""
+    found = []
+    for link in tree.links:
+        named = next((frame for frame in model.frames.values() if frame.body == link.body.name), None)
+        found.append(Frame(named.rotation, named.position) if named else Frame(np.eye(3), link.body.points[0].initial))
+    return found
+
+
+def regressor(
+    place: TreePlace, velocity: TreeVelocity, gravity: Vector, accelerations: Sequence[int], frames: Sequence[Frame]
+) -> dict[int, dict[int, int]]:
+    """{rate of the tree: {column: node}}, ten columns a link.
+
+    accelerations: of the tree's rates; frames: of the links
+    """
+    space, found = place.space, {}
+    units = _units(place)
+    moved = place.twists(accelerations)
+    for number, frame in enumerate(frames):
+        axes, origin = _frame(place, number, frame)
+        (turning, along), (change, lift) = velocity.twists[number], velocity.changes[number]
+        change = space.add(change, moved[number][0])
+        arm = space.sub(origin, place.reference[number])
+        lift = space.sum((lift, moved[number][1], space.cross(turning, along), space.cross(change, arm)))
+        lift = space.sub(space.add(lift, space.cross(turning, space.cross(turning, arm))), gravity)
+        own = [_along(place, axes, vector) for vector in (turning, lift, change)]
+        loads = [unit.load(space, *own) for unit in units]
+        for home in place.tree.chain(number):
+            lever = space.sub(origin, place.reference[home])
+            for k in place.own[home]:
+                column = place.columns[k]
+                axis, slide = (_along(place, axes, v) for v in (column.axis, space.add(column.along, space.cross(column.axis, lever))))
+                nodes = (space.graph.add(space.dot(axis, moment), space.dot(slide, force)) for force, moment in loads)
+                found.setdefault(k, {}).update(enumerate(nodes, len(NAMES) * number))
+    return found
+
+
+def _units(place: TreePlace) -> list[Inertia]:
+    """The inertia that one parameter alone says, for each."""
+    zero, one = place.space.graph.const(0.0), place.space.graph.const(1.0)
+    nothing = [zero] * 10
+    found = []
+    for k in range(len(NAMES)):
+        values = [*nothing[:k], one, *nothing[k + 1 :]]
+        by_entry = dict(zip(ENTRIES, values[4:], strict=True))
+        xx, yy, zz, xy, xz, yz = (by_entry[entry] for entry in PLACES)
+        found.append(Inertia(values[0], (values[1], values[2], values[3]), (xx, yy, zz, xy, xz, yz)))
+    return found
+
+
+def _frame(place: TreePlace, number: int, frame: Frame) -> tuple[list[Vector], Vector]:
+    """The axes of a link's frame, and its origin, from the elements that the body has."""
+    space, body = place.space, place.tree.links[number].body
+    base = bodies.choose_basis(body)[0]
+    whole = bodies.Inertia(1.0, tuple(base.initial.tolist()), np.eye(3))
+    standard = standard_inertia(replace(body, inertia=whole), place.lines.equations.model.parameters)
+    forms = [
+        [(weight, components, np.array([c.initial for c in components])) for weight, components in form] for form in standard.directions
+    ]
+    now = [space.sum(space.times(space.graph.const(w), _nodes(place, components)) for w, components, _ in form) for form in forms]
+    initial = [sum((w * values for w, _, values in form), np.zeros(3)) for form in forms]
+    if standard.crossed:
+        now.append(space.cross(now[1], now[2]))
+        initial.append(np.cross(initial[1], initial[2]))
+
+    def told(direction: np.ndarray) -> Vector:
+        shares = weights(initial[1:], direction)
+        scale = np.max(np.abs(shares), initial=0.0)
+        return space.sum(
+            space.times(space.graph.const(float(share)), d)
+            for share, d in zip(shares, now[1:], strict=True)
+            if abs(share) > ROUNDING * scale
+        )
+
+    return [told(frame.rotation[:, k]) for k in range(3)], space.add(now[0], told(frame.position - initial[0]))
+
+
+def _nodes(place: TreePlace, components: Sequence) -> Vector:
+    x, y, z = map(place.node, components)
+    return x, y, z
+
+
+def _along(place: TreePlace, axes: Sequence[Vector], vector: Vector) -> Vector:
+    """A vector's components along the axes."""
+    x, y, z = (place.space.dot(axis, vector) for axis in axes)
+    return x, y, z
