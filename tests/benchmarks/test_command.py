@@ -26,11 +26,12 @@ def test_what_cannot_be_measured_is_said_in_a_line(arguments, words, capfd):
     assert said.out == "" and words in said.err and said.err.startswith("bench.py: ")
 
 
+@pytest.mark.slow
 def test_records_for_machines(monkeypatch, capfd):
     monkeypatch.setattr(clock, "SHORTEST", 1e-6)
     monkeypatch.setattr(clock.measure, "__defaults__", (1,))
-    assert bench.main(["pendulum", "--data", "--json"]) == 0
-    assert {r["case"] for r in json.loads(capfd.readouterr().out)} == {"operations"}
+    assert bench.main(["cartpole", "--data", "--json"]) == 0
+    assert {(r["case"], r["model"]) for r in json.loads(capfd.readouterr().out)} == {("operations", "cartpole")}
 
 
 def test_every_measurement_is_in_the_help():
