@@ -94,7 +94,7 @@ def values_of(space: JointSpace) -> np.ndarray:
 
 
 def base_parameters(space: JointSpace, tolerance: float = DEPENDENT, seed: int = 1) -> BaseParameters:
-    """By a QR decomposition of the regressor at random states, column by column from the last body to the first.
+    """By a QR decomposition of the regressor at random states, column by column from the first body on.
 
     tolerance: `DEPENDENT`
     Source: Gautier, Numerical calculation of the base inertial parameters of robots (1991).
