@@ -2,9 +2,12 @@
 
     python -m pytest -m "slow or not slow" --times times.jsonl     # a line a test: its name and seconds
     python tests/times.py times.jsonl                              # writes tests/slow.txt anew
+    python -m pytest --cov=ncgen --cov-context=test                # which test runs which line
+    python tests/times.py times.jsonl .coverage                    # adds to tests/slow.txt until the others take SUITE
 
 Of a test with parameters all cases below SHORT stay in the ordinary suite, and the quickest one below LONG; so does a test that has
-one case, and what KEPT names. What the sources mark, `pytest.mark.slow`, is among the longer proofs in any case.
+one case, and what KEPT names. What the sources mark, `pytest.mark.slow`, is among the longer proofs in any case. Then those go whose lines
+others run as well: first what takes most seconds for the lines that nobody else runs.
 """
 
 from __future__ import annotations
@@ -12,10 +15,11 @@ from __future__ import annotations
 import json
 import resource
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import coverage
 import pytest
 
 LISTED = Path(__file__).with_name("slow.txt")
@@ -24,7 +28,12 @@ SHORT = 0.25
 LONG = 1.5
 """Seconds of the processor, with those of compilers and other processes that a test starts."""
 
+SUITE = 600.0
+"""Seconds of the processor that the ordinary suite may take: on two cores it then ends within 6 minutes."""
+
 KEPT = (
+    "tests/test_",
+    "tests/solver/test_time_loops.py",
     "tests/cli/test_cli_commands.py::test_inspect",
     "tests/comparisons/test_bench.py",
     "tests/comparisons/test_compare.py::test_the_report_asks_nobody",
@@ -42,6 +51,10 @@ KEPT = (
     "tests/robots/test_written_loops.py::test_what_is_read_back_moves_as_what_was_written[fivebar]",
 )
 """Beginnings of the names of tests that stay however long they take: no other ordinary one passes through what they are about."""
+
+
+PHYSICS = ("tests/gallery/",)
+"""Beginnings of the names of tests of what examples do, which is seen in numbers and in no line."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -82,6 +95,38 @@ def longer_proofs(times: Iterable[tuple[str, float]]) -> list[str]:
     return sorted(name for name in found if not name.startswith(KEPT))
 
 
+def lines_of(path: str) -> dict[str, set[tuple[str, int]]]:
+    """{test: lines that it runs}, of what coverage has recorded with `--cov-context=test`."""
+    data = coverage.CoverageData(path)
+    data.read()
+    found: dict[str, set[tuple[str, int]]] = defaultdict(set)
+    for file in data.measured_files():
+        for line, contexts in data.contexts_by_lineno(file).items():
+            for context in contexts:
+                found[context.partition("|")[0]].add((file, line))
+    return found
+
+
+def spared(seconds: dict[str, float], lines: dict[str, set[tuple[str, int]]]) -> list[str]:
+    """Names of the tests without which the others take SUITE, from the seconds of each and the lines that it runs."""
+    runs = Counter(line for each in lines.values() for line in each)
+    left, found = {name for name in seconds if seconds[name] > SHORT and not name.startswith(KEPT + PHYSICS)}, []
+    spent = sum(seconds.values())
+    while spent > SUITE and left:
+        name = max(sorted(left), key=lambda name: seconds[name] / (1 + sum(runs[line] == 1 for line in lines.get(name, ()))))
+        left.discard(name)
+        found.append(name)
+        spent -= seconds[name]
+        runs.subtract(lines.get(name, ()))
+    return found
+
+
 if __name__ == "__main__":
     lines = [json.loads(line) for line in Path(sys.argv[1]).read_text(encoding="utf-8").splitlines()]
-    LISTED.write_text("".join(f"{name}\n" for name in longer_proofs((name, seconds) for name, seconds, *_ in lines)), encoding="utf-8")
+    times = {name: seconds for name, seconds, *_ in lines}
+    if len(sys.argv) > 2:
+        known = LISTED.read_text(encoding="utf-8").splitlines()
+        names = sorted({*known, *spared({name: times[name] for name in times if name not in known}, lines_of(sys.argv[2]))})
+    else:
+        names = longer_proofs(times.items())
+    LISTED.write_text("".join(f"{name}\n" for name in names), encoding="utf-8")

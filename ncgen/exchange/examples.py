@@ -47,7 +47,8 @@ def load(
     motors: a robot's actuators, or its joints where the file says no actuators, have inputs, with gears, servos and limits of the file
     sensors: the sensors of an MJCF file are outputs
     loops: a TOML file that says what closes a robot's loops; None for ROBOT.loops.toml beside its file, if there is one
-    inertias: "balanced" for the mean of moments of inertia that no body has, with a warning; "refused" for a ModelError
+    inertias: of moments of inertia that no body has "balanced" for their mean, "as given" for the file's numbers, both with a warning
+        that counts bodies; "refused" for a ModelError
     parameters: "inertia" for masses, centres of mass and moments of inertia of all links as parameters of the model, with the file's
         values, LINK.mass, LINK.centre.x, LINK.inertia.xy; "geometry" for where joints are in their parents, JOINT.origin.x; names of links
         and joints for those of these: a link may have no inertia in the file, a payload

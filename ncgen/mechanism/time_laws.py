@@ -94,7 +94,6 @@ def _laws(kernels: Kernels, changing: Collection[Input]) -> TimeLaws:
             over_time[node] = made = own.copied(op, [over_time[a] for a in op.args])
             if op.code in SWITCHING and made not in known and own.ops[made].args:
                 known[made] = own.ops[made]
-    t = own.load(*TIME)
     used = {*outputs, *(a for node, op in enumerate(graph.ops) if node not in over_time for a in op.args)}
     narrow = _narrow_nodes(own, [over_time[node] for node in used if node in over_time])
     numbers = {node: k for k, node in enumerate(known)}
@@ -103,13 +102,18 @@ def _laws(kernels: Kernels, changing: Collection[Input]) -> TimeLaws:
         below = own.below([argument])
         if not any(own.ops[b].leaf in changing for b in below):
             continue
-        slope = tangent(own, [argument], {t: own.const(1.0)}).get(argument)
+        slope = slope_in_time(own, argument)
         pieces = op.pieces if op.code == PIECES else ZERO
         jumps, bends = _discontinuous(op)
         switches.append((node, Switch(argument, slope, pieces, jumps, bends, tuple(numbers[b] for b in below if b in numbers))))
     place = {numbers[node]: k for k, (node, _) in enumerate(switches)}
     found = [replace(s, inner=tuple(place[i] for i in sorted(s.inner) if i in place)) for _, s in switches]
     return _without_others(own, found, narrow)
+
+
+def slope_in_time(graph: Graph, node: int) -> int | None:
+    """The node of a node's derivative by time; None where that is 0."""
+    return tangent(graph, [node], {graph.load(*TIME): graph.const(1.0)}).get(node)
 
 
 def _narrow_nodes(graph: Graph, roots: Iterable[int]) -> tuple[int, ...]:

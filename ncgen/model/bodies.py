@@ -40,7 +40,8 @@ class Inertia:
     elements; two points are a bar, and three elements get the cross product of their directions for the third.
     Any number may be a value with parameters; a mass that is one
     scales the tensor only if the user writes it so. `assumed` is True where no moments were given: a point mass, which cannot rotate.
-    `is_judged` is False where parameters may make it one that no body has: in identification, which finds sums over bodies alone.
+    `is_judged` is False where parameters may make it one that no body has: in identification, which finds sums over bodies alone,
+    and where moments that no body has are taken as a file says them.
     parts: what it is the sum of, where masses are fixed to the body (`m.payload`); each is judged by itself
     """
 
@@ -65,7 +66,8 @@ class Inertia:
             for column in zip(*(part.com for part in parts), strict=True)
         )
         tensor = np.array([[total(part.about(com)[k][l] for part in parts) for l in range(3)] for k in range(3)], dtype=object)
-        return Inertia(total(as_sympy(part.mass) for part in parts), com, tensor, self.basis, is_judged=self.is_judged, parts=parts)
+        is_judged = all(part.is_judged for part in parts)
+        return Inertia(total(as_sympy(part.mass) for part in parts), com, tensor, self.basis, is_judged=is_judged, parts=parts)
 
     def numbers(self, parameters: dict[str, Parameter]) -> tuple[float, np.ndarray, np.ndarray]:
         """Mass, centre of mass (3,) and tensor (3, 3) at the parameters' defaults, found once."""
@@ -203,8 +205,8 @@ def load_names(body: Body, element: Spatial) -> tuple[str, ...]:
     return tuple(f"{kind}({body.name},{element.name}).{axis}" for axis in AXES)
 
 
-def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -> None:
-    """Raise ModelError with what makes an inertia (3, 3) impossible, if anything does."""
+def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray, as_given: bool = False) -> None:
+    """Raise ModelError with what makes an inertia (3, 3) impossible, if anything does. as_given: whatever its principal moments are"""
     if com.shape != (3,):
         raise ModelError(f"body {name}: the centre of mass has shape {com.shape}; give three numbers, or two for a body of the plane")
     of_mass, of_moments = conditions(name, mass, tensor)
@@ -212,7 +214,8 @@ def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -
     gap = np.max(np.abs(tensor - tensor.T))
     if gap > SYMMETRIC * np.max(np.abs(tensor)):
         raise ModelError(f"body {name}: the inertia tensor is not symmetric, by {gap:.3g}; its off-diagonal entries must be equal in pairs")
-    of_moments.check(tensor.ravel())
+    if not as_given:
+        of_moments.check(tensor.ravel())
 
 
 def conditions(name: str, mass: Value, tensor: np.ndarray) -> tuple[Condition, Condition]:

@@ -51,6 +51,7 @@ class Structure(Coordinates):
         *,
         rigid: bool = True,
         constant_mass: bool = False,
+        as_given: bool = False,
     ) -> Body:
         """A rigid body.
 
@@ -64,6 +65,8 @@ class Structure(Coordinates):
         basis: the elements that carry the inertia (default: four independent ones if there are, else what there is)
         rigid: False if you write the rows that keep the body rigid yourself
         constant_mass: add an auxiliary unit vector where that makes the body's mass matrix constant
+        as_given: take moments of inertia that no body has, as files of robots may say them; a run is refused, and warns of instants,
+            where the mass matrix is then not positive definite
 
         Raises ModelError naming the body where its inertia is impossible, or missing although the body can rotate, or where its
         elements are degenerate.
@@ -76,27 +79,36 @@ class Structure(Coordinates):
         if mass is None and (com is not None or inertia is not None):
             raise ModelError(f"body {name}: it has a centre of mass or an inertia but no mass; give its mass")
         if mass is not None:
-            body.inertia = self._inertia(body, mass, com, inertia, basis)
+            body.inertia = self._inertia(body, mass, com, inertia, basis, as_given=as_given)
             check_given(body)
         return body
 
     @fact
     def payload(
-        self, body: Body, name: str, mass: Value, com: Values, inertia: Tensor = 0.0, basis: Sequence[Spatial] | None = None
+        self,
+        body: Body,
+        name: str,
+        mass: Value,
+        com: Values,
+        inertia: Tensor = 0.0,
+        basis: Sequence[Spatial] | None = None,
+        *,
+        as_given: bool = False,
     ) -> None:
         """A mass that is fixed to a body: a tool, a load that is carried. It adds to what the body has.
 
         name: for messages; mass: kg; com: its centre of mass (m, global axes, initial position)
         inertia: its tensor about that (kg m², global axes, initial position), as of `body`; default: all mass is at the centre
         basis: the elements that carry it, as of `body`, where the body has no inertia yet
-        mass, com and inertia may hold parameters. Raises ModelError naming the payload where its inertia is impossible.
+        mass, com and inertia may hold parameters; as_given: take moments of inertia that no body has, as of `body`
+        Raises ModelError naming the payload where its inertia is impossible.
         """
         if body is self.ground:
             raise ModelError(f"payload {name}: the ground does not move; give a body")
         if isinstance(inertia, str):
             raise ModelError(f"payload {name}, inertia: {shown(inertia)} given; give numbers (kg m2), or leave it out for a point mass")
         basis = body.inertia.basis if body.inertia else basis
-        added = replace(self._inertia(body, mass, com, inertia, basis, name), name=name)
+        added = replace(self._inertia(body, mass, com, inertia, basis, name, as_given), name=name)
         body.inertia = body.inertia.plus([added], self.parameters) if body.inertia else added
 
     @fact
@@ -194,7 +206,14 @@ class Structure(Coordinates):
         return self.rows[-1]
 
     def _inertia(
-        self, body: Body, mass: Value, com: Values | None, tensor: Tensor | None, basis: Sequence[Spatial] | None, name: str = ""
+        self,
+        body: Body,
+        mass: Value,
+        com: Values | None,
+        tensor: Tensor | None,
+        basis: Sequence[Spatial] | None,
+        name: str = "",
+        as_given: bool = False,
     ) -> Inertia:
         """name: in messages, where it is not the body's"""
         name = name or body.name
@@ -217,10 +236,10 @@ class Structure(Coordinates):
             tensor = rod_tensor(mass, *(p.given for p in points))
         else:
             tensor = self._tensor(name, 0.0 if tensor is None or isinstance(tensor, str) else tensor)
-        check_inertia(name, self._number(mass, ""), self._numbers(com), self._numbers(tensor))
+        check_inertia(name, self._number(mass, ""), self._numbers(com), self._numbers(tensor), as_given)
         if not all(map(is_number, tensor.flat)):
             check_pairs(name, tensor, self.parameters)
-        return Inertia(mass, tuple(com), symmetric(tensor), carriers, assumed)
+        return Inertia(mass, tuple(com), symmetric(tensor), carriers, assumed, is_judged=not as_given)
 
     def _check_word(self, name: str, word: str) -> None:
         """Raise ModelError where an inertia is called by a word that has no meaning, or two."""

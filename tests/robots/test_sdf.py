@@ -375,7 +375,7 @@ def test_inertias_that_no_body_has_are_balanced_where_that_is_asked_for(tmp_path
         bodies = ncgen.load(tmp_path / "m.sdf", inertias="balanced").bodies
     np.testing.assert_allclose(bodies["a"].inertia.tensor.astype(float), 0.3 * np.eye(3), rtol=1e-15)
     np.testing.assert_allclose(bodies["b"].inertia.tensor.astype(float), np.diag([0.1, 0.2, 0.25]), rtol=1e-15)
-    with pytest.raises(ModelError, match="inertias: 'guessed' given; give 'refused' or 'balanced'"):
+    with pytest.raises(ModelError, match="inertias: 'guessed' given; give 'refused', 'balanced' or 'as given'"):
         ncgen.load(tmp_path / "m.sdf", inertias="guessed")
 
 

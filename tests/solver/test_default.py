@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from every_example import EVERY
 
 import ncgen
 from ncgen.comparisons.hard_cases import CASES
@@ -13,6 +14,7 @@ from ncgen.errors import ConvergenceError
 from ncgen.exchange.examples import load
 from ncgen.model import Model
 from ncgen.report.methods import time_limit
+from ncgen.solver.runs.simulation_options import simulation_of
 
 QUICK = (
     "robot",
@@ -166,3 +168,15 @@ def test_a_disc_that_falls_flat_says_so_soon():
     disc = ncgen.compile(load("disc"), "c")
     with pytest.raises(ConvergenceError, match=r"disc: beyond t = 0\.44 s steps .* become tiny .* singular position"):
         ncgen.simulate(disc, 0.5, progress=time_limit(30.0))
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_every_example_runs_as_it_says(name):
+    """By its own `simulation`, to the end, without a warning and on the constraints."""
+    model = load(name)
+    kernels = ncgen.compile(model, "c")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = ncgen.simulate(kernels, **simulation_of(model))
+    assert run.stopped or run.t[-1] == simulation_of(model)["duration"]
+    assert max(np.max(np.abs(kernels.phi(q, t, run.p)), initial=0.0) for t, q in zip(run.t[::10], run.q[::10], strict=True)) < 1e-9

@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ncgen.mechanism.narrow_laws import quick_changes
-from ncgen.mechanism.time_laws import TIME, degrees_in_time, is_slow
+from ncgen.mechanism.time_laws import TIME, degrees_in_time, is_slow, slope_in_time
 from ncgen.model.pieces import Pieces
-from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.graph import Graph, Input
 from ncgen.program.ir.ranges import values
 
@@ -88,8 +87,9 @@ def _base(graph: Graph, node: int, degrees: Mapping[int, float]) -> int | None:
 
 def _argument(graph: Graph, law: int, base: int, defaults: Mapping[Input, float]) -> Argument | None:
     """The argument of a polynomial g, which a law is a function of; None where its vertex is a parameter and no factor of the law."""
-    slope = tangent(graph, [base], {graph.load(*TIME): graph.const(1.0)})[base]
-    curvature = tangent(graph, [slope], {graph.load(*TIME): graph.const(1.0)}).get(slope)
+    slope = slope_in_time(graph, base)
+    assert slope is not None, "a narrow law's argument does not depend on time"
+    curvature = slope_in_time(graph, slope)
     if curvature is None:
         return Argument(base)
     top = graph.neg(graph.div(graph.replaced(slope, {TIME: graph.const(0.0)}), curvature))

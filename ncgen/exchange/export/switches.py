@@ -20,10 +20,10 @@ from ncgen.exchange.export.narrow_switches import narrow_arguments
 from ncgen.mechanism.break_times import MOST_BREAKS, breaks_of_laws
 from ncgen.mechanism.driver_jumps import may_jump
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.time_laws import TIME, TimeLaws, time_laws
+from ncgen.mechanism.time_laws import TIME, TimeLaws, slope_in_time, time_laws
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.derivatives import gradient, tangent
+from ncgen.program.ir.derivatives import gradient
 from ncgen.program.ir.graph import PIECES, Graph, Input, Op
 from ncgen.program.ir.ranges import values
 from ncgen.program.lines import line
@@ -70,17 +70,17 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
     curved: list[int] = []
     for switch in laws.switches:
         argument = nodes[switch.argument]
-        slope = _slope(graph, argument)
+        slope = slope_in_time(graph, argument)
         if slope is None:
             continue  # it is constant between breaks of others
-        if _slope(graph, slope) is None:
+        if slope_in_time(graph, slope) is None:
             straight += _line(graph, argument, slope, switch.pieces, duration)
         else:
             curved.append(graph.lookup(_numbered(switch.pieces), argument))
     defaults = {Input("p", k): float(kernels.p0[k]) for k in laws.parameters}
     arguments, left = narrow_arguments(graph, [nodes[node] for node in laws.narrow], defaults)
     for u, pieces in arguments:
-        slope = _slope(graph, u)
+        slope = slope_in_time(graph, u)
         assert slope is not None, "a narrow law's argument does not depend on time"
         straight += _line(graph, u, slope, pieces, duration)
     watched = _narrow_here(kernels, laws, [node for node in laws.narrow if nodes[node] in left], duration)
@@ -90,11 +90,6 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
     program = line(graph, "switches", ("t", "p"), [*straight, *curved], equations)
     interval = _interval(kernels, replace(laws, narrow=tuple(watched)), duration) if curved else 0.0
     return Switching(program, len(straight) // 4, len(curved), interval, may_jump(kernels))
-
-
-def _slope(graph: Graph, node: int) -> int | None:
-    """The node of a derivative by time; None where that is 0."""
-    return tangent(graph, [node], {graph.load(*TIME): graph.const(1.0)}).get(node)
 
 
 def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duration: float) -> dict[int, Pieces]:

@@ -79,20 +79,21 @@ def load_robot(
     limits, friction: of joints, as springs and couples; else they are left out
     motors, sensors: inputs for actuators of the file, or for joints; outputs for its sensors; else they are left out
     loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
-    inertias: "refused", or "balanced" where no body has them
+    inertias: "refused", "balanced" or "as given" where no body has them
     parameters: "inertia", "geometry", or names of links and joints, whose numbers become parameters
     stacklevel: of warnings, 1 for who calls this
     Raises ModelError with file and line.
     """
     from ncgen.exchange.robots.accounting import warn_of
-    from ncgen.exchange.robots.balance import balanced
+    from ncgen.exchange.robots.balance import accepted
     from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
     from ncgen.exchange.robots.loops import beside, closed
     from ncgen.exchange.robots.natural import model_of
     from ncgen.exchange.robots.parameters import names_asked
 
     asked = names_asked(parameters)
-    robot = balanced(read_robot(path), inertias, stacklevel + 1)
+    robot = read_robot(path)
+    robot = accepted(robot, inertias, robot.floats if floating is None else floating, stacklevel + 1)
     table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
     if table:
         robot = closed(robot, table)

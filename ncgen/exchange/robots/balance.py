@@ -1,4 +1,4 @@
-"""Moments of inertia that no body has, as many files have them, made such that there is one."""
+"""Moments of inertia that no body has, as many files have them: refused, made such that there is one, or taken as they are."""
 
 from __future__ import annotations
 
@@ -8,33 +8,46 @@ from dataclasses import replace
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.exchange.robots.robot import Robot
+from ncgen.exchange.robots.robot import Link, Robot, together
 from ncgen.model.bodies import conditions
 
-INERTIAS = ("refused", "balanced")
+INERTIAS = ("refused", "balanced", "as given")
 """What can become of a link whose largest moment of inertia exceeds the sum of the others."""
 
 
-def balanced(robot: Robot, inertias: str, stacklevel: int = 1) -> Robot:
-    """The robot, where "balanced" is asked for with all three moments of a link at their mean if no body has them.
+def accepted(robot: Robot, inertias: str, floats: bool, stacklevel: int = 1) -> Robot:
+    """The robot with what is to become of moments that no body has; warns of how many bodies there are.
 
-    That is what MuJoCo's `balanceinertia` does. Warns of how many links there are. Raises ModelError for a word that is none of `INERTIAS`.
+    "balanced": all three moments of a link are their mean, as MuJoCo's `balanceinertia` does
+    "as given": bodies, which are links with what is fixed to them, have the file's moments, as in Pinocchio
+    floats: whether the root is a free body, not part of the ground. Raises ModelError for a word that is none of `INERTIAS`.
     """
     if inertias not in INERTIAS:
-        raise ModelError(f"inertias: {shown(inertias)} given; give {' or '.join(map(repr, INERTIAS))}")
+        raise ModelError(f"inertias: {shown(inertias)} given; give {', '.join(map(repr, INERTIAS[:-1]))} or {INERTIAS[-1]!r}")
     if inertias == "refused":
         return robot
-    links, found = dict(robot.links), []
-    for name, link in robot.links.items():
-        if link.mass is None or conditions(name, link.mass.mass, link.mass.tensor)[1].holds(link.mass.tensor.ravel()):
-            continue
-        mean = np.trace(link.mass.tensor) / 3
-        if mean > 0:
-            links[name] = replace(link, mass=replace(link.mass, tensor=mean * np.eye(3)))
-            found.append(name)
+    if inertias == "as given":
+        found = [name for name, link in together(robot).links.items() if is_impossible(link) and (floats or name != robot.root)]
+        alone = (name for name, link in robot.links.items() if is_impossible(link))
+        changed, said = replace(robot, as_given=frozenset((*found, *alone))), "are taken as given"
+    else:
+        means = {name: _balanced(link) for name, link in robot.links.items() if is_impossible(link) and _mean(link) > 0}
+        changed, said, found = replace(robot, links={**robot.links, **means}), "are replaced by their mean", list(means)
     if found:
         warnings.warn(
-            f"{robot.name}: moments of inertia that no body has are replaced by their mean, those of {found[0]} first ({len(found)})",
-            stacklevel=stacklevel + 1,
+            f"{robot.name}: moments of inertia that no body has {said}, those of {found[0]} first ({len(found)})", stacklevel=stacklevel + 1
         )
-    return replace(robot, links=links)
+    return changed
+
+
+def is_impossible(link: Link) -> bool:
+    """Whether no body has the moments of inertia of a link."""
+    return link.mass is not None and not conditions(link.name, link.mass.mass, link.mass.tensor)[1].holds(link.mass.tensor.ravel())
+
+
+def _mean(link: Link) -> float:
+    return float(np.trace(link.mass.tensor)) / 3 if link.mass else 0.0
+
+
+def _balanced(link: Link) -> Link:
+    return replace(link, mass=replace(link.mass, tensor=_mean(link) * np.eye(3))) if link.mass else link

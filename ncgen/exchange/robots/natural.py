@@ -163,14 +163,18 @@ class _Builder:
                 basis = choose_basis(body)
                 self.model.extend(body, *points[1:])
                 if mass is not None:
-                    self.model.payload(body, name, mass.mass, shifted(mass.com, shift), _tensor(mass, self.layout.size).tolist(), basis)
+                    as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
+                    tensor = _tensor(mass, self.layout.size).tolist()
+                    self.model.payload(body, name, mass.mass, shifted(mass.com, shift), tensor, basis, **as_given)
             elif mass is None:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
                 tensor = _tensor(mass, self.layout.size).tolist()
-                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor)
+                as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
+                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor, **as_given)
             for part in parts.chosen if parts else ():
-                add_part(self.model, self.bodies[solid], part, word(part.name, "link"), shift, basis)
+                given = part.name in self.robot.as_given
+                add_part(self.model, self.bodies[solid], part, word(part.name, "link"), given, shift, basis)
 
     def _show(self, solid: Solid, body: Body) -> None:
         """What a link looks like, on its body."""

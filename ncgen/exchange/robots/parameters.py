@@ -144,8 +144,13 @@ def shifted(place: np.ndarray, shift: Shift | None) -> list[Scalar]:
     return place.tolist() if shift is None else [float(x) + more for x, more in zip(place, shift, strict=True)]
 
 
-def add_part(model: Model, body: Body, part: Part, word: str, shift: Shift | None, basis: Sequence[Spatial] | None) -> None:
-    """A part's ten parameters, and its mass fixed to a body. word: how they begin; shift: of the body; basis: as of `m.payload`"""
+def add_part(
+    model: Model, body: Body, part: Part, word: str, as_given: bool, shift: Shift | None = None, basis: Sequence[Spatial] | None = None
+) -> None:
+    """A part's ten parameters, and its mass fixed to a body.
+
+    word: how they begin; as_given: whatever its moments of inertia are; shift: of the body; basis: as of `m.payload`
+    """
     names = ["mass", *(f"centre.{axis}" for axis in AXES), *(f"inertia.{AXES[i]}{AXES[j]}" for i, j in ENTRIES)]
     first = numbered(word, lambda wish: any(model.bearer(f"{wish}.{name}") is not None for name in names))
     values = [part.mass.mass, *part.mass.com, *(part.mass.tensor[i, j] for i, j in ENTRIES)]
@@ -157,7 +162,7 @@ def add_part(model: Model, body: Body, part: Part, word: str, shift: Shift | Non
     for i, j in ENTRIES:
         shares = [rotation[i, k] * rotation[j, l] + (rotation[i, l] * rotation[j, k] if k != l else 0.0) for k, l in ENTRIES]
         tensor[i][j] = tensor[j][i] = combined(np.where(np.abs(shares) < ROUNDING, 0.0, shares), made[4:])
-    model.payload(body, part.name, made[0], com, tensor, basis)
+    model.payload(body, part.name, made[0], com, tensor, basis, **({"as_given": True} if as_given else {}))
 
 
 def combined(shares: Sequence[float] | np.ndarray, values: Sequence[Scalar]) -> Scalar:

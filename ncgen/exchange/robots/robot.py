@@ -206,6 +206,7 @@ class Robot:
     omitted: what the file says and a model does not, in words; starts: states of the file, by name
     actuators: of the file; None in formats without them
     motors: names of joints that have one, where a file beside the robot's says so
+    as_given: names of links, by themselves or with what is fixed to them, whose moments of inertia no body has, and are taken all the same
     resting: frames that the file names in the world, where no link rests
     words: what the format calls links and their other frames
     """
@@ -223,6 +224,7 @@ class Robot:
     actuators: tuple[Actuator, ...] | None = None
     sensors: tuple[Sensor, ...] = ()
     motors: tuple[str, ...] = ()
+    as_given: frozenset[str] = frozenset()
     resting: Mapping[str, Placement] = field(default_factory=dict)
     words: tuple[str, str] = ("link", "frame")
 

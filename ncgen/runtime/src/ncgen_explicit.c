@@ -33,33 +33,52 @@ static ncgen_real *slope(const ncgen_run *r, const ncgen_stepping *w, int stage)
     return w->slopes + (size_t)stage * (size_t)r->ny;
 }
 
-/* The next stage from j on, below `stages`, that has a weight; `stages` if there is none. */
-static int weighted(int j, int stages, const ncgen_scalar *weights)
+/* Terms of a sum of weight times slope, as many as are added in a pass: over few numbers a pass costs more than what it adds. */
+typedef struct {
+    const ncgen_real *slopes[4];
+    ncgen_scalar weights[4];
+} terms;
+
+/* The next terms that have a weight, from stage *j on, which becomes the one behind them: how many. Others have a weight of 0. */
+static inline int next_terms(const ncgen_run *r, const ncgen_stepping *w, int *j, int stages, const ncgen_scalar *weights, terms *s)
 {
-    while (j < stages && !(NCGEN_ABS(weights[j]) > 0))
-        ++j;
-    return j < stages ? j : stages;
+    int count = 0;
+    for (int k = 0; k < 4; ++k) {
+        s->slopes[k] = w->slopes;
+        s->weights[k] = 0;
+    }
+    for (; *j < stages && count < 4; ++*j)
+        if (NCGEN_ABS(weights[*j]) > 0) {
+            s->weights[count] = weights[*j];
+            s->slopes[count++] = slope(r, w, *j);
+        }
+    return count;
 }
 
-/* sum = sum over the stages of weight times slope, two of them at a time. */
+/* sum = sum over the stages of weight times slope, in their order. */
 static void combine(const ncgen_run *r, const ncgen_stepping *w, int stages, const ncgen_scalar *weights,
                     ncgen_real *NCGEN_RESTRICT sum)
 {
     const int ny = r->ny;
-    int j = weighted(0, stages, weights), next = weighted(j + 1, stages, weights);
-    for (int i = 0; j >= stages && i < ny; ++i)
-        sum[i] = 0;
-    for (int begun = 0; j < stages; begun = 1) {
-        const ncgen_scalar weight = weights[j], other = next < stages ? weights[next] : 0;
-        const ncgen_real *NCGEN_RESTRICT k = slope(r, w, j), *NCGEN_RESTRICT l = slope(r, w, next < stages ? next : j);
-        if (!begun)
+    terms s;
+    int j = 0, count = next_terms(r, w, &j, stages, weights, &s);
+    for (int is_first = 1; is_first || count > 0; is_first = 0) {
+        const ncgen_real *NCGEN_RESTRICT a = s.slopes[0], *NCGEN_RESTRICT b = s.slopes[1];
+        const ncgen_real *NCGEN_RESTRICT c = s.slopes[2], *NCGEN_RESTRICT d = s.slopes[3];
+        const ncgen_scalar u = s.weights[0], v = s.weights[1], x = s.weights[2], y = s.weights[3];
+        if (is_first && count > 2)
             for (int i = 0; i < ny; ++i)
-                sum[i] = weight * k[i] + other * l[i];
+                sum[i] = u * a[i] + v * b[i] + x * c[i] + y * d[i];
+        else if (is_first)
+            for (int i = 0; i < ny; ++i)
+                sum[i] = u * a[i] + v * b[i];
+        else if (count > 2)
+            for (int i = 0; i < ny; ++i)
+                sum[i] = sum[i] + u * a[i] + v * b[i] + x * c[i] + y * d[i];
         else
             for (int i = 0; i < ny; ++i)
-                sum[i] = sum[i] + weight * k[i] + other * l[i];
-        j = weighted(next + 1, stages, weights);
-        next = weighted(j + 1, stages, weights);
+                sum[i] = sum[i] + u * a[i] + v * b[i];
+        count = next_terms(r, w, &j, stages, weights, &s);
     }
 }
 
@@ -67,14 +86,7 @@ static void advance(const ncgen_run *r, const ncgen_stepping *w, ncgen_scalar h,
                     ncgen_real *NCGEN_RESTRICT y_new)
 {
     const ncgen_real *NCGEN_RESTRICT y = r->y;
-    const int ny = r->ny, first = weighted(0, stages, weights);
-    if (first < stages && weighted(first + 1, stages, weights) == stages) { /* as in most stages of few */
-        const ncgen_real *NCGEN_RESTRICT k = slope(r, w, first);
-        const ncgen_scalar weight = weights[first];
-        for (int i = 0; i < ny; ++i)
-            y_new[i] = y[i] + h * (weight * k[i]);
-        return;
-    }
+    const int ny = r->ny;
     combine(r, w, stages, weights, y_new);
     for (int i = 0; i < ny; ++i)
         y_new[i] = y[i] + h * y_new[i];

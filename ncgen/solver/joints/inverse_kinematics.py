@@ -1,15 +1,19 @@
-"""Joint values that bring a point of a body to a place, and the body to a rotation, by least squares."""
+"""Joint values that bring points and frames of bodies to places and rotations, by least squares."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 import scipy.optimize
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.model.values import LARGEST
+from ncgen.solver import given
 from ncgen.solver.frames import transformation
 from ncgen.solver.given import array_of, rotation_of
 
@@ -25,55 +29,179 @@ REACHED = 1e-9
 FAR = 1e3
 """What is left, over the mechanism's size, where loops do not close."""
 
+SMALL = 1e-4
+"""Angle (rad) below which (θ − sin θ)/θ³ is 1/6 to half of the digits, and the quotient would lose as many."""
 
-def values_for(
-    space: JointSpace, point: str, place: ArrayLike, rotation: ArrayLike | None, body: str | None, start: np.ndarray
-) -> dict[str, float]:
-    """As `JointSpace.inverse_kinematics`; start: values of all joints (n,)."""
-    target = array_of(place, (3,), "place")
-    if np.max(np.abs(target)) > LARGEST:
-        raise ModelError(f"place: {np.max(np.abs(target)):g} m given; {LARGEST:g} m is the farthest, check the unit")
-    aim = _Aim(space, point, body, target, None if rotation is None else rotation_of(rotation, "rotation"))
-    jacobian: Any = aim.slope  # a function may stand there, though its type says a word
+Target: TypeAlias = "tuple[ArrayLike | None, ArrayLike | None]"
+"""Rotation (3, 3) and position (3,) in m, either of which may be None."""
+
+
+class Carried(Protocol):
+    """Something that moves with a body, as a frame of a link does."""
+
+    name: str
+
+    def pose(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray]: ...
+
+    def jacobian(self, q: ArrayLike) -> np.ndarray: ...
+
+
+class _PointOfBody:
+    """A point with the rotation of its body since the initial position."""
+
+    def __init__(self, space: JointSpace, name: str, body: str | None) -> None:
+        self.space, self.name, self.body = space, name, body
+        self._element, self._turns = space.point(name), space.tree.links[space.link(name, body)].body.name
+
+    def pose(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        q = np.asarray(q)
+        return transformation(self.space.kernels, self._turns, q, self.space.p), self.space.element(self._element, q)
+
+    def jacobian(self, q: ArrayLike) -> np.ndarray:
+        return self.space.jacobian(self.name, q, self.body)
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """What is to be where. rotation (3, 3), place (3,) in m: as it shall be, None for any"""
+
+    thing: Carried
+    rotation: np.ndarray | None
+    place: np.ndarray | None
+
+
+def aims_of(
+    space: JointSpace, point: str | Mapping[str, Target], place: ArrayLike | None, rotation: ArrayLike | None, body: str | None
+) -> list[Aim]:
+    """As `JointSpace.inverse_kinematics` takes them. Raises ModelError for what is no point or frame, no place or no rotation."""
+    if isinstance(point, Mapping):
+        if not (place is None and rotation is None and body is None):
+            raise ModelError("place, rotation and body are those of a point; of frames give {frame: (rotation, position)} alone")
+        return _aims_of_frames(space, point)
+    if isinstance(point, str) and point not in space.kernels.model.elements and point in space.kernels.model.frames and body is None:
+        return _aims_of_frames(space, {point: (rotation, place)})
+    target, thing = _place(place, "place"), _PointOfBody(space, point, body)
+    return [Aim(thing, None if rotation is None else rotation_of(rotation, "rotation"), target)]
+
+
+def _aims_of_frames(space: JointSpace, targets: Mapping[str, Target]) -> list[Aim]:
+    """Raises ModelError for what is no frame, or no target of one."""
+    found = []
+    for name, target in targets.items():
+        frame, what = space.frame(name), f"frame {given.echo(name)}"
+        if not (isinstance(target, (tuple, list)) and len(target) == 2 and any(half is not None for half in target)):
+            raise ModelError(f"{what}: give (rotation (3, 3), position (3,) in m), one of which may be None, and not {given.echo(target)}")
+        turn, place = target
+        rotation = None if turn is None else rotation_of(turn, f"{what}: rotation")
+        found.append(Aim(frame, rotation, None if place is None else _place(place, f"{what}: position")))
+    if not found:
+        raise ModelError(f"{space.kernels.name}: there is nothing to reach; give a point and a place, or {{frame: (rotation, position)}}")
+    return found
+
+
+def _place(place: ArrayLike | None, what: str) -> np.ndarray:
+    found = array_of([] if place is None else place, (3,), what)
+    if np.max(np.abs(found)) > LARGEST:
+        raise ModelError(f"{what}: {np.max(np.abs(found)):g} m given; {LARGEST:g} m is the farthest, check the unit")
+    return found
+
+
+def values_for(space: JointSpace, aims: Sequence[Aim], start: np.ndarray) -> dict[str, float]:
+    """Values of the joints by name that reach all aims. start: values of all joints (n,).
+
+    Raises ConvergenceError with what is left of the aim that is missed most.
+    """
+    search = _Search(space, aims)
+    jacobian: Any = search.slope  # a function may stand there, though its type says a word
     best: Any = None
     for k in range(STARTS):  # from the start itself, then from beside it
         aside = np.cos(k * np.arange(1, space.n + 1)) if k else 0.0
-        found = scipy.optimize.least_squares(aim.left, start + aside, jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        found = scipy.optimize.least_squares(search.left, start + aside, jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15)
         if best is None or found.cost < best.cost:
             best = found
         if np.max(np.abs(best.fun)) <= REACHED:
             return dict(zip(space.rates, best.x.tolist(), strict=True))
-    rest = float(np.max(np.abs(best.fun)))
-    what = f"{rest * aim.size:.3g} m" if rotation is None else f"{rest:.3g} of the mechanism's size or of a turn"
-    raise ConvergenceError(f"{space.kernels.name}: {point} does not get there, {what} are left; begin elsewhere (start), or nearer")
+    raise ConvergenceError(f"{space.kernels.name}: {search.missed(best.x)}; begin elsewhere (start), or nearer")
 
 
-class _Aim:
-    """What is left of a place and of a rotation, without units, and how it changes with the joints."""
+def _balls(space: JointSpace) -> Iterator[tuple[list[int], list[int]]]:
+    """Of every joint that turns about all axes, and whose values are all independent: their numbers, and the tree's rates of the parent."""
+    from ncgen.solver.joints.joint_loops import JointsInLoops
 
-    def __init__(self, space: JointSpace, point: str, body: str | None, place: np.ndarray, rotation: np.ndarray | None) -> None:
-        self.space, self.point, self.place, self.rotation = space, point, place, rotation
-        self.element, self.body = space.point(point), space.tree.links[space.link(point, body)].body.name
+    free = space.free.tolist() if isinstance(space, JointsInLoops) else list(range(space.n))
+    for link, rates in zip(space.tree.links, space.tree.rates, strict=True):
+        turning = [k for screw, k in zip(link.screws, rates, strict=True) if screw.point is not None]
+        if len(turning) == 3 and set(turning) <= set(free):
+            yield [free.index(k) for k in turning], [] if link.parent is None else list(space.tree.paths[link.parent])
+
+
+class _Search:
+    """What is left of all aims, without units, and how it changes with the joints."""
+
+    def __init__(self, space: JointSpace, aims: Sequence[Aim]) -> None:
+        self.space, self.aims = space, aims
         self.size = float(np.max(space.kernels.column_sizes))
+        self.count = sum((0 if aim.place is None else 3) + (0 if aim.rotation is None else 9) for aim in aims)
+        self._balls = list(_balls(space))
+        self._known: tuple[np.ndarray, np.ndarray | None] = np.full(space.n, np.nan), None
+
+    def _placed(self, x: np.ndarray) -> np.ndarray | None:
+        """Natural coordinates; None where loops do not close."""
+        if not np.array_equal(self._known[0], x):
+            try:
+                self._known = x.copy(), self.space.placed(x)
+            except ConvergenceError:
+                self._known = x.copy(), None
+        return self._known[1]
 
     def left(self, x: np.ndarray) -> np.ndarray:
-        try:
-            q = self.space.placed(x)
-        except ConvergenceError:  # loops do not close there: a shorter step is taken
-            return np.full(3 if self.rotation is None else 12, FAR)
-        off = (self.space.element(self.element, q) - self.place) / self.size
-        return off if self.rotation is None else np.concatenate([off, (self._turned(q) - self.rotation).T.ravel()])
+        """Shape (count,): of places over the mechanism's size, of rotations as they are."""
+        if (q := self._placed(x)) is None:  # a shorter step is taken
+            return np.full(self.count, FAR)
+        parts = []
+        for aim in self.aims:
+            turn, place = aim.thing.pose(q)
+            parts += [] if aim.place is None else [(place - aim.place) / self.size]
+            parts += [] if aim.rotation is None else [(turn - aim.rotation).T.ravel()]
+        return np.concatenate(parts)
 
     def slope(self, x: np.ndarray) -> np.ndarray:
-        try:
-            q = self.space.placed(x)
-        except ConvergenceError:
-            return np.zeros((3 if self.rotation is None else 12, self.space.n))
-        jacobian = self.space.jacobian(self.point, q, self.body)
-        moved = jacobian[:3] / self.size
-        if self.rotation is None:
-            return moved
-        return np.concatenate([moved, *(np.cross(jacobian[3:].T, column).T for column in self._turned(q).T)])
+        """Shape (count, n)."""
+        if (q := self._placed(x)) is None:
+            return np.zeros((self.count, self.space.n))
+        parts = []
+        for aim in self.aims:
+            jacobian = aim.thing.jacobian(q)
+            parts += [] if aim.place is None else [jacobian[:3] / self.size]
+            if aim.rotation is not None:
+                parts += [np.cross(jacobian[3:].T, column).T for column in aim.thing.pose(q)[0].T]
+        found = np.concatenate(parts)
+        return found @ self._rates(x, q) if self._balls else found
 
-    def _turned(self, q: np.ndarray) -> np.ndarray:
-        return transformation(self.space.kernels, self.body, q, self.space.p)
+    def _rates(self, x: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Rates of the joints where values x change by 1 (n, n): those of balls and free bodies are rotation vectors θ.
+
+        Such a joint turns what it carries by exp θ beside its parent, in global axes: ω = J θ̇ + (exp θ − 1) ω_parent, with the left
+        Jacobian J = 1 + (1 − cos |θ|)/|θ|² θ× + (|θ| − sin |θ|)/|θ|³ θ×θ×.
+        """
+        space, own, others = self.space, np.eye(len(x)), np.zeros((len(x), len(x)))
+        for where, path in self._balls:
+            vector = x[where]
+            angle, across = float(np.linalg.norm(vector)), np.cross(vector, np.eye(3)).T
+            third = (angle - np.sin(angle)) / angle**3 if angle > SMALL else 1 / 6
+            own[np.ix_(where, where)] = np.eye(3) + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * across + third * across @ across
+            if path:
+                turning = space.screws(q)[path, :3].T @ space._spread(q)[0][path]
+                others[where] = (Rotation.from_rotvec(vector).as_matrix() - np.eye(3)) @ turning
+        return np.linalg.solve(np.eye(len(x)) - others, own)
+
+    def missed(self, x: np.ndarray) -> str:
+        """Who does not get there, and what is left: metres and rad."""
+        left, found = self.left(x).tolist(), []
+        for aim in self.aims:
+            place, left = (left[:3], left[3:]) if aim.place is not None else ([], left)
+            turn, left = (left[:9], left[9:]) if aim.rotation is not None else ([], left)
+            angle = 2 * np.arcsin(min(1.0, np.linalg.norm(turn) / np.sqrt(8)))  # |A − B|² = 8 sin²(θ/2) of rotations that are θ apart
+            told = [f"{np.linalg.norm(place) * self.size:.3g} m"] * bool(place) + [f"{angle:.3g} rad"] * bool(turn)
+            found.append((max(map(abs, place + turn)), f"{aim.thing.name} does not get there, {' and '.join(told)} are left"))
+        return max(found)[1]

@@ -13,7 +13,7 @@ import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +31,9 @@ from ncgen.solver.joints import identification
 from ncgen.solver.joints.joint_names import carried, followed_by, names_of
 from ncgen.solver.joints.link_frames import LinkFrame
 from ncgen.symbolic.tree import Tree, moving, spanning_tree
+
+if TYPE_CHECKING:
+    from ncgen.solver.joints.inverse_kinematics import Target
 
 FRAMES = ("global", "local", "spatial")
 """How a Jacobian may be told."""
@@ -181,22 +184,25 @@ class JointSpace(ABC):
 
     def inverse_kinematics(
         self,
-        point: str,
-        place: ArrayLike,
+        point: str | Mapping[str, Target],
+        place: ArrayLike | None = None,
         rotation: ArrayLike | None = None,
         body: str | None = None,
         start: Mapping[str, float] | None = None,
     ) -> dict[str, float]:
-        """Values of the joints that bring a point to a place (3,) in m, by least squares from a start, and from some beside it.
+        """Values of the joints that bring frames to poses, or a point to a place, by least squares from a start, and from some beside it.
 
+        point: {frame: (rotation (3, 3), position (3,) in m)} as `LinkFrame.pose` gives them, all of which are reached at once, None for
+            any rotation or position; or the name of a point, which has what follows
+        place: where the point shall be (3,) in m
         rotation: what the body shall have turned by since the initial position (3, 3); None for any
         body: the one that the point is taken with, by default that nearest to the ground
         start: values of joints to begin with, others are those of the initial position
-        Raises ConvergenceError with what is left where the point cannot get there, or not from this start.
+        Raises ConvergenceError with what is left where it cannot get there, or not from this start.
         """
-        from ncgen.solver.joints.inverse_kinematics import values_for
+        from ncgen.solver.joints.inverse_kinematics import aims_of, values_for
 
-        return values_for(self, point, place, rotation, body, self._joint_values(start, "start"))
+        return values_for(self, aims_of(self, point, place, rotation, body), self._joint_values(start, "start"))
 
     def centre_of_mass(self, q: ArrayLike) -> np.ndarray:
         """Of all bodies that move (…, 3), in m."""

@@ -18,6 +18,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
 from ncgen.solver.given import Given, checked_kernels
+from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative, refuse_negative_ahead
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
 from ncgen.solver.positions.position import CONSISTENT
 from ncgen.solver.positions.rank import freedom_at
@@ -151,6 +152,7 @@ def _carry_out(
 
     Raises Interrupted with what was reached.
     """
+    refuse_negative(kernels, start.q, run.initial.t, start.p)
     motion = _Motion(kernels, run, choice, start, *_with_looks(run.times, looks(run, choice.method)), progress, breaks)
     clock = time.perf_counter()
     try:
@@ -160,12 +162,15 @@ def _carry_out(
             raise
         raise Interrupted(motion.trajectory(time.perf_counter() - clock)) from stopped
     except (SingularError, ConvergenceError, DomainError) as error:
+        motion.refuse_negative()
         if found := motion.diverged():
             raise found from error
         raise
     found = motion.trajectory(time.perf_counter() - clock)
     if choice.method.is_constrained and (here := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
         _warn(singular_message(kernels, here))
+    if negative := negative_instant(kernels, found.t, found.q, start.p):
+        _warn(f"{kernels.name}: {negative}")
     for doubt in doubts(motion.seen(found), motion.tolerances.rtol, choice.method):
         _warn(f"{kernels.name}: {doubt}")
     return found
@@ -242,6 +247,12 @@ class _Motion:
         method, run = self.choice.method, self.run
         step = run.max_step if method.has_fixed_step else None
         return divergence(self.kernels, self.path, float(self.times[0]), method, step, self.start.p)
+
+    def refuse_negative(self) -> None:
+        """Raise SingularError where the path ends before a position at which the mass matrix is not positive definite."""
+        if end := len(self.path.q):
+            t = self.times[max(0, min(end - 1, len(self.times) - 2)) :][:2]
+            refuse_negative_ahead(self.kernels, self.path.q[-1], self.path.qd[-1], float(t[0]), float(t[-1] - t[0]), self.start.p)
 
     def _form(self) -> Form:
         """What state derivative C is given: as named, else one that is written out where there is one over all coordinates."""

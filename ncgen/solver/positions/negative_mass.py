@@ -1,0 +1,95 @@
+"""Positions at which the mass matrix is not positive definite, which bodies cause by moments of inertia that no body has."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, DomainError, SingularError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.model.bodies import Body
+from ncgen.model.values import evaluate
+from ncgen.solver import geometry
+from ncgen.solver.positions.position import solve_position
+from ncgen.solver.positions.rank import null_space, scaled_jacobian
+
+ROUNDING = 1e-12
+"""Eigenvalues of the mass matrix above minus this, relative to the largest, are rounding."""
+
+INSTANTS = 20
+"""Instants of a motion that are looked at."""
+
+AHEAD = 33
+"""Positions that are looked at where a motion ends."""
+
+
+def doubtful(kernels: Kernels) -> list[Body]:
+    """Bodies whose moments of inertia were taken as given, although no body has them."""
+    return [body for body in kernels.model.bodies.values() if body.inertia is not None and not body.inertia.is_judged]
+
+
+def refuse_negative(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> None:
+    """Raise SingularError naming the body that makes the mass matrix at q not positive definite, if it is not."""
+    bodies = doubtful(kernels)
+    if bodies and (body := _culprit(kernels, bodies, q, t, p)):
+        raise SingularError(f"{kernels.name}: {_sentence(body, t)}")
+
+
+def refuse_negative_ahead(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float, dt: float, p: np.ndarray) -> None:
+    """Do the same for positions up to two intervals dt (s) after the last one of a motion that could not go on, reached with rates qd."""
+    if not doubtful(kernels):
+        return
+    for time in np.linspace(0.0, 2 * dt, AHEAD).tolist():
+        try:
+            here = solve_position(kernels, q + time * qd, t + time, p).q
+        except (ConvergenceError, DomainError):
+            return
+        refuse_negative(kernels, here, t + time, p)
+
+
+def negative_instant(kernels: Kernels, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> str | None:
+    """What to say of the first of some instants t (K,) of a motion q (K, n) where the mass matrix is not positive definite, else None."""
+    bodies = doubtful(kernels)
+    if not bodies:
+        return None
+    rows = np.unique(np.linspace(0, len(t) - 1, INSTANTS).astype(int)).tolist()
+    return next((_sentence(body, t[k]) for k in rows if (body := _culprit(kernels, bodies, q[k], t[k], p))), None)
+
+
+def _sentence(body: Body, t: float) -> str:
+    return (
+        f"at t = {t:.6g} s the mass matrix is not positive definite by body {body.name}, whose moments of inertia no body has; "
+        'correct them, or load the robot with inertias="balanced"'
+    )
+
+
+def _culprit(kernels: Kernels, bodies: list[Body], q: np.ndarray, t: float, p: np.ndarray) -> Body | None:
+    """The body with the least kinetic energy in a motion that has a negative one; None where there is no such motion."""
+    motions = null_space(scaled_jacobian(kernels, q, t, p)) * kernels.column_sizes[:, None]
+    if not motions.shape[1]:
+        return None
+    values, vectors = np.linalg.eigh(motions.T @ kernels.mass_matrix(q, t, p) @ motions)
+    if values[0] >= -ROUNDING * values[-1]:
+        return None
+    qd = motions @ vectors[:, 0]
+    return min(bodies, key=lambda body: _kinetic_energy(kernels, body, qd, p))
+
+
+def _kinetic_energy(kernels: Kernels, body: Body, qd: np.ndarray, p: np.ndarray) -> float:
+    """J, of a body that moves with rates qd: ½ m v² + ½ tr(Ȧ (½ tr(I) 1 − I) Ȧᵀ), Ȧ the rate of its rotation since the start.
+
+    Source: García de Jalón & Bayo, Kinematic and Dynamic Simulation of Multibody Systems (1994), section 4.2.
+    """
+    parameters = geometry.parameters_at(kernels, p)
+    inertia, first = body.own_inertia, body.points[0]
+    numbers = [evaluate(x, parameters, body.name) for x in (inertia.mass, *inertia.com, *inertia.tensor.flat)]
+    mass, com, tensor = numbers[0], np.array(numbers[1:4]), np.array(numbers[4:]).reshape(3, 3)
+    start = geometry.element_rate(kernels, first, qd)
+    before = [e.initial - first.initial for e in body.points[1:]] + [e.initial for e in body.vectors]
+    rates = [geometry.element_rate(kernels, e, qd) - start for e in body.points[1:]] + [
+        geometry.element_rate(kernels, e, qd) for e in body.vectors
+    ]
+    if not before:
+        return 0.5 * mass * float(start @ start)
+    turning = np.array(rates).T @ np.linalg.pinv(np.array(before).T)
+    velocity = start + turning @ (com - first.initial)
+    return 0.5 * float(mass * velocity @ velocity + np.trace(turning @ (np.trace(tensor) / 2 * np.eye(3) - tensor) @ turning.T))
