@@ -5,6 +5,7 @@ from __future__ import annotations
 import keyword
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 
@@ -170,8 +171,8 @@ class _Builder:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
                 tensor = _tensor(mass, self.layout.size).tolist()
-                as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
-                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor, **as_given)
+                made = partial(self.model.body, as_given=True) if solid.name in self.robot.as_given else self.model.body
+                self.bodies[solid] = made(name, points, vectors, mass.mass, mass.com.tolist(), tensor)
             for part in parts.chosen if parts else ():
                 given = part.name in self.robot.as_given
                 add_part(self.model, self.bodies[solid], part, word(part.name, "link"), given, shift, basis)
