@@ -99,6 +99,20 @@ def test_a_frame_that_rests_and_one_that_is_not_there(space):
         space.frame("tool0").jacobian(q, "body")
 
 
+def test_a_joint_that_is_driven_carries_its_frames(space, tmp_path):
+    """The arm's first joint turns at 2 rad/s whatever the others do: the velocity is that of the arm that moves freely."""
+    (tmp_path / "arm.urdf").write_text(ARM)
+    model = ncgen.load(tmp_path / "arm.urdf")
+    model.drive(model.elements["a"], 2.0 * model.time)
+    driven = ncgen.joint_space(ncgen.compile(model, "numpy"))
+    assert driven.rates == ("b", "c")
+    q = driven.position({"b": 0.1, "c": 0.4})
+    for reference in ("world-aligned", "local", "world"):
+        found = driven.frame("tool0").velocity(q, [0.3, -0.7], reference)
+        expected = space.frame("tool0").velocity(space.position({"b": 0.1, "c": 0.4}), [2.0, 0.3, -0.7], reference)
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not ROBOTS.is_dir(), reason="needs example-robot-data")
 def test_frames_of_twenty_robots_are_those_of_pinocchio():
