@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from ncgen.model.elements import AXES, Combination
 from ncgen.solver.given import echo
 from ncgen.solver.joints.link_frames import frame_named
 
+if TYPE_CHECKING:
+    from ncgen.model.values import Driven
+
 
 def add_frame_outputs(model: Model, names: Sequence[str]) -> None:
     """Outputs of each frame's position (m, global) and rotation (its axes are the columns). Raises ModelError for what is no frame."""
@@ -22,15 +26,15 @@ def add_frame_outputs(model: Model, names: Sequence[str]) -> None:
     for name in dict.fromkeys(names):
         frame = frame_named(model, name)
         if frame.body == model.ground.name:
-            origin, axes = list(map(float, frame.position)), frame.rotation.T.tolist()
+            columns: list[Sequence[Driven]] = [list(map(float, column)) for column in (frame.position, *frame.rotation.T)]
         else:
-            place, directions = carried(model, frame)
-            origin, axes = expressions(place), [expressions(axis) for axis in directions]
-        for axis, value in zip(AXES, origin, strict=True):
-            model.output(f"{name}.{axis}", value, "m")
+            place, axes = carried(model, frame)
+            columns = [expressions(each).flat() for each in (place, *axes)]
+        for i, axis in enumerate(AXES):
+            model.output(f"{name}.{axis}", columns[0][i], "m")
         for i in range(3):
             for j in range(3):
-                model.output(f"{name}.r{i + 1}{j + 1}", axes[j][i], "1")
+                model.output(f"{name}.r{i + 1}{j + 1}", columns[1 + j][i], "1")
         model.frames[name] = frame._replace(is_output=True)
 
 
