@@ -77,6 +77,8 @@ def place(array: object, shape: tuple[int, ...], what: str, beside: Iterable[np.
 
 def laid(values: ArrayLike, dtype: DTypeLike, count: int, what: str) -> np.ndarray:
     """Real numbers (…, count) as C reads them: contiguous, of its type. Raises NcgenError as `sized` does."""
+    if type(values) is np.ndarray and values.dtype == dtype and values.flags.carray and values.shape[-1:] == (count,):
+        return values
     return np.ascontiguousarray(sized(values, count, what), dtype=dtype)
 
 
@@ -89,7 +91,7 @@ def pointer(ffi: Interface, array: np.ndarray | None, kind: str = "double[]", co
     if array is None:
         return ffi.NULL
     dtype = DTYPES.get(kind) or _dtype(ffi, kind)
-    if type(array) is not np.ndarray or not (array.dtype is dtype or array.dtype == dtype) or not _is_laid(array.flags):
+    if type(array) is not np.ndarray or array.dtype != dtype or not (array.flags.carray or _is_laid(array.flags)):
         said = f"{array.dtype}, strides {array.strides}" if isinstance(array, np.ndarray) else ""
         raise NcgenError(f"{what}: {type(array).__name__} {said} on its way to C; a contiguous array of {dtype} is needed")
     if count is not None and array.size != count:
@@ -103,7 +105,7 @@ def _dtype(ffi: Interface, kind: str) -> np.dtype:
 
 
 def _is_laid(flags: Any) -> bool:
-    return flags.carray or (flags.c_contiguous and flags.aligned)
+    return flags.c_contiguous and flags.aligned
 
 
 def constant(array: np.ndarray) -> np.ndarray:

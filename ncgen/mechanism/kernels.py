@@ -207,7 +207,7 @@ class Kernels(ABC):
             return self.q0.copy()
         p = self._start_parameters(p, "start")
         if not self._has_moving_start:
-            return np.array(np.broadcast_to(self.q0, (*p.shape[:-1], self.n)))
+            return self.q0.copy() if p.ndim == 1 else np.array(np.broadcast_to(self.q0, (*p.shape[:-1], self.n)))
         return self._run_start(0, p, (self.n,))
 
     def start_p(self, p: ArrayLike | None = None) -> np.ndarray:

@@ -169,8 +169,12 @@ FORMALISMS = {
 
 def number_in_c(entry: Integrator | Formalism) -> int:
     """The number of an entry in the runtime's enumerations; for entries that are in C."""
-    table = INTEGRATORS if isinstance(entry, Integrator) else FORMALISMS
-    return [e.name for e in table.values() if e.in_c].index(entry.name)
+    return _numbers_in_c(isinstance(entry, Integrator))[entry.name]
+
+
+@cache
+def _numbers_in_c(of_integrators: bool) -> dict[str, int]:
+    return {name: number for number, name in enumerate(in_c(INTEGRATORS if of_integrators else FORMALISMS))}
 
 
 def in_c(table: Mapping[str, Integrator | Formalism]) -> tuple[str, ...]:

@@ -7,8 +7,8 @@ in memory, or on which of them are shared.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from functools import cache
 
 import numpy as np
 
@@ -27,40 +27,50 @@ else counts."""
 def digest(model: Model) -> str | None:
     """The digest of a model, 64 hexadecimal digits; None if it holds something that has no name and no value."""
     told = {key: value for key, value in vars(model).items() if key not in BESIDE}
+    words: list[str] = []
     try:
-        return hashlib.sha256("\n".join(_words(told, set())).encode()).hexdigest()
+        _words(told, set(), words)
     except TypeError:
         return None
+    return hashlib.sha256("\n".join(words).encode()).hexdigest()
 
 
-def _words(value: object, known: set[int]) -> Iterator[str]:
-    """A value in words that mean nothing else; known: elements and bodies that have been described, for which a name is enough."""
+def _words(value: object, known: set[int], words: list[str]) -> None:
+    """Add a value in words that mean nothing else.
+
+    known: elements and bodies that have been described, for which a name is enough
+    """
     if isinstance(value, (Element, Body)) and not isinstance(value, Constant) and id(value) in known:
-        yield f"{type(value).__name__} {value.name!r}"
+        words.append(f"{type(value).__name__} {value.name!r}")
     elif value is None or isinstance(value, (bool, str)):
-        yield repr(value)
+        words.append(repr(value))
     elif isinstance(value, (int, np.integer)):
-        yield repr(int(value))
+        words.append(repr(int(value)))
     elif isinstance(value, (float, np.floating)):
-        yield float(value).hex()
+        words.append(float(value).hex())
     elif isinstance(value, RowType):
-        yield value.key
+        words.append(value.key)
     elif isinstance(value, np.ndarray):
-        yield str(value.shape)
-        yield from _words(value.ravel().tolist(), known)
+        words.append(str(value.shape))
+        _words(value.ravel().tolist(), known, words)
     elif isinstance(value, (list, tuple, dict)):
         parts = value.items() if isinstance(value, dict) else value
-        yield f"{len(value)} parts"
+        words.append(f"{len(value)} parts")
         for part in parts:
-            yield from _words(part, known)
+            _words(part, known, words)
     elif is_dataclass(value):
         known.add(id(value))
-        yield type(value).__name__
-        for field in fields(value):
-            yield from _words(getattr(value, field.name), known)
+        words.append(type(value).__name__)
+        for name in _members(type(value)):
+            _words(getattr(value, name), known, words)
     elif hasattr(value, "free_symbols"):
         import sympy
 
-        yield sympy.srepr(value)
+        words.append(sympy.srepr(value))
     else:
         raise TypeError(f"{value!r} has no value that could be told")
+
+
+@cache
+def _members(kind: type) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind))

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
 COLOUR = re.compile("#[0-9a-fA-F]{6}")
 
+QUARTER = 3e-10
+"""rad; an angle nearer to quarters of a turn is one, written with ten digits (1.570796327). Axes that are parallel but for the last digits
+of a file would be bound by rows that contradict each other by as much."""
+
 FLAT = 1e-6
 """How far, over its size, a corner of a polygon may be from its plane."""
 
@@ -106,8 +110,8 @@ def check_sizes(sizes: Numbers, count: int, where: str, what: str) -> tuple[floa
 
 
 def _about(axis: int, angle: float) -> np.ndarray:
-    """A rotation about a coordinate axis; quarters of a turn are exact where the angle is one to rounding."""
-    c, s = (0.0 if abs(x) < 1e-15 else x for x in (math.cos(angle), math.sin(angle)))
+    """A rotation about a coordinate axis; quarters of a turn are exact where the angle is one with the digits that files have."""
+    c, s = (0.0 if abs(x) < QUARTER else x for x in (math.cos(angle), math.sin(angle)))
     after, last = (axis + 1) % 3, (axis + 2) % 3
     found = np.eye(3)
     found[after, after] = found[last, last] = c

@@ -71,9 +71,11 @@ ECHOED = 40
 
 def checked_kernels(kernels: Mechanism) -> Mechanism:
     """The kernels themselves. Raises ModelError for anything else, such as a model that was not compiled."""
-    if all(hasattr(kernels, name) for name in ("q0", "p0", "index", "parameters")):
-        return kernels
-    raise ModelError(f"kernels needed, {echo(kernels)} given; ncgen.compile(model) makes them")
+    try:
+        _ = kernels.q0, kernels.p0, kernels.index, kernels.parameters
+    except AttributeError:
+        raise ModelError(f"kernels needed, {echo(kernels)} given; ncgen.compile(model) makes them") from None
+    return kernels
 
 
 def parameters(kernels: Outline, p: Given | None = None) -> np.ndarray:

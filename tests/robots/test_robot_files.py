@@ -418,3 +418,17 @@ def test_a_robot_of_numbers_is_read_without_sympy():
     """Importing it takes as long as all the rest of a motion that is in the cache."""
     code = "import sys, ncgen; ncgen.load(sys.argv[1]); assert not [name for name in sys.modules if name.split('.')[0] == 'sympy']"
     subprocess.run([sys.executable, "-c", code, str(HERE / "crane.urdf")], check=True)
+
+
+@pytest.mark.parametrize("quarter", ["1.570796327", "1.57079632679", "1.5707963267948966"])
+def test_quarter_turns_are_exact_with_the_digits_that_files_have(write, quarter):
+    """Axes that are parallel but for a file's last digits would be bound by rows that contradict each other: no position would close."""
+    turned = TWO.replace('<origin xyz="1 0 0"/>', f'<origin xyz="1 0 0" rpy="{quarter} 0 {quarter}"/>')
+    rotation = next(joint for joint in read_robot(write(turned)).joints if joint.name == "two").placement.rotation
+    assert rotation.tolist() == [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+
+
+def test_angles_that_are_no_quarter_turns_stay_as_they_are(write):
+    turned = TWO.replace('<origin xyz="1 0 0"/>', '<origin xyz="1 0 0" rpy="1.5708 0 0"/>')
+    rotation = next(joint for joint in read_robot(write(turned)).joints if joint.name == "two").placement.rotation
+    assert rotation[2, 2] == pytest.approx(np.cos(1.5708), rel=1e-15)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 
 def element(tag: str, inside: Iterable[str] = (), **attributes: str | float | np.ndarray | Iterable[float]) -> str:
     """An element with its children, elements or text; a last underscore of an attribute's name is left out."""
+    from xml.sax.saxutils import quoteattr  # which imports all that speaks HTTP
+
     said = "".join(f" {name.rstrip('_')}={quoteattr(_text(value))}" for name, value in attributes.items())
     lines = [line for child in inside for line in child.splitlines()]
     return f"<{tag}{said}/>" if not lines else "\n".join([f"<{tag}{said}>", *(f"  {line}" for line in lines), f"</{tag}>"])

@@ -134,10 +134,11 @@ def all_coordinates(kernels: CompiledKernels, number: str = "double", form: Form
     """
     from ncgen.mechanism.runtime import ConstrainedDynamics, part_for
 
-    seen = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
-    tree = open_tree(kernels) if form == "tree" else None
-    tables = tree.tables if tree else None
-    made = lambda: ConstrainedDynamics(kernels, number, seen, tables, part_for(integrator))  # noqa: E731
+    def made() -> ConstrainedDynamics:
+        seen = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
+        tree = open_tree(kernels) if form == "tree" else None
+        return ConstrainedDynamics(kernels, number, seen, tree.tables if tree else None, part_for(integrator))
+
     return kernels.remember("constrained dynamics", (number, form), made)
 
 

@@ -5,8 +5,10 @@ Rank is numerical and is taken at several consistent positions, because one posi
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -14,6 +16,7 @@ import scipy
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.recall import derived
 from ncgen.program.ir.sampling import firmly
 from ncgen.solver import given
 from ncgen.solver.given import Given
@@ -36,6 +39,9 @@ BADLY = 1e-4
 
 REMEMBERED = 16
 """How much of what was found for positions, such as degrees of freedom, is kept with the kernels."""
+
+KEPT = 40
+"""Rows from which on the degrees of freedom in the position that a model describes are kept in the cache: finding them takes longer."""
 
 NEIGHBOUR = 1e-3
 """How far a neighbouring position is, likewise."""
@@ -155,9 +161,29 @@ def freedom(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given |
 
 def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
     """`freedom` of arguments that were looked at."""
-    return kernels.remember(
-        "freedom", (q.tobytes(), float(t), kernels.of_rows(p).tobytes()), lambda: _freedom(kernels, q, t, p), REMEMBERED
-    )
+    find = _freedom_from_cache if _is_described(kernels, q, t, p) else _freedom
+    return kernels.remember("freedom", (q.tobytes(), float(t), kernels.of_rows(p).tobytes()), lambda: find(kernels, q, t, p), REMEMBERED)
+
+
+def _is_described(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
+    """True where a position is the one that the model describes, in which most runs begin, and its rows are many."""
+    here = t == 0.0 and np.array_equal(q, kernels.q0) and np.array_equal(p, kernels.p0)
+    return here and kernels.m >= KEPT
+
+
+def _freedom_from_cache(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
+    """The degrees of freedom in the position that a model describes, from the cache or found now."""
+
+    def plain() -> dict[str, str]:
+        found = _freedom(kernels, q, t, p)
+        redundant = [[row.row, *map(list, row.implied_by.items())] for row in found.redundant]
+        parts = found.rank, found.rank_here, found.dof, redundant, found.kept_rows, found.vanishing.tolist(), found.positions
+        return {"freedom": json.dumps(parts)}
+
+    told = f"freedom {kernels.backend} {version('scipy')}"
+    rank, here, dof, rows, kept, vanishing, positions = json.loads(derived(kernels.programs, told, plain)["freedom"])
+    redundant = tuple(Redundancy(row, {k: c for k, c in implied}) for row, *implied in rows)
+    return Freedom(rank, here, dof, redundant, tuple(kept), np.array(vanishing, dtype=float).reshape(kernels.n, -1), positions)
 
 
 def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
@@ -202,13 +228,16 @@ def _independent_rows(jacobians: list[np.ndarray]) -> list[int]:
 
     Positions in which a kept row depends on those before are asked no more, so that all kept rows are independent together.
     """
-    bases = [(j, np.zeros((0, j.shape[1]))) for j in jacobians]
+    bases = [(j, np.zeros((min(j.shape), j.shape[1]))) for j in jacobians]
     kept: list[int] = []
     for row in range(jacobians[0].shape[0]):
-        rests = [(j, basis, _rest(j[row], basis)) for j, basis in bases]
-        new = [(j, np.vstack([basis, rest / size])) for j, basis, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
-        bases = new or bases
-        kept += [row] if new else []
+        rests = [(j, basis, _rest(j[row], basis[: len(kept)])) for j, basis in bases]
+        new = [(j, basis, rest / size) for j, basis, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
+        if new and len(kept) < len(new[0][1]):
+            bases = [(j, basis) for j, basis, _ in new]
+            for _, basis, rest in new:
+                basis[len(kept)] = rest
+            kept.append(row)
     return kept
 
 

@@ -80,10 +80,10 @@ def _contradiction(seen: Trajectory) -> list[str]:
     always satisfy rows without either. A remainder is set beside the velocities; where a driver comes to rest these are rounding, and
     count as what would move nothing by a share of its size in the whole run."""
     kernels, p = seen.kernels, seen.p
+    if len(kernels.holonomic) == kernels.m and "nu" not in kernels.programs.programs:
+        return []
     rounding = float(np.finfo(NUMBERS[seen.number].dtype).eps)
     worst, said, slow = max(IMPOSSIBLE, ROUNDINGS * rounding), [], IMPOSSIBLE / max(seen.t[-1] - seen.t[0], np.finfo(float).tiny)
-    if len(kernels.holonomic) == kernels.m and "nu" not in kernels.programs.programs:
-        return said
     for t, q, qd in zip(seen.t, seen.q, seen.qd, strict=True):
         nu = kernels.nu(q, t, p)
         if len(kernels.holonomic) == kernels.m and not np.any(nu):
