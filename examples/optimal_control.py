@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,9 +24,10 @@ import casadi
 import numpy as np
 
 import ncgen
-from ncgen.comparisons.rivals.casadi import graph
 from ncgen.exchange.export import export
 from ncgen.model.elements import Relative
+from ncgen.program.ir.evaluate import evaluate
+from ncgen.program.ir.functions import FUNCTIONS
 
 INTERVALS = 100
 NODES = INTERVALS + 1
@@ -157,6 +158,14 @@ def robot() -> Problem:
     return Problem(model, z0, z0 + [0.6, 0.3, 0.2, -0.2, 0.3, 0.4], 1.0, np.array([650.0, 2800.0, 1150.0, 20.0, 60.0, 0.2]))
 
 
+def graph(kernels: Any, name: str, given: Mapping[str, Any]) -> Any:
+    """A kernel's numbers as a column of CasADi's expressions in the symbols given."""
+    words = {code: "fabs" if code == "abs" else f.numpy.replace("arc", "a") for code, f in FUNCTIONS.items()}
+    functions = {code: getattr(casadi, word) for code, word in words.items() if hasattr(casadi, word)}
+    read = {"t": 0.0, "p": kernels.p0.tolist()} | {letter: casadi.vertsplit(x) for letter, x in given.items()}
+    return casadi.vertcat(*evaluate(kernels.programs.programs[name], read, functions, casadi.SX))
+
+
 def robot_in_casadi(problem: Problem) -> Found:
     """Accelerations and multipliers are unknowns; redundant rows, as ncgen names them, are left out."""
     began = time.perf_counter()
@@ -164,12 +173,12 @@ def robot_in_casadi(problem: Problem) -> Found:
     rows = list(ncgen.freedom(kernels).kept_rows)
     n, count = kernels.n, len(rows)
     q, qd, qdd, lam, u = (casadi.SX.sym(x, k) for x, k in (("q", n), ("qd", n), ("qdd", n), ("lam", count), ("u", len(problem.limits))))
-    phi = graph(casadi, kernels, "phi", {"q": q})[rows]
+    phi = graph(kernels, "phi", {"q": q})[rows]
     phi_q = casadi.jacobian(phi, q)
-    mass, M = graph(casadi, kernels, "mass", {"q": q}), casadi.SX(n, n)
+    mass, M = graph(kernels, "mass", {"q": q}), casadi.SX(n, n)
     for (row, column), k in kernels.mass_pattern.positions().items():
         M[row, column] = mass[k]
-    force = graph(casadi, kernels, "force", {"q": q, "qd": qd, "p": u})
+    force = graph(kernels, "force", {"q": q, "qd": qd, "p": u})
     turning = casadi.jtimes(casadi.jtimes(phi, q, qd), q, qd)
     balance = casadi.vertcat(M @ qdd + phi_q.T @ lam - force, phi_q @ qdd + turning, phi, phi_q @ qd)
     equation = casadi.Function("balance", [q, qd, qdd, lam, u], [balance])

@@ -82,6 +82,15 @@ def test_imports_go_upwards_only(path):
     assert breaches(part(path), path.read_text(encoding="utf-8")) == []
 
 
+def test_nothing_that_is_installed_needs_the_tests():
+    """Other people's programs are set beside ncgen in tests/benchmarks, which no wheel has."""
+    beside = "|".join(["tests", *(path.name for path in (ROOT / "tests").iterdir() if (path / "__init__.py").is_file())])
+    wanted = re.compile(rf"^\s*(?:from|import) (?:{beside})\b|import_module\(f?\"(?:{beside})\b", re.MULTILINE)
+    assert wanted.search("    from benchmarks.rivals import casadi") and wanted.search('import_module("benchmarks.arms")')
+    for path in [*modules(), *(ROOT / "examples").rglob("*.py")]:
+        assert not wanted.search(path.read_text(encoding="utf-8")), path
+
+
 def room(package: str, inner: Sequence[str]) -> str:
     """The room of a package in which a dotted name or a path below it lies."""
     return inner[0] if inner and inner[0] in ROOMS[package] else ""

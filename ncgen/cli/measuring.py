@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,29 +22,18 @@ def bench(
     ],
     files: Annotated[list[Path] | None, typer.Argument(help="after `robots`: robots' files, or folders that hold some")] = None,
     precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
-    instructions: Annotated[bool, typer.Option("--instructions", help="instructions of a call, counted by valgrind")] = False,
-    gradients: Annotated[bool, typer.Option("--gradients", help="derivatives of a motion by all its data, beside differences")] = False,
-    data: Annotated[
-        bool, typer.Option("--data", help="operations with data as parameters, beside numbers; MODEL may be `all`, every example")
-    ] = False,
-    libraries: Annotated[bool, typer.Option("--libraries", help="many motions and gradients inside JAX and PyTorch")] = False,
-    growth: Annotated[
-        bool, typer.Option("--growth", help="of the chain or the arm: generation and steps of longer and longer ones")
-    ] = False,
-    peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
-    seed: Annotated[int, typer.Option(help="of the random arms that `bench arm` sets beside the example")] = 1,
-    limit: Annotated[
-        float | None, typer.Option(help="seconds after which a run (--peers, default 20) or a file (robots, default 120) is stopped")
-    ] = None,
+    limit: Annotated[float | None, typer.Option(help="with robots: seconds after which a file is stopped [default: 120]")] = None,
     html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
     plot: Annotated[Path | None, typer.Option(help="with --precision: write the plot into this .svg or .png file")] = None,
     json_output: Json = False,
 ) -> None:
-    """Measure generated code beside hand-written code: times with their errors."""
+    """Measure generated code beside hand-written code: times with their errors.
+
+    Other people's simulators and generators stand beside it in tests/benchmarks/bench.py of the sources.
+    """
     from ncgen.comparisons.bench import bench as measurements
-    from ncgen.comparisons.bench import data_section, gradient_section, library_section
     from ncgen.comparisons.bench import show as show_section
-    from ncgen.exchange.examples import example_names, load
+    from ncgen.exchange.examples import load
 
     writable("--html", html)
     writable("--plot", plot, PICTURES)
@@ -54,26 +42,12 @@ def bench(
         return
     if files:
         raise ModelError(f"bench {model} {files[0]}: only `robots` takes files; name one model")
-    if peers:
-        _peers(load(model), limit, json_output)
-        return
-    if growth:
-        _growth(load(model), json_output)
-        return
-    if instructions:
-        _instructions(load(model), json_output)
-        return
     if precision or html or plot:
         _precision(load(model), html, plot, json_output)
         return
-    if data:
-        sections = data_section(map(load, example_names()) if model == "all" else [load(model)])
-    else:
-        section = library_section if libraries else gradient_section if gradients else partial(measurements, seed=seed)
-        sections = section(load(model))
     records = []
     with progress(f"measuring {model}", 3.0) as advance:
-        for done, (title, found) in enumerate(sections, 1):
+        for done, (title, found) in enumerate(measurements(load(model)), 1):
             records += found
             advance(done)
             if not json_output:
@@ -96,47 +70,6 @@ def _robots(paths: list[Path], limit: float | None, json_output: bool) -> None:
             if not json_output:
                 show([robots.robot_line(record)])
     tell(records, robots.summary, json_output)
-
-
-def _growth(model: Model, json_output: bool) -> None:
-    """Seconds and bytes of longer and longer chains and arms."""
-    from ncgen.comparisons.bench import aligned, generation_rows
-    from ncgen.comparisons.generation import LENGTHS, growth_records
-
-    if model.name not in LENGTHS:
-        raise ModelError(f"--growth: {model.name} has one size; choose {' or '.join(LENGTHS)}")
-    records = []
-    with progress(f"generating {model.name}s", len(LENGTHS[model.name])) as advance:
-        for done, record in enumerate(growth_records(model.name), 1):
-            records.append(record)
-            advance(done)
-    tell(records, lambda found: aligned(generation_rows(found)), json_output)
-
-
-def _instructions(model: Model, json_output: bool) -> None:
-    """Counts that repeat to the digit."""
-    from ncgen.comparisons.bench import aligned
-    from ncgen.comparisons.instructions import instruction_records, table
-
-    with progress(f"counting instructions of {model.name}", None):
-        records = list(instruction_records(model))
-    tell(records, lambda found: aligned(table(found)), json_output)
-
-
-def _peers(model: Model, limit: float | None, json_output: bool) -> None:
-    """Other simulators beside ncgen."""
-    from ncgen.comparisons import peers
-
-    if model.name != "nfourbar":
-        raise ModelError(f"--peers: {model.name} is not a mechanism that the other simulators were given; choose nfourbar")
-    records = []
-    for count in peers.COUNTS:
-        with progress(f"measuring {count} four-bars", None):
-            found = list(peers.peer_records([count], limit=limit or peers.LIMIT))
-        records += found
-        show(() if json_output else peers.lines(found))
-    if json_output:
-        print(json.dumps(records, indent=1))
 
 
 def _precision(model: Model, html: Path | None, plot: Path | None, json_output: bool) -> None:
@@ -172,15 +105,15 @@ def compare(
     handwritten: Annotated[
         Path | None, typer.Option(help="find mistakes in this Python file's phi, phi_q, gamma (the file is run)")
     ] = None,
-    tables: Annotated[
-        bool, typer.Option("--tables", help="also the paper's Tables 9 and 10: integrators by source of derivatives")
-    ] = False,
     html: Annotated[Path | None, typer.Option(help="write a report into this file")] = None,
     plot: Annotated[Path | None, typer.Option(help="write the plots into this .svg or .png file")] = None,
     csv: Annotated[Path | None, typer.Option(help="write the records into this file")] = None,
     json_output: Json = False,
 ) -> None:
-    """Compare generated derivatives with hand-written ones, differences and automatic differentiation: error beside time."""
+    """Compare generated derivatives with hand-written ones and with differences: error beside time.
+
+    Automatic differentiation by CasADi, JAX and SymForce stands beside them in tests/benchmarks/bench.py of the sources.
+    """
     from ncgen.comparisons.comparison import Comparison
     from ncgen.exchange.examples import load
     from ncgen.files import write_text
@@ -191,7 +124,7 @@ def compare(
     if handwritten is not None:
         _mistakes(loaded, handwritten, json_output)
         return
-    comparison = Comparison(loaded, users or [], tables)
+    comparison = Comparison(loaded, users or [])
     with progress(f"comparing {loaded.name}", None):
         for section in comparison.sections():
             if not json_output:
@@ -228,7 +161,6 @@ def hard(
         typer.Option(help="one case [default: all]; may be repeated", autocompletion=words_of("ncgen.comparisons.hard_cases", "CASES")),
     ] = None,
     limit: Annotated[float, typer.Option(help="seconds after which a run is stopped")] = 20.0,
-    default: Annotated[bool, typer.Option("--default", help="the call that names no method, beside the best that could be named")] = False,
     json_output: Json = False,
 ) -> None:
     """Run mechanisms that break methods: case by formalism and integrator, with error, drift, time, or why it fails."""
@@ -237,8 +169,6 @@ def hard(
 
     if unknown := [name for name in case or () if name not in CASES]:
         raise ModelError(f"case {unknown[0]!r} is unknown; choose one of {', '.join(CASES)}")
-    if default:
-        return _defaults(case, limit, json_output)
     names = case or list(CASES)
     records = []
     with progress("hard cases", len(names) * len(methods())) as advance:
@@ -249,15 +179,3 @@ def hard(
                 show(lines(records[-len(methods()) :]))
     if json_output:
         print(json.dumps(records, indent=1))
-
-
-def _defaults(case: list[str] | None, limit: float, json_output: bool) -> None:
-    """What `hard --default` says."""
-    from ncgen.comparisons.defaults import NAMES, default_lines, default_records
-
-    names, records = case or NAMES, []
-    with progress("default calls", len(names)) as advance:
-        for record in default_records(names, limit):
-            records.append(record)
-            advance(len(records))
-    tell(records, default_lines, json_output)

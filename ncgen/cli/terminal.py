@@ -30,7 +30,7 @@ Floating = Annotated[
 JOINTS = ("limits", "friction", "motors", "sensors")
 """What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
 
-PARAMETERS = ("inertia",)
+PARAMETERS = ("inertia", "geometry")
 """What becomes parameters of a robot where it is asked for, by the words of `ncgen.load`."""
 
 Having = Annotated[

@@ -1,4 +1,4 @@
-"""`ncgen compare`: kernels and derivatives by hand, generated, and by differentiation of every other kind; error beside time."""
+"""`ncgen compare`: kernels and derivatives by hand, generated and by differences; error beside time."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ncgen.comparisons.rivals import Inputs, Rival, all_rivals, by_differences, exact, relative_error, scale
+from ncgen.comparisons.rivals import Inputs, Others, Rival, all_rivals, by_differences, exact, nobody, relative_error, scale
 from ncgen.comparisons.rivals.base import KERNELS, differentiable
-from ncgen.comparisons.state_jacobian import StateJacobian
 from ncgen.compiler import compile
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
 from ncgen.report.clock import Spread, measure
 
@@ -27,39 +25,32 @@ TITLES = {
     "gamma": "γ, of the accelerations",
     "mass": "M, the mass matrix",
     "all": "Φ, Φ_q and γ together",
-    "state": "∂ẏ/∂y of the state derivative",
 }
 NOISY = 0.3
 """Distance of the quartiles, relative to the median, from which a time is marked."""
 
 
-def compare(model: Model, users: Sequence[str] = ()) -> Iterator[tuple[str, list[dict]]]:
-    """(kernel, records) for Φ_q, γ, M, for Φ, Φ_q and γ together, and for ∂ẏ/∂y, as far as the mechanism has them.
+def compare(model: Model, users: Sequence[str] = (), others: Others = nobody) -> Iterator[tuple[str, list[dict]]]:
+    """(kernel, records) for Φ_q, γ, M, and for Φ, Φ_q and γ together, as far as the mechanism has them.
 
-    users: functions of the user's own, see ncgen.comparisons.rivals.user
+    users: functions of the user's own, see ncgen.comparisons.rivals.user; others: what else is set beside them
     A record has kernel, tool, place ("C" or "Python": where the timing loop is), seconds, low, high (median and quartiles
     per call, of a batch per state), noisy, error (relative to the largest entry), ulps_max and ulps_rms (in ulps of what is
     added up in the entry), generation, compilation (seconds), operations, code (bytes); None where that is not known.
     """
     kernels = compile(model, "c")
     names = tuple(k for k in (*KERNELS, "mass") if k in kernels.programs.programs)
-    if kernels.m and names:
-        inputs = Inputs.typical(kernels)
-        yield from _kernel_sections(model, kernels, inputs, names, list(users))
-    yield from _state_section(kernels)
-
-
-def _kernel_sections(
-    model: Model, kernels: Kernels, inputs: Inputs, names: tuple[str, ...], users: list[str]
-) -> Iterator[tuple[str, list[dict]]]:
-    found = all_rivals(model, inputs, names, users)
+    if not (kernels.m and names):
+        return
+    inputs = Inputs.typical(kernels)
+    found = all_rivals(model, inputs, names, list(users), others)
     spent = measure({(r.name, k): run for r in found for k, run in r.runs.items() if k in (*COMPARED, "all")})
     judges = {k: _Judge(kernels, k, inputs) for k in names}
     for kernel in (*COMPARED, "all"):
         parts = KERNELS if kernel == "all" else (kernel,)
         if not set(parts) <= set(names):
             continue
-        records = [_record(r, kernel, spent[r.name, kernel], [judges[k](r) for k in parts]) for r in found if kernel in r.runs]
+        records = [record_of(r, kernel, spent[r.name, kernel], [judges[k](r) for k in parts]) for r in found if kernel in r.runs]
         yield kernel, sorted(records, key=lambda record: record["seconds"])
 
 
@@ -73,17 +64,18 @@ class _Judge:
         self.scale = scale(kernels, kernel, inputs)
 
     def __call__(self, rival: Rival) -> tuple[float, float, float]:
-        return _errors(rival, rival.values(self.kernel), self.reference, self.scale)
+        return errors(rival, rival.values(self.kernel), self.reference, self.scale)
 
 
-def _errors(rival: Rival, value: np.ndarray, reference: np.ndarray, size: np.ndarray) -> tuple[float, float, float]:
+def errors(rival: Rival, value: np.ndarray, reference: np.ndarray, size: np.ndarray) -> tuple[float, float, float]:
     """Relative error, largest and root mean square ulps."""
     ulps = np.abs(value - reference) / size / rival.epsilon
     return relative_error(value, reference), float(np.max(ulps)), float(np.sqrt(np.mean(ulps**2)))
 
 
-def _record(rival: Rival, kernel: str, spread: Spread, errors: Sequence[tuple[float, float, float]]) -> dict:
-    error, largest, rms = (max(column) for column in zip(*errors, strict=True))
+def record_of(rival: Rival, kernel: str, spread: Spread, found: Sequence[tuple[float, float, float]]) -> dict:
+    """found: what `errors` says of each part of the kernel."""
+    error, largest, rms = (max(column) for column in zip(*found, strict=True))
     return {
         "kernel": kernel,
         "tool": rival.name,
@@ -98,18 +90,6 @@ def _record(rival: Rival, kernel: str, spread: Spread, errors: Sequence[tuple[fl
         "operations": rival.operations.get(kernel),
         "code": rival.code.get(kernel),
     }
-
-
-def _state_section(kernels: CompiledKernels) -> Iterator[tuple[str, list[dict]]]:
-    state = StateJacobian(kernels)
-    if not state.possible:
-        return
-    found = state.rivals()
-    spent = measure({r.name: r.runs["state"] for r in found}, rounds=9)
-    reference = state.exact()
-    size = np.max(np.abs(reference), axis=1, keepdims=True) + np.finfo(float).tiny
-    records = [_record(r, "state", spent[r.name], [_errors(r, r.values("state"), reference, size)]) for r in found]
-    yield "state", sorted(records, key=lambda record: record["seconds"])
 
 
 def as_csv(records: list[dict]) -> str:
@@ -157,15 +137,14 @@ def table(records: list[dict]) -> list[tuple[str, ...]]:
     return rows
 
 
-def figure(sections: dict[str, list[dict]]) -> Figure:
-    """Error against time of every tool, both logarithmic, a panel a kernel: the lower left corner is where one wants to be."""
+def figure(drawn: dict[str, list[dict]]) -> Figure:
+    """Error against time of every tool, both logarithmic, a panel a title: the lower left corner is where one wants to be."""
     from ncgen.view.chart import GRID, empty
 
-    drawn = {kernel: records for kernel, records in sections.items() if kernel in TITLES}
     chart = empty(9.0, 4.2 * max(len(drawn), 1))
     chart.set_layout_engine("constrained")
-    for place, (kernel, records) in enumerate(drawn.items(), 1):
-        axes = chart.add_subplot(len(drawn), 1, place, xscale="log", yscale="log", ylabel="relative error", title=TITLES[kernel])
+    for place, (title, records) in enumerate(drawn.items(), 1):
+        axes = chart.add_subplot(len(drawn), 1, place, xscale="log", yscale="log", ylabel="relative error", title=title)
         axes.set_xlabel("time of a call (s)")
         axes.grid(**GRID)
         axes.set_axisbelow(True)

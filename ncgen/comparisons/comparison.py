@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ncgen.comparisons import compare, paper_tables
+from ncgen.comparisons import compare
 from ncgen.comparisons.bench import aligned
+from ncgen.comparisons.rivals import Others, nobody
 from ncgen.comparisons.rivals.user import UserFunction
-from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.model import Model
 from ncgen.report.document import Section, page
@@ -24,7 +24,6 @@ EXPLAINED = (
     "error: relative to the largest number; ulps, rms: the largest error and the root mean square, in units of the last place of what is "
     "added up in a number. Times are medians of samples taken in turns, of a batch per state; red: generated; circles: timed inside C."
 )
-ELSEWHERE = "As printed in 2007, on a Pentium IV of 3 GHz with Matlab: other hardware, so only the ratios can be compared."
 
 
 @dataclass(frozen=True)
@@ -36,49 +35,35 @@ class Measured:
     records: list[dict]
     rows: list[tuple[str, ...]]
     text: str = ""
+    is_drawn: bool = False
 
 
 class Comparison:
     """What `ncgen compare` does with a model.
 
-    users: see ncgen.comparisons.rivals.user; tables: whether the paper's Tables 9 and 10 are wanted, too
+    users: see ncgen.comparisons.rivals.user; others: what else is set beside the kernels
     Raises ModelError at once for a function of the user's that cannot be compared.
     """
 
-    def __init__(self, model: Model, users: list[str], tables: bool = False) -> None:
+    def __init__(self, model: Model, users: list[str], others: Others = nobody) -> None:
         for text in users:
             UserFunction.of(text)
-        self.model, self.users, self.tables = model, users, tables
+        self.model, self.users, self.others = model, users, others
         self.machine = machine()
         self.measured: list[Measured] = []
 
     def sections(self) -> Iterator[Measured]:
         """Measure one section after the other."""
-        for section in self._sections():
+        for section in self.measurements():
             self.measured.append(section)
             yield section
 
-    def _sections(self) -> Iterator[Measured]:
+    def measurements(self) -> Iterator[Measured]:
+        """The sections, as they are measured."""
         first = True
-        for kernel, records in compare.compare(self.model, self.users):
-            yield Measured(kernel, compare.TITLES[kernel], records, compare.table(records), EXPLAINED * first)
+        for kernel, records in compare.compare(self.model, self.users, self.others):
+            yield Measured(kernel, compare.TITLES[kernel], records, compare.table(records), EXPLAINED * first, is_drawn=True)
             first = False
-        if not self.tables:
-            return
-        printed = paper_tables.paper_rows(compile(self.model, "c"))
-        for number, title, run in (
-            ("9", "integrators by source of the derivatives of the rows", paper_tables.table_9),
-            ("10", "implicit integrators by source of ∂ẏ/∂y", paper_tables.table_10),
-        ):
-            records = list(run(self.model))
-            if records:
-                yield Measured(f"table {number}", f"The paper's Table {number} again: {title}", records, paper_tables.table(records))
-            if number in printed:
-                yield Measured(f"printed {number}", f"The paper's Table {number}", [], printed[number], ELSEWHERE)
-        if slopes := list(paper_tables.first_slopes(self.model)):
-            yield Measured(
-                "slopes", "∂ẏ/∂y by differences at the start, in the steps SciPy takes first", slopes, paper_tables.slope_table(slopes)
-            )
 
     @property
     def records(self) -> list[dict]:
@@ -108,5 +93,5 @@ class Comparison:
         save(chart, path)
 
     def _plot(self, sections: list[Measured]) -> Figure | None:
-        drawn = {s.name: s.records for s in sections if s.name in compare.TITLES}
+        drawn = {s.title: s.records for s in sections if s.is_drawn}
         return compare.figure(drawn) if drawn else None

@@ -7,12 +7,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
-import numpy as np
-from scipy.integrate import solve_ivp
-
-from ncgen.comparisons.rivals import handwritten, octave
+from ncgen.comparisons.rivals import handwritten
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
@@ -28,7 +25,6 @@ ABSOLUTE = 1e-2
 """Absolute tolerance as a share of the relative one."""
 
 STEPS = (50, 100, 200)
-STUDENT_STEPS = 100
 REPEATS = 9
 LONGEST = 2.0
 """Seconds after which a run in C is not repeated any more."""
@@ -54,7 +50,11 @@ WAYS = (DEFAULT, Way("emitted", PARTITIONED, "emitted C"), Way("c", PARTITIONED,
 IN_PYTHON = Way("python", PARTITIONED, "Python")
 
 
-def fall_records(kernels: Kernels) -> Iterator[dict]:
+Others: TypeAlias = Callable[[Kernels, float, Mapping[str, float]], Iterator[dict]]
+"""(kernels, duration, {coordinate: end value}) -> records of what else simulates it."""
+
+
+def fall_records(kernels: Kernels, others: Others = lambda *given: iter(())) -> Iterator[dict]:
     """Records of the model's own simulation, one at a time.
 
     error: largest difference (m, rad) of the end position; seconds: of the run; total: of the whole call of `simulate`
@@ -65,8 +65,8 @@ def fall_records(kernels: Kernels) -> Iterator[dict]:
     for way in WAYS:
         for integrator, setting, options in _settings(duration):
             yield _timed(kernels, duration, reference, integrator, setting, options, way, REPEATS)
-    yield _timed(kernels, duration, reference, "dopri5", "rtol 1e-06", _tolerances(1e-6), IN_PYTHON, 1)
-    yield from _student(kernels, duration, reference)
+    yield _timed(kernels, duration, reference, "dopri5", "rtol 1e-06", tolerances(1e-6), IN_PYTHON, 1)
+    yield from others(kernels, duration, reference)
 
 
 def own_run(kernels: Kernels) -> tuple[float, dict[str, Any]]:
@@ -78,12 +78,12 @@ def own_run(kernels: Kernels) -> tuple[float, dict[str, Any]]:
 def _settings(duration: float) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     for rtol in TOLERANCES:
         for integrator in ("dopri5", "dop853"):
-            yield integrator, f"rtol {rtol:g}", _tolerances(rtol)
+            yield integrator, f"rtol {rtol:g}", tolerances(rtol)
     for steps in STEPS:
         yield "rk4", f"{steps} steps", {"max_step": duration / steps}
 
 
-def _tolerances(rtol: float) -> Tolerances:
+def tolerances(rtol: float) -> Tolerances:
     return {"rtol": rtol, "atol": ABSOLUTE * rtol}
 
 
@@ -148,74 +148,3 @@ def _repeated(
         seconds.append(run.statistics.seconds)
         if len(seconds) >= repeats or sum(totals) >= LONGEST:
             return run, seconds, totals
-
-
-Derivative = Callable[[float, np.ndarray], np.ndarray]
-"""ẏ at a time and y."""
-
-
-def _scipy(derivative: Derivative, duration: float, y0: np.ndarray) -> tuple[np.ndarray, int]:
-    """End state and evaluations."""
-    found = solve_ivp(derivative, (0.0, duration), y0, method="RK45", **_tolerances(1e-6))
-    return found.y[:, -1], int(found.nfev)
-
-
-def _rk4(derivative: Derivative, duration: float, y: np.ndarray) -> tuple[np.ndarray, int]:
-    """End state and evaluations."""
-    h = duration / STUDENT_STEPS
-    for t in h * np.arange(STUDENT_STEPS):
-        a = derivative(t, y)
-        b = derivative(t + h / 2, y + h / 2 * a)
-        c = derivative(t + h / 2, y + h / 2 * b)
-        y = y + h / 6 * (a + 2 * b + 2 * c + derivative(t + h, y + h * c))
-    return y, 4 * STUDENT_STEPS
-
-
-def hand_written(kernels: Kernels) -> tuple[Derivative, np.ndarray, list[str]] | None:
-    """(derivative, y0, names of the positions in y) of the hand-written code."""
-    module = handwritten(kernels)
-    return None if module is None else _from_rest(module, kernels)
-
-
-def _from_rest(module: Any, kernels: Kernels) -> tuple[Derivative, np.ndarray, list[str]]:
-    """As `hand_written`; each begins with a guess of its own, which its derivative improves."""
-    guess = kernels.q0.copy()
-    y0 = np.concatenate([np.zeros(len(module.INDEPENDENT)), guess[module.INDEPENDENT]])
-    return lambda t, y: module.derivative(t, y, guess), y0, [kernels.coordinates[i] for i in module.INDEPENDENT]
-
-
-def _student(kernels: Kernels, duration: float, reference: Mapping[str, float]) -> Iterator[dict]:
-    """The hand-written derivative with SciPy's RK45 and with Runge and Kutta's own steps, and the paper's own times."""
-    module = handwritten(kernels)
-    if module is None:
-        return
-    for tool, setting, integrate in (("SciPy RK45", "rtol 1e-06", _scipy), ("RK4", f"{STUDENT_STEPS} steps", _rk4)):
-        derivative, y0, names = _from_rest(module, kernels)
-        start = time.perf_counter()
-        y, evaluations = integrate(derivative, duration, y0)
-        seconds = time.perf_counter() - start
-        end = dict(zip(names, y[len(names) :], strict=True))
-        error = float(max(abs(end[name] - value) for name, value in reference.items()))
-        record = {"case": "simulation", "tool": f"hand-written NumPy, {tool}", "setting": setting, "error": error}
-        yield record | {"seconds": seconds, "total": seconds, "evaluations": evaluations}
-    yield from _octave(kernels, duration, reference)
-    for tool, (seconds, _) in module.PAPER_TABLE_9.items():
-        yield {"case": "simulation", "tool": f"the paper's Table 9, {tool}", "setting": "2007", "error": None, "seconds": seconds}
-
-
-def _octave(kernels: Kernels, duration: float, reference: Mapping[str, float]) -> Iterator[dict]:
-    """The paper's own program, where Octave is installed."""
-    module = handwritten(kernels)
-    if module is None or not octave.available(kernels):
-        return
-    names = [kernels.coordinates[i] for i in module.INDEPENDENT]
-    try:
-        found = octave.falls(kernels, duration=duration, steps=STUDENT_STEPS, **_tolerances(1e-6))
-    except NcgenError as error:
-        yield {"case": "simulation", "tool": "hand-written Octave", "setting": "", "error": None, "seconds": None, "stopped": str(error)}
-        return
-    for run, setting in zip(found, (f"{STUDENT_STEPS} steps", "rtol 1e-06"), strict=True):
-        end = dict(zip(names, run["psi"], strict=True))
-        error = max(abs(end[name] - value) for name, value in reference.items())
-        record = {"case": "simulation", "tool": f"hand-written Octave, {run['tool']}", "setting": setting, "error": error}
-        yield record | {"seconds": run["seconds"], "total": run["seconds"], "evaluations": run["evaluations"]}

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
 import numpy as np
 
-from ncgen.comparisons.positions import largest_errors
 from ncgen.comparisons.rivals import Inputs, exact, handwritten, relative_error
-from ncgen.comparisons.rivals.articulated import rival as articulated
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
@@ -16,10 +18,9 @@ from ncgen.program.ir.cost import cost
 from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.derivative import motion
 from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
-from ncgen.solver.engines.compiled import all_coordinates, is_emitted, is_written_out, split_of
+from ncgen.solver.engines.compiled import all_coordinates, is_emitted, is_written_out
 from ncgen.solver.engines.compiled import dynamics as dynamics_in_c
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
-from ncgen.solver.positions.partition import Partitions
 
 REFINED = "accelerations, refined"
 COMBINATIONS: dict[str, tuple[tuple[str, ...], str | None]] = {
@@ -30,9 +31,6 @@ COMBINATIONS: dict[str, tuple[tuple[str, ...], str | None]] = {
     "all, with one Newton step": (("phi", "newton"), "acceleration"),
 }
 """What is measured: functions of the position, and one of the velocity."""
-
-ARTICULATED = "articulated body, CasADi"
-"""What computes the accelerations of an arm from its angles, in C that another generator writes."""
 
 STAGE = "a stage of a default run"
 """The derivative of all coordinates, which needs no Newton step."""
@@ -46,100 +44,94 @@ def arithmetic_rate() -> float:
     return OPERATIONS / measure({"rate": arithmetic()})["rate"].median
 
 
-def derivative_records(kernels: CompiledKernels, rate: float) -> list[dict]:
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What computes the accelerations of the independent coordinates: run; values after a run; operations, None where nobody knows."""
+
+    run: Run
+    values: Callable[[], np.ndarray]
+    operations: int | None = None
+
+
+OtherParts: TypeAlias = Callable[[CompiledKernels, np.ndarray, np.ndarray], dict[str, Part]]
+"""(kernels, q, zd) -> what else has the accelerations of this state, by name."""
+
+
+def derivative_records(
+    kernels: CompiledKernels, rate: float, others: OtherParts = lambda kernels, q, zd: {}, worst: Mapping[str, float] | None = None
+) -> list[dict]:
     """Parts of the state derivative in C and in Python; empty where the mechanism has no such code.
 
-    error: relative, of the independent accelerations against the reference in Python; worst: the largest of many positions
-    against long double
+    worst: {part: the largest of its errors in many positions}, where it is known
+    error: relative, of the independent accelerations against the reference in Python
     """
     q, partitions = own_start(kernels)
     if not is_emitted(kernels, partitions):
         return []
     zd = np.full(len(partitions.velocity.independent), SPEED)
     _, parts, programs = emitted_parts(kernels)
-    refined = dynamics_in_c(kernels, partitions, "refined", q, kernels.p0)
-    programs[REFINED] = refined.written.programs.acceleration
-    parts[REFINED] = Call(refined._dynamics.acceleration, programs[REFINED].size, (kernels, refined))
+    here, part = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0), partitions.velocity.independent
     runs: dict[str, Run] = {
         name: runner(0.0, q, zd, kernels.p0, [parts[at] for at in positions], parts[velocity] if velocity else None)
         for name, (positions, velocity) in COMBINATIONS.items()
     }
     runs |= {"in Python": repeated(lambda: motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0))}
-    runs |= _student(kernels, q, zd)
-    other = articulated(kernels, split_of(partitions.velocity))
-    if other:
-        runs[ARTICULATED] = runner(0.0, q, zd, kernels.p0, [], other[0])
-    here, part = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0), partitions.velocity.independent
-    stage = _stage(kernels)
-    if stage:
-        given = all_coordinates(kernels, form="emitted").with_prepared(kernels.p0)
-        runs[STAGE] = runner(0.0, q, here.qd, given, [], stage[0])
-    spent = measure(runs)
-    error = _error(kernels, partitions, q, zd, parts)
-    counts = _counts(programs)
-    if stage:
-        counts[STAGE] = stage[1]
-        error[STAGE] = relative_error(stage[0].out[kernels.n :][part], here.qdd[part])
-    if other:
-        error[ARTICULATED] = relative_error(other[0].out, here.qdd[part])
-        counts[ARTICULATED] = other[1]
-    ways = {"accelerations": parts["acceleration"], REFINED: parts[REFINED]}
-    worst = largest_errors(kernels, q, ways, programs[REFINED])
-    return [_record(name, spread, counts.get(name), rate, error.get(name), worst.get(name)) for name, spread in spent.items()]
+    more = _student(kernels, q, zd) | others(kernels, q, zd) | _stage(kernels, q, here.qd, part)
+    spent = measure(runs | {name: each.run for name, each in more.items()})
+    error = _error(kernels, q, parts, here.qdd[part]) | {name: relative_error(each.values(), here.qdd[part]) for name, each in more.items()}
+    counts = _counts(programs) | {name: each.operations for name, each in more.items()}
+    return [_record(name, spread, counts.get(name), rate, error.get(name), (worst or {}).get(name)) for name, spread in spent.items()]
 
 
-def _stage(kernels: CompiledKernels) -> tuple[Call, int] | None:
-    """The derivative that default runs take, and its operations; None where they take none."""
+def _stage(kernels: CompiledKernels, q: np.ndarray, qd: np.ndarray, part: np.ndarray) -> dict[str, Part]:
+    """The derivative that default runs take, if they take one."""
     counts = motion(kernels)
     if counts is None or not is_written_out(kernels, Method.of("lagrange", "dop853")):
-        return None
+        return {}
     made = all_coordinates(kernels, form="emitted")
-    return Call(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made)), counts["derivative"]
+    call = Call(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made))
+    run = runner(0.0, q, qd, made.with_prepared(kernels.p0), [], call)
+    return {STAGE: Part(run, lambda: call.out[kernels.n :][part], counts["derivative"])}
 
 
 def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, Call], dict[str, Program]]:
-    """A closed position, the functions phi, newton and acceleration as calls, and their programs."""
+    """A closed position, the functions phi, newton, acceleration and the refined one as calls, and their programs."""
     q, partitions = own_start(kernels)
-    emitted = dynamics_in_c(kernels, partitions, "emitted", q, kernels.p0)
+    emitted, refined = (dynamics_in_c(kernels, partitions, form, q, kernels.p0) for form in ("emitted", "refined"))
     programs = {"phi": kernels.programs.programs["phi"]}
     programs |= {name: getattr(emitted.written.programs, name) for name in ("newton", "acceleration")}
-    functions = {"phi": kernels.function("phi")}
+    programs |= {REFINED: refined.written.programs.acceleration}
+    functions = {"phi": kernels.function("phi"), REFINED: refined._dynamics.acceleration}
     functions |= {name: getattr(emitted._dynamics, name) for name in ("newton", "acceleration")}
-    return q, {name: Call(functions[name], program.size, (kernels, emitted)) for name, program in programs.items()}, programs
+    return q, {name: Call(functions[name], program.size, (kernels, emitted, refined)) for name, program in programs.items()}, programs
 
 
-def _counts(programs: dict[str, Program]) -> dict[str, int]:
+def _counts(programs: dict[str, Program]) -> dict[str, int | None]:
     return {
         name: sum(cost(programs[part]).total for part in (*positions, *([velocity] if velocity else [])))
         for name, (positions, velocity) in COMBINATIONS.items()
     }
 
 
-def _student(kernels: Kernels, q: np.ndarray, zd: np.ndarray) -> dict[str, Run]:
+def _student(kernels: Kernels, q: np.ndarray, zd: np.ndarray) -> dict[str, Part]:
     """The hand-written derivative, started from the position itself."""
     module = handwritten(kernels)
     if module is None:
         return {}
     y, guess = np.concatenate([zd, q[module.INDEPENDENT]]), q.copy()
-    return {"hand-written NumPy": repeated(lambda: module.derivative(0.0, y, guess))}
+
+    def rates() -> np.ndarray:
+        return module.derivative(0.0, y, guess)
+
+    return {"hand-written NumPy": Part(repeated(rates), lambda: rates()[: len(zd)])}
 
 
-def _error(kernels: Kernels, partitions: Partitions, q: np.ndarray, zd: np.ndarray, parts: dict[str, Call]) -> dict[str, float]:
+def _error(kernels: Kernels, q: np.ndarray, parts: dict[str, Call], expected: np.ndarray) -> dict[str, float]:
     """Errors of what the functions have just written."""
-    here = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0)
-    part = partitions.velocity.independent
     found = {"residual": float(np.max(np.abs(parts["phi"].out - exact(kernels, "phi", Inputs(q, q, kernels.p0)))))}
     for name, call in (("accelerations", "acceleration"), ("all, with one Newton step", "acceleration"), (REFINED, REFINED)):
-        found[name] = relative_error(parts[call].out[kernels.n : kernels.n + len(part)], here.qdd[part])
-    return found | _student_error(kernels, q, zd, here.qdd[part])
-
-
-def _student_error(kernels: Kernels, q: np.ndarray, zd: np.ndarray, expected: np.ndarray) -> dict[str, float]:
-    module = handwritten(kernels)
-    if module is None:
-        return {}
-    rate = module.derivative(0.0, np.concatenate([zd, q[module.INDEPENDENT]]), q.copy())
-    return {"hand-written NumPy": relative_error(rate[: len(zd)], expected)}
+        found[name] = relative_error(parts[call].out[kernels.n : kernels.n + len(expected)], expected)
+    return found
 
 
 def _record(name: str, spread: Spread, operations: int | None, rate: float, error: float | None, worst: float | None) -> dict:

@@ -51,7 +51,8 @@ def load(
     inertias: of moments of inertia that no body has "balanced" for their mean, "as given" for the file's numbers, both with a warning
         that counts bodies; "refused" for a ModelError
     parameters: "inertia" for masses, centres of mass and moments of inertia of all links as parameters of the model, with the file's
-        values, LINK.mass, LINK.centre.x, LINK.inertia.xy; names of links for those of these, which may have none in the file: a payload
+        values, LINK.mass, LINK.centre.x, LINK.inertia.xy; "geometry" for where joints are in their parents, JOINT.origin.x; names of links
+        and joints for those of these: a link may have no inertia in the file, a payload
     frames: names of links, sites and frames of a robot's file whose position and rotation are outputs, NAME.x and NAME.r11 and so on
     Warns, in one line, of how many things of a robot's file that change the motion the model does not have; `left_out` of the model lists
     them. Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.

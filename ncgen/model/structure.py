@@ -84,11 +84,22 @@ class Structure(Coordinates):
         return body
 
     @fact
-    def payload(self, body: Body, name: str, mass: Value, com: Values, inertia: Tensor = 0.0, *, as_given: bool = False) -> None:
+    def payload(
+        self,
+        body: Body,
+        name: str,
+        mass: Value,
+        com: Values,
+        inertia: Tensor = 0.0,
+        basis: Sequence[Spatial] | None = None,
+        *,
+        as_given: bool = False,
+    ) -> None:
         """A mass that is fixed to a body: a tool, a load that is carried. It adds to what the body has.
 
         name: for messages; mass: kg; com: its centre of mass (m, global axes, initial position)
         inertia: its tensor about that (kg m², global axes, initial position), as of `body`; default: all mass is at the centre
+        basis: the elements that carry it, as of `body`, where the body has no inertia yet
         mass, com and inertia may hold parameters; as_given: take moments of inertia that no body has, as of `body`
         Raises ModelError naming the payload where its inertia is impossible.
         """
@@ -96,7 +107,7 @@ class Structure(Coordinates):
             raise ModelError(f"payload {name}: the ground does not move; give a body")
         if isinstance(inertia, str):
             raise ModelError(f"payload {name}, inertia: {shown(inertia)} given; give numbers (kg m2), or leave it out for a point mass")
-        basis = body.inertia.basis if body.inertia else None
+        basis = body.inertia.basis if body.inertia else basis
         added = replace(self._inertia(body, mass, com, inertia, basis, name, as_given), name=name)
         body.inertia = body.inertia.plus([added], self.parameters) if body.inertia else added
 

@@ -1,12 +1,10 @@
 """What is compared must be the same functions: the hand-written robot against the generated kernels."""
 
-import shutil
-
 import numpy as np
 import pytest
 
 import ncgen
-from ncgen.comparisons.rivals import KERNELS, Inputs, handwritten, octave
+from ncgen.comparisons.rivals import KERNELS, Inputs, handwritten
 from ncgen.comparisons.rivals.generated import compiled
 from ncgen.comparisons.rivals.handwritten import in_c
 
@@ -55,22 +53,3 @@ def test_derivative(robot, hand):
     y = np.concatenate([run.qd[-1][30:], run.q[-1][30:]])
     expected = np.concatenate([run.qdd[-1][30:], run.qd[-1][30:]])
     assert np.allclose(hand.derivative(0.1, y, robot.q0.copy()), expected, rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.skipif(shutil.which(octave.PROGRAM) is None, reason="Octave is not installed")
-def test_octave(robot):
-    """The paper's own program reaches, in few steps, the angles that ncgen's runs reach at tight tolerance."""
-    run = ncgen.simulate(robot, 0.05, rtol=1e-11, atol=1e-13, points=2)
-    found = {r["tool"]: r for r in octave.falls(robot, duration=0.05, steps=4, rtol=1e-5, atol=1e-7)}
-    assert found["RK4"]["evaluations"] == 16
-    for tool in ("RK4", "ode45"):
-        assert np.allclose(found[tool]["psi"], run.q[-1][30:], rtol=0, atol=1e-6), tool
-
-
-def test_octave_that_fails_says_why(robot, monkeypatch, tmp_path):
-    program = tmp_path / octave.PROGRAM
-    program.write_text("#!/bin/sh\necho 'error: undefined function' >&2\nexit 1\n")
-    program.chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    with pytest.raises(ncgen.NcgenError, match="octave-cli: error: undefined function"):
-        octave.falls(robot, duration=0.05, steps=1, rtol=1e-5, atol=1e-7)

@@ -4,9 +4,9 @@ import subprocess
 
 import numpy as np
 import pytest
+from benchmarks.arms import random_arm
 
 import ncgen
-from ncgen.comparisons.arms import random_arm
 from ncgen.mechanism import runtime
 from ncgen.toolchain.compilers import FLAGS, LEAST, LONG_SOURCE, _groups, find_compiler
 

@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 
 import ncgen
 from ncgen.cli import app
-from ncgen.comparisons import defaults
 from ncgen.comparisons.hard import hard_records, methods, run_case
 from ncgen.comparisons.hard_cases import CASES, PRINCIPAL, SPIN, free_rotation
 from ncgen.report.methods import FIXED
@@ -56,18 +55,6 @@ def test_survives(name, formalism, integrator, allowed):
     found = [run_case(kernels, replace(case, rtol=factor * case.rtol), formalism, integrator) for factor in factors]
     errors = sorted(np.inf if each["reason"] else each["error"] for each in found)
     assert errors[len(errors) // 2] < allowed, found
-
-
-def test_the_default_beside_named_methods(monkeypatch):
-    """Two tolerances of one method that is the default's own: the finer one is as exact and no quicker."""
-    monkeypatch.setattr(defaults, "LADDER", (1e-5, 1e-9))
-    monkeypatch.setattr(defaults, "methods", lambda: [("lagrange", "dop853"), ("lagrange", "rattle")])
-    (record,) = defaults.default_records(["robot"])
-    assert record["chosen"] == "lagrange, dop853" and record["best"] == "lagrange, dop853 at 1e-09"
-    assert record["best_error"] <= record["error"] and record["tolerances"] < 100
-    assert record["ratio"] == record["seconds"] / record["best_seconds"]
-    head, line = defaults.default_lines([record])
-    assert line.startswith("robot") and "1e-09" in line and len(line) == len(head)
 
 
 @pytest.mark.parametrize("formalism", ["lagrange", "null-space", "augmented-lagrangian", "udwadia-phohomsiri"])

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.data import with_data, with_data_as_parameters
 
 import ncgen
-from ncgen.comparisons.data import with_data, with_data_as_parameters
 from ncgen.exchange.examples import example_names
 from ncgen.exchange.toml_reader import model_of
 from ncgen.exchange.toml_writer import to_toml

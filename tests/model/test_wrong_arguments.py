@@ -79,7 +79,7 @@ def calls(s) -> dict[str, dict]:
         "force": {"point": s.A, "vector": (1, 2, 3), "label": "mine"},
         "torque": {"coordinate": s.psi, "expression": 1.0, "label": "mine"},
         "rotor": {"coordinate": s.psi, "inertia": 0.1},
-        "payload": {"body": s.rod, "name": "load", "mass": 1.0, "com": (1, 0, 0), "inertia": 0.1, "as_given": False},
+        "payload": {"body": s.rod, "name": "load", "mass": 1.0, "com": (1, 0, 0), "inertia": 0.1, "basis": None, "as_given": False},
         "couple": {"body": s.rod, "vector": (1, 2, 3), "label": "mine"},
         "potential": {"expression": s.A.x**2, "label": "mine"},
         "spring": {"start": s.A, "end": s.B, "stiffness": 1.0, "damping": 2.0, "free_length": 1.0, "law": None, "label": "mine"},

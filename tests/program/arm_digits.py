@@ -10,8 +10,8 @@ import sys
 
 import mpmath
 import numpy as np
+from benchmarks.arms import Posture, own, posture
 
-from ncgen.comparisons.arms import Posture, own, posture
 from ncgen.comparisons.rivals import relative_error
 from ncgen.comparisons.rivals.exact import DIGITS, MPMATH
 from ncgen.program.ir.evaluate import evaluate

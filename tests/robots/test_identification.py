@@ -1,5 +1,6 @@
 """The regressor and base parameters beside Pinocchio's, on arms of its collection."""
 
+import re
 import sysconfig
 from pathlib import Path
 
@@ -125,3 +126,12 @@ def test_a_base_parameter_is_told_in_words(small):
     found = small.base_parameters()
     assert found.names == small.inertial_names
     assert {found.text(k).split(" ")[0] for k in range(found.count)} == {found.names[k] for k in found.kept}
+
+
+def test_the_example_of_the_robots_page_prints_what_stands_there(monkeypatch, capsys):
+    root = Path(__file__).resolve().parents[2]
+    monkeypatch.chdir(root)
+    page = (root / "docs" / "robots.md").read_text(encoding="utf-8")
+    code, printed = re.search(r"```python\n((?:(?!```).)*?base_parameters.*?)```\n\n```\n(.*?)```", page, re.S).groups()
+    exec(code, {})
+    assert capsys.readouterr().out == printed

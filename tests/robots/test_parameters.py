@@ -135,7 +135,7 @@ def test_what_no_body_has_is_refused(arm, p, said):
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
-        ("mass", "no link 'mass'"),
+        ("mass", "no link or joint 'mass'"),
         (["base"], "link base rests"),
         (3, "3 given"),
         ([1], "given"),
@@ -161,3 +161,59 @@ def test_a_model_file_keeps_them(arm, tmp_path):
         np.testing.assert_allclose(
             again.inverse_dynamics(again.position(values), v, a), space.inverse_dynamics(space.position(values), v, a), rtol=1e-13
         )
+
+
+ORIGINS = {
+    "a.origin.x": 0.15, "a.origin.y": 0.02, "a.origin.z": 0.25, "b.origin.x": 0.35, "b.origin.y": -0.04, "b.origin.z": 0.03,
+    "c.origin.x": 0.28, "c.origin.y": 0.13, "c.origin.z": -0.05,
+}  # fmt: skip
+
+
+def moved_text():
+    """The arm's file with the placements of ORIGINS in it."""
+    text = ARM
+    for joint, before in (("a", "0.1 0 0.3"), ("b", "0.4 0 0"), ("c", "0.3 0.1 0")):
+        place = " ".join(str(ORIGINS[f"{joint}.origin.{axis}"]) for axis in "xyz")
+        assert text.count(f'<origin xyz="{before}" rpy') == 1
+        text = text.replace(f'<origin xyz="{before}" rpy', f'<origin xyz="{place}" rpy')
+    return text
+
+
+def test_placements_of_joints_are_those_of_a_file_that_has_them(files):
+    (files[0].parent / "moved.urdf").write_text(moved_text())
+    model = ncgen.load(files[0], parameters=["geometry", "hand"])
+    assert list(model.parameters)[:9] == list(ORIGINS) and [model.parameters[f"a.origin.{axis}"].default for axis in "xyz"] == [
+        0.1,
+        0.0,
+        0.3,
+    ]
+    p = ORIGINS | {"hand.mass": 1.3}
+    ours = ncgen.joint_space(ncgen.compile(model, "numpy")).at(p)
+    theirs = ncgen.joint_space(ncgen.compile(ncgen.load(files[0].parent / "moved.urdf", parameters="hand"), "numpy")).at({"hand.mass": 1.3})
+    for values, v, a in states(ours, 3):
+        q, q_theirs = ours.position(values), theirs.position(values)
+        pairs = [
+            (ours.inverse_dynamics(q, v, a), theirs.inverse_dynamics(q_theirs, v, a)),
+            (ours.forward_dynamics(q, v, a), theirs.forward_dynamics(q_theirs, v, a)),
+            (ours.frame("tool0").pose(q)[1], theirs.frame("tool0").pose(q_theirs)[1]),
+            (ours.frame("tool0").jacobian(q), theirs.frame("tool0").jacobian(q_theirs)),
+            (ours.regressor(q, v, a) @ ours.inertial_values(), ours.inverse_dynamics(q, v, a)),
+        ]
+        for found, expected in pairs:
+            np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.slow
+def test_a_motion_with_other_placements_stays_closed_and_is_the_other_files(files):
+    (files[0].parent / "moved.urdf").write_text(moved_text())
+    ours = ncgen.compile(ncgen.load(files[0], parameters="geometry"), "numpy")
+    theirs = ncgen.compile(ncgen.load(files[0].parent / "moved.urdf"), "numpy")
+    asked = {"duration": 0.2, "zd0": {"a": 1.0, "c": -2.0}, "rtol": 1e-10, "engine": "python", "integrator": "dop853"}
+    runs = ncgen.simulate(ours, p=ORIGINS, **asked), ncgen.simulate(theirs, **asked)
+    for name in ("a", "b", "c"):
+        assert abs(runs[0].q[-1, ours.index[name]] - runs[1].q[-1, theirs.index[name]]) < 1e-7
+
+
+def test_a_fixed_joint_has_no_placement_to_change(files):
+    with pytest.raises(ModelError, match="joint t is fixed"):
+        ncgen.load(files[0], parameters=["t"])

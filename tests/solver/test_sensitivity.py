@@ -7,10 +7,10 @@ import time
 import numpy as np
 import pytest
 import sympy
+from benchmarks import data
 
 import ncgen
 from ncgen import Model
-from ncgen.comparisons import data
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism import taped
 from ncgen.methods.table import INTEGRATORS

@@ -105,6 +105,11 @@ def test_what_is_refused(rod):
         (lambda: sim.step(1e-3, nobody=1.0), ModelError, "step: the mechanism has no input nobody; it has tau"),
         (lambda: sim.step(1e-3, tau=math.inf), ModelError, "step: tau is inf; it must be a finite number"),
         (lambda: sim.step(1e-3, tau="much"), ModelError, "step: tau is 'much'; it must be a finite number"),
+        (
+            lambda: ncgen.start(rod, q=sim.q),
+            ModelError,
+            "q: there is no such argument; a start is given by q0, zd0, qd0",
+        ),
     ):
         with pytest.raises(kind) as refused:
             act()

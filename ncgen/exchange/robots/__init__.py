@@ -80,7 +80,7 @@ def load_robot(
     motors, sensors: inputs for actuators of the file, or for joints; outputs for its sensors; else they are left out
     loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
     inertias: "refused", "balanced" or "as given" where no body has them
-    parameters: "inertia", or names of links, whose numbers become parameters
+    parameters: "inertia", "geometry", or names of links and joints, whose numbers become parameters
     stacklevel: of warnings, 1 for who calls this
     Raises ModelError with file and line.
     """

@@ -38,11 +38,12 @@ SHARED = ("revolute", "spherical")
 
 @dataclass(eq=False)
 class Place:
-    """A point (m), or a direction of length 1, where all coordinates are 0."""
+    """A point (m), or a direction of length 1, where all coordinates are 0. link: with whose frame a point is placed"""
 
     name: str
     value: np.ndarray
     is_point: bool
+    link: str = ""
 
 
 @dataclass(eq=False)
@@ -105,10 +106,13 @@ class Layout:
 
 
 class Layer:
-    """Finds places of a robot without fixed joints. floating: its root moves freely."""
+    """Finds places of a robot without fixed joints. floating: its root moves freely.
 
-    def __init__(self, robot: Robot, floating: bool) -> None:
-        self.robot, self.floating = robot, floating
+    apart: placements of joints change, so that every joint has a point of its own, and vectors alone span bodies
+    """
+
+    def __init__(self, robot: Robot, floating: bool, apart: bool = False) -> None:
+        self.robot, self.floating, self.apart = robot, floating, apart
         self.frames = robot.frames(robot.base)
         origins = np.array([frame.position for frame in self.frames.values()])
         self.places = {joint: self.frames[joint.child] for joint in robot.joints} | {
@@ -121,6 +125,10 @@ class Layer:
         self.holds: list[Hold] = []
 
     def layout(self) -> Layout:
+        if self.apart:
+            carried = {joint.child for joint in self.robot.joints if joint.kind != "floating"}
+            for name in self.frames.keys() - carried if self.floating else self.frames.keys() - carried - {self.robot.root}:
+                self.solids[name].take(Place(f"r_{name}", self.frames[name].position, True, name))
         for joint in (*self.robot.joints, *self.robot.loops):
             self.holds.append(self._hold(joint))
         root = self.solids[self.robot.root]
@@ -146,7 +154,7 @@ class Layer:
     def _spherical(self, hold: Hold) -> None:
         origin = self._origin(hold.joint)
         points = (*hold.parent.points, *hold.child.points)
-        known = next((p for p in points if np.linalg.norm(p.value - origin) < self.near), None)
+        known = None if self.apart else next((p for p in points if np.linalg.norm(p.value - origin) < self.near), None)
         hold.start = hold.end = hold.child.take(hold.parent.take(known or self._point(hold, "r", origin)))
 
     def _universal(self, hold: Hold) -> None:
@@ -157,7 +165,8 @@ class Layer:
 
     def _prismatic(self, hold: Hold) -> None:
         self._share_axis(hold)
-        hold.start = (hold.parent.points or [hold.parent.take(self._point(hold, "r", self._origin(hold.joint)))])[0]
+        known = [] if self.apart else hold.parent.points
+        hold.start = (known or [hold.parent.take(self._point(hold, "r", self._origin(hold.joint)))])[0]
         hold.end = hold.child.take(self._point(hold, "s", hold.start.value))
 
     _planar = _screw = _prismatic
@@ -186,11 +195,13 @@ class Layer:
         """
         origin, axis = self._origin(hold.joint), self._axis(hold.joint)
         taken = next((h.start for h in self.holds if h.child is hold.parent and h.axis is hold.axis), None)
-        for point in (*hold.parent.points, *hold.child.points):
+        for point in () if self.apart else (*hold.parent.points, *hold.child.points):
             if point is not taken and np.linalg.norm(np.cross(point.value - origin, axis)) < self.near:
                 return hold.child.take(hold.parent.take(point))
         if taken and np.linalg.norm(taken.value - origin) < self.near:
             return hold.child.take(hold.parent.take(self._point(hold, "r", origin + ASIDE * self.size * axis)))
+        if self.apart:
+            return hold.child.take(hold.parent.take(self._point(hold, "r", origin)))
         next_ones = (joint for joint in self.robot.joints if joint.parent == hold.child.name and joint.kind == "revolute")
         meetings = (self._meeting(origin, axis, self._origin(joint), self._axis(joint)) for joint in next_ones)
         place = min((m for m in meetings if m is not None), key=lambda m: norm(m - origin), default=origin)
@@ -218,7 +229,8 @@ class Layer:
         return unit(found)
 
     def _point(self, hold: Hold, prefix: str, place: np.ndarray) -> Place:
-        return Place(f"{prefix}_{hold.joint.name}", np.where(np.abs(place) < 1e-3 * self.near, 0.0, place), True)
+        value = np.where(np.abs(place) < 1e-3 * self.near, 0.0, place)
+        return Place(f"{prefix}_{hold.joint.name}", value, True, hold.child.name)
 
     # -- bodies --------------------------------------------------------------------------------
 
@@ -230,8 +242,9 @@ class Layer:
     def _complete(self, solid: Solid, heart: np.ndarray) -> None:
         """A point, and directions that span space."""
         if not solid.points:
-            solid.take(Place(f"r_{solid.name}", heart, True))
-        while (rows := solid.directions(NEAR * self.size)).shape[0] < 3 or np.linalg.svd(rows, compute_uv=False)[-1] < WELL:
+            solid.take(Place(f"r_{solid.name}", heart, True, solid.name))
+        shortest = np.inf if self.apart else NEAR * self.size
+        while (rows := solid.directions(shortest)).shape[0] < 3 or np.linalg.svd(rows, compute_uv=False)[-1] < WELL:
             number = len(solid.vectors) + 1
             solid.take(Place(f"e{number}_{solid.name}", _missing(rows, self.frames[solid.name]), False))
 

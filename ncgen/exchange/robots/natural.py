@@ -11,7 +11,7 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
 from ncgen.exchange.robots.motors import EFFORTS, MOTORS, add_motors
-from ncgen.exchange.robots.parameters import Parts, add_part, homes_of, parts_of
+from ncgen.exchange.robots.parameters import GEOMETRY, Parts, Shift, add_part, homes_of, parts_of, shifted, shifts_of
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
 from ncgen.exchange.robots.placement import rotation_about
 from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
@@ -20,7 +20,7 @@ from ncgen.exchange.robots.starts import named_start
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import dot, product, unit
-from ncgen.model.bodies import Body, BodyFrame
+from ncgen.model.bodies import Body, BodyFrame, choose_basis
 from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector
 from ncgen.model.names import RESERVED, normal, numbered
 
@@ -50,7 +50,9 @@ def model_of(
     Raises ModelError naming a link with an impossible inertia, or a joint that cannot be as it is said.
     """
     floats = robot.floats if floating is None else floating
-    builder = _Builder(together(robot), floats, parts_of(robot, floats, parameters) if parameters else {})
+    if sensors and any(name == GEOMETRY or name in {joint.name for joint in robot.joints} for name in parameters):
+        raise ModelError("parameters: sensors are where the file has them; leave geometry or sensors out")
+    builder = _Builder(robot, floats, parameters)
     model = builder.build()
     model.frames = _frames_of(robot, builder.layout.ground.name, {solid.name: body.name for solid, body in builder.bodies.items()})
     acting = [(hold.joint, builder.coordinates[hold.joint.name]) for hold in builder.layout.holds if hold.joint.name in builder.coordinates]
@@ -95,10 +97,12 @@ def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str
 
 
 class _Builder:
-    def __init__(self, robot: Robot, floating: bool, parts: Mapping[str, Parts]) -> None:
-        self.robot, self.floating, self.parts = robot, floating, parts
-        self.layout: Layout = Layer(robot, floating).layout()
+    def __init__(self, robot: Robot, floating: bool, asked: Sequence[str]) -> None:
+        self.robot, self.floating = together(robot), floating
         self.model = Model(word(robot.name, "robot"))
+        self.parts: Mapping[str, Parts] = parts_of(robot, floating, asked) if asked else {}
+        self.shifts: Mapping[str, Shift] = shifts_of(self.model, robot, asked) if asked else {}
+        self.layout: Layout = Layer(self.robot, floating, bool(self.shifts)).layout()
         self.elements: dict[Place, Spatial] = {}
         self.bodies: dict[Solid, Body] = {self.layout.ground: self.model.ground}
         self.coordinates: dict[str, Relative] = {}
@@ -137,7 +141,8 @@ class _Builder:
                 if place not in self.elements:
                     make = self.model.point if place.is_point else self.model.vector
                     with _told_of(self.robot.links[solid.name].where):
-                        self.elements[place] = make(self._free(place.name), place.value.tolist(), fixed=place in fixed)
+                        value = shifted(place.value, self.shifts.get(place.link)) if place.is_point else place.value.tolist()
+                        self.elements[place] = make(self._free(place.name), value, fixed=place in fixed)
 
     def _free(self, name: str) -> str:
         """A name that nothing has yet."""
@@ -152,14 +157,24 @@ class _Builder:
         taken = {self.model.ground.name, *self.model.bodies}
         name = numbered(word(solid.name, "link"), taken.__contains__)
         with _told_of(link.where):
-            if mass is None:
+            basis, shift = None, self.shifts.get(solid.name)
+            if shift is not None:  # vectors span it: they stay numbers
+                body = self.bodies[solid] = self.model.body(name, points[:1], vectors)
+                basis = choose_basis(body)
+                self.model.extend(body, *points[1:])
+                if mass is not None:
+                    as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
+                    tensor = _tensor(mass, self.layout.size).tolist()
+                    self.model.payload(body, name, mass.mass, shifted(mass.com, shift), tensor, basis, **as_given)
+            elif mass is None:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
                 tensor = _tensor(mass, self.layout.size).tolist()
                 as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
                 self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor, **as_given)
             for part in parts.chosen if parts else ():
-                add_part(self.model, self.bodies[solid], part, word(part.name, "link"), part.name in self.robot.as_given)
+                given = part.name in self.robot.as_given
+                add_part(self.model, self.bodies[solid], part, word(part.name, "link"), given, shift, basis)
 
     def _show(self, solid: Solid, body: Body) -> None:
         """What a link looks like, on its body."""
@@ -235,7 +250,8 @@ class _Builder:
         """The point of the parent from which a slider counts."""
         if not joint.start:
             return start
-        place, name = (start.initial - joint.start * axis).tolist(), self._free(f"z_{joint.name}")
+        place = [x - joint.start * float(e) for x, e in zip(start.given, axis, strict=True)]
+        name = self._free(f"z_{joint.name}")
         return self.model.point(name, place, fixed=True) if a is self.model.ground else self.model.attach_point(a, name, place)
 
     def _direction(self, body: Body, direction: np.ndarray, hold: Hold) -> Spatial | Combination:

@@ -1,13 +1,15 @@
 """Numbers of a robot as parameters of its model, where they are asked for, with the values of the file.
 
 Of a link: LINK.mass (kg), LINK.centre.x (m) and so on, LINK.inertia.xx, LINK.inertia.xy (kg m²) and so on: the centre of mass in the
-link's frame, the entries of the inertia tensor about the centre of mass along the axes of that frame.
+link's frame, the entries of the inertia tensor about the centre of mass along the axes of that frame. Of a joint that moves: JOINT.origin.x
+(m) and so on, where its frame is in that of its parent, as URDF says it; which way it is turned stays a number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -16,12 +18,12 @@ from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Mass, Robot
 from ncgen.model import Model
 from ncgen.model.bodies import Body
-from ncgen.model.elements import AXES
+from ncgen.model.elements import AXES, Spatial
 from ncgen.model.names import numbered
 from ncgen.model.values import Scalar
 
-INERTIA = "inertia"
-"""Asks for the parameters of all links that move and have inertia."""
+INERTIA, GEOMETRY = "inertia", "geometry"
+"""Ask for the parameters of all links that move and have inertia, and of all joints that move."""
 
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Of a symmetric tensor, in the order of URDF's xx, yy, zz, xy, xz, yz."""
@@ -51,7 +53,7 @@ def names_asked(parameters: object) -> tuple[str, ...]:
     """What `ncgen.load` is asked to make parameters. Raises ModelError unless it is a word, a name or several of them."""
     asked = (parameters,) if isinstance(parameters, str) else parameters
     if not isinstance(asked, Sequence) or not all(isinstance(name, str) for name in asked):
-        raise ModelError(f'parameters: {shown(parameters)} given; give "{INERTIA}", or a list of names of links')
+        raise ModelError(f'parameters: {shown(parameters)} given; give "{INERTIA}", "{GEOMETRY}", or a list of names of links and joints')
     return tuple(asked)
 
 
@@ -59,13 +61,18 @@ def parts_of(robot: Robot, floating: bool, asked: Sequence[str]) -> dict[str, Pa
     """{link that moves by itself: its masses, where some of them become parameters}.
 
     robot: ordered, with its fixed joints; floating: whether its root moves
-    Raises ModelError for a name that is no link, or a link that rests.
+    Raises ModelError for a name that is no link and no joint, for a link that rests, and a joint that is fixed.
     """
     homes = homes_of(robot)
     moving = {name: home for name, home in homes.items() if floating or home != robot.root}
+    joints = {joint.name: joint for joint in robot.joints}
     for name in asked:
-        if name != INERTIA and name not in robot.links:
-            raise ModelError(f'parameters: there is no link {shown(name)}; give "{INERTIA}" for all links, or names of links')
+        if name not in (INERTIA, GEOMETRY) and name not in robot.links and name not in joints:
+            raise ModelError(
+                f'parameters: there is no link or joint {shown(name)}; give "{INERTIA}" (all links), "{GEOMETRY}" (all joints), or names'
+            )
+        if name in joints and joints[name].kind == "fixed":
+            raise ModelError(f"parameters: joint {name} is fixed, so its placement stays a number; leave it out")
         if name in robot.links and name not in moving:
             raise ModelError(f"parameters: link {name} rests, so that its inertia has no effect; leave it out")
     chosen = {name for name in moving if name in asked or (INERTIA in asked and robot.links[name].mass)}
@@ -94,20 +101,68 @@ def homes_of(robot: Robot) -> dict[str, str]:
     return homes
 
 
-def add_part(model: Model, body: Body, part: Part, word: str, as_given: bool) -> None:
-    """A part's ten parameters, and its mass fixed to a body. word: how they begin; as_given: whatever its moments of inertia are"""
+Shift: TypeAlias = tuple[Scalar, Scalar, Scalar]
+"""How far a link is from where the file has it, along the global axes where all coordinates are 0 (m): expressions of parameters."""
+
+
+def shifts_of(model: Model, robot: Robot, asked: Sequence[str]) -> dict[str, Shift]:
+    """{link: its shift} where placements of joints become parameters, which the model is told; empty where none do.
+
+    robot: ordered, with its fixed joints. Raises ModelError for what would not follow them.
+    """
+    from ncgen.exchange.robots.natural import word
+
+    chosen = [joint for joint in robot.joints if joint.kind != "fixed" and (GEOMETRY in asked or joint.name in asked)]
+    if not chosen:
+        return {}
+    lifted = any(link.lifted for link in robot.links.values())
+    held = {"loops": robot.loops, "states of its own": robot.starts, "compensated weights": lifted}
+    if problem := next((what for what, there in held.items() if there), None):
+        raise ModelError(f"parameters: {robot.name} has {problem}, so that placements of its joints stay numbers; leave geometry out")
+    frames, none = robot.frames(robot.base), (0.0, 0.0, 0.0)
+    found: dict[str, Shift] = {robot.root: none}
+    for joint in robot.joints:
+        x, y, z = found[joint.parent]
+        if joint in chosen:
+            place = joint.placement.position
+            names = [f"{word(joint.name, 'joint')}.origin.{axis}" for axis in AXES]
+            made = [model.parameter(model.free_name(name), float(at), "m").symbol for name, at in zip(names, place, strict=True)]
+            rotation = cleaned(frames[joint.parent].rotation)
+            along = [combined(rotation[i], made) - float(rotation[i] @ place) for i in range(3)]
+            x, y, z = (a + b for a, b in zip((x, y, z), along, strict=True))
+        found[joint.child] = x, y, z
+    return found
+
+
+def cleaned(rotation: np.ndarray) -> np.ndarray:
+    """A rotation without cosines that are rounding."""
+    return np.where(np.abs(rotation) < ROUNDING, 0.0, rotation)
+
+
+def shifted(place: np.ndarray, shift: Shift | None) -> list[Scalar]:
+    """A place (3,) that goes with a link."""
+    return place.tolist() if shift is None else [float(x) + more for x, more in zip(place, shift, strict=True)]
+
+
+def add_part(
+    model: Model, body: Body, part: Part, word: str, as_given: bool, shift: Shift | None = None, basis: Sequence[Spatial] | None = None
+) -> None:
+    """A part's ten parameters, and its mass fixed to a body.
+
+    word: how they begin; as_given: whatever its moments of inertia are; shift: of the body; basis: as of `m.payload`
+    """
     names = ["mass", *(f"centre.{axis}" for axis in AXES), *(f"inertia.{AXES[i]}{AXES[j]}" for i, j in ENTRIES)]
     first = numbered(word, lambda wish: any(model.bearer(f"{wish}.{name}") is not None for name in names))
     values = [part.mass.mass, *part.mass.com, *(part.mass.tensor[i, j] for i, j in ENTRIES)]
     units = ["kg", *["m"] * 3, *["kg m2"] * 6]
     made = [model.parameter(f"{first}.{name}", float(value), unit).symbol for name, value, unit in zip(names, values, units, strict=True)]
-    rotation = np.where(np.abs(part.frame.rotation) < ROUNDING, 0.0, part.frame.rotation)
-    com = [float(part.frame.position[i]) + combined(rotation[i], made[1:4]) for i in range(3)]
+    rotation = cleaned(part.frame.rotation)
+    com = [x + combined(rotation[i], made[1:4]) for i, x in enumerate(shifted(part.frame.position, shift))]
     tensor: list[list[Scalar]] = [[0.0] * 3 for _ in AXES]
     for i, j in ENTRIES:
         shares = [rotation[i, k] * rotation[j, l] + (rotation[i, l] * rotation[j, k] if k != l else 0.0) for k, l in ENTRIES]
         tensor[i][j] = tensor[j][i] = combined(np.where(np.abs(shares) < ROUNDING, 0.0, shares), made[4:])
-    model.payload(body, part.name, made[0], com, tensor, **({"as_given": True} if as_given else {}))
+    model.payload(body, part.name, made[0], com, tensor, basis, **({"as_given": True} if as_given else {}))
 
 
 def combined(shares: Sequence[float] | np.ndarray, values: Sequence[Scalar]) -> Scalar:

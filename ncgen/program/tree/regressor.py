@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ncgen.errors import ModelError
 from ncgen.model import Model, bodies
 from ncgen.model.arithmetic import weights
 from ncgen.program.algebra.space import PLACES, Vector
@@ -97,8 +98,10 @@ def _units(place: TreePlace) -> list[Inertia]:
 def _frame(place: TreePlace, number: int, frame: Frame) -> tuple[list[Vector], Vector]:
     """The axes of a link's frame, and its origin, from the elements that the body has."""
     space, body = place.space, place.tree.links[number].body
-    base = bodies.choose_basis(body)[0]
-    whole = bodies.Inertia(1.0, tuple(base.initial.tolist()), np.eye(3))
+    basis = body.basis if body.inertia else bodies.choose_basis(body)
+    if lengths := [e.name for e in basis[1:] if e.is_parametric]:
+        raise ModelError(f"body {body.name}: {lengths[0]} depends on parameters; the regressor needs directions that are numbers")
+    whole = bodies.Inertia(1.0, tuple(basis[0].initial.tolist()), np.eye(3), basis)
     standard = standard_inertia(replace(body, inertia=whole), place.lines.equations.model.parameters)
     forms = [
         [(weight, components, np.array([c.initial for c in components])) for weight, components in form] for form in standard.directions

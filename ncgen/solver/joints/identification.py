@@ -25,8 +25,8 @@ DEPENDENT = 1e-8
 STATES = 40
 """Random states, at the least, at which the regressor is looked at."""
 
-VALUES = 13
-"""Of a part of a body: mass, centre, tensor row by row."""
+VALUES = 16
+"""Of a part of a body: mass, centre, tensor row by row, and where the body's first point is initially, with which its frame goes."""
 
 
 class BaseParameters(NamedTuple):
@@ -81,20 +81,21 @@ def values_of(space: JointSpace) -> np.ndarray:
     model, found = space.kernels.model, np.zeros((len(space.tree.links), len(NAMES)))
     inertias = [link.body.inertia for link in space.tree.links]
     parts = [(number, part) for number, whole in enumerate(inertias) if whole for part in whole.parts or (whole,)]
-    values = [x for _, part in parts for x in (part.mass, *part.com, *part.tensor.flat)]
+    bases = [link.body.points[0] for link in space.tree.links]
+    values = [x for number, part in parts for x in (part.mass, *part.com, *part.tensor.flat, *bases[number].given)]
     program = space.kernels.remember("values of inertias", (), lambda: assemble_values(model, values))
     numbers = evaluate_rows(program, np.append(space.p, 0.0)[None])[0].reshape(len(parts), VALUES)  # also of a model without parameters
     own = frames(space)
     for (number, _), (mass, *rest) in zip(parts, numbers, strict=True):
-        rotation, position = own[number]
+        rotation, position = own[number].rotation, own[number].position + np.array(rest[12:]) - bases[number].initial
         arm = rotation.T @ (np.array(rest[:3]) - position)
-        tensor = rotation.T @ np.reshape(rest[3:], (3, 3)) @ rotation + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        tensor = rotation.T @ np.reshape(rest[3:12], (3, 3)) @ rotation + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
         found[number] += [mass, *(mass * arm), *(tensor[i, j] for i, j in ENTRIES)]
     return found.ravel()
 
 
 def base_parameters(space: JointSpace, tolerance: float = DEPENDENT, seed: int = 1) -> BaseParameters:
-    """By a QR decomposition of the regressor at random states, column by column from the last body to the first.
+    """By a QR decomposition of the regressor at random states, column by column from the first body on.
 
     tolerance: `DEPENDENT`
     Source: Gautier, Numerical calculation of the base inertial parameters of robots (1991).

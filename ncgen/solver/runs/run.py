@@ -122,9 +122,13 @@ class Initial:
         t0: float = 0.0,
         closing: float = CONSISTENT,
         names: tuple[str, str, str, str] = ("q0", "zd0", "qd0", "t0"),
+        **unknown: object,
     ) -> Initial:
-        """From what the caller gives; names: of the arguments q0, zd0, qd0 and t0 in messages. Raises ModelError."""
+        """From what the caller gives; names: of the arguments q0, zd0, qd0 and t0 in messages. Raises ModelError, also for unknown ones."""
         known = outline(subject)
+        if unknown:
+            there = ", ".join(InitialArguments.__annotations__)
+            raise ModelError(f"{next(iter(unknown))}: there is no such argument; a start is given by {there}")
         if zd0 is not None and qd0 is not None:
             raise ModelError(f"{names[1]} and {names[2]} are both given; give the initial velocities once")
         values = parameters(known, p)

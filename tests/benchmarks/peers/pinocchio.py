@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from cffi import FFI
 
-from ncgen.comparisons.rivals.pinocchio import compiled_cpp
+from benchmarks.rivals.pinocchio import compiled_cpp
 from ncgen.mechanism.arguments import pointer
 
 import_module("pinocchio")

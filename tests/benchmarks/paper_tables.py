@@ -14,9 +14,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
-from ncgen.comparisons.falls import Derivative, end_state, hand_written, own_run
+from benchmarks.rivals.casadi_tangents import with_tangents
+from benchmarks.students import Derivative, hand_written
+from ncgen.comparisons.falls import end_state, own_run
 from ncgen.comparisons.rivals.base import differentiable, handwritten
-from ncgen.comparisons.rivals.casadi_tangents import with_tangents
 from ncgen.comparisons.rivals.differences import Slope, central, complex_step, jacobian
 from ncgen.comparisons.rivals.exact import relative_error
 from ncgen.compiler import compile

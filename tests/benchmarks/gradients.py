@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ncgen.comparisons.data import ALL, first_written_out
-from ncgen.comparisons.rivals import casadi_motions
+from benchmarks.data import ALL, first_written_out
+from benchmarks.rivals import casadi_motions
 from ncgen.compiler import compile
 from ncgen.errors import ModelError
 from ncgen.exchange.motion_functions import rates_of

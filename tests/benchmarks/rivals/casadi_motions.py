@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.rivals.casadi import column
 from ncgen.comparisons.rivals.base import translatable
-from ncgen.comparisons.rivals.casadi import column
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS

@@ -1,4 +1,4 @@
-"""`ncgen bench nfourbar --peers`: every simulator solves the same problem, whose exact motion is known."""
+"""`bench.py nfourbar --peers`: every simulator solves the same problem, whose exact motion is known."""
 
 import json
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ncgen.comparisons import peers
+from benchmarks import peers
 from ncgen.comparisons.hard_cases import GRAVITY, four_bars_position
 
 
@@ -21,7 +21,7 @@ def test_the_exact_motion_is_that_of_one_angle():
 @pytest.mark.parametrize("name, steps", [("pinocchio", 10), ("mujoco", 40), ("exudyn", 40)])
 def test_a_peer_solves_the_same_problem(name, steps):
     """A second of it: 100 intervals to 1e-4 m, before the singular position."""
-    module = pytest.importorskip(f"ncgen.comparisons.peers.{name}", reason=f"{name} is not installed")
+    module = pytest.importorskip(f"benchmarks.peers.{name}", reason=f"{name} is not installed")
     seconds, found = module.run(2, 1.0, 20, steps)
     assert seconds > 0 and np.allclose(found, four_bars_position(2, np.linspace(0, 1, 21)), atol=1e-4)
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from cffi import FFI
 
-from ncgen.comparisons.rivals.articulated import Joint
+from benchmarks.rivals.articulated import Joint
 from ncgen.errors import NcgenError
 from ncgen.report.repeat import Call
 from ncgen.toolchain.abi import abi

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from ncgen.comparisons.rates import REFINED, emitted_parts
+from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.report.repeat import Call, runner
+from ncgen.solver.engines.compiled import is_emitted
 from ncgen.solver.motions.batch import accelerations_batch
 
 POSITIONS = 1000
@@ -17,6 +21,14 @@ REACH = 1.0
 
 STAGES = 20
 """Newton's method follows from one to the next, so that it stays on its branch."""
+
+
+def worst_errors(kernels: CompiledKernels) -> dict[str, float]:
+    """Of the accelerations, as they are and refined; empty where they are not emitted."""
+    if not is_emitted(kernels, own_start(kernels)[1]):
+        return {}
+    q, calls, programs = emitted_parts(kernels)
+    return largest_errors(kernels, q, {"accelerations": calls["acceleration"], REFINED: calls[REFINED]}, programs[REFINED])
 
 
 def largest_errors(kernels: Kernels, q: np.ndarray, calls: dict[str, Call], exact: Program) -> dict[str, float]:

@@ -3,8 +3,8 @@
 import pytest
 
 import ncgen
-from ncgen.comparisons.bench import generation_rows
-from ncgen.comparisons.generation import generation_records, growth_records
+from benchmarks.generation import generation_records, growth_records
+from benchmarks.tables import generation_rows
 
 
 def test_the_second_time_derives_nothing():

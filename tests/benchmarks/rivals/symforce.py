@@ -11,9 +11,9 @@ from dataclasses import replace
 from importlib import import_module
 from types import ModuleType
 
+from benchmarks.rivals.lambdified import symbolic
 from ncgen.comparisons.rivals.base import Inputs, Rival, foreign, translatable
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
-from ncgen.comparisons.rivals.lambdified import symbolic
 from ncgen.emit.runtime import runtime_files
 from ncgen.mechanism.kernels import Kernels
 

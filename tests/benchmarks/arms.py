@@ -1,4 +1,4 @@
-"""Accelerations of longer and longer arms by everything that has them, side by side: `ncgen bench arm`.
+"""Accelerations of longer and longer arms by everything that has them, side by side: `bench.py arm --arms`.
 
 Every tool is given angles and their rates in the same random posture; in ncgen the angles are among the natural coordinates, which have
 closed there. Expected values are those of ncgen's recursion evaluated with 50 digits, where positions are closed to as many: other
@@ -22,8 +22,9 @@ from typing import Any
 import mpmath
 import numpy as np
 
+from benchmarks.rivals import articulated, mujoco, pinocchio
 from ncgen.comparisons.batches import STATES
-from ncgen.comparisons.rivals import articulated, mujoco, pinocchio, relative_error
+from ncgen.comparisons.rivals import relative_error
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.comparisons.rivals.exact import DIGITS, exact_motion
 from ncgen.compiler import compile
@@ -66,7 +67,7 @@ READY = """
 import json, sys, time
 import numpy, scipy.linalg, cffi.cparser, sympy, ncgen
 import ncgen.emit.sources, ncgen.mechanism.runtime, ncgen.program.assemble, ncgen.program.motions.dynamics, ncgen.solver.engines.compiled
-from ncgen.comparisons.arms import arm
+from benchmarks.arms import arm
 start = time.perf_counter()
 kernels = ncgen.compile(arm(*json.loads(sys.argv[1])), "c")
 ncgen.start(kernels).step(1e-3)
@@ -234,7 +235,8 @@ def _ready(count: int, seed: int | None) -> float | None:
     """Seconds from the model to the first step, with an empty cache, in a process of its own."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-c", READY, json.dumps([count, seed])]
-        done = subprocess.run(command, env=os.environ | {"NCGEN_CACHE_DIR": folder}, capture_output=True, text=True)
+        paths = {"NCGEN_CACHE_DIR": folder, "PYTHONPATH": os.pathsep.join(sys.path)}
+        done = subprocess.run(command, env=os.environ | paths, capture_output=True, text=True)
     return float(done.stdout) if done.returncode == 0 else None
 
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.rivals.casadi import code
 from ncgen.comparisons.rivals.base import foreign
-from ncgen.comparisons.rivals.casadi import code
 from ncgen.emit.runtime import runtime_files
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.values import evaluate

@@ -1,12 +1,12 @@
-"""`ncgen bench --instructions`: counts that repeat, and that fit what the programs say they do."""
+"""`bench.py MODEL --instructions`: counts that repeat, and that fit what the programs say they do."""
 
 import shutil
 
 import pytest
 
 import ncgen
-from ncgen.comparisons import instructions
-from ncgen.comparisons.instructions import instruction_records, table
+from benchmarks import instructions
+from benchmarks.instructions import instruction_records, table
 from ncgen.program.ir.cost import cost
 
 needs_valgrind = pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")

@@ -7,8 +7,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from benchmarks.rivals.casadi import LARGEST, graph
 from ncgen.comparisons.rivals.base import translatable
-from ncgen.comparisons.rivals.casadi import LARGEST, graph
 from ncgen.mechanism.kernels import Kernels
 
 

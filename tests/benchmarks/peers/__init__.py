@@ -86,7 +86,7 @@ def _repeated(measured: list[tuple[dict, Run]]) -> Iterator[dict]:
 
 def _peer(name: str, count: int) -> Iterator[tuple[str, str, Run]]:
     try:
-        module = importlib.import_module(f"ncgen.comparisons.peers.{name}")
+        module = importlib.import_module(f"benchmarks.peers.{name}")
         module.run(count, DURATION / INTERVALS, 1, 1)  # may compile: that is not timed, nor limited
     except (ImportError, NcgenError) as problem:
         missing = problem

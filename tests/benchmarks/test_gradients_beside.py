@@ -7,7 +7,7 @@ import pytest
 import sympy
 
 import ncgen
-from ncgen.comparisons.rivals import casadi_motions
+from benchmarks.rivals import casadi_motions
 
 pytest.importorskip("casadi")
 

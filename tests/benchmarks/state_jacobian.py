@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 import numpy as np
 
+from benchmarks.rivals.casadi_tangents import with_tangents
 from ncgen.comparisons.rivals.base import Rival, own_start
-from ncgen.comparisons.rivals.casadi_tangents import with_tangents
 from ncgen.comparisons.rivals.differences import central, forward, jacobian
 from ncgen.comparisons.rivals.exact import DIGITS, exact_motion
 from ncgen.mechanism.kernels import Kernels

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ncgen.comparisons.data import ALL, first_written_out
+from benchmarks.data import ALL, first_written_out
 from ncgen.compiler import compile
 from ncgen.errors import ModelError
 from ncgen.exchange.jax_functions import jax

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.comparisons.data import ALL, data_records, first_written_out, operations, with_data_as_parameters
+from benchmarks.data import ALL, data_records, first_written_out, operations, with_data_as_parameters
 
 EXAMPLES = ("fourbar", "doublependulum", "slidercrank", "cartpole")
 
