@@ -137,7 +137,7 @@ class Subject:
     def count(self, what: str) -> None:
         self.report.counts[what] += 1
 
-    def attempt(self, what: str, function, *args, **kwargs):
+    def attempt(self, what: str, function, /, *args, **kwargs):
         """The result of a call of ncgen; None where it refuses. Anything else that comes out of it is a finding."""
         self.watch(what)
         self.refusal, self.warned = None, []

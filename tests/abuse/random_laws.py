@@ -27,6 +27,9 @@ STEPS = 8
 EQUAL_STEPS = 64
 """Steps of equal length, where derivatives of the motion go through these."""
 
+LESS = (1e-8, 1e-7)
+"""Tolerances of the default call, and of one that is less accurate."""
+
 LOOSE = 5e-3
 """Of sizes and of what moves, by which a motion in such steps of rk4 may end elsewhere: a table of a coordinate bends inside them."""
 
@@ -251,10 +254,18 @@ class Driven(Subject):
             )
             apart = np.max(np.abs(one[-1] - other) / self.sizes, initial=0.0)
             if not apart <= agree * (1 + moved):
+                if self.is_sensitive(agree * (1 + moved)):
+                    self.count("sensitive motions")
+                    return
                 self.find(
                     what, f"the {name} ends elsewhere than by the default call, by {apart:.2g} of the size, {moved:.2g} being what moves"
                 )
                 return
+
+    def is_sensitive(self, allowed: float) -> bool:
+        """True where the default call at a tenth of the accuracy ends elsewhere as well: the motion makes much of little."""
+        one, other = (self.attempt("simulate", ncgen.simulate, self.used, DURATION, points=3, rtol=rtol, **self.given) for rtol in LESS)
+        return one is None or other is None or np.max(np.abs(one.q[-1] - other.q[-1]) / self.sizes) > allowed
 
     def by_python(self, first) -> None:
         if self.used is self.kernels:

@@ -57,6 +57,21 @@ def test_a_state_of_another_mechanism(sim):
         sim.reset(ncgen.start(ncgen.compile(other, "c")).state)
 
 
+@pytest.mark.parametrize("name", ["h", "self", "inputs"])
+def test_inputs_may_be_called_as_arguments_are(name):
+    """An input is given by its own name, whatever that is."""
+    m = ncgen.Model("swing")
+    A, B = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0))
+    m.body("bob", points=[B], mass=1.0)
+    m.distance(A, B)
+    m.force(B, (0.0, m.input(name, default=0.0)))
+    kernels = ncgen.compile(m, "c")
+    pushed = ncgen.start(kernels).step(0.1, **{name: 1.0})
+    assert np.isclose(pushed["rate(B.y)"], 0.1, rtol=1e-2)
+    assert np.isclose(ncgen.start(kernels).drive(**{name: 1.0}).step(0.1)["rate(B.y)"], pushed["rate(B.y)"], rtol=0, atol=1e-12)
+    assert np.allclose(ncgen.start_batch(kernels, 2).step(0.1, **{name: 1.0}).qd[:, 1], pushed.qd[1], rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize("act", [copy.copy, copy.deepcopy])
 def test_copies_are_refused(sim, act):
     with pytest.raises(ModelError, match="a simulation is not copied"):

@@ -17,11 +17,11 @@ static ncgen_mask degraded(const ncgen_block *r, ncgen_mask lanes)
     return lanes & (r->out[r->n + r->nz + 1] > r->options->growth * r->amplification);
 }
 
-/* The mean square of x in units of the tolerance at y and b. */
-static ncgen_real mean_square(const ncgen_block *r, const ncgen_real *x, const ncgen_real *b)
+/* The square of the first components of x in units of the tolerance at y and b, a mean over all of them. */
+static ncgen_real mean_square(const ncgen_block *r, int count, const ncgen_real *x, const ncgen_real *b)
 {
     ncgen_real sum = ncgen_splat(0.0);
-    for (int i = 0; i < r->ny; ++i) {
+    for (int i = 0; i < count; ++i) {
         const ncgen_real u = NCGEN_ABS(r->y[i]), v = NCGEN_ABS(b[i]);
         const double atol = r->options->atol * (r->options->sizes ? r->options->sizes[i] : 1.0);
         const ncgen_real scaled = x[i] / (atol + r->options->rtol * ncgen_select(u > v, u, v));
@@ -30,10 +30,11 @@ static ncgen_real mean_square(const ncgen_block *r, const ncgen_real *x, const n
     return sum / (double)r->ny;
 }
 
-/* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). */
+/* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4), without work as in ncgen_explicit.c. */
 static ncgen_real first_step(ncgen_block *r, int order, double span)
 {
-    const ncgen_real d0 = NCGEN_SQRT(mean_square(r, r->y, r->y)), d1 = NCGEN_SQRT(mean_square(r, r->k[0], r->y));
+    const int count = r->ny - 1;
+    const ncgen_real d0 = NCGEN_SQRT(mean_square(r, count, r->y, r->y)), d1 = NCGEN_SQRT(mean_square(r, count, r->k[0], r->y));
     const ncgen_mask tiny = (d0 < 1e-5) | (d1 < 1e-5);
     const ncgen_real guess = at_most(ncgen_select(tiny, ncgen_splat(1e-6), 0.01 * d0 / d1), span);
     for (int i = 0; i < r->ny; ++i)
@@ -41,7 +42,7 @@ static ncgen_real first_step(ncgen_block *r, int order, double span)
     const ncgen_mask good = ncgen_block_derivative(r, r->start_t + guess, r->new_y, r->k[1], r->running);
     for (int i = 0; i < r->ny; ++i)
         r->k[2][i] = r->k[1][i] - r->k[0][i];
-    const ncgen_real d2 = NCGEN_SQRT(mean_square(r, r->k[2], r->y)) / guess;
+    const ncgen_real d2 = NCGEN_SQRT(mean_square(r, count, r->k[2], r->y)) / guess;
     const ncgen_real largest = ncgen_select(d1 > d2, d1, d2), root = ncgen_splat(1.0 / (order + 1));
     ncgen_real better = ncgen_select(largest <= 1e-15, guess * 1e-3, NCGEN_POW(0.01 / largest, root));
     better = ncgen_select(better > 100.0 * guess, 100.0 * guess, better);
@@ -82,7 +83,7 @@ static ncgen_mask trial_step(ncgen_block *r, const tableau *method, ncgen_real t
 static ncgen_real estimate(ncgen_block *r, const tableau *method, int k)
 {
     combine(r, method->stages + 1, method->errors[k], r->at);
-    return mean_square(r, r->at, r->new_y);
+    return mean_square(r, r->ny, r->at, r->new_y);
 }
 
 static ncgen_real error_of(ncgen_block *r, const tableau *method, ncgen_real h)

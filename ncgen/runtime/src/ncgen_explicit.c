@@ -168,14 +168,20 @@ static ncgen_real tolerated(const ncgen_run *r, int i, ncgen_real a, ncgen_real 
     return r->options->atol * (r->options->sizes ? r->options->sizes[i] : 1) + r->options->rtol * (u > v ? u : v);
 }
 
-ncgen_real ncgen_weighted_square(const ncgen_run *r, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
+/* The square of the first components in units of what is tolerated at a and b, a mean over all of them. */
+static ncgen_real mean_square(const ncgen_run *r, int count, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
 {
     ncgen_real sum = 0;
-    for (int i = 0; i < r->weighed; ++i) {
+    for (int i = 0; i < count; ++i) {
         const ncgen_real scaled = x[i] / tolerated(r, i, a[i], b[i]);
         sum += scaled * scaled;
     }
     return sum / (ncgen_scalar)r->weighed;
+}
+
+ncgen_real ncgen_weighted_square(const ncgen_run *r, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
+{
+    return mean_square(r, r->weighed, x, a, b);
 }
 
 /* Estimate k of the error over h, squared. */
@@ -186,12 +192,16 @@ static ncgen_real estimate(ncgen_run *r, ncgen_stepping *w, const tableau *metho
 }
 
 /* The part of the tolerance that a step of a length may take, because all steps share it. Steps that are shorter than the mean
- * count as that: beside a singular position rounding is all that is left of the error, and no step could be short enough for it. */
+ * count as that: beside a singular position rounding is all that is left of the error, and no step could be short enough for it. So do
+ * first steps that are far shorter than the run, by a share that becomes less and less, so that all of it together is small. */
 static ncgen_scalar share(const ncgen_run *r, ncgen_scalar h)
 {
-    const ncgen_scalar mean = (r->start_t - r->times[0]) / ((ncgen_scalar)r->statistics->steps + 1);
+    const ncgen_scalar count = (ncgen_scalar)r->statistics->steps + 1, mean = (r->start_t - r->times[0]) / count;
+    const ncgen_scalar least = R(1.0e-4) * r->options->span / (count * count);
     if (h < mean)
         h = mean;
+    if (h < least)
+        h = least;
     return r->options->span > h ? h / r->options->span : 1;
 }
 
@@ -205,11 +215,13 @@ static ncgen_real error_of(ncgen_run *r, ncgen_stepping *w, const tableau *metho
     return both > 0 ? h * error / NCGEN_SQRT(both) : both;
 }
 
-/* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). */
+/* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). Work is left out: it begins with 0, so that
+ * any power would be infinitely fast beside it. */
 ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_scalar t, ncgen_scalar span)
 {
-    const ncgen_real d0 = NCGEN_SQRT(ncgen_weighted_square(r, r->y, r->y, r->y));
-    const ncgen_real d1 = NCGEN_SQRT(ncgen_weighted_square(r, slope(r, w, 0), r->y, r->y));
+    const int count = r->weighed - 1;
+    const ncgen_real d0 = NCGEN_SQRT(mean_square(r, count, r->y, r->y, r->y));
+    const ncgen_real d1 = NCGEN_SQRT(mean_square(r, count, slope(r, w, 0), r->y, r->y));
     ncgen_real guess = d0 < R(1.0e-5) || d1 < R(1.0e-5) ? R(1.0e-6) : R(0.01) * d0 / d1;
     if (guess > span)
         guess = span;
@@ -219,7 +231,7 @@ ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_
         return guess * R(0.01);
     for (int i = 0; i < r->ny; ++i)
         w->at[i] = slope(r, w, 1)[i] - slope(r, w, 0)[i];
-    const ncgen_real d2 = NCGEN_SQRT(ncgen_weighted_square(r, w->at, r->y, r->y)) / guess;
+    const ncgen_real d2 = NCGEN_SQRT(mean_square(r, count, w->at, r->y, r->y)) / guess;
     if (!ncgen_is_finite(1, &d2))
         return guess * R(0.01);
     const ncgen_real largest = d1 > d2 ? d1 : d2;

@@ -164,7 +164,7 @@ class Simulation:
         """What drivers did in the last step where the velocity of one jumped."""
         return self._now.impulses
 
-    def drive(self, **inputs: float) -> Simulation:
+    def drive(self, /, **inputs: float) -> Simulation:
         """Give inputs by their names; each keeps its value until it is given again. Raises ModelError for an unknown name and no number."""
         with self._alone:
             self._drive(inputs)
@@ -177,7 +177,7 @@ class Simulation:
         for name, value in inputs.items():
             p[places[name]] = value
 
-    def step(self, h: float, **inputs: float) -> Simulation:
+    def step(self, h: float, /, **inputs: float) -> Simulation:
         """On by h seconds, with inputs that keep their values meanwhile. Returns the simulation itself.
 
         Raises ConvergenceError or DomainError where it cannot go on; then it stays where it was.

@@ -142,7 +142,7 @@ class Simulations:
     def stuck(self) -> np.ndarray:
         return self._now.statuses != 0
 
-    def drive(self, **inputs: ArrayLike) -> Simulations:
+    def drive(self, /, **inputs: ArrayLike) -> Simulations:
         """Give inputs by their names, one value or (N,); each keeps its value until it is given again. Raises ModelError for an unknown
         name and for what are no numbers; then none is changed."""
         with self._alone:
@@ -167,7 +167,7 @@ class Simulations:
             raise ModelError(f"step: {name} is {np.broadcast_to(found, self.size)[row]} for simulation {row}; it must be a finite number")
         return found
 
-    def step(self, h: float, **inputs: ArrayLike) -> Simulations:
+    def step(self, h: float, /, **inputs: ArrayLike) -> Simulations:
         """All on by h seconds, with inputs that keep their values meanwhile. Returns the simulations themselves.
 
         Raises ConvergenceError or DomainError where one of them cannot go on: it stays where it was, `stuck` tells all such, and the
