@@ -98,12 +98,13 @@ _numbers: WeakKeyDictionary[Inertia, tuple[float, np.ndarray, np.ndarray]] = Wea
 class BodyFrame(NamedTuple):
     """A frame that moves with a body: rotation (3, 3), its axes as columns, and position (3,) in m, global, in the initial position.
 
-    body: its name; "ground" where it rests
+    body: its name; "ground" where it rests; is_output: whether outputs of the model say where it is
     """
 
     body: str
     rotation: np.ndarray
     position: np.ndarray
+    is_output: bool = False
 
 
 class JointLoad(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -42,6 +43,8 @@ class Contents:
     facts: how the model was told
     frames: of links, by their names in a robot's file
     left_out: what a robot's file says beside all this, in words
+    assembled: (joint, how far it was moved to close loops, rad or m), of a robot's file
+    closing: makes a robot's model with one loop more; None of other models
     starts: {name: arguments of `ncgen.simulate` (q0, qd0, t0)}, states that a robot's file names
     """
 
@@ -69,6 +72,8 @@ class Contents:
     simulation_options: dict[str, object]
     facts: list[Fact]
     left_out: tuple[str, ...]
+    assembled: tuple[tuple[str, float, str], ...]
+    closing: Callable[..., Any] | None
     starts: dict[str, dict[str, Any]]
     frames: dict[str, BodyFrame]
     _related: Claims

@@ -8,16 +8,17 @@ both bodies. These methods share what can be shared and add rows only for the re
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
-from ncgen.model.bodies import Body
+from ncgen.model.bodies import Body, BodyFrame
 from ncgen.model.conditions import UNIT_LENGTH, Bound
-from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.elements import AXES, Angle, Combination, Length, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.rows import Owner, Row
 from ncgen.model.structure import Structure
@@ -28,6 +29,28 @@ if TYPE_CHECKING:
 
 FLAT = 1e-6
 """A disc whose axle is nearer than this (sine of the angle) to the normal of the plane lies flat."""
+
+
+CLOSINGS = ("weld", "hinge", "ball", "point")
+"""How two frames can meet."""
+
+WELD = [(np.eye(3)[i], np.eye(3)[j]) for i, j in ((0, 1), (1, 2), (2, 0))]
+"""Directions of two frames that are perpendicular to each other where the frames are parallel."""
+
+
+class _End(NamedTuple):
+    """Where a loop is closed: a point of a body, and the axes of a frame there as columns (3, 3)."""
+
+    body: Body
+    point: Point
+    rotation: np.ndarray
+
+
+def _hinge(axis: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """An axis of one frame, and the two directions of the other that it stays perpendicular to."""
+    along = arithmetic.unit(axis)
+    first = arithmetic.unit(np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))]))
+    return [(along, first), (along, np.cross(along, first))]
 
 
 class Joints(Structure):
@@ -172,7 +195,70 @@ class Joints(Structure):
         for tangent in (first, np.cross(upright, first)):
             self.constrain_velocity(sympy.Matrix(_clean(tangent)).dot(slip), f"no slip of {disc.name}", owner)
 
+    def close(
+        self,
+        frame_a: Point | BodyFrame | str,
+        frame_b: Point | BodyFrame | str,
+        kind: str,
+        *,
+        axis: Sequence[float] = (0.0, 0.0, 1.0),
+        name: str = "",
+    ) -> None:
+        """Close a loop: two frames meet from now on.
+
+        frame_a, frame_b: names of frames of a robot's file (`frames`); in other models frames of bodies, or points
+        kind: "weld" (the frames coincide), "hinge" (their origins and the axis do), "ball" or "point" (their origins do)
+        axis: of a hinge, the same in both frames; name: of the joint, for messages
+
+        A robot is assembled at once, before anything is added to its model: elements taken from it before are no longer its own, and
+        `assembled` lists what moved. Other models begin as they were drawn, and are assembled when they run.
+        Raises ModelError for a loop that cannot close, with its gap, and for one that changes nothing, by its name.
+        """
+        if kind not in CLOSINGS:
+            raise ModelError(f"close: the kind {shown(kind)} is not known; give {', '.join(CLOSINGS)}")
+        ends = frame_a, frame_b
+        label = name or "-".join(end.body if isinstance(end, BodyFrame) else getattr(end, "name", str(end)) for end in ends)
+        if not arithmetic.norm(np.asarray(axis, dtype=float)) > 0:
+            raise ModelError(f"close {label}: its axis is {shown(axis)}; give a direction of three numbers")
+        if self.closing is not None:
+            vars(self).update(vars(self.closing(self, ends, kind, axis, label)))
+            return
+        a, b = (self._end(end, label, kind) for end in ends)
+        if a.body is b.body or (a.point is b.point):
+            raise ModelError(f"close {label}: both ends belong to one body, so it changes nothing; leave it out")
+        owner, planar = Owner("joint", f"close {label}", (a.body.name, b.body.name)), any(e.body.frame.planar for e in (a, b))
+        for k in range(2 if planar else 3):
+            self.constrain(a.point.components[k].symbol - b.point.components[k].symbol, f"{label}.{AXES[k]}", owner)
+        turns = {"hinge": [] if planar else _hinge(np.asarray(axis, dtype=float)), "weld": WELD[:1] if planar else WELD}.get(kind, [])
+        for first, second in turns:
+            one, other = (self._along(e, d) for e, d in ((a, first), (b, second)))
+            self.constrain(sum(x * y for x, y in zip(one, other, strict=True)), f"{label}, directions", owner)
+
     # -- helpers -------------------------------------------------------------------------------
+
+    def _end(self, end: Point | BodyFrame | str, label: str, kind: str) -> _End:
+        """A body, its point and its rotation where a loop is closed."""
+        frame = self.frames.get(end) if isinstance(end, str) else end
+        if isinstance(frame, Point):
+            body = next((body for body in (*self.bodies.values(), self.ground) if frame in body.points), None)
+            if body is None and frame.fixed:
+                body = self.ground
+            if body is None or kind not in ("ball", "point"):
+                raise ModelError(f"close {label}: point {frame.name} {'has no axes' if body else 'is on no body'}; give a BodyFrame")
+            return _End(body, frame, np.eye(3))
+        body = None if frame is None else self.ground if frame.body == self.ground.name else self.bodies.get(frame.body)
+        if frame is None or body is None:
+            raise ModelError(f"close {label}: {shown(end)} is no frame of a body; give a point, or BodyFrame(body, rotation, position)")
+        point = self.attach_point(body, self.free_name(f"{body.name}.closing"), np.asarray(frame.position, dtype=float).tolist())
+        return _End(body, point, np.asarray(frame.rotation, dtype=float))
+
+    def _along(self, end: _End, direction: np.ndarray) -> list[sympy.Expr]:
+        """The components of a direction of an end's frame that moves with its body."""
+        now = _clean(end.rotation @ direction)
+        if end.body is self.ground:
+            return [as_sympy(x) for x in now]
+        terms = self.direction_of(end.body, now, "across").terms
+        return [sum(as_sympy(weight) * element.components[k].symbol for weight, element in terms) for k in range(3)]
 
     def _check_rolling(self, disc: Body, axle: Vector, across: Vector, radius: Value, normal: Values) -> None:
         where = f"rolling of {disc.name}"

@@ -82,6 +82,8 @@ class Model(Joints, Loads, Pictures):
         self.frames = {}
         self.facts = []
         self.left_out = ()
+        self.assembled = ()
+        self.closing = None
         self.starts = {}
         self._telling = False
 

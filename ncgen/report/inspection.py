@@ -18,6 +18,7 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
     rows counted from 1; measured: how many rows have their lengths and angles from the initial position
     singular: True if the initial position is; initial: {angle: radians};
     left_out: [{what, count, changes_motion}] of a robot's file, which the model does not have
+    assembled: [{joint, moved, unit}] of a robot whose loops were closed when it was read
     omitted: [text] of what the generator left out because it does nothing;
     kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters: {name: default}
     tree: [{body, on, freedoms}], from the ground outward
@@ -37,6 +38,7 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
         "left_out": [
             {"what": said.rpartition(" (")[0], "count": amount(said), "changes_motion": changes_motion(said)} for said in model.left_out
         ],
+        "assembled": [{"joint": name, "moved": amount, "unit": unit} for name, amount, unit in model.assembled],
         "omitted": list(kernels.programs.omitted),
         "initial": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
         "kernels": _kernels(kernels.programs),

@@ -24,6 +24,9 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
     if facts["initial"]:
         degrees = ", ".join(f"{name} {math.degrees(value):.4f}" for name, value in facts["initial"].items())
         console.print(f"  initial angles (degrees): {degrees}", markup=False)
+    if facts["assembled"]:
+        moved = ", ".join(f"{each['joint']} by {each['moved']:.6g} {each['unit']}" for each in facts["assembled"])
+        console.print(f"  moved to close loops: {moved}", markup=False)
     if facts["measured"]:
         console.print(f"  lengths and angles of {facts['measured']} rows are those of the initial position", markup=False)
     for words, acts in (("not modelled, and it changes the motion", True), ("without effect on the motion", False)):

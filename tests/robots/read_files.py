@@ -1,14 +1,17 @@
-"""How many robots' files of some folders are read, and why others are not:
+"""What becomes of the robots' files of some folders: read, compared with another program, refused with the reason, and seconds.
 
     git clone --depth 1 https://github.com/osrf/gazebo_models
-    python tests/robots/read_files.py gazebo_models [--joints] [--balanced]
+    python tests/robots/read_files.py gazebo_models [--joints] [--balanced | --as-given] [--compare N]
 
 A line a file: joints, bodies, what is left out that would change its motion, seconds of the processor; or why it is refused. The last lines
-count. --joints: only files that have joints. --balanced: also those with inertias that no body has. What is no XML, or XML of another kind,
-is counted apart.
+count. --joints: only files that have joints. --balanced, --as-given: also those with inertias that no body has. --compare N: of up to N
+joints the mass matrix, gravity and so on of URDF beside Pinocchio (`compare_files.py`), accelerations of MJCF beside MuJoCo
+(`compare_mjcf.py`), as the largest error over 1 + the largest entry; SDF has no independent reader here. What is no XML, or XML of another
+kind, is counted apart.
 """
 
-import sys
+import argparse
+import re
 import time
 import warnings
 from collections import Counter
@@ -18,13 +21,16 @@ import ncgen
 from ncgen.errors import NcgenError
 from ncgen.exchange.robots import FORMATS
 from ncgen.exchange.robots.accounting import amount, changes_motion
-from ncgen.exchange.robots.markup import read_markup
+from ncgen.exchange.robots.markup import Markup, read_markup
 
 SUFFIXES = (".sdf", ".urdf", ".xml")
 
+ERROR = re.compile(r"[0-9]e[+-][0-9]+")
+"""A number as the comparisons write errors."""
 
-def judged(path: Path, only_joints: bool, inertias: str) -> tuple[str, str]:
-    """What became of a file, in one word and in a line."""
+
+def judged(path: Path, only_joints: bool, inertias: str, largest: int) -> tuple[str, str]:
+    """What became of a file, in one word and in a line. largest: joints of a robot that is compared"""
     try:
         root = read_markup(path)
     except NcgenError as error:
@@ -42,23 +48,52 @@ def judged(path: Path, only_joints: bool, inertias: str) -> tuple[str, str]:
     except NcgenError as error:
         return "refused", str(error)
     left = sum(amount(said) for said in model.left_out if changes_motion(said))
-    return "read", f"{joints} joints, {len(model.bodies)} bodies, {left} left out, {time.process_time() - begun:.2f} s"
+    line = f"{joints} joints, {len(model.bodies)} bodies, {left} left out, {time.process_time() - begun:.2f} s"
+    beside = compared(path, root) if 0 < joints <= largest else ""
+    return ("compared" if beside else "read"), line + beside
 
 
-def main(folders: list[str], only_joints: bool, inertias: str) -> None:
+def compared(path: Path, root: Markup) -> str:
+    """The largest error beside another program, and its seconds; nothing where there is none."""
+    begun = time.process_time()
+    if root.tag == "robot":
+        from compare_files import line
+
+        said, program = line(path).partition("; ")[2], "Pinocchio"
+    elif root.tag == "mujoco":
+        from compare_mjcf import line as accelerations
+
+        said, program = accelerations(path)[1].partition("; left out")[0], "MuJoCo"
+    else:
+        return ""
+    errors = [float(each) for each in ERROR.findall(said)]
+    return f"; {program} {max(errors):.0e}, {time.process_time() - begun:.1f} s" if errors else ""
+
+
+def main(folders: list[str], only_joints: bool, inertias: str, largest: int) -> None:
     files = sorted(path for folder in folders for path in Path(folder).rglob("*") if path.suffix in SUFFIXES and path.is_file())
     counts: Counter[str] = Counter()
+    worst: Counter[str] = Counter()
     for path in files:
-        word, line = judged(path, only_joints, inertias)
+        word, line = judged(path, only_joints, inertias, largest)
         counts[word] += 1
-        if word in ("read", "refused"):
+        if word in ("read", "compared", "refused"):
             print(f"{path}: {word}: {line}", flush=True)
-    tried = counts["read"] + counts["refused"]
+        if found := re.search(r"; (\w+) (\de[+-]\d+),", line):
+            worst[f"{found[1]} within {10.0 ** max(-12, int(found[2].partition('e')[2]) + 1):.0e}"] += 1
+    read = counts["read"] + counts["compared"]
     print(*(f"{word} {count}" for word, count in counts.items()), sep=", ")
-    if tried:
-        print(f"{counts['read']} of {tried} read, {100 * counts['read'] / tried:.1f} %")
+    print(*(f"{word}: {count}" for word, count in sorted(worst.items())), sep=", ")
+    if tried := read + counts["refused"]:
+        print(f"{read} of {tried} read, {100 * read / tried:.1f} %")
 
 
 if __name__ == "__main__":
-    places = [each for each in sys.argv[1:] if not each.startswith("--")]
-    main(places, "--joints" in sys.argv, "balanced" if "--balanced" in sys.argv else "refused")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folders", nargs="+")
+    parser.add_argument("--joints", action="store_true")
+    parser.add_argument("--balanced", dest="inertias", action="store_const", const="balanced", default="refused")
+    parser.add_argument("--as-given", dest="inertias", action="store_const", const="as given")
+    parser.add_argument("--compare", type=int, default=0, metavar="N")
+    asked = parser.parse_args()
+    main(asked.folders, asked.joints, asked.inertias, asked.compare)

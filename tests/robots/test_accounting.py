@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+from vocabulary_of_files import ignored_of_mjcf, ignored_of_urdf
 from vocabulary_of_sdf import ignored
 
 import ncgen
@@ -147,6 +148,22 @@ def test_a_rotation_that_is_not_read_is_refused(tmp_path):
     (tmp_path / "r.urdf").write_text(URDF.format(pose=' quat_xyzw="1 0 0 0"', link="", joint="", kind="revolute"))
     with pytest.raises(ModelError, match="r.urdf, line 2: quat_xyzw is not read; write the rotation as rpy"):
         ncgen.load(tmp_path / "r.urdf")
+
+
+@pytest.mark.parametrize(("count", "seed"), [(30, 1), pytest.param(1700, 2, marks=pytest.mark.slow)])
+def test_no_word_of_urdf_is_ignored(tmp_path, count, seed):
+    found, nothing = ignored_of_urdf(count, seed, tmp_path)
+    assert nothing == []
+    assert found["modelled or listed"] > found["refused"] > 0
+
+
+@pytest.mark.slow
+def test_no_word_of_mjcf_that_changes_the_motion_is_ignored(tmp_path):
+    """Whether it does MuJoCo says."""
+    pytest.importorskip("mujoco")
+    found, nothing = ignored_of_mjcf(1700, 1, tmp_path)
+    assert nothing == []
+    assert found["modelled or listed"] > 100
 
 
 @pytest.mark.parametrize(("count", "seed"), [(60, 1), pytest.param(5000, 2, marks=pytest.mark.slow)])

@@ -86,9 +86,9 @@ def load_robot(
     """
     from ncgen.exchange.robots.accounting import warn_of
     from ncgen.exchange.robots.balance import accepted
-    from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
+    from ncgen.exchange.robots.closing import built
+    from ncgen.exchange.robots.closures import closures_of, follows_from_start, refuse_idle, with_closures
     from ncgen.exchange.robots.loops import beside, closed
-    from ncgen.exchange.robots.natural import model_of
     from ncgen.exchange.robots.parameters import names_asked
 
     asked = names_asked(parameters)
@@ -99,8 +99,18 @@ def load_robot(
         robot = closed(robot, table)
     elif follows_from_start(robot):
         robot = with_closures(robot, closures_of(robot))
-    model = model_of(robot, floating, limits, friction, motors, sensors, asked)
+    else:
+        refuse_idle(robot)
+    model = built(robot, (floating, limits, friction, motors, sensors, asked))
     warn_of(model.left_out, path.name, stacklevel + 1)
+    return model
+
+
+def with_frame_outputs(model: Model, names: Sequence[str]) -> Model:
+    """The model, with outputs of these frames of its. Raises ModelError for what is no frame."""
+    from ncgen.exchange.robots.frame_outputs import add_frame_outputs
+
+    add_frame_outputs(model, names)
     return model
 
 

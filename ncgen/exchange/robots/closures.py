@@ -30,6 +30,9 @@ STEPS, STARTS = 300, 24
 ENOUGH = 2
 """Starts that end with the same gap as another one, after which it is the least."""
 
+TRIALS, IDLE = 3, 1e-9
+"""Random joint values at which a loop is looked at, and the gap, over the robot's size or in rad, below which it is closed there."""
+
 LONGEST = 0.5
 """Largest step of a joint (rad or m)."""
 
@@ -95,11 +98,33 @@ def with_closures(robot: Robot, closures: Sequence[Closure]) -> Robot:
     return replace(found, loops=tuple(loops))
 
 
+def refuse_idle(robot: Robot) -> None:
+    """Raise ModelError naming a loop of a robot that is closed wherever the joints are. Joints must be ordered."""
+    if robot.loops:
+        _Assembly(robot, closures_of(robot)).refuse_idle()
+
+
 def follows_from_start(robot: Robot) -> bool:
     """Whether a joint that mimics another one is not at 0 where that one is."""
     begins = {joint.name: joint.start for joint in robot.joints}
     followers = ((joint, joint.mimic) for joint in robot.joints if joint.mimic)
     return any(mimic.factor * begins.get(mimic.joint, 0.0) + mimic.offset != joint.start for joint, mimic in followers)
+
+
+def report(robot: Robot, values: Mapping[str, np.ndarray]) -> list[tuple[str, float, str]]:
+    """(joint, how far it was moved, rad or m) of values by joints' names, without those that stayed."""
+    found = []
+    for joint in robot.joints:
+        x = values.get(joint.name, np.zeros(0))
+        match joint.kind:
+            case "spherical":
+                motions = [(float(np.linalg.norm(x)), "rad")]
+            case "floating":
+                motions = [(float(np.linalg.norm(x[:3])), "m"), (float(np.linalg.norm(x[3:])), "rad")]
+            case kind:
+                motions = [(float(each), "m" if kind == "prismatic" else "rad") for each in x]
+        found += [(joint.name, amount, unit) for amount, unit in motions if abs(amount) > CLOSED]
+    return found
 
 
 def moved(robot: Robot, values: Mapping[str, np.ndarray]) -> Robot:
@@ -182,10 +207,26 @@ class _Assembly:
         if not best[0] < DIGITS:
             raise self._open(best[1])
         turns = {joint.name for joint in self.free if joint.kind == "revolute"}
-        return moved(
-            self.robot,
-            {name: np.remainder(x + np.pi, 2 * np.pi) - np.pi if name in turns and abs(x[0]) > np.pi else x for name, x in best[1].items()},
-        )
+        values = {
+            name: np.remainder(x + np.pi, 2 * np.pi) - np.pi if name in turns and abs(x[0]) > np.pi else x for name, x in best[1].items()
+        }
+        self.refuse_idle(best[1])
+        return replace(moved(self.robot, values), assembled=(*self.robot.assembled, *report(self.robot, values)))
+
+    def refuse_idle(self, values: Mapping[str, np.ndarray] | None = None) -> None:
+        """Raise ModelError naming a loop that is closed wherever the joints are: it changes nothing."""
+        if not self.n:
+            return
+        generator = np.random.default_rng(2)
+        gaps = np.zeros(len(self.closures))
+        for _ in range(TRIALS):
+            step = generator.standard_normal(self.n)
+            frames = self._frames(self._begin(step) if values is None else self._stepped(values, step))
+            gaps = np.maximum(gaps, [float(np.max(np.abs(self._gap(each, frames)))) for each in self.closures])
+        moves = {joint.name for joint in self.robot.joints if TURNS[joint.kind]}
+        for each, gap, *ends in zip(self.closures, gaps, self.paths_to_parent, self.paths_to_child, strict=True):
+            if gap < IDLE and moves & (ends[0] ^ ends[1]):  # links that are fixed to each other are told so later
+                raise refused(each.where, f"joint {each.name} changes nothing: its links meet wherever the joints are; leave it out")
 
     def _begin(self, x: np.ndarray) -> dict[str, np.ndarray]:
         values = {joint.name: np.zeros(TURNS[joint.kind]) for joint in self.free}

@@ -14,7 +14,7 @@
 
 The point of the child is what stands there when all joints are at 0. Or two frames are named, which are links of the file:
 
-    [[weld]]                  # revolute and prismatic have an axis in both, else z
+    [[weld]]                  # revolute and prismatic have an axis in both, else z; sites and frames of a file may be named, too
     parent_frame = "rod_end"
     child_frame = "slider_pin"
 
@@ -35,7 +35,7 @@ from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
 from ncgen.exchange.robots.parallel_robots import YAML, says_loops, with_yaml
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.robots.robot import Robot
+from ncgen.exchange.robots.robot import Robot, frame_of
 from ncgen.exchange.text import NotToml, placed, text_of, toml
 from ncgen.files import is_file
 from ncgen.model.arithmetic import norm, unit
@@ -93,7 +93,10 @@ class _Reader:
         if unknown := [key for key in table if key not in KEYS]:
             self.refuse(f"{where}: {shown(unknown[0])} is not known; give {', '.join(KEYS)}")
         by_frames = "parent_frame" in table or "child_frame" in table
-        ends = [self._link(table, f"{key}_frame" if by_frames else key, where) for key in ("parent", "child")]
+        if by_frames:
+            ends, places = zip(*(self._frame(table, f"{key}_frame", where) for key in ("parent", "child")), strict=True)
+        else:
+            ends, places = tuple(self._link(table, key, where) for key in ("parent", "child")), ()
         if ends[0] == ends[1]:
             self.refuse(f"{where}: it joins link {ends[0]} to itself; name two links")
         if by_frames and (mixed := next((key for key in ("parent", "child", "point") if key in table), None)):
@@ -107,8 +110,11 @@ class _Reader:
         name = table.get("name", f"{kind}{number}")
         if not isinstance(name, str):
             self.refuse(f"{where}: its name is {shown(name)}; give a text")
-        on_parent = Placement(position=point)
-        on_child = Placement() if by_frames else self.frames[ends[1]].inverse() @ self.frames[ends[0]] @ on_parent
+        if by_frames:
+            on_parent, on_child = places
+        else:
+            on_parent = Placement(position=point)
+            on_child = self.frames[ends[1]].inverse() @ self.frames[ends[0]] @ on_parent
         return Closure(name, KINDS[kind], ends[0], ends[1], on_parent, on_child, unit(axis), f"{self.path.name}, {where}")
 
     def _link(self, table: Mapping[str, object], key: str, where: str) -> str:
@@ -116,6 +122,11 @@ class _Reader:
         if not isinstance(name, str) or name not in self.robot.links:
             self.refuse(f"{where}: its {key} {shown(name)} is no link of {self.robot.name}")
         return name
+
+    def _frame(self, table: Mapping[str, object], key: str, where: str) -> tuple[str, Placement]:
+        name = table.get(key)
+        found = frame_of(self.robot, name) if isinstance(name, str) else None
+        return found or self.refuse(f"{where}: its {key} {shown(name)} is no link or frame of {self.robot.name}")
 
     def _three(self, given: object, what: str) -> np.ndarray:
         if (

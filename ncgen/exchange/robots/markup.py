@@ -22,6 +22,9 @@ DEEPEST = 100
 XACRO = ".xacro"
 """How files end that are URDF when their macros are expanded."""
 
+PICTURES = ("visual", "collision")
+"""Elements in which nothing stops the dynamics: a macro in them is a shape that is not seen."""
+
 UNLIMITED = 1e15
 """Limits of joints beyond this are none."""
 
@@ -175,7 +178,7 @@ class _Reader:
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         element = Markup(tag, Attributes(attributes), self.parser.CurrentLineNumber, self.where)
-        if tag.startswith("xacro:"):
+        if tag.startswith("xacro:") and not any(each.tag in PICTURES for each in self.open):
             name = self.where.removesuffix(XACRO)
             name = f"expanded-{name}" if name == self.where else name  # or the shell empties the file before xacro reads it
             element.refuse(f"<{tag}> is a macro of xacro; expand it first: xacro {shown(self.where)} > {shown(name)}")

@@ -18,7 +18,7 @@ from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.mjcf_actuators import actuators
-from ncgen.exchange.robots.mjcf_compiled import Compiled, compiled, family
+from ncgen.exchange.robots.mjcf_compiled import Compiled, compiled, family, file_of
 from ncgen.exchange.robots.mjcf_equalities import Apart, equalities
 from ncgen.exchange.robots.mjcf_fields import (
     AT_JOINT,
@@ -32,6 +32,7 @@ from ncgen.exchange.robots.mjcf_fields import (
     without_constraints,
 )
 from ncgen.exchange.robots.mjcf_keyframes import keyframes
+from ncgen.exchange.robots.mjcf_pictures import Readable
 from ncgen.exchange.robots.mjcf_sensors import frames_of, sensors, sites_of
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung
@@ -66,9 +67,24 @@ DIRECTIONS = ("quat", "iquat", "axis")
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file. Raises ModelError with what MuJoCo says of it, NcgenError without MuJoCo."""
-    files, model = family(root, path), compiled(path)
+    files, lost = family(root, path), ()
+    try:
+        model = compiled(path)
+    except ModelError as error:
+        model, lost = _without_pictures(root, path, error)
     _check_numbers(model, path.name)
-    return _Reader(model, files, path).robot()
+    return _Reader(model, files, path, lost).robot()
+
+
+def _without_pictures(root: Markup, path: Path, error: ModelError) -> tuple[Compiled, tuple[Unseen, ...]]:
+    """The model without pictures that cannot be read, and these; raises the error where that does not help, or the dynamics need them."""
+    readable = Readable(root, lambda name: file_of(name, root, path))
+    if (text := readable.text()) is None:
+        raise error
+    try:
+        return compiled(path, text), tuple(Unseen(name[:80], is_file=True) for name in readable.missing)
+    except ModelError:
+        raise error from None
 
 
 def _check_numbers(model: Compiled, where: str) -> None:
@@ -117,8 +133,9 @@ def _closure(apart: Apart, robot: Robot) -> Closure:
 
 
 class _Reader:
-    def __init__(self, model: Compiled, files: Sequence[Markup], path: Path) -> None:
-        self.m, self.where, self.path = model, path.name, path
+    def __init__(self, model: Compiled, files: Sequence[Markup], path: Path, lost: tuple[Unseen, ...] = ()) -> None:
+        """lost: pictures of the file that the model does not have"""
+        self.m, self.where, self.path, self.lost = model, path.name, path, lost
         meshes = (each.attributes for root in files for each in root.walk() if each.tag == "mesh")
         self.shifted = {said.get("name") or Path(said.get("file", "")).stem for said in meshes if {"refpos", "refquat"} & said.keys()}
         self.looks = [self._look(g) for g in range(model.ngeom)]
@@ -140,7 +157,7 @@ class _Reader:
         joints = tuple(replace(joint, mimic=closed.followers.get(joint.name)) for joint in self.joints)
         x, y, z = (0.0, 0.0, 0.0) if off(self.m, NO_GRAVITY) else map(float, self.m.opt.gravity)
         starts = keyframes(self.m, self.joint_names)
-        omitted = (*(f"{what} ({count})" for what, count in left_out(self.m).items()), *unseen(filter(None, self.looks)))
+        omitted = (*(f"{what} ({count})" for what, count in left_out(self.m).items()), *unseen((*self.lost, *filter(None, self.looks))))
         motors = actuators(self.m, self.joint_names)
         robot = Robot(
             self.name,

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 from ncgen.errors import ModelError, NcgenError, shown
 from ncgen.exchange.robots.markup import Markup, read_markup
 from ncgen.exchange.text import placed
-from ncgen.files import contents, is_file, is_there
+from ncgen.files import contents, is_file, is_there, write_text
 
 Compiled: TypeAlias = Any
 """mujoco.MjModel, of a package that need not be there."""
@@ -111,14 +111,27 @@ def _real(path: Path) -> str:
 # -- compiled ----------------------------------------------------------------------------------------------------------------
 
 
-def compiled(path: Path) -> Compiled:
-    """The model of a file. Raises ModelError with what MuJoCo says of it, or how it ended, NcgenError without MuJoCo."""
+def file_of(name: str, root: Markup, path: Path) -> Path | None:
+    """The file of a name in a file of MJCF, None where there is no such file. root: of the file at path"""
+    places = (folder / name for folder in _folders((root,), (path.parent,)) if name and "\0" not in name)
+    return next((place.resolve() for place in places if is_file(place)), None)
+
+
+def compiled(path: Path, text: str | None = None) -> Compiled:
+    """The model of a file. text: in place of the file's own
+
+    Raises ModelError with what MuJoCo says of it, or how it ended, NcgenError without MuJoCo.
+    """
     try:
         mujoco: Any = import_module("mujoco")
     except ImportError:
         raise NcgenError(f"{path.name}: MJCF is read by MuJoCo, which is missing; run pip install 'ncgen[robots]'") from None
     with tempfile.TemporaryDirectory(prefix="ncgen-mjcf-") as folder:
-        _run(path, Path(mujoco.__file__).parent, Path(folder))
+        file = path
+        if text is not None:
+            file = Path(folder) / path.name
+            write_text(file, text)
+        _run(file, Path(mujoco.__file__).parent, Path(folder))
         said: list[str] = []
         before = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(said.append)  # else it writes a file where Python happens to run

@@ -128,7 +128,7 @@ class _Builder:
             model.independent(*free)
         model.gravity(self.robot.gravity)
         model.simulation(duration=DURATION)
-        model.left_out = self.robot.omitted
+        model.left_out, model.assembled = self.robot.omitted, self.robot.assembled
         places = {self.elements[place]: (name, place.value) for name, solid in self.layout.solids.items() for place in solid.places}
         for name, start in self.robot.starts.items():
             model.starts[name] = named_start(start, self.robot, self.layout.frames, places, self.coordinates)

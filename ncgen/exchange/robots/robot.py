@@ -206,6 +206,7 @@ class Robot:
     omitted: what the file says and a model does not, in words; starts: states of the file, by name
     actuators: of the file; None in formats without them
     motors: names of joints that have one, where a file beside the robot's says so
+    assembled: (joint, how far it was moved, rad or m) to close loops; a joint with several motions stands there several times
     as_given: names of links, by themselves or with what is fixed to them, whose moments of inertia no body has, and are taken all the same
     resting: frames that the file names in the world, where no link rests
     words: what the format calls links and their other frames
@@ -224,6 +225,7 @@ class Robot:
     actuators: tuple[Actuator, ...] | None = None
     sensors: tuple[Sensor, ...] = ()
     motors: tuple[str, ...] = ()
+    assembled: tuple[tuple[str, float, str], ...] = ()
     as_given: frozenset[str] = frozenset()
     resting: Mapping[str, Placement] = field(default_factory=dict)
     words: tuple[str, str] = ("link", "frame")
@@ -286,6 +288,13 @@ class Robot:
                 raise refused(joint.where, f"joint {joint.name}: link {joint.child} hangs on joint {other} already; a tree has one")
             carried[joint.child] = joint
         return carried
+
+
+def frame_of(robot: Robot, name: str) -> tuple[str, Placement] | None:
+    """The link on which a frame of the file is, and its placement there; None where there is no such frame."""
+    if name in robot.links:
+        return name, robot.links[name].origin or Placement()
+    return next(((link.name, link.sites[name]) for link in robot.links.values() if name in link.sites), None)
 
 
 def refused(where: str, problem: str) -> ModelError:

@@ -74,7 +74,7 @@ def _look(visual: Markup, root: Markup, path: Path) -> Shape | Unseen:
     geometry = visual.first("geometry")
     inside = geometry.children[0] if geometry and geometry.children else None
     place, colour = _pose(visual), _colour(visual, root)
-    if inside is None:
+    if inside is None or "quat_xyzw" in (visual.first("origin") or visual).attributes:
         return Unseen("none")
     match inside.tag:
         case "box":

@@ -1,0 +1,55 @@
+"""Loops that are closed in a robot's model after it was read: the robot is assembled and becomes the model again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
+from ncgen.exchange.robots.natural import model_of
+from ncgen.exchange.robots.robot import Robot, frame_of
+from ncgen.model import Model
+from ncgen.model.arithmetic import unit
+
+KINDS = {"weld": "fixed", "ball": "spherical", "hinge": "revolute", "point": "spherical"}
+"""{word of `Model.close`: kind of joint}."""
+
+
+def built(robot: Robot, arguments: tuple[Any, ...]) -> Model:
+    """The model of a robot, which can close loops. arguments: of `model_of`, after the robot"""
+    model = model_of(robot, *arguments)
+    model.closing = partial(_closed, robot, arguments, len(model.facts))
+    return model
+
+
+def _closed(
+    robot: Robot,
+    arguments: tuple[Any, ...],
+    facts: int,
+    model: Model,
+    ends: tuple[object, object],
+    kind: str,
+    axis: Sequence[float],
+    name: str,
+) -> Model:
+    """The model with one loop more. facts: how many it had when it was read
+
+    Raises ModelError for a frame that the file does not have, a loop that cannot close, with its gap, and one that changes nothing.
+    """
+    if len(model.facts) != facts:
+        raise ModelError(f"close {name}: the robot is assembled anew, and the model has more than its file; close loops before that")
+    if name in {joint.name for joint in (*robot.joints, *robot.loops)}:
+        raise ModelError(f"close {name}: there is a joint of that name already; choose another")
+    found = []
+    for end in ends:
+        frame = frame_of(robot, end) if isinstance(end, str) else None
+        if frame is None:
+            raise ModelError(f"close {name}: {shown(end)} is no link or frame of the file; known are {', '.join(model.frames)}")
+        found.append(frame)
+    (parent, on_parent), (child, on_child) = found
+    if parent == child:
+        raise ModelError(f"close {name}: both frames are on link {parent}, so it changes nothing; name frames of two links")
+    closure = Closure(name, KINDS[kind], parent, child, on_parent, on_child, unit(axis))
+    return built(with_closures(robot, [*closures_of(robot), closure]), arguments)
