@@ -79,7 +79,7 @@ class Inertia:
         if self.parts:
             own, *others = (replace(part, mass=m, com=c, tensor=t) for part in self.parts for m, c, t in (part.numbers(parameters),))
             whole = own.plus(others, parameters)
-            return float(whole.mass), np.array(whole.com), whole.tensor.astype(float)
+            return evaluate(whole.mass, parameters, self.name), np.array(whole.com), whole.tensor.astype(float)
         mass, *rest = (evaluate(x, parameters, self.name) for x in (self.mass, *self.com, *self.tensor.flat))
         return mass, np.array(rest[:3]), np.array(rest[3:]).reshape(3, 3)
 

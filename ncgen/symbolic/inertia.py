@@ -125,10 +125,11 @@ def _standard(
 
 def _combined(shares: Sequence[Exact], values: Sequence[Exact], size: float) -> Exact:
     """Σ share · value, where shares are numbers with each term of the values once; without terms whose share is rounding beside `size`."""
-    if any(map(is_symbolic, shares)) or not any(map(is_symbolic, values)):
+    known = [share for share in shares if isinstance(share, Fraction)]
+    if len(known) < len(shares) or not any(map(is_symbolic, values)):
         return sum((share * value for share, value in zip(shares, values, strict=True)), Fraction(0))
     number, found = Fraction(0), defaultdict[sympy.Expr, Fraction](Fraction)
-    for share, value in zip(shares, values, strict=True):
+    for share, value in zip(known, values, strict=True):
         if isinstance(value, Fraction):
             number += share * value
             continue

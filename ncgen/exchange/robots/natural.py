@@ -5,6 +5,7 @@ from __future__ import annotations
 import keyword
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
@@ -163,7 +164,7 @@ class _Builder:
                 basis = choose_basis(body)
                 self.model.extend(body, *points[1:])
                 if mass is not None:
-                    as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
+                    as_given: dict[str, Any] = {"as_given": True} if solid.name in self.robot.as_given else {}
                     tensor = _tensor(mass, self.layout.size).tolist()
                     self.model.payload(body, name, mass.mass, shifted(mass.com, shift), tensor, basis, **as_given)
             elif mass is None:
