@@ -252,7 +252,7 @@ class Joints(Structure):
         point = self.attach_point(body, self.free_name(f"{body.name}.closing"), np.asarray(frame.position, dtype=float).tolist())
         return _End(body, point, np.asarray(frame.rotation, dtype=float))
 
-    def _along(self, end: _End, direction: np.ndarray) -> list[sympy.Expr]:
+    def _along(self, end: _End, direction: np.ndarray) -> list[Scalar]:
         """The components of a direction of an end's frame that moves with its body."""
         now = _clean(end.rotation @ direction)
         if end.body is self.ground:

@@ -94,9 +94,10 @@ class _Reader:
             self.refuse(f"{where}: {shown(unknown[0])} is not known; give {', '.join(KEYS)}")
         by_frames = "parent_frame" in table or "child_frame" in table
         if by_frames:
-            ends, places = zip(*(self._frame(table, f"{key}_frame", where) for key in ("parent", "child")), strict=True)
+            one, other = (self._frame(table, f"{key}_frame", where) for key in ("parent", "child"))
+            ends, places = (one[0], other[0]), [one[1], other[1]]
         else:
-            ends, places = tuple(self._link(table, key, where) for key in ("parent", "child")), ()
+            ends, places = tuple(self._link(table, key, where) for key in ("parent", "child")), []
         if ends[0] == ends[1]:
             self.refuse(f"{where}: it joins link {ends[0]} to itself; name two links")
         if by_frames and (mixed := next((key for key in ("parent", "child", "point") if key in table), None)):

@@ -52,7 +52,8 @@ def negative_instant(kernels: Kernels, t: np.ndarray, q: np.ndarray, p: np.ndarr
     if not bodies:
         return None
     rows = np.unique(np.linspace(0, len(t) - 1, INSTANTS).astype(int)).tolist()
-    return next((_sentence(body, t[k]) for k in rows if (body := _culprit(kernels, bodies, q[k], t[k], p))), None)
+    instants = ((float(t[k]), q[k]) for k in rows)
+    return next((_sentence(body, t) for t, q in instants if (body := _culprit(kernels, bodies, q, t, p))), None)
 
 
 def _sentence(body: Body, t: float) -> str:
