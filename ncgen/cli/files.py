@@ -69,6 +69,10 @@ def export(
             autocompletion=words_of("ncgen.exchange.export.fmu", "PLATFORMS"),
         ),
     ] = None,
+    frame: Annotated[
+        list[str] | None,
+        typer.Option(help="link, site or frame of a robot's file whose position and rotation are outputs; may be repeated"),
+    ] = None,
     floating: Floating = None,
     having: Having = None,
 ) -> None:
@@ -76,7 +80,7 @@ def export(
     from ncgen.exchange.examples import load
     from ncgen.exchange.export import export as written
 
-    loaded = load(model, **of_robots(floating, having))
+    loaded = load(model, frames=frame or (), **of_robots(floating, having))
     with progress(f"exporting {loaded.name}", None):
         paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"), platform or ())
     show(paths)

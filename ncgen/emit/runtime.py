@@ -10,6 +10,7 @@ All files of a library end in one folder, where they include each other by name.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,23 @@ def runtime_names() -> tuple[str, ...]:
 def explicit_names() -> tuple[str, ...]:
     """The files of the library where EXPLICIT_ONLY is defined."""
     return _part("ncgen_run.c", "ncgen_driven.c", "ncgen_piecewise.c", defined=EXPLICIT_ONLY)
+
+
+def indifferent(names: Iterable[str], macro: str) -> tuple[str, ...]:
+    """Those of the library's sources that are the same whether a macro is defined or not, with all headers that they include."""
+    sources = [name for name in names if name.endswith(".c")]
+    return tuple(name for name in sources if not any(macro in runtime_text(header) for header in (name, *_headers(name))))
+
+
+def _headers(source: str) -> set[str]:
+    """What a source of the library includes, and what that includes."""
+    found: set[str] = set()
+    waiting = [source]
+    while waiting:
+        included = set(re.findall(r'^#include "([^"]+)"', runtime_text(waiting.pop()), flags=re.MULTILINE)) - found
+        found |= included
+        waiting += included
+    return found
 
 
 def adjoint_names() -> tuple[str, ...]:

@@ -38,6 +38,7 @@ def load(
     loops: str | Path | None = None,
     inertias: str = "refused",
     parameters: str | Sequence[str] = (),
+    frames: Sequence[str] = (),
 ) -> Model:
     """The model of an example, of a TOML file, of a robot's file (URDF, SDF, MJCF), or of a Python file that has a function `build()`
     returning a model.
@@ -52,6 +53,7 @@ def load(
     parameters: "inertia" for masses, centres of mass and moments of inertia of all links as parameters of the model, with the file's
         values, LINK.mass, LINK.centre.x, LINK.inertia.xy; "geometry" for where joints are in their parents, JOINT.origin.x; names of links
         and joints for those of these: a link may have no inertia in the file, a payload
+    frames: names of links, sites and frames of a robot's file whose position and rotation are outputs, NAME.x and NAME.r11 and so on
     Warns, in one line, of how many things of a robot's file that change the motion the model does not have; `left_out` of the model lists
     them. Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
@@ -62,13 +64,15 @@ def load(
             raise ModelError(f"{word}: {shown(given)} given; give True or False")
     suffix = path.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(path):
-        return robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias, parameters, stacklevel=2)
+        model = robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias, parameters, stacklevel=2)
+        return robots.with_frame_outputs(model, frames) if frames else model
     for word, given in (
         ("floating", floating is not None),
         *having.items(),
         ("loops", loops is not None),
         ("inertias", inertias != "refused"),
         ("parameters", len(parameters) > 0),
+        ("frames", len(frames) > 0),
     ):
         if given:
             raise ModelError(f"{path.name}: {word} is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says itself what it has")

@@ -115,7 +115,7 @@ def _plain(value: Any) -> Json:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _columns(ops: Sequence[Op]) -> Json:
+def _columns(ops: Sequence[Op]) -> Any:
     """Operations as JSON can say them: they are nearly all that programs have, and a column is read and written in a third of the time."""
     leaves = [op.leaf if op.leaf.__class__ in PLAIN else _plain(op.leaf) for op in ops]
     return {OPERATIONS: [[op.code for op in ops], [op.args for op in ops], leaves]}

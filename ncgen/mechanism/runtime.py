@@ -20,7 +20,16 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import EXPLICIT_ONLY, HEADERS, RUNTIME_HEADERS, adjoint_names, explicit_names, runtime_files, runtime_names
+from ncgen.emit.runtime import (
+    EXPLICIT_ONLY,
+    HEADERS,
+    RUNTIME_HEADERS,
+    adjoint_names,
+    explicit_names,
+    indifferent,
+    runtime_files,
+    runtime_names,
+)
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.driving import Driver, Function, Pieces
@@ -34,7 +43,7 @@ from ncgen.program.algebra.quasidefinite import Elimination, plan
 from ncgen.program.programs import Split
 from ncgen.program.tree.tree_tables import TreeTables
 from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
-from ncgen.toolchain.cache import compiled
+from ncgen.toolchain.cache import Sibling, compiled
 from ncgen.toolchain.compilers import FLAGS, STRAIGHT_FLAGS
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
@@ -75,10 +84,15 @@ def _interface(number: str) -> Interface:
 @once
 def _runtime(number: str, part: Part) -> InC:
     """The runtime, the same for all mechanisms; most runs do without its implicit methods, which cost as much to compile as the rest."""
+    files, flags = _sources(number, part)
+    sibling = Sibling(*_sources(number, "explicit"), indifferent(files, EXPLICIT_ONLY)) if part == "whole" else None
+    return opened_by(_interface(number), compiled(files, flags, sibling=sibling).library)
+
+
+def _sources(number: str, part: Part) -> tuple[Files, tuple[str, ...]]:
+    """The files of a part of the runtime, and the flags that they are compiled with."""
     names, defined = PARTS[part]
-    files = shared(f"runtime: {part}", lambda: runtime_files(*names()))
-    built = compiled(files, (*FLAGS, *NUMBERS[number].flags, *defined))
-    return opened_by(_interface(number), built.library)
+    return shared(f"runtime: {part}", lambda: runtime_files(*names())), (*FLAGS, *NUMBERS[number].flags, *defined)
 
 
 def part_for(integrator: str) -> Part:

@@ -79,7 +79,7 @@ class Inertia:
         if self.parts:
             own, *others = (replace(part, mass=m, com=c, tensor=t) for part in self.parts for m, c, t in (part.numbers(parameters),))
             whole = own.plus(others, parameters)
-            return float(whole.mass), np.array(whole.com), whole.tensor.astype(float)
+            return evaluate(whole.mass, parameters, self.name), np.array(whole.com), whole.tensor.astype(float)
         mass, *rest = (evaluate(x, parameters, self.name) for x in (self.mass, *self.com, *self.tensor.flat))
         return mass, np.array(rest[:3]), np.array(rest[3:]).reshape(3, 3)
 
@@ -98,12 +98,13 @@ _numbers: WeakKeyDictionary[Inertia, tuple[float, np.ndarray, np.ndarray]] = Wea
 class BodyFrame(NamedTuple):
     """A frame that moves with a body: rotation (3, 3), its axes as columns, and position (3,) in m, global, in the initial position.
 
-    body: its name; "ground" where it rests
+    body: its name; "ground" where it rests; is_output: whether outputs of the model say where it is
     """
 
     body: str
     rotation: np.ndarray
     position: np.ndarray
+    is_output: bool = False
 
 
 class JointLoad(NamedTuple):

@@ -22,7 +22,7 @@ from ncgen.model.elements import AXES, Angle, Combination, Length, Point, Relati
 from ncgen.model.facts import fact
 from ncgen.model.rows import Owner, Row
 from ncgen.model.structure import Structure
-from ncgen.model.values import Scalar, Value, Values, as_sympy, is_number, total
+from ncgen.model.values import Scalar, Value, Values, as_sympy, is_number
 
 if TYPE_CHECKING:
     import sympy
@@ -232,7 +232,7 @@ class Joints(Structure):
         turns = {"hinge": [] if planar else _hinge(np.asarray(axis, dtype=float)), "weld": WELD[:1] if planar else WELD}.get(kind, [])
         for first, second in turns:
             one, other = (self._along(e, d) for e, d in ((a, first), (b, second)))
-            self.constrain(total(x * y for x, y in zip(one, other, strict=True)), f"{label}, directions", owner)
+            self.constrain(sum(x * y for x, y in zip(one, other, strict=True)), f"{label}, directions", owner)
 
     # -- helpers -------------------------------------------------------------------------------
 
@@ -258,7 +258,7 @@ class Joints(Structure):
         if end.body is self.ground:
             return [as_sympy(x) for x in now]
         terms = self.direction_of(end.body, now, "across").terms
-        return [total(as_sympy(weight) * element.components[k].symbol for weight, element in terms) for k in range(3)]
+        return [sum(as_sympy(weight) * element.components[k].symbol for weight, element in terms) for k in range(3)]
 
     def _check_rolling(self, disc: Body, axle: Vector, across: Vector, radius: Value, normal: Values) -> None:
         where = f"rolling of {disc.name}"

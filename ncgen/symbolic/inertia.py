@@ -11,7 +11,6 @@ once. Where positions, masses or moments have parameters, entries are expression
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -104,31 +103,47 @@ def _standard(
 ) -> tuple[tuple[Exact, ...], ...]:
     inverse = _inverse(axes)
     sizes = [_norm(row, parameters) for row in inverse]
-    lever = [*_exact(inertia.com), *origin]
-    away = math.dist(*([evaluate(x, parameters, "") for x in point] for point in (lever[:3], origin)))
-    a = [_cleaned(_combined([*row, *(-x for x in row)], lever, size), size * away) for row, size in zip(inverse, sizes, strict=True)]
-    tensor = [x for row in inertia.tensor for x in _exact(row)]
-    whole = evaluate(sum((tensor[4 * k] for k in range(3)), Fraction(0)) / 2, parameters, "")
+    lever, tensor = [*_exact(inertia.com), *origin], [x for row in inertia.tensor for x in _exact(row)]
+    offset = [c - o for c, o in zip(lever[:3], origin, strict=True)]
+    half = sum((tensor[4 * k] for k in range(3)), Fraction(0)) / 2
+    planar = [[(half if k == l else 0) - tensor[3 * k + l] for l in range(3)] for k in range(3)]
+
+    def along(i: int) -> Exact:
+        """An entry of X⁻¹ d."""
+        if _is_numeric(inverse):
+            return _combined([*inverse[i], *(-x for x in inverse[i])], lever, sizes[i])
+        return dot(inverse[i], offset)
+
+    def moment(i: int, j: int) -> Exact:
+        """An entry of X⁻¹ J_G X⁻ᵀ, by the entries of I where X is of numbers."""
+        if _is_numeric(inverse):
+            even = dot(inverse[i], inverse[j]) / 2
+            shares = [(even if k == l else 0) - inverse[i][k] * inverse[j][l] for k in range(3) for l in range(3)]
+            return _combined(shares, tensor, sizes[i] * sizes[j])
+        return dot(inverse[i], [dot(planar[k], inverse[j]) for k in range(3)])
+
+    # Directions have sizes of their own, so every entry has its scale.
+    away, whole = _norm(offset, parameters), evaluate(half, parameters, "")
+    a = [_cleaned(along(i), sizes[i] * away) for i in range(3)]
     spread: list[list[Exact]] = [[Fraction(0)] * 3 for _ in range(3)]
     for i in range(3):
-        for j in range(
-            i + 1
-        ):  # X⁻¹ (½ tr(I) 1 − I) X⁻ᵀ by the entries of I; directions have sizes of their own, so every one has its scale
-            half, scale = dot(inverse[i], inverse[j]) / 2, sizes[i] * sizes[j]
-            shares = [(half if k == l else 0) - inverse[i][k] * inverse[j][l] for k in range(3) for l in range(3)]
-            spread[i][j] = spread[j][i] = _cleaned(_combined(shares, tensor, scale), whole * scale)
+        for j in range(i + 1):
+            spread[i][j] = spread[j][i] = _cleaned(moment(i, j), whole * sizes[i] * sizes[j])
     mass = _mass(inertia.mass)
     top = (mass, *(_times(mass, x) for x in a))
     rows = [(_times(mass, a[k]), *(_plus(spread[k][l], _times(mass, a[k] * a[l])) for l in range(3))) for k in range(3)]
     return (top, *map(tuple, rows))
 
 
+def _is_numeric(rows: Sequence[Sequence[Exact]]) -> bool:
+    return not any(is_symbolic(x) for row in rows for x in row)
+
+
 def _combined(shares: Sequence[Exact], values: Sequence[Exact], size: float) -> Exact:
-    """Σ share · value, where shares are numbers with each term of the values once; without terms whose share is rounding beside `size`."""
-    if any(map(is_symbolic, shares)) or not any(map(is_symbolic, values)):
-        return sum((share * value for share, value in zip(shares, values, strict=True)), Fraction(0))
+    """Σ share · value, of shares that are numbers, with each term of the values once and none whose share is rounding beside `size`."""
     number, found = Fraction(0), defaultdict[sympy.Expr, Fraction](Fraction)
     for share, value in zip(shares, values, strict=True):
+        assert isinstance(share, Fraction | int)
         if isinstance(value, Fraction):
             number += share * value
             continue

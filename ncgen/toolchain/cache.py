@@ -15,6 +15,7 @@ import shutil
 import tempfile
 import time
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,9 +38,25 @@ class Built:
     spent: float
 
 
-def compiled(files: dict[str, str], flags: tuple[str, ...] = FLAGS, libraries: tuple[str, ...] = LIBRARIES, patience: float = 0.0) -> Built:
+@dataclass(frozen=True)
+class Sibling:
+    """Another library, of files and flags, and those of its sources whose objects are the same in both."""
+
+    files: dict[str, str]
+    flags: tuple[str, ...]
+    sources: tuple[str, ...]
+
+
+def compiled(
+    files: dict[str, str],
+    flags: tuple[str, ...] = FLAGS,
+    libraries: tuple[str, ...] = LIBRARIES,
+    patience: float = 0.0,
+    sibling: Sibling | None = None,
+) -> Built:
     """The library of some C sources, from the cache or compiled now by the first compiler that works.
 
+    sibling: a library whose objects are taken where it is in the cache
     patience: seconds that a compiler may take at least, where headers are much longer than what is given here
     A flag that a compiler refuses is left out if code is only slower without it. What was left out and which compilers failed
     is said in one warning, and found out once in a process.
@@ -54,7 +71,7 @@ def compiled(files: dict[str, str], flags: tuple[str, ...] = FLAGS, libraries: t
         while True:
             taken = compilers.accepted(compiler, (*flags, *compilers.own_flags()))
             try:
-                built = build(files, compiler, taken, libraries, patience=patience)
+                built = build(files, compiler, taken, libraries, patience=patience, objects=_objects(sibling, compiler, libraries))
             except CompileError as error:
                 if refused := compilers.examine(compiler, taken, error):
                     news += [f"{compiler.name} refuses {flag} and is used without it" for flag in refused if flag not in compilers.UNSAID]
@@ -90,10 +107,11 @@ def build(
     libraries: tuple[str, ...] = LIBRARIES,
     loads: bool = True,
     patience: float = 0.0,
+    objects: Mapping[str, Path] = compilers.NO_OBJECTS,
 ) -> Built:
     """The library of some C sources by one compiler, from the cache or compiled now.
 
-    loads: whether it is for this process, which is then able to load it
+    loads: whether it is for this process, which is then able to load it; objects: {source: its object} of what was compiled before
     Raises CompileError with the compiler's log if it fails.
     """
     key = _key(files, compiler, flags, libraries)
@@ -101,7 +119,7 @@ def build(
         if record := _record(folder / key, loads):
             return Built(folder / key / LIBRARY, 0.0, record["seconds"])
     try:
-        return written(lambda folder: _build(folder / key, files, compiler, flags, libraries, loads, patience))
+        return written(lambda folder: _build(folder / key, files, compiler, flags, libraries, loads, patience, objects))
     except OSError as error:
         raise CompileError(
             f"there is no room to compile in: {error.strerror or error}; set NCGEN_CACHE_DIR to a folder with some"
@@ -127,6 +145,7 @@ def _build(
     libraries: tuple[str, ...],
     loads: bool,
     patience: float,
+    objects: Mapping[str, Path],
 ) -> Built:
     """Compile and publish an entry. Raises OSError where its folder does not take it."""
     work = Path(tempfile.mkdtemp(prefix=TEMPORARY, dir=entry.parent))
@@ -134,15 +153,28 @@ def _build(
         if problem := intruder(work):  # on some network drives nothing belongs to who made it
             raise PermissionError(errno.EACCES, problem)
         start = time.perf_counter()
-        command, log = compilers.make_library(work, files, compiler, flags, libraries, loads, patience)
+        command, log = compilers.make_library(work, files, compiler, flags, libraries, loads, patience, objects)
         seconds = time.perf_counter() - start
         record = {"command": command, "seconds": round(seconds, 3), "log": log, "library": _digest(work / LIBRARY)}
+        record["objects"] = {source: _digest(path) for source, path in compilers.objects_of(work).items()}
         (work / RECORD).write_bytes(sealed(record))
         _publish(work, entry, loads)
     finally:
         shutil.rmtree(work, ignore_errors=True)
         sweep()
     return Built(entry / LIBRARY, seconds, seconds)
+
+
+def _objects(sibling: Sibling | None, compiler: Compiler, libraries: tuple[str, ...]) -> dict[str, Path]:
+    """{source: its object} of a sibling that this compiler has built: those that are as they were written."""
+    if sibling is None:
+        return {}
+    flags = compilers.accepted(compiler, (*sibling.flags, *compilers.own_flags()))
+    entries = [folder / _key(sibling.files, compiler, flags, libraries) for folder in folders()]
+    entry, record = next(((entry, record) for entry in entries if (record := _record(entry, True))), (Path(), None))
+    known: dict[str, str] = record.get("objects", {}) if record else {}
+    found = {source: path for source, path in compilers.objects_of(entry).items() if source in sibling.sources} if known else {}
+    return {source: path for source, path in found.items() if not intruder(path) and _digest(path) == known.get(source)}
 
 
 def _record(entry: Path, loads: bool) -> dict[str, Any] | None:

@@ -16,11 +16,12 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from types import MappingProxyType
 
 from cffi import FFI
 
@@ -63,6 +64,8 @@ FEW_SOURCES = 8
 
 LONG_SOURCE = 100_000
 """… or one of at least so many characters, which takes it half a second: more than it takes to start."""
+
+NO_OBJECTS: Mapping[str, Path] = MappingProxyType({})
 
 PROBE = {"probe.c": "int ncgen_probe(void) { return 1; }\n"}
 
@@ -174,28 +177,35 @@ def make_library(
     libraries: tuple[str, ...],
     loads: bool = True,
     patience: float = 0.0,
+    objects: Mapping[str, Path] = NO_OBJECTS,
 ) -> tuple[list[str], str]:
     """Write sources into a folder and compile them to LIBRARY there; the command and what the compiler said.
 
+    objects: of sources that were compiled before, as `objects_of` finds them
     loads: whether this process must be able to load what comes out; patience: seconds that it may take at least
     Raises CompileError with the compiler's log if it fails, OSError where the folder cannot hold what is written.
     """
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     patience = max(patience, min(LONGEST, PATIENCE + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
-    groups = _groups({name: len(text) for name, text in files.items() if name.endswith(".c")})
+    groups = _groups({name: len(text) for name, text in files.items() if name.endswith(".c") and name not in objects})
     inputs, log = [name for group in groups for name in group], ""
-    if len(groups) > 1 and compiler.makes_every_object:
+    if (len(groups) > 1 or objects) and compiler.makes_every_object:
         apart = [flag for flag in flags if flag != "-shared"]
         log = _run(compiler, [[*compiler.command, *apart, "-c", *group] for group in groups], folder, patience)
         inputs = [str(Path(name).with_suffix(".o")) for name in inputs]
-    command = [*compiler.command, *flags, *inputs, "-o", LIBRARY, *libraries]
+    command = [*compiler.command, *flags, *inputs, *map(str, objects.values()), "-o", LIBRARY, *libraries]
     log += _run(compiler, [command], folder, patience)
     if not (folder / LIBRARY).is_file():
         raise CompileError(f"{compiler.name} reported success and wrote no library; set CC to a C compiler", log)
     if loads and (problem := unloadable(folder / LIBRARY)):
         raise CompileError(f"{compiler.name} wrote a library that cannot be loaded: {problem[:120]}; set CC to a C compiler", log)
     return command, log
+
+
+def objects_of(folder: Path) -> dict[str, Path]:
+    """{source: its object} of those that a compiler made one by one in a folder."""
+    return {path.with_suffix(".c").name: path for path in sorted(folder.glob("*.o"))}
 
 
 def _groups(sizes: dict[str, int]) -> list[list[str]]:

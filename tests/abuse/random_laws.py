@@ -27,8 +27,8 @@ STEPS = 8
 EQUAL_STEPS = 64
 """Steps of equal length, where derivatives of the motion go through these."""
 
-LESS = (1e-8, 1e-7)
-"""Tolerances of the default call, and of one that is less accurate."""
+LESS = ({"rtol": 1e-7}, {"integrator": "dopri5"})
+"""Calls that are less accurate than the default one: by their tolerance, or since that is of every step, as of many motions at once."""
 
 LOOSE = 5e-3
 """Of sizes and of what moves, by which a motion in such steps of rk4 may end elsewhere: a table of a coordinate bends inside them."""
@@ -254,7 +254,7 @@ class Driven(Subject):
             )
             apart = np.max(np.abs(one[-1] - other) / self.sizes, initial=0.0)
             if not apart <= agree * (1 + moved):
-                if self.is_sensitive(agree * (1 + moved)):
+                if self.is_sensitive(agree * (1 + moved) if name == "position" else agree):
                     self.count("sensitive motions")
                     return
                 self.find(
@@ -263,9 +263,16 @@ class Driven(Subject):
                 return
 
     def is_sensitive(self, allowed: float) -> bool:
-        """True where the default call at a tenth of the accuracy ends elsewhere as well: the motion makes much of little."""
-        one, other = (self.attempt("simulate", ncgen.simulate, self.used, DURATION, points=3, rtol=rtol, **self.given) for rtol in LESS)
-        return one is None or other is None or np.max(np.abs(one.q[-1] - other.q[-1]) / self.sizes) > allowed
+        """True where less accurate calls end elsewhere as well: the motion makes much of little."""
+        runs = [self.attempt("simulate", ncgen.simulate, self.used, DURATION, points=3, **self.given, **less) for less in ({}, *LESS)]
+        ends = [
+            np.concatenate([run.q[-1] / self.sizes, run.qd[-1] / self.sizes / (1 + self.fastest(run))]) for run in runs if run is not None
+        ]
+        return len(ends) < len(runs) or max(np.max(np.abs(end - ends[0])) for end in ends) > allowed
+
+    def fastest(self, run) -> float:
+        """The largest velocity of a run in natural sizes."""
+        return float(np.max(np.abs(run.qd / self.sizes), initial=0.0))
 
     def by_python(self, first) -> None:
         if self.used is self.kernels:

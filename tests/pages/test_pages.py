@@ -103,10 +103,12 @@ def test_code_of_a_page_runs_and_prints_what_is_shown(name, tmp_path, monkeypatc
     "page, model, target, header", [("embedding.md", "robot", "c", "robot_motion.h"), ("robots.md", "crane", "joints", "crane_joints.h")]
 )
 def test_c_of_a_page_compiles(page, model, target, header, tmp_path):
-    """The lines shown are those of a function, in which t is a time."""
-    source = model if target == "c" else ROOT / "tests" / "robots" / "crane.urdf"
-    ncgen.export(ncgen.load(source), target, tmp_path / "export")
-    (code,) = re.findall(r"```c\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL)
+    """The lines of a block are those of a function, in which t is a time."""
+    robot = ROOT / "tests" / "robots" / "crane.urdf"
+    ncgen.export(ncgen.load(model) if target == "c" else ncgen.load(robot, frames=["hook"]), target, tmp_path / "export")
+    blocks = re.findall(r"```c\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL)
+    code = "\n".join(f"{{\n{block}}}" for block in blocks)
+    assert blocks
     lines = "\n".join(line for line in code.splitlines() if not line.startswith("#include"))
     (tmp_path / "page.c").write_text(f'#include "{header}"\nint main(void)\n{{\n    double t = 0.0;\n{lines}\n    return t > 1.0;\n}}\n')
     include = next(path.parent for path in (tmp_path / "export").rglob(header))

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ncgen import __version__
 from ncgen.compiler import compile
 from ncgen.emit.c.files import program_records
 from ncgen.emit.c.spelling import number
 from ncgen.emit.naming import labels, prefix_of
 from ncgen.exchange.export.package import without_runtime
+from ncgen.exchange.robots.frame_outputs import carried
 from ncgen.model import Model
+from ncgen.model.bodies import BodyFrame
 from ncgen.model.elements import Point
-from ncgen.program.tree.joint_space import Made
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.verify import verify
+from ncgen.program.lines import Lines
+from ncgen.program.tree.joint_space import POSITION, Made
+from ncgen.program.tree.tree_motion import TreePlace
 from ncgen.solver.joints.joint_loops import JointsInLoops
 from ncgen.solver.joints.joint_space import JointSpace, joint_space
 
@@ -21,6 +29,7 @@ TOLD = {
     "joint_mass": "the mass matrix, its lower triangle row by row",
     "joint_inverse": "forces for rates v and accelerations a",
     "joint_loads": "forces of springs, dampers and whatever else the model has",
+    "joint_frames": "of every frame its position, and its rotation row by row",
     "joint_momenta": "mass, first moment about the origin, and for every joint of the tree linear and angular momentum about it",
     "joint_inverse_tangent": "how forces change where joints move by dx and rates by dv",
     "joint_loads_tangent": "the same of the model's forces",
@@ -34,12 +43,15 @@ def files_of(model: Model) -> dict[str, str]:
     kernels = compile(model, backend="numpy")
     space = joint_space(kernels)
     prefix = prefix_of(kernels.name)
+    frames = {name: frame for name, frame in model.frames.items() if frame.is_output}
+    programs = [program for what in PARTS for program in space.made(what).values()]
     records = {
-        **program_records((program for what in PARTS for program in space.made(what).values()), prefix, "joints"),
+        **program_records([*programs, *([_poses(space, frames)] if frames else [])], prefix, "joints"),
         "version": __version__,
         "model": model,
         "joints": [{"name": joint.text, "label": joint.label} for joint in labels(space.rates)],
         "points": _points(space),
+        "frames": _frames(space, frames),
         "tree_rates": space.tree.freedoms,
         **_loops(space),
         "coordinates": kernels.n,
@@ -61,6 +73,34 @@ def _loops(space: JointSpace) -> dict[str, object]:
         "sizes": [number(float(size)) for size in space.sizes],
         "all_start": [number(float(x)) for x in space.begin[0]],
     }
+
+
+def _poses(space: JointSpace, frames: Mapping[str, BodyFrame]) -> Program:
+    """joint_frames(t, q, p) -> of every frame its position, and its rotation row by row: 12 numbers."""
+    model, equations = space.kernels.model, space.kernels.programs.equations
+    lines = Lines(equations)
+    place, outputs = TreePlace(lines, space.tree), list[int]()
+    for frame in frames.values():
+        if frame.body == model.ground.name:
+            numbers = [*frame.position, *frame.rotation.ravel()]
+            outputs += [lines.graph.const(float(number)) for number in numbers]
+            continue
+        origin, axes = carried(model, frame)
+        columns = [place.combined(axis) for axis in axes]
+        outputs += [*place.combined(origin), *(columns[j][i] for i in range(3) for j in range(3))]
+    program = lines.program("joint_frames", POSITION, outputs)
+    verify(program, {"t": 1, "q": space.kernels.n, "p": len(equations.parameters)})
+    return program
+
+
+def _frames(space: JointSpace, frames: Mapping[str, BodyFrame]) -> list[dict[str, object]]:
+    """Frames that are asked for, and which rates of the tree move them."""
+    homes = {link.body.name: space.tree.paths[number] for number, link in enumerate(space.tree.links)}
+    rates = range(space.tree.freedoms)
+    return [
+        {"name": name.text, "label": name.label, "moves": [int(k in homes.get(frame.body, ())) for k in rates]}
+        for name, frame in zip(labels(list(frames)), frames.values(), strict=True)
+    ]
 
 
 def _points(space: JointSpace) -> list[dict[str, object]]:

@@ -106,6 +106,14 @@ def load_robot(
     return model
 
 
+def with_frame_outputs(model: Model, names: Sequence[str]) -> Model:
+    """The model, with outputs of these frames of its. Raises ModelError for what is no frame."""
+    from ncgen.exchange.robots.frame_outputs import add_frame_outputs
+
+    add_frame_outputs(model, names)
+    return model
+
+
 def robot_text(model: Model, suffix: str) -> str:
     """A model as a robot's file; where its bodies are no open tree, as SDF or MJCF. suffix: one of `WRITTEN`.
 

@@ -93,9 +93,11 @@ class _Reader:
         if unknown := [key for key in table if key not in KEYS]:
             self.refuse(f"{where}: {shown(unknown[0])} is not known; give {', '.join(KEYS)}")
         by_frames = "parent_frame" in table or "child_frame" in table
-        keys = ("parent_frame", "child_frame") if by_frames else ("parent", "child")
-        placed_ends = [self._frame(table, key, where) if by_frames else (self._link(table, key, where), Placement()) for key in keys]
-        ends = [link for link, _ in placed_ends]
+        if by_frames:
+            one, other = (self._frame(table, f"{key}_frame", where) for key in ("parent", "child"))
+            ends, places = (one[0], other[0]), [one[1], other[1]]
+        else:
+            ends, places = tuple(self._link(table, key, where) for key in ("parent", "child")), []
         if ends[0] == ends[1]:
             self.refuse(f"{where}: it joins link {ends[0]} to itself; name two links")
         if by_frames and (mixed := next((key for key in ("parent", "child", "point") if key in table), None)):
@@ -109,8 +111,9 @@ class _Reader:
         name = table.get("name", f"{kind}{number}")
         if not isinstance(name, str):
             self.refuse(f"{where}: its name is {shown(name)}; give a text")
-        on_parent, on_child = (place for _, place in placed_ends)
-        if not by_frames:
+        if by_frames:
+            on_parent, on_child = places
+        else:
             on_parent = Placement(position=point)
             on_child = self.frames[ends[1]].inverse() @ self.frames[ends[0]] @ on_parent
         return Closure(name, KINDS[kind], ends[0], ends[1], on_parent, on_child, unit(axis), f"{self.path.name}, {where}")

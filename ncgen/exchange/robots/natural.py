@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -164,15 +164,15 @@ class _Builder:
                 basis = choose_basis(body)
                 self.model.extend(body, *points[1:])
                 if mass is not None:
-                    as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
+                    as_given: dict[str, Any] = {"as_given": True} if solid.name in self.robot.as_given else {}
                     tensor = _tensor(mass, self.layout.size).tolist()
                     self.model.payload(body, name, mass.mass, shifted(mass.com, shift), tensor, basis, **as_given)
             elif mass is None:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
                 tensor = _tensor(mass, self.layout.size).tolist()
-                made = partial(self.model.body, as_given=True) if solid.name in self.robot.as_given else self.model.body
-                self.bodies[solid] = made(name, points, vectors, mass.mass, mass.com.tolist(), tensor)
+                as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
+                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor, **as_given)
             for part in parts.chosen if parts else ():
                 given = part.name in self.robot.as_given
                 add_part(self.model, self.bodies[solid], part, word(part.name, "link"), given, shift, basis)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -162,7 +162,8 @@ def add_part(
     for i, j in ENTRIES:
         shares = [rotation[i, k] * rotation[j, l] + (rotation[i, l] * rotation[j, k] if k != l else 0.0) for k, l in ENTRIES]
         tensor[i][j] = tensor[j][i] = combined(np.where(np.abs(shares) < ROUNDING, 0.0, shares), made[4:])
-    model.payload(body, part.name, made[0], com, tensor, basis, **({"as_given": True} if as_given else {}))
+    more: dict[str, Any] = {"as_given": True} if as_given else {}
+    model.payload(body, part.name, made[0], com, tensor, basis, **more)
 
 
 def combined(shares: Sequence[float] | np.ndarray, values: Sequence[Scalar]) -> Scalar:

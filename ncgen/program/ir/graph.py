@@ -145,12 +145,9 @@ class Graph:
             return self.const(-op.leaf)
         return op.args[0] if op.code == "neg" else self._make("neg", (a,))
 
-    def _folds(self, a: int, b: int) -> bool:
-        """Whether a sum or a product of two nodes may be anything but an operation on them."""
-        return self.ops[a].code in FOLDING or self.ops[b].code in FOLDING
-
     def add(self, a: int, b: int) -> int:
-        if not self._folds(a, b):
+        ops = self.ops
+        if ops[a][0] not in FOLDING and ops[b][0] not in FOLDING:  # as most are: nothing but an operation on them
             return self._make("add", (a, b) if a < b else (b, a))
         x, y = self.value(a), self.value(b)
         if x is not None and y is not None:
@@ -166,6 +163,10 @@ class Graph:
         return self._make("add", (min(a, b), max(a, b)))
 
     def sub(self, a: int, b: int) -> int:
+        ops = self.ops
+        if a != b and ops[a][0] not in FOLDING and ops[b][0] not in FOLDING:
+            turned = self._known.get(("sub", (b, a), None))
+            return self._make("sub", (a, b)) if turned is None else self.neg(turned)
         x, y = self.value(a), self.value(b)
         if x is not None and y is not None:
             return self.const(x - y)
@@ -184,7 +185,8 @@ class Graph:
         return self._make("sub", (a, b))
 
     def mul(self, a: int, b: int) -> int:
-        if not self._folds(a, b):
+        ops = self.ops
+        if ops[a][0] not in FOLDING and ops[b][0] not in FOLDING:
             return self._make("mul", (a, b) if a < b else (b, a))
         x, y = self.value(a), self.value(b)
         if x is not None and y is not None:

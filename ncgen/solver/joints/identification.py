@@ -7,7 +7,8 @@ first point and the global axes, in the initial position), in Pinocchio's order:
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,7 +30,8 @@ VALUES = 16
 """Of a part of a body: mass, centre, tensor row by row, and where the body's first point is initially, with which its frame goes."""
 
 
-class BaseParameters(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
     """The combinations of inertial parameters that forces along the joints depend on.
 
     names: of all inertial parameters, ten a body; kept: numbers of those that stand for a combination each

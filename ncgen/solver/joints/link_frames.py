@@ -17,22 +17,28 @@ from ncgen.solver import given
 from ncgen.solver.frames import transformation
 
 if TYPE_CHECKING:
+    from ncgen.model import Model
+    from ncgen.model.bodies import BodyFrame
     from ncgen.solver.joints.joint_space import JointSpace
 
 Reference: TypeAlias = Literal["world-aligned", "local", "world"]
 REFERENCES = ("world-aligned", "local", "world")
 
 
+def frame_named(model: Model, name: str) -> BodyFrame:
+    """A frame of a model where it begins. Raises ModelError for a name that it does not have."""
+    if isinstance(name, str) and name in model.frames:
+        return model.frames[name]
+    inner = [each for each in model.frames if isinstance(name, str) and each.endswith(f":{name}")]
+    known = f"say {' or '.join(inner)}" if inner else given.offer(name, list(model.frames), "known:")
+    raise ModelError(f"{model.name} has no frame {given.echo(name)}; {known}")
+
+
 class LinkFrame:
     """A frame of a link. name: of the link in the robot's file; body: the body that it moves with, "ground" for what rests."""
 
     def __init__(self, space: JointSpace, name: str) -> None:
-        frames = space.kernels.model.frames
-        if not isinstance(name, str) or name not in frames:
-            inner = [each for each in frames if isinstance(name, str) and each.endswith(f":{name}")]
-            known = f"say {' or '.join(inner)}" if inner else given.offer(name, list(frames), "known:")
-            raise ModelError(f"{space.kernels.name} has no frame {given.echo(name)}; {known}")
-        self.space, self.name, self._initial = space, name, frames[name]
+        self.space, self.name, self._initial = space, name, frame_named(space.kernels.model, name)
         self.body = self._initial.body
         links = space.tree.links
         self._link = next((number for number, link in enumerate(links) if link.body.name == self.body), None)
@@ -53,20 +59,14 @@ class LinkFrame:
     def jacobian(self, q: ArrayLike, reference: Reference = "world-aligned") -> np.ndarray:
         """Velocity of the origin and angular velocity for rate 1 of every joint, (…, 6, n); m/s and rad/s a unit of the rate."""
         q, reference = self.space._array(q), self._checked(reference)
-        rotation, position = self.pose(q)
-        along, turning = self._screws(q)
-        if reference != "world":
-            along = along + np.cross(turning, position[..., None, :])
-        spread = self._spread(q)
-        halves = [np.swapaxes(half, -1, -2) @ spread for half in (along, turning)]
-        if reference == "local":
-            halves = [np.swapaxes(rotation, -1, -2) @ half for half in halves]
-        return np.concatenate(halves, axis=-2)
+        return self._moved(q, self._rates(q)[0], reference)
 
     def velocity(self, q: ArrayLike, v: ArrayLike, reference: Reference = "world-aligned") -> np.ndarray:
         """Velocity of the origin (m/s) and angular velocity (rad/s), (…, 6), at rates v (…, n)."""
-        v = self.space._over_rates(v, "v")
-        return np.einsum("...ij,...j->...i", self.jacobian(q, reference), v)
+        q, v, reference = self.space._array(q), self.space._over_rates(v, "v"), self._checked(reference)
+        spread, drift = self._rates(q)
+        rates = np.einsum("...kn,...n->...k", spread, v) + drift
+        return self._moved(q, rates[..., None], reference)[..., 0]
 
     def jacobian_derivative(self, q: ArrayLike, v: ArrayLike, reference: Reference = "world-aligned") -> np.ndarray:
         """How the Jacobian changes with time (…, 6, n) at rates v (…, n). Of open trees.
@@ -87,7 +87,7 @@ class LinkFrame:
             _, axes = self._screws(q)
             position = self.pose(q)[1]
             along = along + np.cross(turning, position[..., None, :]) + np.cross(axes, moving[..., None, :3])
-        spread = self._spread(q)
+        spread, _ = self._rates(q)
         halves = [np.swapaxes(half, -1, -2) @ spread for half in (along, turning)]
         if reference == "local":
             back, now = np.swapaxes(self.pose(q)[0], -1, -2), self.jacobian(q)
@@ -102,10 +102,22 @@ class LinkFrame:
         screws = self.space.screws(q)[..., path, :]
         return screws[..., 3:], screws[..., :3]
 
-    def _spread(self, q: np.ndarray) -> np.ndarray:
-        """Rates of the joints that carry the frame for those of the space (…, k, n)."""
+    def _rates(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rates of the joints that carry the frame for those of the space (…, k, n), and where these are 0 (…, k)."""
         path = [] if self._link is None else self.space.tree.paths[self._link]
-        return self.space._spread(q)[0][..., path, :]
+        spread, drift = self.space._spread(q)
+        return spread[..., path, :], drift[..., path]
+
+    def _moved(self, q: np.ndarray, rates: np.ndarray, reference: Reference) -> np.ndarray:
+        """Velocity of the origin and angular velocity (…, 6, m) at m rates of each joint that carries the frame (…, k, m)."""
+        along, turning = self._screws(q)
+        rotation, position = self.pose(q)
+        if reference != "world":
+            along = along + np.cross(turning, position[..., None, :])
+        halves = [np.swapaxes(half, -1, -2) @ rates for half in (along, turning)]
+        if reference == "local":
+            halves = [np.swapaxes(rotation, -1, -2) @ half for half in halves]
+        return np.concatenate(halves, axis=-2)
 
     @staticmethod
     def _checked(reference: Reference) -> Reference:

@@ -53,7 +53,7 @@ def negative_instant(kernels: Kernels, t: np.ndarray, q: np.ndarray, p: np.ndarr
         return None
     rows = np.unique(np.linspace(0, len(t) - 1, INSTANTS).astype(int)).tolist()
     instants = ((float(t[k]), q[k]) for k in rows)
-    return next((_sentence(body, now) for now, at in instants if (body := _culprit(kernels, bodies, at, now, p))), None)
+    return next((_sentence(body, t) for t, q in instants if (body := _culprit(kernels, bodies, q, t, p))), None)
 
 
 def _sentence(body: Body, t: float) -> str:
