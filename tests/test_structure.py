@@ -83,7 +83,7 @@ def test_imports_go_upwards_only(path):
 
 
 def test_nothing_that_is_installed_needs_the_tests():
-    """Other people's programs are set beside ncgen in tests/benchmarks, which no wheel has."""
+    """Other people's programs are set next to ncgen in tests/benchmarks, which no wheel has."""
     beside = "|".join(["tests", *(path.name for path in (ROOT / "tests").iterdir() if (path / "__init__.py").is_file())])
     wanted = re.compile(rf"^\s*(?:from|import) (?:{beside})\b|import_module\(f?\"(?:{beside})\b", re.MULTILINE)
     assert wanted.search("    from benchmarks.rivals import casadi") and wanted.search('import_module("benchmarks.arms")')

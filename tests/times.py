@@ -19,7 +19,6 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import coverage
 import pytest
 
 LISTED = Path(__file__).with_name("slow.txt")
@@ -97,7 +96,9 @@ def longer_proofs(times: Iterable[tuple[str, float]]) -> list[str]:
 
 def lines_of(path: str) -> dict[str, set[tuple[str, int]]]:
     """{test: lines that it runs}, of what coverage has recorded with `--cov-context=test`."""
-    data = coverage.CoverageData(path)
+    from coverage import CoverageData  # which no run of the tests needs
+
+    data = CoverageData(path)
     data.read()
     found: dict[str, set[tuple[str, int]]] = defaultdict(set)
     for file in data.measured_files():

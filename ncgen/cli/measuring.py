@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +14,7 @@ from ncgen.cli.terminal import PICTURES, Json, ModelName, out, progress, show, t
 from ncgen.errors import ModelError
 
 if TYPE_CHECKING:
+    from ncgen.comparisons.comparison import Comparison
     from ncgen.model import Model
 
 
@@ -27,12 +29,11 @@ def bench(
     plot: Annotated[Path | None, typer.Option(help="with --precision: write the plot into this .svg or .png file")] = None,
     json_output: Json = False,
 ) -> None:
-    """Measure generated code beside hand-written code: times with their errors.
+    """Measure generated code next to hand-written code: times with their errors.
 
-    Other people's simulators and generators stand beside it in tests/benchmarks/bench.py of the sources.
+    Other people's simulators and generators are compared with it by tests/benchmarks/bench.py of the sources.
     """
     from ncgen.comparisons.bench import bench as measurements
-    from ncgen.comparisons.bench import show as show_section
     from ncgen.exchange.examples import load
 
     writable("--html", html)
@@ -45,13 +46,22 @@ def bench(
     if precision or html or plot:
         _precision(load(model), html, plot, json_output)
         return
+    show_sections(model, measurements(load(model)), json_output)
+
+
+def show_sections(
+    model: str, sections: Iterable[tuple[str, list[dict]]], json_output: bool, more: Mapping[str, Callable[[list[dict]], Any]] | None = None
+) -> None:
+    """One table after the other as they are measured, or all records. model: its name; more: rows of further cases, as of `show`"""
+    from ncgen.comparisons.bench import show as show_section
+
     records = []
     with progress(f"measuring {model}", 3.0) as advance:
-        for done, (title, found) in enumerate(measurements(load(model)), 1):
+        for done, (title, found) in enumerate(sections, 1):
             records += found
             advance(done)
             if not json_output:
-                show_section(out, title, found)
+                show_section(out, title, found, more)
     if json_output:
         print(json.dumps(records, indent=1))
 
@@ -110,22 +120,32 @@ def compare(
     csv: Annotated[Path | None, typer.Option(help="write the records into this file")] = None,
     json_output: Json = False,
 ) -> None:
-    """Compare generated derivatives with hand-written ones and with differences: error beside time.
+    """Compare generated derivatives with hand-written ones and with differences: error next to time.
 
-    Automatic differentiation by CasADi, JAX and SymForce stands beside them in tests/benchmarks/bench.py of the sources.
+    Automatic differentiation by CasADi, JAX and SymForce is compared with them by tests/benchmarks/bench.py of the sources.
     """
     from ncgen.comparisons.comparison import Comparison
     from ncgen.exchange.examples import load
-    from ncgen.files import write_text
 
-    for option, path, suffixes in (("--html", html, ()), ("--plot", plot, PICTURES), ("--csv", csv, ())):
-        writable(option, path, suffixes)
+    check_reports(html, plot, csv)
     loaded = load(model)
     if handwritten is not None:
         _mistakes(loaded, handwritten, json_output)
         return
-    comparison = Comparison(loaded, users or [])
-    with progress(f"comparing {loaded.name}", None):
+    show_comparison(Comparison(loaded, users or []), html, plot, csv, json_output)
+
+
+def check_reports(html: Path | None, plot: Path | None, csv: Path | None) -> None:
+    """Refuse what cannot be written before anything is measured."""
+    for option, path, suffixes in (("--html", html, ()), ("--plot", plot, PICTURES), ("--csv", csv, ())):
+        writable(option, path, suffixes)
+
+
+def show_comparison(comparison: Comparison, html: Path | None, plot: Path | None, csv: Path | None, json_output: bool) -> None:
+    """The sections of a comparison as they are measured, or all records, and the reports that are asked for."""
+    from ncgen.files import write_text
+
+    with progress(f"comparing {comparison.model.name}", None):
         for section in comparison.sections():
             if not json_output:
                 show(comparison.lines(section))
@@ -163,7 +183,10 @@ def hard(
     limit: Annotated[float, typer.Option(help="seconds after which a run is stopped")] = 20.0,
     json_output: Json = False,
 ) -> None:
-    """Run mechanisms that break methods: case by formalism and integrator, with error, drift, time, or why it fails."""
+    """Run mechanisms that break methods: case by formalism and integrator, with error, drift, time, or why it fails.
+
+    The call that names no method is compared with the best one by tests/benchmarks/bench.py --defaults of the sources.
+    """
     from ncgen.comparisons.hard import hard_records, lines, methods
     from ncgen.comparisons.hard_cases import CASES
 

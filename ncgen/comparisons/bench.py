@@ -1,4 +1,4 @@
-"""`ncgen bench`: times beside errors, of generated code and of what was written by hand.
+"""`ncgen bench`: times next to errors, of generated code and of what was written by hand.
 
 What needs other people's programs, and measurements of ncgen itself, are in tests/benchmarks/.
 """
@@ -47,7 +47,7 @@ def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
 def kernel_records(model: Model, rate: float, others: Others = nobody) -> list[dict]:
     """Every kernel, and all one after the other, by every tool; `ratio` is to all of them by the first tool, generated C.
 
-    others: what else is set beside them
+    others: what else is set next to them
     """
     kernels = compile(model, "c")
     names = tuple(name for name in KERNELS if name in kernels.programs.programs)
@@ -76,7 +76,7 @@ def _record(case: str, tool: str, error: float, spread: Spread, fastest: Spread)
 
 
 def show(console: Console, title: str, records: list[dict], more: Mapping[str, Callable[[list[dict]], Rows]] | None = None) -> None:
-    """One section as a table; nothing where nothing could be measured. more: {case: its rows} beside those known here."""
+    """One section as a table; nothing where nothing could be measured. more: {case: its rows} next to those known here."""
     if not records:
         return
     tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows, "batch": _batch_rows} | dict(more or {})

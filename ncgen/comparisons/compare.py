@@ -1,4 +1,4 @@
-"""`ncgen compare`: kernels and derivatives by hand, generated and by differences; error beside time."""
+"""`ncgen compare`: kernels and derivatives by hand, generated and by differences; error next to time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NOISY = 0.3
 def compare(model: Model, users: Sequence[str] = (), others: Others = nobody) -> Iterator[tuple[str, list[dict]]]:
     """(kernel, records) for Φ_q, γ, M, and for Φ, Φ_q and γ together, as far as the mechanism has them.
 
-    users: functions of the user's own, see ncgen.comparisons.rivals.user; others: what else is set beside them
+    users: functions of the user's own, see ncgen.comparisons.rivals.user; others: what else is set next to them
     A record has kernel, tool, place ("C" or "Python": where the timing loop is), seconds, low, high (median and quartiles
     per call, of a batch per state), noisy, error (relative to the largest entry), ulps_max and ulps_rms (in ulps of what is
     added up in the entry), generation, compilation (seconds), operations, code (bytes); None where that is not known.

@@ -41,7 +41,7 @@ class Measured:
 class Comparison:
     """What `ncgen compare` does with a model.
 
-    users: see ncgen.comparisons.rivals.user; others: what else is set beside the kernels
+    users: see ncgen.comparisons.rivals.user; others: what else is set next to the kernels
     Raises ModelError at once for a function of the user's that cannot be compared.
     """
 

@@ -34,6 +34,11 @@ def unit(a: ArrayLike) -> np.ndarray:
     return np.asarray(a, dtype=float) / norm(a)
 
 
+def across(axis: np.ndarray) -> np.ndarray:
+    """A direction of length 1 that is perpendicular to a vector (3,), and the farthest from its smallest component."""
+    return unit(np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))]))
+
+
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Of a matrix (n, k) with a matrix (k, m) or a vector (k,)."""
     if b.ndim == 1:

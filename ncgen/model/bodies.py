@@ -72,12 +72,13 @@ class Inertia:
     def numbers(self, parameters: dict[str, Parameter]) -> tuple[float, np.ndarray, np.ndarray]:
         """Mass, centre of mass (3,) and tensor (3, 3) at the parameters' defaults, found once."""
         if self not in _numbers:
-            _numbers[self] = self._evaluated(parameters)
+            _numbers[self] = self.at(parameters)
         return _numbers[self]
 
-    def _evaluated(self, parameters: dict[str, Parameter]) -> tuple[float, np.ndarray, np.ndarray]:
+    def at(self, parameters: dict[str, Parameter]) -> tuple[float, np.ndarray, np.ndarray]:
+        """As `numbers`, at these parameters' defaults."""
         if self.parts:
-            own, *others = (replace(part, mass=m, com=c, tensor=t) for part in self.parts for m, c, t in (part.numbers(parameters),))
+            own, *others = (replace(part, mass=m, com=c, tensor=t) for part in self.parts for m, c, t in (part.at(parameters),))
             whole = own.plus(others, parameters)
             return evaluate(whole.mass, parameters, self.name), np.array(whole.com), whole.tensor.astype(float)
         mass, *rest = (evaluate(x, parameters, self.name) for x in (self.mass, *self.com, *self.tensor.flat))

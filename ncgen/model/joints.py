@@ -49,7 +49,7 @@ class _End(NamedTuple):
 def _hinge(axis: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """An axis of one frame, and the two directions of the other that it stays perpendicular to."""
     along = arithmetic.unit(axis)
-    first = arithmetic.unit(np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))]))
+    first = arithmetic.across(along)
     return [(along, first), (along, np.cross(along, first))]
 
 
@@ -190,8 +190,7 @@ class Joints(Structure):
         start = _height(normal, centre) - radius * _steepness(normal, axle)
         self.constrain(n.dot(r) - radius * steep - start, f"contact of {disc.name}", owner)
         upright = np.asarray(normal)
-        helper = np.eye(3)[np.argmin(np.abs(upright))]
-        first = arithmetic.unit(np.cross(upright, helper))
+        first = arithmetic.across(upright)
         for tangent in (first, np.cross(upright, first)):
             self.constrain_velocity(sympy.Matrix(_clean(tangent)).dot(slip), f"no slip of {disc.name}", owner)
 
@@ -224,7 +223,7 @@ class Joints(Structure):
             vars(self).update(vars(self.closing(self, ends, kind, axis, label)))
             return
         a, b = (self._end(end, label, kind) for end in ends)
-        if a.body is b.body or (a.point is b.point):
+        if a.body is b.body or a.point is b.point:
             raise ModelError(f"close {label}: both ends belong to one body, so it changes nothing; leave it out")
         owner, planar = Owner("joint", f"close {label}", (a.body.name, b.body.name)), any(e.body.frame.planar for e in (a, b))
         for k in range(2 if planar else 3):

@@ -65,3 +65,10 @@ def check_scalar(name: str, what: str) -> None:
     """Refuse a scalar's name that means something else in every expression."""
     if name in RESERVED:
         raise ModelError(f"{what} {name}: that is the name of {RESERVED[name]}; choose another")
+
+
+def word(name: str, what: str) -> str:
+    """A name that a model can have: other signs become _, a letter comes first, _ follows a keyword, and a joint's that expressions use."""
+    kept = "".join(c if c.isalnum() and f"a{c}".isidentifier() else "_" for c in normal(name))
+    kept = kept if kept[:1].isidentifier() and kept[0] != "_" else f"{what}_{kept}"
+    return f"{kept}_" if keyword.iskeyword(kept) or (what == "joint" and kept in RESERVED) else kept

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ncgen.exchange.robots.accounting import amount, changes_motion
+from ncgen.exchange.robots.accounting import changes_motion, parted
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Angle
 from ncgen.program.ir.cost import cost
@@ -36,9 +36,11 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
         "singular": found.is_singular,
         "measured": sum(row.measured for row in kernels.rows),
         "left_out": [
-            {"what": said.rpartition(" (")[0], "count": amount(said), "changes_motion": changes_motion(said)} for said in model.left_out
+            {"what": what, "count": count, "changes_motion": changes_motion(said)}
+            for said in model.left_out
+            for what, count in (parted(said),)
         ],
-        "assembled": [{"joint": name, "moved": amount, "unit": unit} for name, amount, unit in model.assembled],
+        "assembled": [{"joint": name, "moved": moved, "unit": unit} for name, moved, unit in model.assembled],
         "omitted": list(kernels.programs.omitted),
         "initial": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
         "kernels": _kernels(kernels.programs),

@@ -107,16 +107,17 @@ def _standard(
     offset = [c - o for c, o in zip(lever[:3], origin, strict=True)]
     half = sum((tensor[4 * k] for k in range(3)), Fraction(0)) / 2
     planar = [[(half if k == l else 0) - tensor[3 * k + l] for l in range(3)] for k in range(3)]
+    is_numeric = not any(is_symbolic(x) for row in inverse for x in row)
 
     def along(i: int) -> Exact:
         """An entry of X⁻¹ d."""
-        if _is_numeric(inverse):
+        if is_numeric:
             return _combined([*inverse[i], *(-x for x in inverse[i])], lever, sizes[i])
         return dot(inverse[i], offset)
 
     def moment(i: int, j: int) -> Exact:
         """An entry of X⁻¹ J_G X⁻ᵀ, by the entries of I where X is of numbers."""
-        if _is_numeric(inverse):
+        if is_numeric:
             even = dot(inverse[i], inverse[j]) / 2
             shares = [(even if k == l else 0) - inverse[i][k] * inverse[j][l] for k in range(3) for l in range(3)]
             return _combined(shares, tensor, sizes[i] * sizes[j])
@@ -135,12 +136,8 @@ def _standard(
     return (top, *map(tuple, rows))
 
 
-def _is_numeric(rows: Sequence[Sequence[Exact]]) -> bool:
-    return not any(is_symbolic(x) for row in rows for x in row)
-
-
 def _combined(shares: Sequence[Exact], values: Sequence[Exact], size: float) -> Exact:
-    """Σ share · value, of shares that are numbers, with each term of the values once and none whose share is rounding beside `size`."""
+    """Σ share · value, of shares that are numbers, with each term of the values once and none whose share is rounding next to `size`."""
     number, found = Fraction(0), defaultdict[sympy.Expr, Fraction](Fraction)
     for share, value in zip(shares, values, strict=True):
         assert isinstance(share, Fraction | int)

@@ -1,1 +1,1 @@
-"""ncgen beside other people's simulators and generators, and measurements of ncgen itself: begin with bench.py."""
+"""ncgen next to other people's simulators and generators, and measurements of ncgen itself: begin with bench.py."""

@@ -1,16 +1,16 @@
-"""ncgen beside other people's simulators and generators, and measurements of ncgen itself.
+"""ncgen next to other people's simulators and generators, and measurements of ncgen itself.
 
-    python tests/benchmarks/bench.py robot                     what `ncgen bench` prints, beside sympy, CasADi and Octave; generation
+    python tests/benchmarks/bench.py robot                     what `ncgen bench` prints, next to sympy, CasADi and Octave; generation
     python tests/benchmarks/bench.py robot --instructions      instructions of a call, counted by valgrind
-    python tests/benchmarks/bench.py robot --derivatives       what `ncgen compare` prints, beside CasADi, JAX, SymForce; ∂ẏ/∂y
+    python tests/benchmarks/bench.py robot --derivatives       what `ncgen compare` prints, next to CasADi, JAX, SymForce; ∂ẏ/∂y
     python tests/benchmarks/bench.py robot --tables            the same, and the paper's Tables 9 and 10
-    python tests/benchmarks/bench.py robot --gradients         derivatives of a motion by all its data, beside differences and CasADi
+    python tests/benchmarks/bench.py robot --gradients         derivatives of a motion by all its data, next to differences and CasADi
     python tests/benchmarks/bench.py robot --libraries         many motions and gradients inside JAX and PyTorch
-    python tests/benchmarks/bench.py all --data                operations with data as parameters, beside numbers; or one MODEL
-    python tests/benchmarks/bench.py arm --arms --seed 2       the example and a random arm beside CasADi, Pinocchio and MuJoCo
-    python tests/benchmarks/bench.py nfourbar --peers          N four-bars beside Pinocchio, MuJoCo and Exudyn
+    python tests/benchmarks/bench.py all --data                operations with data as parameters, next to numbers; or one MODEL
+    python tests/benchmarks/bench.py arm --arms --seed 2       the example and a random arm next to CasADi, Pinocchio and MuJoCo
+    python tests/benchmarks/bench.py nfourbar --peers          N four-bars next to Pinocchio, MuJoCo and Exudyn
     python tests/benchmarks/bench.py chain --growth            generation and steps of longer and longer chains; or arm
-    python tests/benchmarks/bench.py all --defaults            the default call beside the best method; or one hard case
+    python tests/benchmarks/bench.py all --defaults            the default call next to the best method; or one hard case
 
 MODEL is an example's name or a path to a model's file. What is not installed is left out; requirements.txt names it all.
 """
@@ -31,12 +31,11 @@ if __name__ == "__main__":
     sys.path[0] = str(Path(__file__).resolve().parents[1])  # rivals/jax.py and its like are no libraries
 
 from benchmarks import tables  # noqa: E402
-from ncgen.cli.terminal import PICTURES, err, out, progress, show, tell, writable  # noqa: E402
+from ncgen.cli.measuring import check_reports, show_comparison, show_sections  # noqa: E402
+from ncgen.cli.terminal import err, progress, show, tell  # noqa: E402
 from ncgen.comparisons.bench import aligned  # noqa: E402
-from ncgen.comparisons.bench import show as show_section  # noqa: E402
 from ncgen.errors import ModelError, NcgenError  # noqa: E402
 from ncgen.exchange.examples import example_names, load  # noqa: E402
-from ncgen.files import write_text  # noqa: E402
 
 ALL = "all"
 
@@ -47,15 +46,7 @@ def in_sections(sections: Iterable[tuple[str, list[dict]]], options: argparse.Na
 
     rows: dict[str, Any] = {"generation": tables.generation_rows, "operations": tables.operation_rows, "arm": arms.rows}
     rows |= {"gradients": tables.gradient_rows, "libraries": partial(tables.gradient_rows, digits=4)}
-    records = []
-    with progress(f"measuring {options.model}", 3.0) as advance:
-        for done, (title, found) in enumerate(sections, 1):
-            records += found
-            advance(done)
-            if not options.json:
-                show_section(out, title, found, rows)
-    if options.json:
-        print(json.dumps(records, indent=1))
+    show_sections(options.model, sections, options.json, rows)
 
 
 def everything(options: argparse.Namespace) -> None:
@@ -126,20 +117,9 @@ def instructions(options: argparse.Namespace) -> None:
 def derivatives(options: argparse.Namespace, with_tables: bool = False) -> None:
     from benchmarks.derivatives import WiderComparison
 
-    for option, path, suffixes in (("--html", options.html, ()), ("--plot", options.plot, PICTURES), ("--csv", options.csv, ())):
-        writable(option, path, suffixes)
-    comparison = WiderComparison(load(options.model), [], with_tables)
-    with progress(f"comparing {options.model}", None):
-        for section in comparison.sections():
-            show(() if options.json else comparison.lines(section))
-    if options.html:
-        write_text(options.html, comparison.html())
-    if options.csv:
-        write_text(options.csv, comparison.csv())
-    if options.plot:
-        comparison.save_plot(options.plot)
-    if options.json:
-        print(json.dumps({"machine": comparison.machine, "records": comparison.records}, indent=1))
+    reports = options.html, options.plot, options.csv
+    check_reports(*reports)
+    show_comparison(WiderComparison(load(options.model), [], with_tables), *reports, options.json)
 
 
 def paper_tables(options: argparse.Namespace) -> None:

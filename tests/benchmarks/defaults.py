@@ -1,4 +1,4 @@
-"""`bench.py all --defaults`: a call that names no method, beside the best method that could have been named."""
+"""`bench.py all --defaults`: a call that names no method, next to the best method that could have been named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`ncgen compare` beside other people's generators, with ∂ẏ/∂y, and with the paper's tables."""
+"""`ncgen compare` next to other people's generators, with ∂ẏ/∂y, and with the paper's tables."""
 
 from __future__ import annotations
 

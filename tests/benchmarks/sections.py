@@ -34,7 +34,7 @@ ARTICULATED = "articulated body, CasADi"
 
 
 def everything(model: Model) -> Sections:
-    """The sections of `ncgen bench`, beside what others have; generation and compilation."""
+    """The sections of `ncgen bench`, next to what others have; generation and compilation."""
     kernels = compile(model, "c")
     rate = arithmetic_rate()
     yield bench.KERNEL_TITLE.format(model.name), bench.kernel_records(model, rate, lambdified.rivals)
@@ -55,7 +55,7 @@ def by_articulated_bodies(kernels: CompiledKernels, q: np.ndarray, zd: np.ndarra
 
 
 def of_arms(seed: int) -> Sections:
-    """Arms beside other programs."""
+    """Arms next to other programs."""
     yield from ((arms.title(records[0]), records) for records in arms.arm_records(seed=seed))
 
 

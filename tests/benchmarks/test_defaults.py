@@ -1,4 +1,4 @@
-"""`bench.py all --defaults`: the default call beside the best method that could have been named."""
+"""`bench.py all --defaults`: the default call next to the best method that could have been named."""
 
 from benchmarks import defaults
 

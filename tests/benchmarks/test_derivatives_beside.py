@@ -57,7 +57,7 @@ def test_slopes_of_the_state_derivative(robot):
 
 @pytest.mark.slow
 def test_the_wider_comparison():
-    """What `ncgen compare` has, sympy beside it, and ∂ẏ/∂y as one more table and plot of the report."""
+    """What `ncgen compare` has, sympy next to it, and ∂ẏ/∂y as one more table and plot of the report."""
     comparison = WiderComparison(ncgen.load("fourbar"), [])
     names = [section.name for section in comparison.sections()]
     assert names == ["phi_q", "gamma", "mass", "all", "state"]

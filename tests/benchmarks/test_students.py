@@ -1,4 +1,4 @@
-"""`bench.py robot`: what was written by hand and what others have stands beside `ncgen bench`."""
+"""`bench.py robot`: what was written by hand and what others have stands next to `ncgen bench`."""
 
 import shutil
 

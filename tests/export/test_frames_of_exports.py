@@ -1,4 +1,4 @@
-"""Frames of robots in exports: poses and Jacobians in C, NumPy and CasADi beside Pinocchio, and in loops beside joint space here."""
+"""Frames of robots in exports: poses and Jacobians in C, NumPy and CasADi next to Pinocchio, and in loops next to joint space here."""
 
 from __future__ import annotations
 

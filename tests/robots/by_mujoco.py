@@ -15,10 +15,10 @@ import ncgen
 from ncgen.exchange.robots import read_robot
 from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
 from ncgen.exchange.robots.mjcf_keyframes import start_of
-from ncgen.exchange.robots.natural import word
 from ncgen.exchange.robots.robot import together
 from ncgen.exchange.robots.starts import named_start
 from ncgen.model.elements import Point, Spatial
+from ncgen.model.names import word
 
 
 class Beside:

@@ -20,8 +20,9 @@ from scipy.integrate import solve_ivp
 import ncgen
 from ncgen.exchange.robots import read_robot
 from ncgen.exchange.robots.mjcf_written import text_of
-from ncgen.exchange.robots.natural import model_of, word
+from ncgen.exchange.robots.natural import model_of
 from ncgen.exchange.robots.robot import Joint, Robot, together
+from ncgen.model.names import word
 from ncgen.program.ir.cost import cost
 from ncgen.report.clock import measure, repeated
 from ncgen.report.repeat import Call, runner

@@ -20,8 +20,9 @@ import numpy as np
 import ncgen
 from ncgen.errors import NcgenError
 from ncgen.exchange.robots import SUFFIXES, read_robot
-from ncgen.exchange.robots.natural import model_of, word
+from ncgen.exchange.robots.natural import model_of
 from ncgen.exchange.robots.robot import Joint, Robot, together
+from ncgen.model.names import word
 from ncgen.program.ir.cost import cost
 
 STATES, BODIES, SLOPED = 20, 3, 12

@@ -5,7 +5,7 @@
 
 A line a file: joints, bodies, what is left out that would change its motion, seconds of the processor; or why it is refused. The last lines
 count. --joints: only files that have joints. --balanced, --as-given: also those with inertias that no body has. --compare N: of up to N
-joints the mass matrix, gravity and so on of URDF beside Pinocchio (`compare_files.py`), accelerations of MJCF beside MuJoCo
+joints the mass matrix, gravity and so on of URDF next to Pinocchio (`compare_files.py`), accelerations of MJCF next to MuJoCo
 (`compare_mjcf.py`), as the largest error over 1 + the largest entry; SDF has no independent reader here. What is no XML, or XML of another
 kind, is counted apart.
 """
@@ -20,7 +20,7 @@ from pathlib import Path
 import ncgen
 from ncgen.errors import NcgenError
 from ncgen.exchange.robots import FORMATS
-from ncgen.exchange.robots.accounting import amount, changes_motion
+from ncgen.exchange.robots.accounting import changes_motion, parted
 from ncgen.exchange.robots.markup import Markup, read_markup
 
 SUFFIXES = (".sdf", ".urdf", ".xml")
@@ -47,14 +47,14 @@ def judged(path: Path, only_joints: bool, inertias: str, largest: int) -> tuple[
             model = ncgen.load(path, inertias=inertias)
     except NcgenError as error:
         return "refused", str(error)
-    left = sum(amount(said) for said in model.left_out if changes_motion(said))
+    left = sum(parted(said)[1] for said in model.left_out if changes_motion(said))
     line = f"{joints} joints, {len(model.bodies)} bodies, {left} left out, {time.process_time() - begun:.2f} s"
     beside = compared(path, root) if 0 < joints <= largest else ""
     return ("compared" if beside else "read"), line + beside
 
 
 def compared(path: Path, root: Markup) -> str:
-    """The largest error beside another program, and its seconds; nothing where there is none."""
+    """The largest error next to another program, and its seconds; nothing where there is none."""
     begun = time.process_time()
     if root.tag == "robot":
         from compare_files import line

@@ -1,4 +1,4 @@
-"""Frames that MJCF and SDF name: those of bodies and sites beside MuJoCo's, those of links and frames of SDF beside placements by hand."""
+"""Frames that MJCF and SDF name: those of bodies and sites are MuJoCo's, those of links and frames of SDF are placements by hand."""
 
 import warnings
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The regressor and base parameters beside Pinocchio's, on arms of its collection."""
+"""The regressor and base parameters next to Pinocchio's, on arms of its collection."""
 
 import re
 import sysconfig
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.exchange.robots.natural import word
+from ncgen.model.names import word
 from tests.robots.test_link_frames import ARM
 
 ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")

@@ -9,7 +9,7 @@ from test_link_frames import ARM
 
 import ncgen
 from ncgen.errors import ConvergenceError, ModelError
-from ncgen.exchange.robots.natural import word
+from ncgen.model.names import word
 from ncgen.solver.joints.inverse_kinematics import _Search, aims_of
 
 HERE = Path(__file__).parent

@@ -9,7 +9,7 @@ import pytest
 
 import ncgen
 from ncgen.errors import ModelError
-from ncgen.exchange.robots.natural import word
+from ncgen.model.names import word
 from ncgen.model.shapes import QUARTER
 
 ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")

@@ -120,7 +120,7 @@ def test_a_gradient_by_the_payload_is_that_of_differences(arm):
     ("p", "said"),
     [
         ({"hand.mass": -1.0}, "hand.mass = -1"),
-        ({"tool0.mass": -0.1}, "body tool0: the mass is -0.1 kg"),  # beside the hand's kilogram the sum is positive
+        ({"tool0.mass": -0.1}, "body tool0: the mass is -0.1 kg"),  # next to the hand's kilogram the sum is positive
         ({"upper.inertia.xx": 5.0}, "no body has principal moments of inertia 0.1, 0.1, 5 kg m2"),
         ({"upper.inertia": 1.0}, "upper.inertia"),
     ],

@@ -146,12 +146,13 @@ def counted(findings: Iterable[Finding | str]) -> tuple[str, ...]:
 
 def changes_motion(said: str) -> bool:
     """Whether what `counted` says, without it, is a reason for another motion."""
-    return said.rpartition(" (")[0].partition(",")[0] not in WITHOUT_EFFECT
+    return parted(said)[0].partition(",")[0] not in WITHOUT_EFFECT
 
 
-def amount(said: str) -> int:
-    """How often something was found, of what `counted` says."""
-    return int(said.rpartition("(")[2].rstrip(")"))
+def parted(said: str) -> tuple[str, int]:
+    """What was found and how often, of what `counted` says."""
+    what, _, count = said.rpartition(" (")
+    return what, int(count.rstrip(")"))
 
 
 def warn_of(left_out: Iterable[str], file: str, stacklevel: int) -> None:
@@ -159,12 +160,11 @@ def warn_of(left_out: Iterable[str], file: str, stacklevel: int) -> None:
 
     left_out: of the model; stacklevel: of `warnings.warn` where this is called
     """
-    acting = [said for said in left_out if changes_motion(said)]
-    count = sum(map(amount, acting))
+    acting = [parted(said) for said in left_out if changes_motion(said)]
+    count = sum(number for _, number in acting)
     if count:
         things = "thing that changes the motion is" if count == 1 else "things that change the motion are"
-        first = acting[0].rpartition(" (")[0]
         warnings.warn(
-            f"{file}: {count} {things} {NOT_MODELLED}, {first} first; model.left_out and `ncgen inspect` list all",
+            f"{file}: {count} {things} {NOT_MODELLED}, {acting[0][0]} first; model.left_out and `ncgen inspect` list all",
             stacklevel=stacklevel + 1,
         )

@@ -20,7 +20,7 @@ from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mimic, Robot, hung
 from ncgen.exchange.robots.told import Acting, acting, gravity_of, mass_of, origin_of
 from ncgen.model import Model
-from ncgen.model.arithmetic import unit
+from ncgen.model.arithmetic import across, unit
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, as_combination
 from ncgen.model.rows import Row
@@ -174,9 +174,9 @@ class _Linkage:
         if self.is_planar:
             self._add(Joint(name, "revolute", parent.name, child.name, Placement(position=place), NORMAL), parent, child)
             return
-        across = unit(np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))]))
-        second = unit(np.cross(along, across))
-        self._add(Joint(name, "universal", parent.name, child.name, Placement(position=place), across, second), parent, child)
+        first = across(along)
+        second = unit(np.cross(along, first))
+        self._add(Joint(name, "universal", parent.name, child.name, Placement(position=place), first, second), parent, child)
 
     def _ball(self, name: str, rod: _Part, end: _Part, place: np.ndarray) -> None:
         kind = "revolute" if self.is_planar else "spherical"

@@ -91,9 +91,10 @@ class Readable:
         """Whether its mesh is left out, which is counted already, or its numbers are none."""
         if dict.get(geom.attributes, "mesh") in self.meshes:
             return True
-        if _is_unreadable(geom):
-            self.missing.append(dict.get(geom.attributes, "name", "geom"))
-        return _is_unreadable(geom)
+        if not _is_unreadable(geom):
+            return False
+        self.missing.append(dict.get(geom.attributes, "name", "geom"))
+        return True
 
     def _is_left_out(self, mesh: Markup) -> bool:
         return (dict.get(mesh.attributes, "name") or Path(dict.get(mesh.attributes, "file", "")).stem) in self.meshes

@@ -1,6 +1,6 @@
 """Motors of a robot as inputs of its model, where they are asked for: with the names, gears, servos and limits of the file.
 
-In formats without actuators every hinge and slider that follows no other one has a motor, called motor_JOINT; where a file beside the
+In formats without actuators every hinge and slider that follows no other one has a motor, called motor_JOINT; where a file next to the
 robot's names joints with motors, these alone.
 """
 
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from ncgen.exchange.robots.robot import Actuator, Joint, Robot
 from ncgen.model import Model
 from ncgen.model.elements import Angle, Relative
+from ncgen.model.names import word
 
 if TYPE_CHECKING:
     import sympy
@@ -47,8 +48,6 @@ def _of_joints(joints: Mapping[str, Joint], coordinates: Mapping[str, Relative],
 def _force(model: Model, actuator: Actuator, coordinates: Mapping[str, Relative]) -> tuple[str, sympy.Expr]:
     """An actuator's input by name, and its force (N m or N over the shares)."""
     import sympy
-
-    from ncgen.exchange.robots.natural import word
 
     own = [(share, coordinates[name]) for name, share in actuator.shares.items()]
     unit = "" if actuator.gain != (1.0, 0.0, 0.0) or len(own) > 1 or abs(own[0][0]) != 1 else "N m" if isinstance(own[0][1], Angle) else "N"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import keyword
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -20,10 +19,10 @@ from ncgen.exchange.robots.sensors import SENSORS, add_sensors
 from ncgen.exchange.robots.starts import named_start
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
-from ncgen.model.arithmetic import dot, product, unit
+from ncgen.model.arithmetic import across, dot, product
 from ncgen.model.bodies import Body, BodyFrame, choose_basis
 from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector
-from ncgen.model.names import RESERVED, normal, numbered
+from ncgen.model.names import numbered, word
 
 DURATION = 1.0
 """Of a run that says nothing else (s)."""
@@ -157,6 +156,7 @@ class _Builder:
         vectors = [e for e in elements if isinstance(e, Vector)]
         taken = {self.model.ground.name, *self.model.bodies}
         name = numbered(word(solid.name, "link"), taken.__contains__)
+        tensor, as_given = _tensor(mass, self.layout.size).tolist() if mass else [], self._as_given(solid.name)
         with _told_of(link.where):
             basis, shift = None, self.shifts.get(solid.name)
             if shift is not None:  # vectors span it: they stay numbers
@@ -164,18 +164,17 @@ class _Builder:
                 basis = choose_basis(body)
                 self.model.extend(body, *points[1:])
                 if mass is not None:
-                    as_given: dict[str, Any] = {"as_given": True} if solid.name in self.robot.as_given else {}
-                    tensor = _tensor(mass, self.layout.size).tolist()
                     self.model.payload(body, name, mass.mass, shifted(mass.com, shift), tensor, basis, **as_given)
             elif mass is None:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
-                tensor = _tensor(mass, self.layout.size).tolist()
-                as_given = {"as_given": True} if solid.name in self.robot.as_given else {}
                 self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), tensor, **as_given)
             for part in parts.chosen if parts else ():
-                given = part.name in self.robot.as_given
-                add_part(self.model, self.bodies[solid], part, word(part.name, "link"), given, shift, basis)
+                add_part(self.model, self.bodies[solid], part, word(part.name, "link"), self._as_given(part.name), shift, basis)
+
+    def _as_given(self, link: str) -> dict[str, Any]:
+        """How a model is told of a link whose moments of inertia no body has; nothing of others, of which a model's file says nothing."""
+        return {"as_given": True} if link in self.robot.as_given else {}
 
     def _show(self, solid: Solid, body: Body) -> None:
         """What a link looks like, on its body."""
@@ -323,13 +322,6 @@ def _told_of(where: str) -> Iterator[None]:
         raise ModelError(f"{where}: {error}" if where else str(error)) from None
 
 
-def word(name: str, what: str) -> str:
-    """A name that a model can have: other signs become _, a letter comes first, _ follows a keyword, and a joint's that expressions use."""
-    kept = "".join(c if c.isalnum() and f"a{c}".isidentifier() else "_" for c in normal(name))
-    kept = kept if kept[:1].isidentifier() and kept[0] != "_" else f"{what}_{kept}"
-    return f"{kept}_" if keyword.iskeyword(kept) or (what == "joint" and kept in RESERVED) else kept
-
-
 def _tensor(mass: Mass, size: float) -> np.ndarray:
     """The tensor about the centre of mass without what is rounding; size: of the robot (m)."""
     tensor = (mass.tensor + mass.tensor.T) / 2
@@ -341,5 +333,4 @@ def _across(axis: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
     for direction in known:
         if abs(dot(direction, axis)) < 1e-12:
             return direction
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    return unit(np.cross(axis, helper))
+    return across(axis)

@@ -7,7 +7,7 @@ link's frame, the entries of the inertia tensor about the centre of mass along t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -19,7 +19,7 @@ from ncgen.exchange.robots.robot import Mass, Robot
 from ncgen.model import Model
 from ncgen.model.bodies import Body
 from ncgen.model.elements import AXES, Spatial
-from ncgen.model.names import numbered
+from ncgen.model.names import numbered, word
 from ncgen.model.values import Scalar
 
 INERTIA, GEOMETRY = "inertia", "geometry"
@@ -110,8 +110,6 @@ def shifts_of(model: Model, robot: Robot, asked: Sequence[str]) -> dict[str, Shi
 
     robot: ordered, with its fixed joints. Raises ModelError for what would not follow them.
     """
-    from ncgen.exchange.robots.natural import word
-
     chosen = [joint for joint in robot.joints if joint.kind != "fixed" and (GEOMETRY in asked or joint.name in asked)]
     if not chosen:
         return {}
@@ -145,14 +143,20 @@ def shifted(place: np.ndarray, shift: Shift | None) -> list[Scalar]:
 
 
 def add_part(
-    model: Model, body: Body, part: Part, word: str, as_given: bool, shift: Shift | None = None, basis: Sequence[Spatial] | None = None
+    model: Model,
+    body: Body,
+    part: Part,
+    begin: str,
+    as_given: Mapping[str, Any],
+    shift: Shift | None = None,
+    basis: Sequence[Spatial] | None = None,
 ) -> None:
     """A part's ten parameters, and its mass fixed to a body.
 
-    word: how they begin; as_given: whatever its moments of inertia are; shift: of the body; basis: as of `m.payload`
+    begin: how their names begin; as_given, basis: as of `m.payload`; shift: of the body
     """
     names = ["mass", *(f"centre.{axis}" for axis in AXES), *(f"inertia.{AXES[i]}{AXES[j]}" for i, j in ENTRIES)]
-    first = numbered(word, lambda wish: any(model.bearer(f"{wish}.{name}") is not None for name in names))
+    first = numbered(begin, lambda wish: any(model.bearer(f"{wish}.{name}") is not None for name in names))
     values = [part.mass.mass, *part.mass.com, *(part.mass.tensor[i, j] for i, j in ENTRIES)]
     units = ["kg", *["m"] * 3, *["kg m2"] * 6]
     made = [model.parameter(f"{first}.{name}", float(value), unit).symbol for name, value, unit in zip(names, values, units, strict=True)]
@@ -162,8 +166,7 @@ def add_part(
     for i, j in ENTRIES:
         shares = [rotation[i, k] * rotation[j, l] + (rotation[i, l] * rotation[j, k] if k != l else 0.0) for k, l in ENTRIES]
         tensor[i][j] = tensor[j][i] = combined(np.where(np.abs(shares) < ROUNDING, 0.0, shares), made[4:])
-    more: dict[str, Any] = {"as_given": True} if as_given else {}
-    model.payload(body, part.name, made[0], com, tensor, basis, **more)
+    model.payload(body, part.name, made[0], com, tensor, basis, **as_given)
 
 
 def combined(shares: Sequence[float] | np.ndarray, values: Sequence[Scalar]) -> Scalar:

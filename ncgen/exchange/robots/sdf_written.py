@@ -47,10 +47,10 @@ def _placed(frame: Placement, **attributes: str) -> str:
 
 
 def _visual_text(shape: Shape, number: int) -> str:
-    names = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"], "ellipsoid": ["radii"], "mesh": ["scale"]}[shape.kind]
-    sizes = [shape.sizes] if len(names) == 1 else [(size,) for size in shape.sizes]
     from xml.sax.saxutils import escape  # which imports all that speaks HTTP
 
+    names = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"], "ellipsoid": ["radii"], "mesh": ["scale"]}[shape.kind]
+    sizes = [shape.sizes] if len(names) == 1 else [(size,) for size in shape.sizes]
     inside = [element("uri", [escape(f"file://{shape.file}")])] if shape.file else []
     inside += [element(name, [_written(size)]) for name, size in zip(names, sizes, strict=True)]
     colour = [element("material", [element("diffuse", [_written(rgba_of(shape.colour))])])] if shape.colour else []

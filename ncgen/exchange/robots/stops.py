@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, TypeAlias
 
 from ncgen.errors import ModelError
+from ncgen.exchange.robots.accounting import parted
 from ncgen.exchange.robots.robot import Joint
 from ncgen.model import Model
 from ncgen.model.elements import Relative
@@ -89,8 +90,8 @@ def left(omitted: Iterable[str], words: str, done: int) -> tuple[str, ...]:
     """What is left out, less so many of a kind."""
     found = []
     for said in omitted:
-        what, _, count = said.rpartition(" (")
-        rest = int(count.rstrip(")")) - done if what == words else None
+        what, count = parted(said)
+        rest = count - done if what == words else None
         if rest is None:
             found.append(said)
         elif rest:

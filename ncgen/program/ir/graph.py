@@ -145,9 +145,12 @@ class Graph:
             return self.const(-op.leaf)
         return op.args[0] if op.code == "neg" else self._make("neg", (a,))
 
+    def _folds(self, a: int, b: int) -> bool:
+        """Whether a sum or a product of two nodes may be anything but an operation on them."""
+        return self.ops[a].code in FOLDING or self.ops[b].code in FOLDING
+
     def add(self, a: int, b: int) -> int:
-        ops = self.ops
-        if ops[a][0] not in FOLDING and ops[b][0] not in FOLDING:  # as most are: nothing but an operation on them
+        if not self._folds(a, b):
             return self._make("add", (a, b) if a < b else (b, a))
         x, y = self.value(a), self.value(b)
         if x is not None and y is not None:
@@ -163,10 +166,6 @@ class Graph:
         return self._make("add", (min(a, b), max(a, b)))
 
     def sub(self, a: int, b: int) -> int:
-        ops = self.ops
-        if a != b and ops[a][0] not in FOLDING and ops[b][0] not in FOLDING:
-            turned = self._known.get(("sub", (b, a), None))
-            return self._make("sub", (a, b)) if turned is None else self.neg(turned)
         x, y = self.value(a), self.value(b)
         if x is not None and y is not None:
             return self.const(x - y)
@@ -185,8 +184,7 @@ class Graph:
         return self._make("sub", (a, b))
 
     def mul(self, a: int, b: int) -> int:
-        ops = self.ops
-        if ops[a][0] not in FOLDING and ops[b][0] not in FOLDING:
+        if not self._folds(a, b):
             return self._make("mul", (a, b) if a < b else (b, a))
         x, y = self.value(a), self.value(b)
         if x is not None and y is not None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ncgen.solver.joints.joint_space import JointSpace
 
 DEPENDENT = 1e-8
-"""A column of the regressor of which less is left beside those before it, relative to the largest column, is a combination of them."""
+"""A column of the regressor of which less is left next to those before it, relative to the largest column, is a combination of them."""
 
 STATES = 40
 """Random states, at the least, at which the regressor is looked at."""

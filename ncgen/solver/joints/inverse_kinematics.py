@@ -181,7 +181,7 @@ class _Search:
     def _rates(self, x: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Rates of the joints where values x change by 1 (n, n): those of balls and free bodies are rotation vectors θ.
 
-        Such a joint turns what it carries by exp θ beside its parent, in global axes: ω = J θ̇ + (exp θ − 1) ω_parent, with the left
+        Such a joint turns what it carries by exp θ next to its parent, in global axes: ω = J θ̇ + (exp θ − 1) ω_parent, with the left
         Jacobian J = 1 + (1 − cos |θ|)/|θ|² θ× + (|θ| − sin |θ|)/|θ|³ θ×θ×.
         """
         space, own, others = self.space, np.eye(len(x)), np.zeros((len(x), len(x)))

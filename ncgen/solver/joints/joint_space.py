@@ -190,7 +190,7 @@ class JointSpace(ABC):
         body: str | None = None,
         start: Mapping[str, float] | None = None,
     ) -> dict[str, float]:
-        """Values of the joints that bring frames to poses, or a point to a place, by least squares from a start, and from some beside it.
+        """Values of the joints that bring frames to poses, or a point to a place, by least squares from a start, and from some next to it.
 
         point: {frame: (rotation (3, 3), position (3,) in m)} as `LinkFrame.pose` gives them, all of which are reached at once, None for
             any rotation or position; or the name of a point, which has what follows
@@ -369,12 +369,9 @@ class JointSpace(ABC):
 
         Their names and order: `inertial_names`. It depends on lengths alone.
         """
-        own = identification.frames(self)
-        kind, size = f"regressor_{identification.key_of(own)}", 10 * len(own) * self.n
-        inputs = {"joint_regressor": self.inputs["joint_inverse"]}
-        made = self._functions_of("regressor", inputs, lambda: {"joint_regressor": size}, kind)
-        found = made("joint_regressor", 0.0, self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"), self.p)
-        return found.reshape(*found.shape[:-1], self.n, 10 * len(own))
+        functions, state = self._regressor_functions, (self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"))
+        found = functions("joint_regressor", 0.0, *state, self.p)
+        return found.reshape(*found.shape[:-1], self.n, 10 * len(self.tree.links))
 
     @property
     def inertial_names(self) -> tuple[str, ...]:
@@ -389,7 +386,7 @@ class JointSpace(ABC):
     def base_parameters(self, tolerance: float = identification.DEPENDENT) -> identification.BaseParameters:
         """The combinations of inertial parameters that forces along the joints depend on, by the rank of the regressor at random states.
 
-        tolerance: what is left of a column beside those before it, over the largest column, to count as independent
+        tolerance: what is left of a column next to those before it, over the largest column, to count as independent
         """
         return identification.base_parameters(self, tolerance)
 
@@ -426,14 +423,21 @@ class JointSpace(ABC):
 
     # -- helpers -------------------------------------------------------------------------------
 
-    @property
+    @cached_property
     def _functions(self) -> Functions:
         return self._functions_of("basics", self.inputs, self._sizes)
 
-    @property
+    @cached_property
     def _slope_functions(self) -> Functions:
         """Made when they are first asked for: they are longer than all others together."""
         return self._functions_of("slopes", SLOPES, lambda: dict.fromkeys(SLOPES, self.n))
+
+    @cached_property
+    def _regressor_functions(self) -> Functions:
+        """Likewise; they depend on where the frames of links are."""
+        own = identification.frames(self)
+        inputs, size = {"joint_regressor": self.inputs["joint_inverse"]}, 10 * len(own) * self.n
+        return self._functions_of("regressor", inputs, lambda: {"joint_regressor": size}, f"regressor_{identification.key_of(own)}")
 
     def _functions_of(
         self, what: Made, inputs: Mapping[str, tuple[str, ...]], sizes: Callable[[], dict[str, int]], kind: str = ""

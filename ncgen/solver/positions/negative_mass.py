@@ -7,7 +7,6 @@ import numpy as np
 from ncgen.errors import ConvergenceError, DomainError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.bodies import Body
-from ncgen.model.values import evaluate
 from ncgen.solver import geometry
 from ncgen.solver.positions.position import solve_position
 from ncgen.solver.positions.rank import null_space, scaled_jacobian
@@ -24,7 +23,11 @@ AHEAD = 33
 
 def doubtful(kernels: Kernels) -> list[Body]:
     """Bodies whose moments of inertia were taken as given, although no body has them."""
-    return [body for body in kernels.model.bodies.values() if body.inertia is not None and not body.inertia.is_judged]
+
+    def found() -> list[Body]:
+        return [body for body in kernels.model.bodies.values() if body.inertia is not None and not body.inertia.is_judged]
+
+    return kernels.remember("bodies with doubtful inertia", (), found)
 
 
 def refuse_negative(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> None:
@@ -80,10 +83,8 @@ def _kinetic_energy(kernels: Kernels, body: Body, qd: np.ndarray, p: np.ndarray)
 
     Source: García de Jalón & Bayo, Kinematic and Dynamic Simulation of Multibody Systems (1994), section 4.2.
     """
-    parameters = geometry.parameters_at(kernels, p)
-    inertia, first = body.own_inertia, body.points[0]
-    numbers = [evaluate(x, parameters, body.name) for x in (inertia.mass, *inertia.com, *inertia.tensor.flat)]
-    mass, com, tensor = numbers[0], np.array(numbers[1:4]), np.array(numbers[4:]).reshape(3, 3)
+    mass, com, tensor = body.own_inertia.at(geometry.parameters_at(kernels, p))
+    first = body.points[0]
     start = geometry.element_rate(kernels, first, qd)
     before = [e.initial - first.initial for e in body.points[1:]] + [e.initial for e in body.vectors]
     rates = [geometry.element_rate(kernels, e, qd) - start for e in body.points[1:]] + [

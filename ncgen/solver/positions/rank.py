@@ -161,8 +161,11 @@ def freedom(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given |
 
 def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
     """`freedom` of arguments that were looked at."""
-    find = _freedom_from_cache if _is_described(kernels, q, t, p) else _freedom
-    return kernels.remember("freedom", (q.tobytes(), float(t), kernels.of_rows(p).tobytes()), lambda: find(kernels, q, t, p), REMEMBERED)
+
+    def find() -> Freedom:
+        return (_freedom_from_cache if _is_described(kernels, q, t, p) else _freedom)(kernels, q, t, p)
+
+    return kernels.remember("freedom", (q.tobytes(), float(t), kernels.of_rows(p).tobytes()), find, REMEMBERED)
 
 
 def _is_described(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
