@@ -22,11 +22,12 @@ from typing import Any
 import mpmath
 import numpy as np
 
+from benchmarks.exact_motion import exact_motion
 from benchmarks.rivals import articulated, mujoco, pinocchio
 from ncgen.comparisons.batches import STATES
 from ncgen.comparisons.rivals import relative_error
 from ncgen.comparisons.rivals.base import own_start
-from ncgen.comparisons.rivals.exact import DIGITS, exact_motion
+from ncgen.comparisons.rivals.exact import DIGITS
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module

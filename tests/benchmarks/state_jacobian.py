@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 import numpy as np
 
+from benchmarks.exact_motion import exact_motion
 from benchmarks.rivals.casadi_tangents import with_tangents
 from ncgen.comparisons.rivals.base import Rival, own_start
 from ncgen.comparisons.rivals.differences import central, forward, jacobian
-from ncgen.comparisons.rivals.exact import DIGITS, exact_motion
+from ncgen.comparisons.rivals.exact import DIGITS
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import repeated

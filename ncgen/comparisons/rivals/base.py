@@ -12,7 +12,6 @@ from cffi import FFI
 
 from ncgen.exchange.examples import example_module, example_names
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.ir.graph import PIECES
 from ncgen.report.clock import Run, repeated
 from ncgen.report.repeat import Call
 from ncgen.resources import folder
@@ -118,9 +117,3 @@ def own_start(kernels: Kernels) -> tuple[np.ndarray, Partitions]:
 def differentiable(kernels: Kernels) -> bool:
     """Whether derivatives of Φ by q alone are all there is: no drivers, no rolling."""
     return "nu" not in kernels.programs.programs and len(kernels.holonomic) == kernels.m
-
-
-def translatable(kernels: Kernels) -> bool:
-    """Whether programs of Φ and forces have functions alone that others have by themselves, too: no splines, no tables."""
-    lookups = (op.code == PIECES for program in kernels.programs.programs.values() for block in program.blocks for op in block.ops)
-    return differentiable(kernels) and not any(lookups)

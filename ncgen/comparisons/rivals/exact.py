@@ -6,7 +6,7 @@ Any: a number of mpmath, whose module makes its types at run time.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -17,9 +17,6 @@ from ncgen.model.pieces import Pieces
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import PIECES
-
-if TYPE_CHECKING:
-    from ncgen.program.motions.dynamics import DynamicsPrograms
 
 DIGITS = 50
 
@@ -70,16 +67,6 @@ def scale(kernels: Kernels, name: str, inputs: Inputs) -> np.ndarray:
     sizes = {key: np.abs(getattr(inputs, key)).tolist() for key in ("q", "qd", "p")}
     largest = evaluate(kernels.programs.programs[name], {"t": abs(inputs.t), **sizes}, _MAGNITUDES, abs)
     return np.maximum(largest, np.finfo(float).tiny)
-
-
-def exact_motion(programs: DynamicsPrograms, q: list[Any], zd: list[Any], p: np.ndarray) -> list[Any]:
-    """What the program of accelerations gives at t = 0, after q, numbers of mpmath, has closed in its place."""
-    given: dict[str, Any] = {"t": mpmath.mpf(0), "q": q, "p": [mpmath.mpf(float(x)) for x in p]}
-    for _ in range(100):
-        steps = programs.close(q, evaluate(programs.newton, given, MPMATH, mpmath.mpf))
-        if max(map(abs, steps), default=0) < mpmath.mpf(10) ** (5 - DIGITS):
-            break
-    return evaluate(programs.acceleration, given | {"zd": zd}, MPMATH, mpmath.mpf)
 
 
 def relative_error(value: np.ndarray, reference: np.ndarray) -> float:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.rivals.casadi import column
-from ncgen.comparisons.rivals.base import translatable
+from benchmarks.rivals.translation import translatable
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS

@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Any
 
 from benchmarks.rivals.casadi import LARGEST, graph
-from ncgen.comparisons.rivals.base import translatable
+from benchmarks.rivals.translation import translatable
 from ncgen.mechanism.kernels import Kernels
 
 

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.comparisons.rivals.base import Inputs, Rival, called, nonzeros, translatable
+from benchmarks.rivals.translation import translatable
+from ncgen.comparisons.rivals.base import Inputs, Rival, called, nonzeros
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import sympy
 
-from ncgen.comparisons.rivals.base import Inputs, Rival, called, translatable
+from benchmarks.rivals.translation import translatable
+from ncgen.comparisons.rivals.base import Inputs, Rival, called
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS

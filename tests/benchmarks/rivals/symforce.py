@@ -12,7 +12,8 @@ from importlib import import_module
 from types import ModuleType
 
 from benchmarks.rivals.lambdified import symbolic
-from ncgen.comparisons.rivals.base import Inputs, Rival, foreign, translatable
+from benchmarks.rivals.translation import translatable
+from ncgen.comparisons.rivals.base import Inputs, Rival, foreign
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
 from ncgen.emit.runtime import runtime_files
 from ncgen.mechanism.kernels import Kernels
