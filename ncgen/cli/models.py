@@ -104,7 +104,8 @@ def run(
         typer.Option(help="dopri5, dop853, adams, bdf, radau, ode45 …", autocompletion=words_of("ncgen.methods.table", "INTEGRATORS")),
     ] = None,
     engine: Annotated[
-        str | None, typer.Option(help="c, emitted, refined or python", autocompletion=words_of("ncgen.solver.runs.run", "ENGINES"))
+        str | None,
+        typer.Option(help="compiled, c, emitted, refined or python", autocompletion=words_of("ncgen.solver.runs.run", "ENGINES")),
     ] = None,
     number: Annotated[
         str | None, typer.Option(help="double, float or 'long double'", autocompletion=words_of("ncgen.solver.runs.run", "NUMBERS"))
