@@ -27,14 +27,15 @@ ARM = """<robot name="arm"><link name="base"/><link name="tool0"/><link name="ra
 </joint>
 <joint name="t" type="fixed"><parent link="hand"/><child link="tool0"/><origin xyz="0 0.1 0.2" rpy="1.5 0.3 -0.2"/></joint></robot>"""
 
-LINKAGE = ARM.replace(
-    "</robot>",
-    """<link name="crank"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link>
+LINKAGE = (
+    ARM.removesuffix("</robot>")
+    + """<link name="crank"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link>
+<link name="rod"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link><link name="pin"/><link name="tip"/>
 <joint name="d" type="continuous"><parent link="rail"/><child link="crank"/><origin xyz="0.2 0.8 0.1" rpy="0.5 0 0.3"/><axis xyz="1 0 0"/>
-</joint><link name="pin"/><joint name="p" type="fixed"><parent link="crank"/><child link="pin"/><origin xyz="0.1 0.2 0" rpy="0 1 0"/></joint>
-<link name="rod"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link>
+</joint>
+<joint name="p" type="fixed"><parent link="crank"/><child link="pin"/><origin xyz="0.1 0.2 0" rpy="0 1 0"/></joint>
 <joint name="e" type="continuous"><parent link="hand"/><child link="rod"/><origin xyz="0.1 0 0.05" rpy="0 0.4 0"/><axis xyz="0 1 0"/></joint>
-<link name="tip"/><joint name="q" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="0.5 0 0.1" rpy="1 2 3"/></joint></robot>""",
+<joint name="q" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="0.5 0 0.1" rpy="1 2 3"/></joint></robot>"""
 )
 """The arm with a link more, whose tip a crank carries."""
 
