@@ -29,13 +29,13 @@ ARM = """<robot name="arm"><link name="base"/><link name="tool0"/><link name="ra
 
 LINKAGE = (
     ARM.removesuffix("</robot>")
-    + """<link name="crank"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link>
-<link name="rod"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link><link name="pin"/><link name="tip"/>
+    + """<link name="pin"/><link name="tip"/>
+<link name="crank"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link>
+<link name="rod"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link>
 <joint name="d" type="continuous"><parent link="rail"/><child link="crank"/><origin xyz="0.2 0.8 0.1" rpy="0.5 0 0.3"/><axis xyz="1 0 0"/>
-</joint>
-<joint name="p" type="fixed"><parent link="crank"/><child link="pin"/><origin xyz="0.1 0.2 0" rpy="0 1 0"/></joint>
-<joint name="e" type="continuous"><parent link="hand"/><child link="rod"/><origin xyz="0.1 0 0.05" rpy="0 0.4 0"/><axis xyz="0 1 0"/></joint>
-<joint name="q" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="0.5 0 0.1" rpy="1 2 3"/></joint></robot>"""
+</joint><joint name="p" type="fixed"><parent link="crank"/><child link="pin"/><origin xyz="0.1 0.2 0" rpy="0 1 0"/></joint>
+<joint name="e" type="continuous"><parent link="hand"/><child link="rod"/><origin xyz="0.1 0 0.05" rpy="0 0.4 0"/><axis xyz="0 1 0"/>
+</joint><joint name="q" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="0.5 0 0.1" rpy="1 2 3"/></joint></robot>"""
 )
 """The arm with a link more, whose tip a crank carries."""
 
