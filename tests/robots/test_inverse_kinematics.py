@@ -147,8 +147,8 @@ def test_a_limit_of_a_joint_that_follows_another_one(tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(not ROBOTS.is_dir(), reason="needs example-robot-data")
 def test_the_panda_reaches_near_with_its_elbow_at_the_limit():
-    """How far the wrist (link 5) is from the shoulder says the elbow's angle, or the one as far on the other side of -0.47 rad: for its limit
-    of -3.0718 that is 2.13, beyond the other limit."""
+    """How far the wrist (link 5) is from the shoulder says the elbow's angle, or the one as far on the other side of -0.47 rad: for its
+    limit of -3.0718 that is 2.13, beyond the other limit."""
     pin = pytest.importorskip("pinocchio")
     path = ROBOTS / "panda_description/urdf/panda.urdf"
     theirs, space = pin.buildModelFromUrdf(str(path)), loaded(path)
