@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from ncgen.cli.completion import words_of
-from ncgen.cli.terminal import Floating, Having, ModelName, err, of_robots, out, progress, show
+from ncgen.cli.robot_options import for_robots
+from ncgen.cli.terminal import ModelName, err, out, progress, show
 from ncgen.errors import ModelError
 from ncgen.exchange.export import targets
 
@@ -37,11 +38,11 @@ def check(file: Annotated[Path, typer.Argument(help="a model file: .toml, .py, .
     out.print(f"{file.name}: {len(model.components)} coordinates, {len(model.rows)} rows, {len(model.bodies)} bodies", markup=False)
 
 
+@for_robots
 def convert(
     model: ModelName,
+    robot: dict[str, Any],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="file to write [default: print]")] = None,
-    floating: Floating = None,
-    having: Having = None,
 ) -> None:
     """Write a model as a TOML file, or where the file's name ends with .sdf or .xml as a robot's, an open tree with .urdf, too."""
     from ncgen.exchange.examples import load
@@ -49,7 +50,7 @@ def convert(
     from ncgen.exchange.toml_writer import to_toml
     from ncgen.files import write_text
 
-    loaded = load(model, **of_robots(floating, having))
+    loaded = load(model, **robot)
     suffix = output.suffix.lower() if output else ""
     text = robot_text(loaded, suffix) if suffix in WRITTEN else to_toml(loaded)
     if output is None:
@@ -58,8 +59,10 @@ def convert(
         out.print(str(write_text(output, text)), markup=False)
 
 
+@for_robots
 def export(
     model: ModelName,
+    robot: dict[str, Any],
     to: Annotated[str, typer.Option(help=", ".join(targets()), autocompletion=words_of("ncgen.exchange.export", "targets"))],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]")] = None,
     platform: Annotated[
@@ -69,18 +72,12 @@ def export(
             autocompletion=words_of("ncgen.exchange.export.fmu", "PLATFORMS"),
         ),
     ] = None,
-    frame: Annotated[
-        list[str] | None,
-        typer.Option(help="link, site or frame of a robot's file whose position and rotation are outputs; may be repeated"),
-    ] = None,
-    floating: Floating = None,
-    having: Having = None,
 ) -> None:
     """Write a mechanism for use without Python: a folder that builds and runs by its own README."""
     from ncgen.exchange.examples import load
     from ncgen.exchange.export import export as written
 
-    loaded = load(model, frames=frame or (), **of_robots(floating, having))
+    loaded = load(model, **robot)
     with progress(f"exporting {loaded.name}", None):
         paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"), platform or ())
     show(paths)

@@ -13,7 +13,8 @@ import typer
 
 from ncgen.cli.assignments import assigned, beside_its_own
 from ncgen.cli.completion import words_of
-from ncgen.cli.terminal import Backend, Emission, Floating, Having, Json, ModelName, err, of_robots, out, progress
+from ncgen.cli.robot_options import for_robots
+from ncgen.cli.terminal import Backend, Emission, Json, ModelName, err, out, progress
 from ncgen.errors import Interrupted
 
 if TYPE_CHECKING:
@@ -36,12 +37,12 @@ def list_examples(json_output: Json = False) -> None:
         out.print(f"{r['name']:<15}{r['dof']:>3} dof {r['rows']:>4} rows ({r['redundant']} redundant)  {r['teaches']}", markup=False)
 
 
+@for_robots
 def inspect(
     model: ModelName,
+    robot: dict[str, Any],
     along: Annotated[Path | None, typer.Option(help="a trajectory.npz: show how healthy that motion is")] = None,
     json_output: Json = False,
-    floating: Floating = None,
-    having: Having = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
 ) -> None:
@@ -52,7 +53,7 @@ def inspect(
     from ncgen.report.screen import show_inspection
 
     recorded = None if along is None else Recorded.read(along)
-    kernels, _, seconds = _compiled(model, of_robots(floating, having), backend, emission, lists_left_out=recorded is None)
+    kernels, _, seconds = _compiled(model, robot, backend, emission, lists_left_out=recorded is None)
     if recorded is not None:
         health = recorded.health(kernels)
         if json_output:
@@ -72,25 +73,27 @@ def inspect(
     show_inspection(out, facts, seconds)
 
 
+@for_robots
 def generate(
     model: ModelName,
+    robot: dict[str, Any],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the sources [default: generated/MODEL]")] = None,
-    floating: Floating = None,
-    having: Having = None,
     emission: Emission = "auto",
 ) -> None:
     """Write the C and NumPy sources of a model."""
     from ncgen.compiler import generate as sources_of
     from ncgen.exchange.examples import load
 
-    loaded = load(model, **of_robots(floating, having))
+    loaded = load(model, **robot)
     folder = output or Path("generated") / loaded.name
     for path in sources_of(loaded, emission).write(folder):
         out.print(str(path), markup=False)
 
 
+@for_robots
 def run(
     model: ModelName,
+    robot: dict[str, Any],
     duration: Annotated[float | None, typer.Option(help="seconds [default: the model's]")] = None,
     param: Annotated[list[str] | None, typer.Option(help="a parameter, as k=3; may be repeated")] = None,
     velocity: Annotated[list[str] | None, typer.Option(help="initial velocity, as psi1=2.5; may be repeated")] = None,
@@ -114,8 +117,6 @@ def run(
     atol: Annotated[float | None, typer.Option(help="absolute tolerance [default: a hundredth of it, in natural sizes]")] = None,
     max_step: Annotated[float | None, typer.Option(help="longest step, or the step of methods with a fixed one (s)")] = None,
     points: Annotated[int | None, typer.Option(help="instants in the trajectory [default: 101]")] = None,
-    floating: Floating = None,
-    having: Having = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-output]")] = None,
@@ -147,8 +148,7 @@ def run(
             compiling.append(beside(part=part_for(simulation_of(loaded, **given).get("integrator", AUTO))))
             compiling[0].start()
 
-    words = of_robots(floating, having)
-    kernels, sources, seconds = _compiled(model, words, backend, emission, check, lists_left_out=not json_output)
+    kernels, sources, seconds = _compiled(model, robot, backend, emission, check, lists_left_out=not json_output)
     found = freedom(kernels)
     if any(thread.is_alive() for thread in compiling):
         with progress("compiling the runtime", None):
@@ -177,7 +177,7 @@ def run(
 
 def _compiled(
     name: str,
-    words: dict[str, Any],
+    robot: dict[str, Any],
     backend: str,
     emission: str,
     check: Callable[[Model], object] | None = None,
@@ -185,7 +185,7 @@ def _compiled(
 ) -> tuple[Kernels, Sources, dict[str, float]]:
     """Kernels, sources and the seconds of every stage, with the stages shown while they run.
 
-    words: what `ncgen.load` is told of a robot; check: of the model, before anything is made of it
+    robot: what `ncgen.load` is told of a robot; check: of the model, before anything is made of it
     lists_left_out: the command lists what of a file is not modelled, so the warning that counts it is not shown
     """
     from ncgen.compiler import Timings, check_words, compile, sources_of
@@ -198,7 +198,7 @@ def _compiled(
         with warnings.catch_warnings():
             if lists_left_out:
                 warnings.filterwarnings("ignore", f".* {NOT_MODELLED}, ", UserWarning)
-            model = timings.stage("model", lambda: load(name, **words))
+            model = timings.stage("model", lambda: load(name, **robot))
         if check:
             check(model)
         sources = sources_of(model, emission, timings)

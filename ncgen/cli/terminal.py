@@ -16,30 +16,13 @@ from ncgen.errors import ModelError
 from ncgen.files import is_file, is_folder, is_there
 from ncgen.report.bar import err, progress, timed
 
-__all__ = ["err", "of_robots", "out", "progress", "show", "tell", "timed", "writable"]
+__all__ = ["err", "out", "progress", "show", "tell", "timed", "writable"]
 
 out = Console(highlight=False, soft_wrap=True)
 
 ModelName = Annotated[
     str,
     typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml, .py, .urdf, .sdf or .xml file", autocompletion=models),
-]
-Floating = Annotated[
-    bool | None, typer.Option("--floating/--fixed", help="a robot's base moves freely, or is ground [default: its file's]")
-]
-JOINTS = ("limits", "friction", "motors", "sensors")
-"""What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
-
-PARAMETERS = ("inertia", "geometry")
-"""What becomes parameters of a robot where it is asked for, by the words of `ncgen.load`."""
-
-Having = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--with",
-        help="limits, friction, motors or sensors of a robot as its file says, inertia of its links as parameters; may be repeated",
-        autocompletion=lambda: (*JOINTS, *PARAMETERS),
-    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 Backend = Annotated[str, typer.Option(help="auto, c or numpy", autocompletion=words_of("ncgen.compiler", "BACKENDS"))]
@@ -60,15 +43,6 @@ def tell(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]],
         print(json.dumps(records, indent=1))
     else:
         show(lines(list(records)))
-
-
-def of_robots(floating: bool | None, having: list[str] | None) -> dict[str, Any]:
-    """What `ncgen.load` is told of a robot. Raises ModelError naming a word that --with does not know."""
-    for word in having or ():
-        if word not in (*JOINTS, *PARAMETERS):
-            raise ModelError(f"--with {word}: a robot can have {', '.join((*JOINTS, *PARAMETERS))}")
-    asked = set(having or ())
-    return {"floating": floating, **{word: True for word in JOINTS if word in asked}, "parameters": [w for w in PARAMETERS if w in asked]}
 
 
 def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = ()) -> None:
