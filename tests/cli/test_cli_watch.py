@@ -150,4 +150,4 @@ def test_ctrl_c_ends_it(tmp_path):
             out, err = process.communicate(timeout=20)
         finally:
             process.kill()  # one that does not end would be waited for
-    assert (process.returncode, out, err) == (130, "", "ncgen: mine.toml is watched no longer\n")
+    assert (process.returncode, out, err) == (130, "", "ncgen: stopped watching mine.toml\n")
