@@ -51,8 +51,9 @@ def refuse_massless(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) ->
         least = least_energy(kernels, q, t, p)
         if least is None:
             return None
-        _, qd, M = least
-        is_massless = abs(qd @ M @ qd) <= CANCELLED * (np.abs(qd) @ np.abs(M) @ np.abs(qd))
+        _, largest, qd, M = least
+        energy, terms = abs(qd @ M @ qd), np.abs(qd) @ np.abs(M) @ np.abs(qd)
+        is_massless = energy <= CANCELLED * terms or energy <= CANCELLED**2 * largest  # rounding of qd counts by its square
         return np.abs(qd) / kernels.column_sizes if is_massless else None
 
     moved = kernels.remember("motion without kinetic energy", (q.tobytes(), t, p.tobytes()), found, most=1)
