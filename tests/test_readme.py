@@ -72,6 +72,15 @@ def test_two_commands_are_those_of_continuous_integration():
     assert commands[:2] == ["python -m pip install . && ncgen run robot", "python -m pip install '.[test]' && python -m pytest"]
 
 
+def test_the_citation_is_that_of_this_version():
+    """In the file that tools read, and in the guide for contributors."""
+    import ncgen
+
+    for page in ("CITATION.cff", "contributing.md"):
+        text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+        assert re.search(rf"version *[:=] *{{?{re.escape(ncgen.__version__)}}}?[,\n]", text), page
+
+
 def test_readme_fits_two_screens():
     assert len(README.splitlines()) <= 100
 
