@@ -125,9 +125,10 @@ class Loads(Coordinates):
 
     @fact
     def callback(self, function: F) -> F:
-        """A force that no expression says: function(t, q, qd, kernels) returns generalised forces (n,), added to Q in Python.
+        """A force that no expression says: function(t, q, qd, kernels) returns generalised forces (n,), added to Q.
 
-        Its work counts in the energy balance. Kernels in C do not contain it.
+        Its work counts in the energy balance. The C runtime calls it at every evaluation; what it raises ends the run and arrives
+        unchanged. Kernels in C do not contain it.
         """
         if not callable(function):
             raise ModelError(f"callback: {shown(function)} is not a function; give one of (t, q, qd, kernels)")
