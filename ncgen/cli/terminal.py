@@ -1,4 +1,4 @@
-"""What all commands share: where they write and what they are given."""
+"""What all commands share: output streams, common options, and checks of files."""
 
 from __future__ import annotations
 
@@ -24,8 +24,18 @@ ModelName = Annotated[
     str,
     typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml, .py, .urdf, .sdf or .xml file", autocompletion=models),
 ]
+MOTION = "Motion"
+METHOD = "Method"
+ROBOTS = "Robots' files"
+CODE = "Generated code"
+RESULTS = "Results"
+"""Panels of `--help`: options that answer one question."""
+
 Floating = Annotated[
-    bool | None, typer.Option("--floating/--fixed", help="a robot's base moves freely, or is ground [default: its file's]")
+    bool | None,
+    typer.Option(
+        "--floating/--fixed", help="the base moves freely, or is fixed to the ground [default: as the file says]", rich_help_panel=ROBOTS
+    ),
 ]
 JOINTS = ("limits", "friction", "motors", "sensors")
 """What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
@@ -37,25 +47,41 @@ Having = Annotated[
     list[str] | None,
     typer.Option(
         "--with",
-        help="limits, friction, motors or sensors of a robot as its file says, inertia of its links as parameters; may be repeated",
+        help="take limits, friction, motors or sensors of joints from the file; make inertia of links or geometry of joints parameters; "
+        "may be repeated [default: none of them]",
         autocompletion=lambda: (*JOINTS, *PARAMETERS),
+        rich_help_panel=ROBOTS,
     ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
-Backend = Annotated[str, typer.Option(help="auto, c or numpy", autocompletion=words_of("ncgen.compiler", "BACKENDS"))]
-Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled", autocompletion=words_of("ncgen.program.programs", "EMISSIONS"))]
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object", rich_help_panel=RESULTS)]
+Backend = Annotated[
+    str,
+    typer.Option(
+        help="what computes: auto (C where there is a compiler), c or numpy",
+        autocompletion=words_of("ncgen.compiler", "BACKENDS"),
+        rich_help_panel=CODE,
+    ),
+]
+Emission = Annotated[
+    str,
+    typer.Option(
+        help="equal equations as loops over tables (tabled), as straight-line code (unrolled), or by their number (auto)",
+        autocompletion=words_of("ncgen.program.programs", "EMISSIONS"),
+        rich_help_panel=CODE,
+    ),
+]
 
 PICTURES = (".svg", ".png")
 
 
 def show(lines: Iterable[object]) -> None:
-    """Lines as they are: brackets in them are no markup."""
+    """Print lines as they are, without markup."""
     for line in lines:
         out.print(str(line), markup=False)
 
 
 def tell(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]], json_output: bool) -> None:
-    """Records as JSON, or as the lines that are made of them."""
+    """Print records as JSON, or as the lines that `lines` makes of them."""
     if json_output:
         print(json.dumps(records, indent=1))
     else:
@@ -63,7 +89,7 @@ def tell(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]],
 
 
 def of_robots(floating: bool | None, having: list[str] | None) -> dict[str, Any]:
-    """What `ncgen.load` is told of a robot. Raises ModelError naming a word that --with does not know."""
+    """Return the keywords of `ncgen.load` for a robot's file. Raises ModelError naming a word that --with does not know."""
     for word in having or ():
         if word not in (*JOINTS, *PARAMETERS):
             raise ModelError(f"--with {word}: a robot can have {', '.join((*JOINTS, *PARAMETERS))}")

@@ -161,7 +161,7 @@ def test_words_are_offered(offered):
     assert set(offered("ncgen run robot --integrator ")) == set(INTEGRATORS)
     formalisms = offered("ncgen run robot --formalism ")
     assert formalisms["lagrange"] == FORMALISMS["lagrange"].help and set(formalisms) == set(FORMALISMS)
-    assert set(offered("ncgen run robot --engine ")) == {"auto", "c", "emitted", "refined", "python"}
+    assert set(offered("ncgen run robot --engine ")) == {"auto", "compiled", "c", "emitted", "refined", "python"}
     assert set(offered("ncgen export robot --to fmu")) == {"fmu2", "fmu3"}
     assert set(offered("ncgen inspect robot --backend ")) == {"auto", "c", "numpy"}
     assert set(offered("ncgen hard --case ")) == set(CASES)

@@ -210,6 +210,6 @@ def test_a_study_that_is_stopped_tells_of_no_folder_that_is_not_there(ncgen_main
 
     monkeypatch.setattr("ncgen.studies.running.carry_out", interrupted)
     (folder / "asked.toml").write_text('model = "pendulum"\nkeep = ["B.x"]\n[vary]\n"start(rate(B.x))" = [1.0, 2.0]\n')
-    assert "stopped; nothing was done yet" in ncgen_main("study", "asked.toml").err
+    assert "stopped; no results yet" in ncgen_main("study", "asked.toml").err
     (folder / "asked-study").mkdir()
-    assert "stopped; what was done is in asked-study" in ncgen_main("study", "asked.toml").err
+    assert "stopped; results so far are in asked-study" in ncgen_main("study", "asked.toml").err

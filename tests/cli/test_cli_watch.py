@@ -120,7 +120,7 @@ def test_blocks(tmp_path, monkeypatch):
     line = text.splitlines().index('end = "B - A"') + 1
     assert wrong == [f"mine.toml, line {line}: angle.end: “B - Q”: there is no point or vector Q; define it first"]
     assert other[-1].startswith("different: seconds 0.01 → 0.02, psi 0.1") and len(other) == 4
-    assert gone == [f"{path}: it is gone; waiting for it"]
+    assert gone == [f"{path}: the file is gone; waiting for it"]
 
 
 def test_a_python_file_that_fails(tmp_path):
@@ -150,4 +150,4 @@ def test_ctrl_c_ends_it(tmp_path):
             out, err = process.communicate(timeout=20)
         finally:
             process.kill()  # one that does not end would be waited for
-    assert (process.returncode, out, err) == (130, "", "ncgen: mine.toml is watched no longer\n")
+    assert (process.returncode, out, err) == (130, "", "ncgen: stopped watching mine.toml\n")

@@ -115,6 +115,12 @@ def test_states_whose_coordinates_become_bad_go_on_alone():
     assert np.max(np.abs(batch.q[:, -1] - batch.q[:, 0])) < 1e-8
 
 
+def test_a_run_that_must_be_compiled_says_why_it_cannot_be():
+    kernels = ncgen.compile(ncgen.load("pendulum"), "numpy")
+    with pytest.raises(ncgen.ModelError, match="cannot be simulated in C: .*; use engine='auto'"):
+        ncgen.simulate(kernels, 1.0, engine="compiled")
+
+
 def test_states_that_cannot_go_on_are_named():
     """A driver pulls a rod further than it reaches: those states say so, the others arrive."""
     m = ncgen.Model("lockedbatch")

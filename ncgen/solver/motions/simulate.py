@@ -26,7 +26,7 @@ from ncgen.solver.runs.alarms import doubts, looks
 from ncgen.solver.runs.choice import IMPLICIT, Choice, choose, stiff_choice
 from ncgen.solver.runs.divergence import divergence
 from ncgen.solver.runs.path import Path
-from ncgen.solver.runs.run import EMITTED, Form, Run
+from ncgen.solver.runs.run import COMPILED, EMITTED, Form, Run
 from ncgen.solver.runs.signals import Signal
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.task import Task
@@ -102,7 +102,7 @@ def simulate(
         iterative refinement, which keeps digits where the fixed order of pivots is unlucky), "python" (the reference), or
         "auto": C where it can be, and where the formalism is lagrange accelerations by a recursion over the tree of bodies: written out for
         this mechanism ("emitted") up to 60 joints, in loops over tables ("tree") for longer trees without loops; the trajectory's `engine`
-        says which it was and why
+        says which it was and why; "compiled": as "auto", and an error where it cannot be in C
     number: what C computes with: "double", "float" (as a small controller would) or "long double"; tolerances finer than
         its rounding are raised to that, and the trajectory has doubles in any case
     stop: {coordinate: value} to end where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction,
@@ -225,7 +225,7 @@ class _Motion:
         run, kernels = self.run, self.kernels
         form = self._form()
         refused = "asked for" if run.engine == "python" else self._refusal()
-        needs_c = run.engine in ("c", *EMITTED) or run.number != "double"
+        needs_c = run.engine in (COMPILED, "c", *EMITTED) or run.number != "double"
         remedy = "engine='auto'" if run.number == "double" else "number='double'"
         if refused and needs_c:
             number = "" if run.number == "double" else f" with {run.number}"
@@ -258,7 +258,7 @@ class _Motion:
         """What state derivative C is given: as named, else one that is written out where there is one over all coordinates."""
         if self.run.engine in EMITTED:
             return self.run.engine
-        is_open = self.run.engine == AUTO and self.run.number == "double"
+        is_open = self.run.engine in (AUTO, COMPILED) and self.run.number == "double"
         return compiled.form_of(self.kernels, self.choice.method) if is_open else "dense"
 
     def _go_on_implicit(self, form: Form) -> str | None:
