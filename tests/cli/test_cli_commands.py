@@ -151,7 +151,7 @@ def test_run_for_people(ncgen_main, mine):
     """The mechanism, the kernels with their times, the motion's end and the files, on standard output alone."""
     said = ncgen_main("run", "mine.py")
     assert said.code == 0 and said.err == ""
-    expected = ["2 free · 1 rows", "1 degrees of freedom", "ns per call (c)", "B.y", "constraint error", "written to mine-output:"]
+    expected = ["2 free · 1 row,", "1 degree of freedom\n", "ns per call (c)", "B.y", "constraint error", "written to mine-output:"]
     assert [words for words in expected if words not in said.out] == []
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError
+from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError, counted
 from ncgen.mechanism.break_times import beside, break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
@@ -126,7 +126,7 @@ def simulate(
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
     if not choice.method.is_constrained and (freedom := kernels.n - kernels.m) > MANY:
         _warn(
-            f"{kernels.name}: coordinate partitioning solves densely for {freedom} degrees of freedom in every evaluation; "
+            f"{kernels.name}: coordinate partitioning solves densely for {counted(freedom, 'degree of freedom')} in every evaluation; "
             "formalism='lagrange' solves sparsely, many times faster"
         )
     with telling(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as told:

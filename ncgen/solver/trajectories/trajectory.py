@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, counted
 from ncgen.files import path_of, write_bytes, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
@@ -109,7 +109,7 @@ class Trajectory:
 
     def __repr__(self) -> str:
         grid = f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no instant"
-        return f"<Trajectory {self.name}: {grid}, {len(self)} coordinates, {self.formalism}, {self.integrator}>"
+        return f"<Trajectory {self.name}: {grid}, {counted(len(self), 'coordinate')}, {self.formalism}, {self.integrator}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
