@@ -6,6 +6,9 @@ import importlib.util
 import re
 from pathlib import Path
 
+import pytest
+from PIL import Image
+
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -46,12 +49,39 @@ def test_programs_of_the_paper_page_run(capsys):
         assert line in said and line in page
 
 
-def test_names_of_the_table_exist():
-    """Every ncgen.name mentioned in the README is there."""
+@pytest.mark.parametrize("page", ["README.md", "docs/overview.md"])
+def test_names_of_the_table_exist(page):
+    """Every ncgen.name that the README and the table of calls mention is public, every command is one, and every member is there."""
     import ncgen
+    from ncgen.cli import app
+    from ncgen.mechanism.kernels import Kernels
+    from ncgen.solver.trajectories.trajectory import Trajectory
 
-    for name in set(re.findall(r"ncgen\.(\w+)\(", README)):
-        assert hasattr(ncgen, name)
+    text = (ROOT / page).read_text(encoding="utf-8")
+    names = set(re.findall(r"ncgen\.(\w+)\(", text))
+    commands = set(re.findall(r"(?:^    |`)ncgen (\w+)", text, re.M))
+    assert names and names <= set(ncgen.__all__)
+    assert commands and commands <= {command.name or command.callback.__name__ for command in app.registered_commands}
+    assert all(hasattr(Trajectory, name) for name in re.findall(r"`run\.(\w+)\(", text))
+    assert all(hasattr(Kernels, name) for name in re.findall(r"`robot\.(\w+)\(", text))
+
+
+def test_two_commands_are_those_of_continuous_integration():
+    """The README's commands, word for word."""
+    commands = re.findall(r"^    (.*)$", README, re.M)
+    assert commands[:2] == ["python -m pip install . && ncgen run robot", "python -m pip install '.[test]' && python -m pytest"]
+
+
+def test_readme_fits_two_screens():
+    assert len(README.splitlines()) <= 100
+
+
+def test_picture_of_the_readme_moves():
+    """An animation that begins again by itself, and is small: `python docs/renew.py robot.gif` makes it."""
+    (picture,) = re.findall(r"!\[[^]]*\]\(([^)]+)\)", README)
+    assert (ROOT / picture).stat().st_size < 400_000
+    with Image.open(ROOT / picture) as animation:
+        assert animation.n_frames > 20 and animation.info["loop"] == 0
 
 
 def test_measured_tables_have_a_command_each():
