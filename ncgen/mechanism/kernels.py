@@ -28,6 +28,7 @@ from ncgen.model.values import evaluate, is_number
 from ncgen.program.ir.blocks import Pattern, Program, Slot
 from ncgen.program.ir.evaluate import evaluate_rows
 from ncgen.program.programs import Programs
+from ncgen.toolchain.preparation import preparing
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -119,7 +120,8 @@ class Kernels(ABC):
         """
         known = self._known.setdefault(what, {})
         if key not in known:
-            value = find()
+            with preparing():
+                value = find()
             if most is not None and len(known) >= most:
                 known.clear()
             known[key] = value

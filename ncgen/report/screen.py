@@ -93,13 +93,20 @@ def show_run(console: Console, record: dict) -> None:
         ),
         table,
         Text(f"  constraint error {record['violation']:.1e} (relative), energy error {record['energy_drift']:.1e} (relative)"),
-        Text(f"  {counted(record['steps'], 'step')}, {counted(record['evaluations'], 'evaluation')}, {record['wall_seconds']:.2f} s"),
+        Text(f"  {counted(record['steps'], 'step')}, {counted(record['evaluations'], 'evaluation')}, {_seconds(record)}"),
     ]
     console.print(Group(*lines))
     if record["outputs"]:
         console.print(f"  written to {record['folder']}:", markup=False)
         for path in record["outputs"]:
             console.print(f"    {path}", markup=False)
+
+
+def _seconds(record: dict) -> str:
+    """The time of a run, and that of generating and compiling where it can be seen in two digits."""
+    preparation = record["preparation_seconds"]
+    before = f", and {preparation:.2f} s before it to generate and compile what it needs" if preparation >= 0.005 else ""
+    return f"{record['wall_seconds']:.2f} s{before}"
 
 
 def _grouped(lines: list[str]) -> list[str]:

@@ -17,7 +17,8 @@ GENERATED = ROOT / "generated"
 
 INSPECT_KEYS = {"name", "coordinates", "free", "rows", "rank", "dof", "redundant", "omitted", "initial", "kernels"}
 RUN_KEYS = {
-    "name", "dof", "time", "final", "final_velocity", "violation", "energy_drift", "steps", "wall_seconds", "backend", "outputs",
+    "name", "dof", "time", "final", "final_velocity", "violation", "energy_drift", "steps", "wall_seconds",
+    "preparation_seconds", "backend", "outputs",
 }  # fmt: skip
 ARTEFACTS = {"trajectory.npz", "trajectory.csv", "drawing.svg", "motion.svg", "animation.html"}
 
