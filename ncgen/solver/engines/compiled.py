@@ -137,7 +137,7 @@ def all_coordinates(kernels: CompiledKernels, number: str = "double", form: Form
     def made() -> ConstrainedDynamics:
         seen = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
         tree = open_tree(kernels) if form == "tree" else None
-        return ConstrainedDynamics(kernels, number, seen, tree.tables if tree else None, part_for(integrator))
+        return ConstrainedDynamics(kernels, number, seen, tree.tables if tree else None, part_for(integrator, seen is not None))
 
     return kernels.remember("constrained dynamics", (number, form), made)
 
@@ -159,7 +159,10 @@ def _may_recur(kernels: Kernels, method: Method) -> bool:
 
 def is_written_out(kernels: Kernels, method: Method) -> bool:
     """True where a run over all coordinates takes its accelerations from a recursion that is written out and compiled."""
-    return _may_recur(kernels, method) and all_coordinates(checked_compiled(kernels), form="emitted").is_emitted
+    return (
+        _may_recur(kernels, method)
+        and all_coordinates(checked_compiled(kernels), form="emitted", integrator=method.integrator.name).is_emitted
+    )
 
 
 def _has_few_rates(kernels: Kernels) -> bool:
