@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ncgen.errors import DomainError, ModelError, NcgenError, shown
+from ncgen.errors import DomainError, ModelError, NcgenError, counted, shown
 from ncgen.mechanism.arguments import constant, numbers
 from ncgen.mechanism.batch import Batch
 from ncgen.mechanism.tangents import Tangents
@@ -29,6 +29,7 @@ from ncgen.model.values import evaluate, is_number
 from ncgen.program.ir.blocks import Pattern, Program, Slot
 from ncgen.program.ir.evaluate import evaluate_rows
 from ncgen.program.programs import Programs
+from ncgen.toolchain.preparation import preparing
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -81,7 +82,7 @@ class Kernels(ABC):
         super().__setattr__(name, value)
 
     def __repr__(self) -> str:
-        return f"<Kernels {self.name}: {self.n} coordinates, {self.m} rows, {self.backend}>"
+        return f"<Kernels {self.name}: {counted(self.n, 'coordinate')}, {counted(self.m, 'row')}, {self.backend}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
@@ -120,7 +121,8 @@ class Kernels(ABC):
         """
         known = self._known.setdefault(what, {})
         if key not in known:
-            value = find()
+            with preparing():
+                value = find()
             if most is not None and len(known) >= most:
                 known.clear()
             known[key] = value
@@ -220,7 +222,7 @@ class Kernels(ABC):
         """Parameters (…, n_p), real or complex. Raises NcgenError for others."""
         p = numbers(p, f"{self.name}.{program}: p", complex_too=True)
         if p.shape[-1:] != (len(self.p0),):
-            raise NcgenError(f"{self.name}.{program}: p has shape {p.shape}; the model has {len(self.p0)} parameters")
+            raise NcgenError(f"{self.name}.{program}: p has shape {p.shape}; the model has {counted(len(self.p0), 'parameter')}")
         return p
 
     @cached_property
