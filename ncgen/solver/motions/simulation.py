@@ -277,7 +277,8 @@ class Simulation:
 def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None, at: Initial) -> tuple[Callable[[], Stepping], Start]:
     """What makes a way to step, one for every thread, and where motions start. Raises ModelError where C cannot move the mechanism."""
     method = Method.of(ALL, integrator)
-    if refused := compiled.refusal(kernels, method, "c", "double"):
+    is_called = "the model calls a Python function" if kernels.model.callbacks else None
+    if refused := is_called or compiled.refusal(kernels, method, "c", "double"):
         raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
     kernels = compiled.checked_compiled(kernels)
     form = compiled.form_of(kernels, method)
