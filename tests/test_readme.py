@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import re
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from PIL import Image
@@ -21,11 +22,29 @@ def test_ten_lines_run():
     assert names["run"].t[-1] == 2.0
 
 
+def loaded(path: Path) -> ModuleType:
+    """A program of the documentation as a module."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 def test_links_and_pictures_exist():
+    """Every target of a link is there, and a page that is linked is a page of the site, which cannot be built otherwise."""
+    pages = {path for pattern in loaded(ROOT / "docs/site/build.py").PAGES for path in ROOT.glob(pattern)}
     for page in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").glob("*/README.md")]:
         for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
             if "://" not in target:
-                assert (page.parent / target).exists(), f"{page}: {target}"
+                path = (page.parent / target).resolve()
+                assert path.exists() and (path.suffix != ".md" or path in pages), f"{page}: {target}"
+
+
+def test_every_page_is_in_the_navigation():
+    """The site cannot be built otherwise."""
+    plan = (ROOT / "docs" / "site" / "mkdocs.yml").read_text(encoding="utf-8")
+    assert [page.name for page in (ROOT / "docs").glob("*.md") if f"- docs/{page.name}\n" not in plan.replace("Tutorial: ", "")] == []
 
 
 def test_the_program_of_the_robots_page_runs(monkeypatch):
@@ -72,6 +91,15 @@ def test_two_commands_are_those_of_continuous_integration():
     assert commands[:2] == ["python -m pip install . && ncgen run robot", "python -m pip install '.[test]' && python -m pytest"]
 
 
+def test_the_citation_is_that_of_this_version():
+    """In the file that tools read, and in the guide for contributors."""
+    import ncgen
+
+    for page in ("CITATION.cff", "contributing.md"):
+        text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+        assert re.search(rf"version *[:=] *{{?{re.escape(ncgen.__version__)}}}?[,\n]", text), page
+
+
 def test_readme_fits_two_screens():
     assert len(README.splitlines()) <= 100
 
@@ -87,10 +115,7 @@ def test_picture_of_the_readme_moves():
 def test_measured_tables_have_a_command_each():
     """A plain block of a page with measurements stands behind the command that prints it, whose output docs/renew.py puts there; what a
     block of Python prints is looked at by tests/pages."""
-    spec = importlib.util.spec_from_file_location("renew", ROOT / "docs" / "renew.py")
-    assert spec and spec.loader
-    renew = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(renew)
+    renew = loaded(ROOT / "docs" / "renew.py")
     for page in filter(renew.commands, (ROOT / "docs").glob("*.md")):
         text = re.sub(r"^```python\n(?:(?!```).*\n)*```\n\n```\n(?:(?!```).*\n)*```$", "", page.read_text(encoding="utf-8"), flags=re.M)
         fences = re.findall(r"^```(.*)$", text, re.M)[::2]

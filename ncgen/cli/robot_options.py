@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ncgen.cli.terminal import ROBOTS
 from ncgen.errors import ModelError
 
 JOINTS = ("limits", "friction", "motors", "sensors")
@@ -18,44 +19,58 @@ JOINTS = ("limits", "friction", "motors", "sensors")
 PARAMETERS = ("inertia", "geometry")
 """What becomes parameters of a robot where it is asked for, by the words of `ncgen.load`; else names of links and joints."""
 
-INERTIAS = ("refused", "balanced", "as given")
-"""What becomes of moments of inertia that no body has, by the words of `ncgen.load`."""
+INERTIAS = ("refused", "balanced", "as-given")
+"""What becomes of moments of inertia that no body has, by the words of `ncgen.load` with a hyphen for a space."""
 
 
 def options(
     floating: Annotated[
-        bool | None, typer.Option("--floating/--fixed", help="a robot's base moves freely, or is ground [default: its file's]")
+        bool | None,
+        typer.Option(
+            "--floating/--fixed",
+            help="the base moves freely, or is fixed to the ground [default: as the file says]",
+            rich_help_panel=ROBOTS,
+        ),
     ] = None,
     having: Annotated[
         list[str] | None,
         typer.Option(
             "--with",
-            help="limits, friction, motors or sensors of a robot as its file says; may be repeated",
+            help="take limits, friction, motors or sensors of joints from the file; may be repeated [default: none of them]",
             autocompletion=lambda: JOINTS,
+            rich_help_panel=ROBOTS,
         ),
     ] = None,
     parameters: Annotated[
         list[str] | None,
         typer.Option(
-            help="what of a robot becomes parameters: inertia, geometry, or a link or joint by its name; may be repeated",
+            help="make parameters: inertia of all links, geometry of all joints, or those of a link or joint by its name; may be repeated "
+            "[default: numbers]",
             autocompletion=lambda: PARAMETERS,
+            rich_help_panel=ROBOTS,
         ),
     ] = None,
     inertias: Annotated[
         str | None,
         typer.Option(
-            help='moments of inertia that no body has: refused, balanced or "as given" [default: refused]', autocompletion=lambda: INERTIAS
+            help="moments of inertia that no body has: refused, balanced or as-given [default: refused]",
+            autocompletion=lambda: INERTIAS,
+            rich_help_panel=ROBOTS,
         ),
     ] = None,
     loops: Annotated[
-        Path | None, typer.Option(help="a table of what closes a robot's loops [default: ROBOT.loops.toml next to its file]")
+        Path | None,
+        typer.Option(help="a table of joints that close loops [default: ROBOT.loops.toml next to the file]", rich_help_panel=ROBOTS),
     ] = None,
     frame: Annotated[
         list[str] | None,
-        typer.Option(help="link, site or frame of a robot's file whose position and rotation are outputs; may be repeated"),
+        typer.Option(
+            help="link, site or frame whose position and rotation become outputs; may be repeated [default: no frame]",
+            rich_help_panel=ROBOTS,
+        ),
     ] = None,
 ) -> dict[str, Any]:
-    """Arguments of `ncgen.load`. Raises ModelError naming a word that --with does not know."""
+    """Return arguments of `ncgen.load`. Raises ModelError naming a word that --with does not know."""
     asked = having or []
     for word in asked:
         if word not in JOINTS:
@@ -65,7 +80,7 @@ def options(
 
 
 def for_robots(command: Callable[..., None]) -> Callable[..., None]:
-    """A command that takes `robot`, arguments of `ncgen.load`, as one with the options of robots' files in its place."""
+    """Return a command that takes `robot`, arguments of `ncgen.load`, as one with the options of robots' files in its place."""
     signature, more = inspect.signature(command, eval_str=True), inspect.signature(options, eval_str=True).parameters
 
     @wraps(command)

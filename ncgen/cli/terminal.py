@@ -1,4 +1,4 @@
-"""What all commands share: where they write and what they are given."""
+"""What all commands share: output streams, common options, and checks of files."""
 
 from __future__ import annotations
 
@@ -24,37 +24,69 @@ ModelName = Annotated[
     str,
     typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml, .py, .urdf, .sdf or .xml file", autocompletion=models),
 ]
-Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
-Backend = Annotated[str, typer.Option(help="auto, c or numpy", autocompletion=words_of("ncgen.compiler", "BACKENDS"))]
-Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled", autocompletion=words_of("ncgen.program.programs", "EMISSIONS"))]
+MOTION = "Motion"
+METHOD = "Method"
+ROBOTS = "Robots' files"
+CODE = "Generated code"
+RESULTS = "Results"
+"""Panels of `--help`: options that answer one question."""
+
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object", rich_help_panel=RESULTS)]
+Backend = Annotated[
+    str,
+    typer.Option(
+        help="what computes: auto (C where there is a compiler), c or numpy",
+        autocompletion=words_of("ncgen.compiler", "BACKENDS"),
+        rich_help_panel=CODE,
+    ),
+]
+Emission = Annotated[
+    str,
+    typer.Option(
+        help="equal equations as loops over tables (tabled), as straight-line code (unrolled), or by their number (auto)",
+        autocompletion=words_of("ncgen.program.programs", "EMISSIONS"),
+        rich_help_panel=CODE,
+    ),
+]
 
 PICTURES = (".svg", ".png")
+PAGES = (".html", ".htm")
 
 
 def show(lines: Iterable[object]) -> None:
-    """Lines as they are: brackets in them are no markup."""
+    """Print lines as they are, without markup."""
     for line in lines:
         out.print(str(line), markup=False)
 
 
 def tell(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]], json_output: bool) -> None:
-    """Records as JSON, or as the lines that are made of them."""
+    """Print records as JSON, or as the lines that `lines` makes of them."""
     if json_output:
         print(json.dumps(records, indent=1))
     else:
         show(lines(list(records)))
 
 
-def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = ()) -> None:
-    """Refuse a file that cannot be written before the work that it is for is done."""
+def listed(words: Sequence[str]) -> str:
+    """Words of which one is to be chosen: `a, b or c`."""
+    return " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = (), new_folder: bool = False) -> None:
+    """Refuse a file that cannot be written, or whose name ends otherwise than its content, before the work that it is for is done.
+
+    new_folder: the folder of the file is made where there is none
+    """
     if path is None:
         return
     if suffixes and path.suffix.lower() not in suffixes:
-        raise ModelError(f"{option} {path}: choose a name that ends in {' or '.join(suffixes)}")
+        raise ModelError(f"{option} {path}: choose a name that ends in {listed(suffixes)}")
     if is_folder(path):
         raise ModelError(f"{option} {path}: that is a folder; name a file in it")
     if is_there(path) and not is_file(path):
         raise ModelError(f"{option} {path}: that is a device or a pipe; name an ordinary file")
+    if new_folder and not is_there(path.parent):
+        return
     if not is_folder(path.parent):
         raise ModelError(f"{option} {path}: there is no folder {path.parent}; make it, or choose another")
     if not os.access(path.parent, os.W_OK):
