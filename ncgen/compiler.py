@@ -104,12 +104,13 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
     from ncgen.mechanism.library import CompiledKernels
     from ncgen.mechanism.numpy_module import NumPyKernels
     from ncgen.toolchain.cache import compiled
+    from ncgen.toolchain.compilers import flags_for
 
     sources = sources_of(model, emission, timings, kept=backend != "numpy")
     if backend != "numpy":
         try:
             files = timings.stage("emit", lambda: sources.c)
-            built = timings.stage("build", compiled, files)
+            built = timings.stage("build", compiled, files, flags_for(files))
             return timings.stage("load", CompiledKernels, sources.programs, built.library)
         except CompileError as error:
             if backend == "c":

@@ -82,7 +82,7 @@ def _kinds() -> Iterator[str]:
 
 def methods() -> str:
     """Every formalism and integrator with what goes with it."""
-    parts = ["# Table of methods", "What to take is said in [Choosing a method](../methods.md); this is all that there is."]
+    parts = ["# Table of methods", "This page lists all methods. [Choosing a method](../methods.md) helps to choose one."]
     for title, table in (("Formalisms", FORMALISMS), ("Integrators", INTEGRATORS)):
         rows = [f"| `{entry.name}` | {entry.help}{_also(entry)} | {_partners(entry)} |" for entry in table.values()]
         parts += [f"## {title}", "\n".join(["| name | what it is | goes with |", "|---|---|---|", *rows])]

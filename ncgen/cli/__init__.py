@@ -10,7 +10,8 @@ import io
 import os
 import sys
 import warnings
-from typing import Annotated
+from shutil import get_terminal_size
+from typing import Annotated, Any
 
 # Kernels are small: threads inside linear algebra would only get in each other's way.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -20,19 +21,35 @@ import typer  # noqa: E402
 from ncgen import __version__  # noqa: E402
 from ncgen.cli import files, measuring, models, studies, watching  # noqa: E402
 from ncgen.cli.terminal import err, out  # noqa: E402
+from ncgen.cli.wording import in_options  # noqa: E402
 from ncgen.errors import CompileError, NcgenError  # noqa: E402
 
+UsageProblem: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+"""What typer raises for a wrong command line; versions of typer differ in the module that it is from."""
+
+NARROW = 70
+"""Columns of a terminal below which help is plain text: a table of four columns would cut the names of options."""
+
 app = typer.Typer(
-    no_args_is_help=True, rich_markup_mode="markdown", pretty_exceptions_enable=False, help=(__doc__ or "").partition("\n")[0]
+    no_args_is_help=True,
+    rich_markup_mode="markdown" if get_terminal_size().columns >= NARROW else None,
+    pretty_exceptions_enable=False,
+    help="Generate code for multibody systems in natural coordinates, and simulate them.",
 )
-app.command("list")(models.list_examples)
-for command in (files.new, models.run, watching.watch, models.inspect, models.generate, studies.study):
-    app.command()(command)
-for command in (measuring.bench, measuring.compare, measuring.hard, files.check, files.convert, files.export, files.cache):
-    app.command()(command)
+GROUPS = {
+    "Models": {"list": models.list_examples, "new": files.new, "check": files.check, "inspect": models.inspect, "convert": files.convert},
+    "Motions": {"run": models.run, "watch": watching.watch, "study": studies.study},
+    "Generated code": {"generate": models.generate, "export": files.export, "cache": files.cache},
+    "Measurements": {"bench": measuring.bench, "compare": measuring.compare, "hard": measuring.hard},
+}
+"""The commands by the panel of `ncgen --help` that lists them."""
+
+for panel, commands in GROUPS.items():
+    for name, command in commands.items():
+        app.command(name, rich_help_panel=panel)(in_options(command))
 
 
-def _tell_version(asked: bool) -> None:
+def _print_version(asked: bool) -> None:
     if asked:
         out.print(f"ncgen {__version__}", markup=False)
         raise typer.Exit
@@ -40,9 +57,9 @@ def _tell_version(asked: bool) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="print the version")] = False,
+    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="print the version")] = False,
 ) -> None:
-    """What stands before the command."""
+    """Global options."""
 
 
 def main() -> None:
@@ -54,11 +71,11 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")  # a terminal without Greek letters reads their numbers
     try:
         try:
-            app(prog_name="ncgen")
+            code = app(prog_name="ncgen", standalone_mode=False)
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()
-    except BrokenPipeError:  # whoever read it has read enough
+    except BrokenPipeError:  # the reader closed the pipe
         _give_up_output()
         sys.exit(1)
     except OSError as error:
@@ -74,9 +91,24 @@ def main() -> None:
     except NcgenError as error:
         err.print(f"ncgen: {error}", markup=False)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
+    except UsageProblem as error:
+        err.print(_usage(error), markup=False)
+        sys.exit(getattr(error, "exit_code", 2))
+    except typer.Abort:
         err.print("ncgen: stopped")
         sys.exit(130)
+    if code:
+        sys.exit(code)
+
+
+def _usage(error: Any) -> str:
+    """Return the line about a wrong command line; without any words there is help instead."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        return error.format_message()
+    context = getattr(error, "ctx", None)
+    words = " ".join(error.format_message().split()).rstrip(".")
+    where = context.command_path if context is not None else "ncgen"
+    return f"ncgen: {words[:1].lower()}{words[1:]}; `{where} --help` lists what there is"
 
 
 def _give_up_output() -> None:

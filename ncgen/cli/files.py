@@ -9,22 +9,24 @@ from typing import Annotated
 import typer
 
 from ncgen.cli.completion import words_of
-from ncgen.cli.terminal import Floating, Having, ModelName, err, of_robots, out, progress, show
-from ncgen.errors import ModelError
+from ncgen.cli.terminal import RESULTS, ROBOTS, Floating, Having, ModelName, err, of_robots, out, progress, show, writable
+from ncgen.errors import ModelError, counted
 from ncgen.exchange.export import targets
 
 
-def new(file: Annotated[Path, typer.Argument(help="the file to write: NAME.toml")]) -> None:
-    """Write a small model with comments to begin with; a file that is there stays as it is."""
+def new(file: Annotated[Path, typer.Argument(metavar="FILE", help="the file to write: NAME.toml")]) -> None:
+    """Write a small commented model to begin with; existing files are not overwritten."""
     from ncgen.exchange.start import write_start
 
     path = write_start(file)
     out.print(f"{path}: a four-bar linkage to change; `ncgen watch {shlex.quote(str(path))}` runs it whenever you save it", markup=False)
 
 
-def check(file: Annotated[Path, typer.Argument(help="a model file: .toml, .py, .urdf, .sdf or .xml")]) -> None:
-    """Report everything that is wrong with a TOML model file, or with links and joints of a robot's file, with line numbers; else the first
-    problem."""
+def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="a model file: .toml, .py, .urdf, .sdf or .xml")]) -> None:
+    """Check a model file.
+
+    Of a TOML file, and of links and joints of a robot's file, every problem is reported with its line; of other files the first one.
+    """
     from ncgen.compiler import generate as sources_of
     from ncgen.exchange.checking import checked
 
@@ -32,23 +34,27 @@ def check(file: Annotated[Path, typer.Argument(help="a model file: .toml, .py, .
     for problem in problems:
         err.print(problem, markup=False)
     if model is None or problems:
-        raise ModelError(f"{file.name}: {len(problems)} problem{'s' if len(problems) > 1 else ''}")
+        raise ModelError(f"{file.name}: {counted(len(problems), 'problem')}")
     sources_of(model)
-    out.print(f"{file.name}: {len(model.components)} coordinates, {len(model.rows)} rows, {len(model.bodies)} bodies", markup=False)
+    counts = [counted(len(found), what) for found, what in ((model.components, "coordinate"), (model.rows, "row"), (model.bodies, "body"))]
+    out.print(f"{file.name}: {', '.join(counts)}", markup=False)
 
 
 def convert(
     model: ModelName,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="file to write [default: print]")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="file to write [default: standard output]", rich_help_panel=RESULTS)
+    ] = None,
     floating: Floating = None,
     having: Having = None,
 ) -> None:
-    """Write a model as a TOML file, or where the file's name ends with .sdf or .xml as a robot's, an open tree with .urdf, too."""
+    """Write a model as TOML; with an output that ends in .sdf, .xml (MJCF) or .urdf (open trees only) as a robot's file."""
     from ncgen.exchange.examples import load
     from ncgen.exchange.robots import WRITTEN, robot_text
     from ncgen.exchange.toml_writer import to_toml
     from ncgen.files import write_text
 
+    writable("--output", output, (".toml", *WRITTEN), new_folder=True)
     loaded = load(model, **of_robots(floating, having))
     suffix = output.suffix.lower() if output else ""
     text = robot_text(loaded, suffix) if suffix in WRITTEN else to_toml(loaded)
@@ -60,23 +66,28 @@ def convert(
 
 def export(
     model: ModelName,
-    to: Annotated[str, typer.Option(help=", ".join(targets()), autocompletion=words_of("ncgen.exchange.export", "targets"))],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]")] = None,
+    to: Annotated[str, typer.Option(help=f"target: {', '.join(targets())}", autocompletion=words_of("ncgen.exchange.export", "targets"))],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]", rich_help_panel=RESULTS)
+    ] = None,
     platform: Annotated[
         list[str] | None,
         typer.Option(
-            help="another machine that a mock-up unit is for; may be repeated",
+            help="an additional platform of an FMU, such as win64; may be repeated [default: this machine]",
             autocompletion=words_of("ncgen.exchange.export.fmu", "PLATFORMS"),
         ),
     ] = None,
     frame: Annotated[
         list[str] | None,
-        typer.Option(help="link, site or frame of a robot's file whose position and rotation are outputs; may be repeated"),
+        typer.Option(
+            help="link, site or frame whose position and rotation become outputs; may be repeated [default: no frame]",
+            rich_help_panel=ROBOTS,
+        ),
     ] = None,
     floating: Floating = None,
     having: Having = None,
 ) -> None:
-    """Write a mechanism for use without Python: a folder that builds and runs by its own README."""
+    """Write a mechanism for use without Python: a folder with sources and a README that says how to build and run them."""
     from ncgen.exchange.examples import load
     from ncgen.exchange.export import export as written
 
@@ -91,9 +102,9 @@ def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all compil
     from ncgen.toolchain import cache as store
 
     if clear:
-        out.print(f"{store.clear()} libraries removed from {store.cache_folder()}", markup=False)
+        out.print(f"{counted(store.clear(), 'library')} removed from {store.cache_folder()}", markup=False)
         return
     found = store.entries()
-    out.print(f"{store.cache_folder()}: {len(found)} libraries, {sum(e.size for e in found) / 1e6:.1f} MB", markup=False)
+    out.print(f"{store.cache_folder()}: {counted(len(found), 'library')}, {sum(e.size for e in found) / 1e6:.1f} MB", markup=False)
     for entry in found:
         out.print(f"  {entry.key[:12]}  {', '.join(entry.sources):<24} {entry.size / 1e3:8.0f} kB  {entry.age / 3600:6.1f} h", markup=False)

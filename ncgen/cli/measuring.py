@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ncgen.cli.completion import models, words_of
-from ncgen.cli.terminal import PICTURES, Json, ModelName, out, progress, show, tell, writable
+from ncgen.cli.terminal import PAGES, PICTURES, RESULTS, Json, ModelName, out, progress, show, tell, writable
 from ncgen.errors import ModelError
 
 if TYPE_CHECKING:
@@ -20,13 +20,18 @@ if TYPE_CHECKING:
 
 def bench(
     model: Annotated[
-        str, typer.Argument(metavar="MODEL", help="an example's name, a path to a model's file, or `robots`", autocompletion=models)
+        str, typer.Argument(metavar="MODEL", help="an example's name, a path to a model file, or the word robots", autocompletion=models)
     ],
-    files: Annotated[list[Path] | None, typer.Argument(help="after `robots`: robots' files, or folders that hold some")] = None,
-    precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
-    limit: Annotated[float | None, typer.Option(help="with robots: seconds after which a file is stopped [default: 120]")] = None,
-    html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
-    plot: Annotated[Path | None, typer.Option(help="with --precision: write the plot into this .svg or .png file")] = None,
+    files: Annotated[list[Path] | None, typer.Argument(help="after the word robots: robots' files, or folders with such files")] = None,
+    precision: Annotated[bool, typer.Option("--precision", help="simulate by every method and print error against time")] = False,
+    limit: Annotated[float | None, typer.Option(min=0.0, help="with robots: time limit of a file, in seconds [default: 120]")] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="with --precision: write a report into this file [default: no report]", rich_help_panel=RESULTS)
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="with --precision: write the plot into this .svg or .png file [default: no plot]", rich_help_panel=RESULTS),
+    ] = None,
     json_output: Json = False,
 ) -> None:
     """Measure generated code next to hand-written code: times with their errors.
@@ -36,7 +41,7 @@ def bench(
     from ncgen.comparisons.bench import bench as measurements
     from ncgen.exchange.examples import load
 
-    writable("--html", html)
+    writable("--html", html, PAGES)
     writable("--plot", plot, PICTURES)
     if model == "robots":
         _robots(files or [], limit, json_output)
@@ -110,17 +115,22 @@ def _precision(model: Model, html: Path | None, plot: Path | None, json_output: 
 def compare(
     model: ModelName,
     users: Annotated[
-        list[str] | None, typer.Option("--with", help="a function of yours, module:function for Φ_q, or gamma=module:function")
+        list[str] | None,
+        typer.Option(
+            "--with", help="your own function, as module:function for Φ_q or gamma=module:function; may be repeated [default: no function]"
+        ),
     ] = None,
     handwritten: Annotated[
-        Path | None, typer.Option(help="find mistakes in this Python file's phi, phi_q, gamma (the file is run)")
+        Path | None, typer.Option(help="find mistakes in phi, phi_q and gamma of this Python file, which is executed [default: no file]")
     ] = None,
-    html: Annotated[Path | None, typer.Option(help="write a report into this file")] = None,
-    plot: Annotated[Path | None, typer.Option(help="write the plots into this .svg or .png file")] = None,
-    csv: Annotated[Path | None, typer.Option(help="write the records into this file")] = None,
+    html: Annotated[Path | None, typer.Option(help="write a report into this file [default: no report]", rich_help_panel=RESULTS)] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="write the plots into this .svg or .png file [default: no plot]", rich_help_panel=RESULTS)
+    ] = None,
+    csv: Annotated[Path | None, typer.Option(help="write the records into this file [default: no file]", rich_help_panel=RESULTS)] = None,
     json_output: Json = False,
 ) -> None:
-    """Compare generated derivatives with hand-written ones and with differences: error next to time.
+    """Compare generated derivatives with hand-written ones and with finite differences: error and time.
 
     Automatic differentiation by CasADi, JAX and SymForce is compared with them by tests/benchmarks/bench.py of the sources.
     """
@@ -137,7 +147,7 @@ def compare(
 
 def check_reports(html: Path | None, plot: Path | None, csv: Path | None) -> None:
     """Refuse what cannot be written before anything is measured."""
-    for option, path, suffixes in (("--html", html, ()), ("--plot", plot, PICTURES), ("--csv", csv, ())):
+    for option, path, suffixes in (("--html", html, PAGES), ("--plot", plot, PICTURES), ("--csv", csv, (".csv",))):
         writable(option, path, suffixes)
 
 
@@ -178,20 +188,20 @@ def _mistakes(model: Model, path: Path, json_output: bool) -> None:
 def hard(
     case: Annotated[
         list[str] | None,
-        typer.Option(help="one case [default: all]; may be repeated", autocompletion=words_of("ncgen.comparisons.hard_cases", "CASES")),
+        typer.Option(help="a case; may be repeated [default: all cases]", autocompletion=words_of("ncgen.comparisons.hard_cases", "CASES")),
     ] = None,
-    limit: Annotated[float, typer.Option(help="seconds after which a run is stopped")] = 20.0,
+    limit: Annotated[float, typer.Option(min=0.0, help="time limit of a run, in seconds")] = 20.0,
     json_output: Json = False,
 ) -> None:
-    """Run mechanisms that break methods: case by formalism and integrator, with error, drift, time, or why it fails.
+    """Benchmark all methods on difficult mechanisms: error, drift and time, or why a method fails.
 
-    The call that names no method is compared with the best one by tests/benchmarks/bench.py --defaults of the sources.
+    The default method is compared with the best one by tests/benchmarks/bench.py --defaults of the sources.
     """
     from ncgen.comparisons.hard import hard_records, lines, methods
     from ncgen.comparisons.hard_cases import CASES
 
     if unknown := [name for name in case or () if name not in CASES]:
-        raise ModelError(f"case {unknown[0]!r} is unknown; choose one of {', '.join(CASES)}")
+        raise ModelError(f"--case {unknown[0]}: there is no such case; choose one of {', '.join(CASES)}")
     names = case or list(CASES)
     records = []
     with progress("hard cases", len(names) * len(methods())) as advance:

@@ -1,4 +1,4 @@
-"""The commands that look at a model and run it: list, inspect, generate, run."""
+"""The commands that inspect and simulate a model: list, inspect, generate, run."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ncgen.cli.assignments import assigned, beside_its_own
-from ncgen.cli.completion import words_of
-from ncgen.cli.terminal import Backend, Emission, Floating, Having, Json, ModelName, err, of_robots, out, progress
+from ncgen.cli.completion import coordinates, parameters, stops, words_of
+from ncgen.cli.terminal import METHOD, MOTION, RESULTS, Backend, Emission, Floating, Having, Json, ModelName, err, of_robots, out, progress
 from ncgen.errors import Interrupted
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def list_examples(json_output: Json = False) -> None:
-    """List the examples with degrees of freedom, rows, and what each teaches."""
+    """List the examples with degrees of freedom, constraints, and what each teaches."""
     from ncgen.exchange.examples import example_names
     from ncgen.report.gallery import gallery
 
@@ -38,14 +38,16 @@ def list_examples(json_output: Json = False) -> None:
 
 def inspect(
     model: ModelName,
-    along: Annotated[Path | None, typer.Option(help="a trajectory.npz: show how healthy that motion is")] = None,
+    along: Annotated[
+        Path | None, typer.Option(help="a trajectory.npz: print the diagnostics of that motion [default: of the model alone]")
+    ] = None,
     json_output: Json = False,
     floating: Floating = None,
     having: Having = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
 ) -> None:
-    """Show rows, loads, degrees of freedom, redundant rows, what was left out, and the kernels; or the health of a motion."""
+    """Show constraints, loads, degrees of freedom, redundant constraints, omitted terms and kernels; or the diagnostics of a motion."""
     from ncgen.report.along import Recorded, health_record, show_health
     from ncgen.report.derivative import derivative, motion
     from ncgen.report.inspection import inspect as facts_of
@@ -74,7 +76,9 @@ def inspect(
 
 def generate(
     model: ModelName,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the sources [default: generated/MODEL]")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="folder for the sources [default: generated/MODEL]", rich_help_panel=RESULTS)
+    ] = None,
     floating: Floating = None,
     having: Having = None,
     emission: Emission = "auto",
@@ -91,34 +95,80 @@ def generate(
 
 def run(
     model: ModelName,
-    duration: Annotated[float | None, typer.Option(help="seconds [default: the model's]")] = None,
-    param: Annotated[list[str] | None, typer.Option(help="a parameter, as k=3; may be repeated")] = None,
-    velocity: Annotated[list[str] | None, typer.Option(help="initial velocity, as psi1=2.5; may be repeated")] = None,
-    stop: Annotated[str | None, typer.Option(help="end where a coordinate passes a value: psi=1.2, psi=1.2,rising, rate(psi)=0")] = None,
+    duration: Annotated[float | None, typer.Option(help="seconds to simulate [default: the model's]", rich_help_panel=MOTION)] = None,
+    param: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="value of a parameter, as k=3; may be repeated [default: the model's]", autocompletion=parameters, rich_help_panel=MOTION
+        ),
+    ] = None,
+    velocity: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="initial velocity of a coordinate, as psi1=2.5; may be repeated [default: the model's]",
+            autocompletion=coordinates,
+            rich_help_panel=MOTION,
+        ),
+    ] = None,
+    stop: Annotated[
+        str | None,
+        typer.Option(
+            help="end where a coordinate passes a value: psi=1.2, psi=1.2,rising or rate(psi)=0 [default: the model's]",
+            autocompletion=stops,
+            rich_help_panel=MOTION,
+        ),
+    ] = None,
     formalism: Annotated[
         str | None,
-        typer.Option(help="lagrange, coordinate-partitioning …", autocompletion=words_of("ncgen.methods.table", "FORMALISMS")),
+        typer.Option(
+            help="formulation of the accelerations: lagrange, coordinate-partitioning … [default: chosen for the mechanism]",
+            autocompletion=words_of("ncgen.methods.table", "FORMALISMS"),
+            rich_help_panel=METHOD,
+        ),
     ] = None,
     integrator: Annotated[
         str | None,
-        typer.Option(help="dopri5, dop853, adams, bdf, radau, ode45 …", autocompletion=words_of("ncgen.methods.table", "INTEGRATORS")),
+        typer.Option(
+            help="integration method: dopri5, dop853, adams, bdf, radau, ode45 … [default: chosen for the mechanism and rtol]",
+            autocompletion=words_of("ncgen.methods.table", "INTEGRATORS"),
+            rich_help_panel=METHOD,
+        ),
     ] = None,
     engine: Annotated[
-        str | None, typer.Option(help="c, emitted, refined or python", autocompletion=words_of("ncgen.solver.runs.run", "ENGINES"))
+        str | None,
+        typer.Option(
+            help="what advances the motion: compiled, c, emitted, refined or python [default: the model's, else auto]",
+            autocompletion=words_of("ncgen.solver.runs.run", "ENGINES"),
+            rich_help_panel=METHOD,
+        ),
     ] = None,
     number: Annotated[
-        str | None, typer.Option(help="double, float or 'long double'", autocompletion=words_of("ncgen.solver.runs.run", "NUMBERS"))
+        str | None,
+        typer.Option(
+            help="number type: double, float or 'long double' [default: double]",
+            autocompletion=words_of("ncgen.solver.runs.run", "NUMBERS"),
+            rich_help_panel=METHOD,
+        ),
     ] = None,
-    rtol: Annotated[float | None, typer.Option(help="relative tolerance [default: 1e-8]")] = None,
-    atol: Annotated[float | None, typer.Option(help="absolute tolerance [default: a hundredth of it, in natural sizes]")] = None,
-    max_step: Annotated[float | None, typer.Option(help="longest step, or the step of methods with a fixed one (s)")] = None,
-    points: Annotated[int | None, typer.Option(help="instants in the trajectory [default: 101]")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance [default: 1e-8]", rich_help_panel=METHOD)] = None,
+    atol: Annotated[
+        float | None, typer.Option(help="absolute tolerance [default: rtol/100, times the size of each coordinate]", rich_help_panel=METHOD)
+    ] = None,
+    max_step: Annotated[
+        float | None,
+        typer.Option(
+            help="longest step (s); of methods with a fixed step, that step [default: the model's, else no limit]", rich_help_panel=METHOD
+        ),
+    ] = None,
+    points: Annotated[int | None, typer.Option(help="output times in the trajectory [default: 101]", rich_help_panel=MOTION)] = None,
     floating: Floating = None,
     having: Having = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-output]")] = None,
-    files: Annotated[bool, typer.Option(help="write sources, trajectory, drawing and animation")] = True,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-output]", rich_help_panel=RESULTS)
+    ] = None,
+    files: Annotated[bool, typer.Option(help="write sources, trajectory, drawing and animation", rich_help_panel=RESULTS)] = True,
     json_output: Json = False,
 ) -> None:
     """Generate, compile, check, simulate and draw a model."""
@@ -151,7 +201,7 @@ def run(
     found = freedom(kernels)
     if any(thread.is_alive() for thread in compiling):
         with progress("compiling the runtime", None):
-            compiling[0].join()  # nothing is timed beside a compiler
+            compiling[0].join()  # a compiler that still runs would disturb the times
     if not json_output:
         show_inspection(out, facts_of(kernels, found), seconds, kernel_times(kernels))
     options = simulation_of(kernels.model, **given)
@@ -159,7 +209,7 @@ def run(
         try:
             trajectory = simulate(kernels, progress=lambda t: advance(t - options.get("t0", 0.0)), **options)
         except Interrupted as stopped:
-            err.print(f"ncgen: {stopped}; what was reached is written", markup=False)
+            err.print(f"ncgen: {stopped}; partial results were written", markup=False)
             trajectory = stopped.run
     folder = (output or Path(f"{kernels.name}-output")) if files else None
     if folder is not None:

@@ -8,26 +8,46 @@ from typing import Annotated
 
 import typer
 
-from ncgen.cli.terminal import PICTURES, Json, err, out, show, timed, writable
+from ncgen.cli.terminal import PICTURES, RESULTS, Json, err, out, show, timed, writable
+from ncgen.errors import counted
+
+PROCESSORS = "Processors"
+"""Panel of `--help`."""
 
 SHOWN = 3
 """Failures that are printed; the table has all."""
 
 
 def study(
-    file: Annotated[Path, typer.Argument(metavar="STUDY", help="a TOML file: a model, what varies, what is kept (docs/studies.md)")],
+    file: Annotated[Path, typer.Argument(metavar="STUDY", help="a TOML file: the model, what varies, and what is kept (docs/studies.md)")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="folder for the results; a study that is there goes on [default: STUDY-study]")
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="folder for the results; an existing study is resumed [default: STUDY-study]", rich_help_panel=RESULTS
+        ),
     ] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="processes [default: threads of this one]")] = None,
-    cluster: Annotated[str | None, typer.Option(help="a Dask scheduler's address, or local")] = None,
-    threads: Annotated[int | None, typer.Option(min=1, help="threads, or workers of a local cluster [default: all processors]")] = None,
-    plot: Annotated[Path | None, typer.Option(help="draw what was kept: a .png or .svg file")] = None,
-    table: Annotated[Path | None, typer.Option(help="write a table: a .csv or .parquet file")] = None,
-    sobol: Annotated[str | None, typer.Option(help="print Sobol' indices of a column of a saltelli design")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="number of worker processes [default: threads of this process]", rich_help_panel=PROCESSORS)
+    ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="address of a Dask scheduler, or local [default: no cluster]", rich_help_panel=PROCESSORS)
+    ] = None,
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="threads, or workers of a local cluster [default: all processors]", rich_help_panel=PROCESSORS)
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="plot the kept quantities into this .png or .svg file [default: no plot]", rich_help_panel=RESULTS)
+    ] = None,
+    table: Annotated[
+        Path | None, typer.Option(help="write a table into this .csv or .parquet file [default: no table]", rich_help_panel=RESULTS)
+    ] = None,
+    sobol: Annotated[
+        str | None,
+        typer.Option(help="print Sobol' indices of this column of a saltelli design [default: no indices]", rich_help_panel=RESULTS),
+    ] = None,
     json_output: Json = False,
 ) -> None:
-    """Simulate many variants of a model, in chunks that are written while they come; go on where it ended before."""
+    """Simulate many variants of a model. Results are written continuously; the same command resumes an interrupted study."""
     from ncgen.errors import ModelError
     from ncgen.studies.file import read_study
     from ncgen.studies.running import carry_out
@@ -38,10 +58,10 @@ def study(
     writable("--table", table, (".csv", ".parquet"))
     asked, folder = read_study(file), output or Path(f"{file.stem}-study")
     try:
-        with timed(f"{asked.model.name}: {asked.size} variants", asked.size) as advance:
+        with timed(f"{asked.model.name}: {counted(asked.size, 'variant')}", asked.size) as advance:
             result = carry_out(asked, folder, cluster or workers, threads, advance)
     except KeyboardInterrupt:
-        kept = f"what was done is in {folder}, and the same command goes on" if folder.is_dir() else "nothing was done yet"
+        kept = f"results so far are in {folder}; the same command resumes the study" if folder.is_dir() else "no results yet"
         err.print(f"ncgen: stopped; {kept}", markup=False)
         raise
     if plot is not None:
@@ -53,7 +73,7 @@ def study(
         record = {**result.about, "folder": str(folder), "ok": int(result.ok.sum()), "failures": {str(k): v for k, v in failures.items()}}
         print(json.dumps(record, indent=1))
         return
-    out.print(f"{result.about['model']}: {result.ok.sum()} of {len(result)} variants arrived, in {folder}", markup=False)
+    out.print(f"{result.about['model']}: {result.ok.sum()} of {len(result)} variants completed, in {folder}", markup=False)
     out.print(f"  {result.about['made_with']}", markup=False)
     show(f"  variant {variant}: {sentence}" for variant, sentence in list(failures.items())[:SHOWN])
     if len(failures) > SHOWN:

@@ -1,4 +1,4 @@
-"""What all commands share: where they write and what they are given."""
+"""What all commands share: output streams, common options, and checks of files."""
 
 from __future__ import annotations
 
@@ -24,8 +24,18 @@ ModelName = Annotated[
     str,
     typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml, .py, .urdf, .sdf or .xml file", autocompletion=models),
 ]
+MOTION = "Motion"
+METHOD = "Method"
+ROBOTS = "Robots' files"
+CODE = "Generated code"
+RESULTS = "Results"
+"""Panels of `--help`: options that answer one question."""
+
 Floating = Annotated[
-    bool | None, typer.Option("--floating/--fixed", help="a robot's base moves freely, or is ground [default: its file's]")
+    bool | None,
+    typer.Option(
+        "--floating/--fixed", help="the base moves freely, or is fixed to the ground [default: as the file says]", rich_help_panel=ROBOTS
+    ),
 ]
 JOINTS = ("limits", "friction", "motors", "sensors")
 """What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
@@ -37,25 +47,42 @@ Having = Annotated[
     list[str] | None,
     typer.Option(
         "--with",
-        help="limits, friction, motors or sensors of a robot as its file says, inertia of its links as parameters; may be repeated",
+        help="take limits, friction, motors or sensors of joints from the file; make inertia of links or geometry of joints parameters; "
+        "may be repeated [default: none of them]",
         autocompletion=lambda: (*JOINTS, *PARAMETERS),
+        rich_help_panel=ROBOTS,
     ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
-Backend = Annotated[str, typer.Option(help="auto, c or numpy", autocompletion=words_of("ncgen.compiler", "BACKENDS"))]
-Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled", autocompletion=words_of("ncgen.program.programs", "EMISSIONS"))]
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object", rich_help_panel=RESULTS)]
+Backend = Annotated[
+    str,
+    typer.Option(
+        help="what computes: auto (C where there is a compiler), c or numpy",
+        autocompletion=words_of("ncgen.compiler", "BACKENDS"),
+        rich_help_panel=CODE,
+    ),
+]
+Emission = Annotated[
+    str,
+    typer.Option(
+        help="equal equations as loops over tables (tabled), as straight-line code (unrolled), or by their number (auto)",
+        autocompletion=words_of("ncgen.program.programs", "EMISSIONS"),
+        rich_help_panel=CODE,
+    ),
+]
 
 PICTURES = (".svg", ".png")
+PAGES = (".html", ".htm")
 
 
 def show(lines: Iterable[object]) -> None:
-    """Lines as they are: brackets in them are no markup."""
+    """Print lines as they are, without markup."""
     for line in lines:
         out.print(str(line), markup=False)
 
 
 def tell(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]], json_output: bool) -> None:
-    """Records as JSON, or as the lines that are made of them."""
+    """Print records as JSON, or as the lines that `lines` makes of them."""
     if json_output:
         print(json.dumps(records, indent=1))
     else:
@@ -63,7 +90,7 @@ def tell(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]],
 
 
 def of_robots(floating: bool | None, having: list[str] | None) -> dict[str, Any]:
-    """What `ncgen.load` is told of a robot. Raises ModelError naming a word that --with does not know."""
+    """Return the keywords of `ncgen.load` for a robot's file. Raises ModelError naming a word that --with does not know."""
     for word in having or ():
         if word not in (*JOINTS, *PARAMETERS):
             raise ModelError(f"--with {word}: a robot can have {', '.join((*JOINTS, *PARAMETERS))}")
@@ -71,16 +98,26 @@ def of_robots(floating: bool | None, having: list[str] | None) -> dict[str, Any]
     return {"floating": floating, **{word: True for word in JOINTS if word in asked}, "parameters": [w for w in PARAMETERS if w in asked]}
 
 
-def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = ()) -> None:
-    """Refuse a file that cannot be written before the work that it is for is done."""
+def listed(words: Sequence[str]) -> str:
+    """Words of which one is to be chosen: `a, b or c`."""
+    return " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = (), new_folder: bool = False) -> None:
+    """Refuse a file that cannot be written, or whose name ends otherwise than its content, before the work that it is for is done.
+
+    new_folder: the folder of the file is made where there is none
+    """
     if path is None:
         return
     if suffixes and path.suffix.lower() not in suffixes:
-        raise ModelError(f"{option} {path}: choose a name that ends in {' or '.join(suffixes)}")
+        raise ModelError(f"{option} {path}: choose a name that ends in {listed(suffixes)}")
     if is_folder(path):
         raise ModelError(f"{option} {path}: that is a folder; name a file in it")
     if is_there(path) and not is_file(path):
         raise ModelError(f"{option} {path}: that is a device or a pipe; name an ordinary file")
+    if new_folder and not is_there(path.parent):
+        return
     if not is_folder(path.parent):
         raise ModelError(f"{option} {path}: there is no folder {path.parent}; make it, or choose another")
     if not os.access(path.parent, os.W_OK):

@@ -1,4 +1,4 @@
-"""The command that stays: watch."""
+"""The command that runs until it is interrupted: watch."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Saved(Exception):
 
 
 def watch(file: Annotated[Path, typer.Argument(metavar="FILE", help="a model file", autocompletion=models)]) -> None:
-    """Check a model file and run it whenever it is saved, and show what is different; Ctrl-C ends it."""
+    """Check and run a model file at every save, and print what changed; Ctrl-C ends it."""
     from ncgen.exchange.text import text_of
     from ncgen.report.saves import saves
 
@@ -27,7 +27,7 @@ def watch(file: Annotated[Path, typer.Argument(metavar="FILE", help="a model fil
         for lines in _blocks(file, saves(file)):
             _show(lines)
     except KeyboardInterrupt:
-        err.print(f"ncgen: {file} is watched no longer", markup=False)
+        err.print(f"ncgen: stopped watching {file}", markup=False)
         raise typer.Exit(130) from None
 
 
@@ -38,7 +38,7 @@ def _blocks(file: Path, saved: Iterable[bool]) -> Iterator[list[str]]:
     ran: Round | None = None
     for is_there in saved:
         if not is_there:
-            yield [f"{file}: it is gone; waiting for it"]
+            yield [f"{file}: the file is gone; waiting for it"]
             continue
         try:
             found = look(file, _ender(file))

@@ -10,7 +10,7 @@ All files of a library end in one folder, where they include each other by name.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,9 +33,20 @@ RUNTIME_HEADERS = ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h"
 EXPLICIT_ONLY = "NCGEN_EXPLICIT_ONLY"
 """The macro without which the library has methods that take implicit steps, too: nearly twice as much to compile."""
 
-
 WITHOUT_TABLES = "NCGEN_WITHOUT_TABLES"
 """The macro with which no tree of bodies moves in loops over tables, a twelfth of what an export needs."""
+
+WITHOUT_PARTITIONING = "NCGEN_WITHOUT_PARTITIONING"
+"""The macro with which there are formalisms over all coordinates alone."""
+
+WITHOUT_STEPPERS = "NCGEN_WITHOUT_STEPPERS"
+"""The macro with which there are no methods that discretise the constrained equations themselves."""
+
+ORDINARY = (EXPLICIT_ONLY, WITHOUT_PARTITIONING, WITHOUT_TABLES)
+"""What a run by an explicit method and emitted accelerations does without."""
+
+STIFF = (WITHOUT_PARTITIONING, WITHOUT_STEPPERS, WITHOUT_TABLES)
+"""What a run by Radau's method and emitted accelerations does without."""
 
 
 def runtime_names() -> tuple[str, ...]:
@@ -46,13 +57,29 @@ def runtime_names() -> tuple[str, ...]:
 
 def explicit_names() -> tuple[str, ...]:
     """The files of the library where EXPLICIT_ONLY is defined."""
-    return _part("ncgen_run.c", "ncgen_driven.c", "ncgen_piecewise.c", defined=EXPLICIT_ONLY)
+    return _part("ncgen_run.c", "ncgen_driven.c", "ncgen_piecewise.c", defined=(EXPLICIT_ONLY,))
 
 
-def indifferent(names: Iterable[str], macro: str) -> tuple[str, ...]:
-    """Those of the library's sources that are the same whether a macro is defined or not, with all headers that they include."""
-    sources = [name for name in names if name.endswith(".c")]
-    return tuple(name for name in sources if not any(macro in runtime_text(header) for header in (name, *_headers(name))))
+def ordinary_names() -> tuple[str, ...]:
+    """The files of the library where ORDINARY is defined."""
+    return _part("ncgen_run.c", "ncgen_piecewise.c", defined=ORDINARY)
+
+
+def stiff_names() -> tuple[str, ...]:
+    """The files of the library where STIFF is defined."""
+    return _part("ncgen_run.c", "ncgen_piecewise.c", "ncgen_radau.c", "ncgen_trapezoidal.c", defined=STIFF)
+
+
+def indifferent(names: Iterable[str], macros: Collection[str]) -> tuple[str, ...]:
+    """Those of the library's sources that are the same whether macros are defined or not, with all headers that they include."""
+    return tuple(name for name in names if name.endswith(".c") and not _mentioned(name).intersection(macros))
+
+
+@cache
+def _mentioned(source: str) -> frozenset[str]:
+    """The macros that leave parts of the library out and that a source, or a header that it includes, asks for."""
+    known = {*ORDINARY, *STIFF}
+    return frozenset(macro for macro in known if any(macro in runtime_text(name) for name in (source, *_headers(source))))
 
 
 def _headers(source: str) -> set[str]:
@@ -71,15 +98,15 @@ def adjoint_names() -> tuple[str, ...]:
     return _part("ncgen_adjoint.c")
 
 
-def _part(*sources: str, defined: str = "") -> tuple[str, ...]:
+def _part(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:
     """The files of a part of the library, as of `needed_by`, with the headers that the whole of it comes with."""
     return tuple(dict.fromkeys((*needed_by(*sources, defined=defined), *RUNTIME_HEADERS, *HEADERS, *PRINTED)))
 
 
-def needed_by(*sources: str, defined: str = "") -> tuple[str, ...]:
+def needed_by(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:
     """Sources of the library, the headers that they include, the sources of these, and so on: all that they need to work alone.
 
-    defined: a macro that is defined, so that nothing behind `#ifndef` of it is included
+    defined: macros that are defined, so that nothing behind `#ifndef` of one is included
     """
     found: dict[str, None] = {}
     waiting = [*sources]
@@ -95,16 +122,16 @@ def needed_by(*sources: str, defined: str = "") -> tuple[str, ...]:
     return tuple(sorted(found, key=lambda name: (name.endswith(".c"), name)))
 
 
-def settled(text: str, defined: str) -> str:
-    """A text with what is left of every `#ifndef` of a macro, which has no other one inside, once it is defined."""
-    if not defined:
-        return text
-    branches = rf"^#ifndef {defined}\n(?:(?!#else|#endif).*\n)*(?:#else.*\n((?:(?!#endif).*\n)*))?#endif.*\n"
-    return re.sub(branches, lambda found: found[1] or "", text, flags=re.MULTILINE)
+def settled(text: str, defined: Sequence[str]) -> str:
+    """A text with what is left of every `#ifndef` of some macros, which has no other one inside, once they are defined."""
+    for macro in defined:
+        branches = rf"^#ifndef {macro}\n(?:(?!#else|#endif).*\n)*(?:#else.*\n((?:(?!#endif).*\n)*))?#endif.*\n"
+        text = re.sub(branches, lambda found: found[1] or "", text, flags=re.MULTILINE)
+    return text
 
 
-def runtime_files(*names: str, defined: str = "") -> dict[str, str]:
-    """{file name: text} of files of the library; defined: a macro that all of them are settled for."""
+def runtime_files(*names: str, defined: Sequence[str] = ()) -> dict[str, str]:
+    """{file name: text} of files of the library; defined: macros that all of them are settled for."""
     return {name: settled(runtime_text(name), defined) for name in names}
 
 

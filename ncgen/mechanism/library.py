@@ -20,6 +20,7 @@ from ncgen.mechanism.tangents import CompiledTangents
 from ncgen.program.programs import Programs
 from ncgen.toolchain.abi import InC, abi
 from ncgen.toolchain.cache import compiled
+from ncgen.toolchain.compilers import flags_for
 from ncgen.toolchain.loader import opened
 
 if TYPE_CHECKING:
@@ -45,7 +46,8 @@ class CompiledKernels(Kernels):
 
     @classmethod
     def _of(cls, programs: Programs) -> CompiledKernels:
-        return cls(programs, compiled(model_files(programs)).library)
+        files = model_files(programs)
+        return cls(programs, compiled(files, flags_for(files)).library)
 
     def function(self, kernel: str) -> InC:
         """The function of a kernel in C."""

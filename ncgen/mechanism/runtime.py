@@ -23,15 +23,20 @@ from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import (
     EXPLICIT_ONLY,
     HEADERS,
+    ORDINARY,
     RUNTIME_HEADERS,
+    STIFF,
     adjoint_names,
     explicit_names,
     indifferent,
+    ordinary_names,
     runtime_files,
     runtime_names,
+    stiff_names,
 )
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
+from ncgen.mechanism.callbacks import ExternalForces
 from ncgen.mechanism.driving import Driver, Function, Pieces
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
@@ -44,30 +49,33 @@ from ncgen.program.programs import Split
 from ncgen.program.tree.tree_tables import TreeTables
 from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
 from ncgen.toolchain.cache import Sibling, compiled
-from ncgen.toolchain.compilers import FLAGS, STRAIGHT_FLAGS
+from ncgen.toolchain.compilers import FLAGS, flags_for
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
 
 PARTITIONED = number_in_c(FORMALISMS["coordinate-partitioning"])
 """The formalism that a run has where nothing else is said."""
 
-LONG_LINES = 300_000
-"""Characters of straight lines, which gcc takes 2 s for, above which it does what they need and no more."""
-
-Part: TypeAlias = Literal["explicit", "whole", "adjoint"]
-"""Of the runtime: with explicit methods alone, all of it, or what goes back over a run."""
+Part: TypeAlias = Literal["ordinary", "stiff", "explicit", "whole", "adjoint"]
+"""Of the runtime: what emitted accelerations over all coordinates need of explicit methods, or of Radau's; all explicit methods, all of it,
+or what goes back over a run."""
 
 PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
-    "explicit": (explicit_names, (f"-D{EXPLICIT_ONLY}",)),
+    "ordinary": (ordinary_names, ORDINARY),
+    "stiff": (stiff_names, STIFF),
+    "explicit": (explicit_names, (EXPLICIT_ONLY,)),
     "whole": (runtime_names, ()),
     "adjoint": (adjoint_names, ()),
 }
-"""The files of a part, and the flags that choose it."""
+"""The files of a part, and the macros that choose it."""
+
+RUNS: tuple[Part, ...] = ("whole", "explicit", "ordinary", "stiff")
+"""Parts that carry runs out, the one with most objects for others first."""
 
 
 def _load(files: dict[str, str], number: str, declarations: str) -> tuple[Interface, InC]:
     """A library of these files, which are straight lines, and the headers, and its interface."""
-    flags = STRAIGHT_FLAGS if sum(map(len, files.values())) > LONG_LINES else FLAGS
+    flags = flags_for(files)
     files = files | shared("headers", lambda: runtime_files(*RUNTIME_HEADERS, *HEADERS))
     return load(files, declarations, runtime_abi(number), (*flags, *NUMBERS[number].flags))
 
@@ -83,21 +91,34 @@ def _interface(number: str) -> Interface:
 
 @once
 def _runtime(number: str, part: Part) -> InC:
-    """The runtime, the same for all mechanisms; most runs do without its implicit methods, which cost as much to compile as the rest."""
+    """The runtime, the same for all mechanisms; most runs do without three quarters of it. What parts have in common is compiled once."""
     files, flags = _sources(number, part)
-    sibling = Sibling(*_sources(number, "explicit"), indifferent(files, EXPLICIT_ONLY)) if part == "whole" else None
-    return opened_by(_interface(number), compiled(files, flags, sibling=sibling).library)
+    siblings = [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in RUNS if other != part and part in RUNS]
+    return opened_by(_interface(number), compiled(files, flags, siblings=siblings).library)
+
+
+def _shared_sources(part: Part, other: Part) -> tuple[str, ...]:
+    """The sources that are compiled alike for both of two parts."""
+    (names, macros), (others, defined) = PARTS[part], PARTS[other]
+    known = set(others())
+    return indifferent([name for name in names() if name in known], set(macros) ^ set(defined))
 
 
 def _sources(number: str, part: Part) -> tuple[Files, tuple[str, ...]]:
     """The files of a part of the runtime, and the flags that they are compiled with."""
     names, defined = PARTS[part]
-    return shared(f"runtime: {part}", lambda: runtime_files(*names())), (*FLAGS, *NUMBERS[number].flags, *defined)
+    macros = [f"-D{macro}" for macro in defined]
+    return shared(f"runtime: {part}", lambda: runtime_files(*names())), (*FLAGS, *NUMBERS[number].flags, *macros)
 
 
-def part_for(integrator: str) -> Part:
-    """The part of the runtime that has an integrator; AUTO: whichever is chosen, which seldom is an implicit one."""
-    return "explicit" if integrator == AUTO or find_integrator(integrator).tangents == "never" else "whole"
+def part_for(integrator: str, is_emitted: bool = False) -> Part:
+    """The part of the runtime that has an integrator; AUTO: whichever is chosen, which seldom is an implicit one.
+
+    is_emitted: whether accelerations over all coordinates are written out
+    """
+    if integrator == AUTO or find_integrator(integrator).tangents == "never":
+        return "ordinary" if is_emitted else "explicit"
+    return "stiff" if is_emitted and find_integrator(integrator).tangents == "unless_recursive" else "whole"
 
 
 def beside(number: str = "double", part: Part = "explicit") -> Thread:
@@ -128,7 +149,7 @@ def _compiled_model(kernels: CompiledKernels, number: str) -> tuple[InC, InC]:
 
 def prepare(kernels: CompiledKernels, number: str = "double") -> None:
     """Compile what a run may ask for on its way, so that a limit to its time is a limit to the run."""
-    for part in ("explicit", "whole"):
+    for part in RUNS:
         _runtime(number, part)
     _model(kernels, number)
     kernels.tangents  # noqa: B018
@@ -200,7 +221,12 @@ COUNTS = (
 
 
 class Dynamics:
-    """A state derivative with the runtime around it, in a number type of C."""
+    """A state derivative with the runtime around it, in a number type of C.
+
+    is_emitted: whether accelerations over all coordinates are written out
+    """
+
+    is_emitted = False
 
     def __init__(self, kernels: CompiledKernels, number: str) -> None:
         self.kernels, self.number = kernels, NUMBERS[number]
@@ -210,6 +236,9 @@ class Dynamics:
         self._model = self._ffi.cast("const ncgen_model *", descriptor)
         self._arrays: list[np.ndarray] = []
         self._keep({"column_sizes": kernels.column_sizes, "row_sizes": kernels.row_sizes}, self._dynamics, self.number.dtype)
+        self._external = kernels.remember("external forces", (), lambda: ExternalForces(kernels)) if kernels.model.callbacks else None
+        if self._external:
+            self._dynamics.external = self._external.function
         self.has_rolling = len(kernels.holonomic) < kernels.m
         if self.has_rolling:
             rolling = np.ones(kernels.m)
@@ -263,7 +292,7 @@ class Dynamics:
         """
         ffi, n, dtype, where = self._ffi, self.kernels.n, self.number.dtype, self.kernels.name
         real = partial(pointer, ffi, kind=self.number.array)
-        library = _runtime(self.number.name, part_for(method))
+        library = _runtime(self.number.name, part_for(method, self.is_emitted))
         times = np.ascontiguousarray(times, dtype=dtype)
         rows_and_last = len(times) + 1
         out_q, out_qd, out_work = (np.empty(shape, dtype) for shape in ((rows_and_last, n), (rows_and_last, n), rows_and_last))
@@ -295,23 +324,26 @@ class Dynamics:
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
         start = self._start(p, q, velocities, options.get("formalism", PARTITIONED))
         pointers = [real(a) for a in (*start, times, out_q, out_qd, out_work, work)]
+        if self._external:
+            self._external.begin()
         status = library.ncgen_simulate(
             self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
             pointer(ffi, integers, "int[]"),
         )  # fmt: skip
         done, s = rows[0], statistics
+        raised = next((each.raised for each in (listener, driver, self._external) if each and each.raised), None)
         return Outcome(
             t=np.asarray(looked[:done], dtype=float),
             q=np.asarray(out_q[:done], dtype=float),
             qd=np.asarray(out_qd[:done], dtype=float),
             work=np.asarray(out_work[:done], dtype=float),
-            status=STATUS[status],
+            status="interrupted" if raised else STATUS[status],
             reached=float(s.t),
             last=(out_q[-1].astype(float), out_qd[-1].astype(float), out_work[-1].astype(float)),
             stopped=bool(s.stopped),
             largest_projection=float(s.largest_projection),
             tried=float(s.tried),
-            raised=listener.raised or (driver.raised if driver else None),
+            raised=raised,
             **{name: getattr(s, name) for name in COUNTS},
         )
 
@@ -369,7 +401,8 @@ class Dynamics:
 
     def _take_tangents(self) -> None:
         """Tangent kernels are compiled when an implicit method first asks for them."""
-        self._dynamics.tangents = self._ffi.cast("ncgen_tangents *", self.kernels.tangents.descriptor)
+        tangents = self._external.tangents if self._external else self.kernels.tangents.descriptor
+        self._dynamics.tangents = self._ffi.cast("ncgen_tangents *", tangents)
 
 
 class DenseDynamics(Dynamics):

@@ -15,7 +15,7 @@ import shutil
 import tempfile
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from ncgen.files import opened
 from ncgen.toolchain import compilers
 from ncgen.toolchain.compilers import FLAGS, LIBRARIES, LIBRARY, Compiler
 from ncgen.toolchain.folder import KEY, TEMPORARY, cache_folder, folders, forget, intruder, sealed, sweep, unsealed, written
+from ncgen.toolchain.preparation import preparing
 
 RECORD = "build.json"
 
@@ -47,16 +48,17 @@ class Sibling:
     sources: tuple[str, ...]
 
 
+@preparing()
 def compiled(
     files: dict[str, str],
     flags: tuple[str, ...] = FLAGS,
     libraries: tuple[str, ...] = LIBRARIES,
     patience: float = 0.0,
-    sibling: Sibling | None = None,
+    siblings: Sequence[Sibling] = (),
 ) -> Built:
     """The library of some C sources, from the cache or compiled now by the first compiler that works.
 
-    sibling: a library whose objects are taken where it is in the cache
+    siblings: libraries whose objects are taken where they are in the cache, of the first one that has them
     patience: seconds that a compiler may take at least, where headers are much longer than what is given here
     A flag that a compiler refuses is left out if code is only slower without it. What was left out and which compilers failed
     is said in one warning, and found out once in a process.
@@ -71,7 +73,7 @@ def compiled(
         while True:
             taken = compilers.accepted(compiler, (*flags, *compilers.own_flags()))
             try:
-                built = build(files, compiler, taken, libraries, patience=patience, objects=_objects(sibling, compiler, libraries))
+                built = build(files, compiler, taken, libraries, patience=patience, objects=_objects(siblings, compiler, libraries))
             except CompileError as error:
                 if refused := compilers.examine(compiler, taken, error):
                     news += [f"{compiler.name} refuses {flag} and is used without it" for flag in refused if flag not in compilers.UNSAID]
@@ -165,10 +167,17 @@ def _build(
     return Built(entry / LIBRARY, seconds, seconds)
 
 
-def _objects(sibling: Sibling | None, compiler: Compiler, libraries: tuple[str, ...]) -> dict[str, Path]:
-    """{source: its object} of a sibling that this compiler has built: those that are as they were written."""
-    if sibling is None:
-        return {}
+def _objects(siblings: Sequence[Sibling], compiler: Compiler, libraries: tuple[str, ...]) -> dict[str, Path]:
+    """{source: its object} of siblings that this compiler has built: those that are as they were written."""
+    found: dict[str, Path] = {}
+    for sibling in siblings:
+        if not found.keys() >= set(sibling.sources):
+            found = _objects_of(sibling, compiler, libraries) | found
+    return found
+
+
+def _objects_of(sibling: Sibling, compiler: Compiler, libraries: tuple[str, ...]) -> dict[str, Path]:
+    """The same of one sibling."""
     flags = compilers.accepted(compiler, (*sibling.flags, *compilers.own_flags()))
     entries = [folder / _key(sibling.files, compiler, flags, libraries) for folder in folders()]
     entry, record = next(((entry, record) for entry in entries if (record := _record(entry, True))), (Path(), None))

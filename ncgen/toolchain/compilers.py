@@ -42,6 +42,9 @@ STRAIGHT_FLAGS = tuple(part for flag in FLAGS for part in (("-O1", *LEAST) if fl
 """For long straight lines. gcc takes three quarters of the time of -O3 for a humanoid's motion, whose programs run as fast and have as many
 instructions: there are no branches and no common subexpressions that it could find."""
 
+LONG_LINES = 300_000
+"""Characters of straight lines, which gcc takes 2 s for, above which it does what they need and no more."""
+
 OPTIONAL = (
     "-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", *ALIGNED, *LEAST, "-fno-math-errno", "-fopenmp", "-fcx-limited-range",
 )  # fmt: skip
@@ -59,7 +62,7 @@ SECONDS_PER_KILOBYTE = 1.0
 LONGEST = 6 * 3600.0
 """… but never more than this."""
 
-FEW_SOURCES = 8
+FEW_SOURCES = 6
 """A compiler is given at least as many where there are several …"""
 
 LONG_SOURCE = 100_000
@@ -80,6 +83,11 @@ def own_flags() -> tuple[str, ...]:
         return tuple(shlex.split(asked))
     except ValueError as error:
         raise CompileError(f"NCGEN_CFLAGS={asked}: {error}; correct NCGEN_CFLAGS or unset it") from None
+
+
+def flags_for(files: Mapping[str, str]) -> tuple[str, ...]:
+    """Flags for {file name: text} of a mechanism's own, which are straight lines and loops over tables."""
+    return STRAIGHT_FLAGS if sum(map(len, files.values())) > LONG_LINES else FLAGS
 
 
 @dataclass(frozen=True)
@@ -190,9 +198,9 @@ def make_library(
     patience = max(patience, min(LONGEST, PATIENCE + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
     groups = _groups({name: len(text) for name, text in files.items() if name.endswith(".c") and name not in objects})
     inputs, log = [name for group in groups for name in group], ""
-    if (len(groups) > 1 or objects) and compiler.makes_every_object:
+    if inputs and (len(groups) > 1 or objects) and compiler.makes_every_object:
         apart = [flag for flag in flags if flag != "-shared"]
-        log = _run(compiler, [[*compiler.command, *apart, "-c", *group] for group in groups], folder, patience)
+        log = _run(compiler, [[*compiler.command, *apart, "-c", *group] for group in groups if group], folder, patience)
         inputs = [str(Path(name).with_suffix(".o")) for name in inputs]
     command = [*compiler.command, *flags, *inputs, *map(str, objects.values()), "-o", LIBRARY, *libraries]
     log += _run(compiler, [command], folder, patience)

@@ -27,6 +27,9 @@ STEPS = 8
 EQUAL_STEPS = 64
 """Steps of equal length, where derivatives of the motion go through these."""
 
+MOST_IN_PYTHON = 5000
+"""Evaluations of the default run up to which the run in Python is made, too."""
+
 LESS = ({"rtol": 1e-7}, {"integrator": "dopri5"})
 """Calls that are less accurate than the default one: by their tolerance, or since that is of every step, as of many motions at once."""
 
@@ -275,7 +278,11 @@ class Driven(Subject):
         return float(np.max(np.abs(run.qd / self.sizes), initial=0.0))
 
     def by_python(self, first) -> None:
+        """In Python, where that ends within a minute or so; stiff motions take it an hour."""
         if self.used is self.kernels:
+            return
+        if first.statistics.evaluations > MOST_IN_PYTHON:
+            self.count("engine='python' left out")
             return
         found = self.attempt("engine='python'", ncgen.simulate, self.used, DURATION, points=9, engine="python", **self.given)
         if found is not None:

@@ -116,11 +116,11 @@ def test_blocks(tmp_path, monkeypatch):
         yield False
 
     first, wrong, other, gone = _blocks(path, script())
-    assert first[0] == "mine: 1 degrees of freedom, 4 rows, 0 redundant, 3 bodies" and len(first) == 3
+    assert first[0] == "mine: 1 degree of freedom, 4 rows, 0 redundant, 3 bodies" and len(first) == 3
     line = text.splitlines().index('end = "B - A"') + 1
     assert wrong == [f"mine.toml, line {line}: angle.end: “B - Q”: there is no point or vector Q; define it first"]
     assert other[-1].startswith("different: seconds 0.01 → 0.02, psi 0.1") and len(other) == 4
-    assert gone == [f"{path}: it is gone; waiting for it"]
+    assert gone == [f"{path}: the file is gone; waiting for it"]
 
 
 def test_a_python_file_that_fails(tmp_path):
@@ -150,4 +150,4 @@ def test_ctrl_c_ends_it(tmp_path):
             out, err = process.communicate(timeout=20)
         finally:
             process.kill()  # one that does not end would be waited for
-    assert (process.returncode, out, err) == (130, "", "ncgen: mine.toml is watched no longer\n")
+    assert (process.returncode, out, err) == (130, "", "ncgen: stopped watching mine.toml\n")

@@ -8,7 +8,7 @@ from benchmarks.arms import random_arm
 
 import ncgen
 from ncgen.mechanism import runtime
-from ncgen.toolchain.compilers import FLAGS, LEAST, LONG_SOURCE, _groups, find_compiler
+from ncgen.toolchain.compilers import FLAGS, LEAST, LONG_LINES, LONG_SOURCE, _groups, find_compiler
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_long_lines_are_compiled_with_what_they_need(monkeypatch):
     """All flags but -O3, and what of it a straight line gains by; short ones with -O3."""
     asked: list[set[str]] = []
     monkeypatch.setattr(runtime, "load", lambda files, declarations, base, flags: asked.append(set(flags)))
-    for length in (runtime.LONG_LINES, runtime.LONG_LINES + 1):
+    for length in (LONG_LINES, LONG_LINES + 1):
         runtime._load({"lines.c": " " * length}, "double", "")
     assert asked[0] >= set(FLAGS)
     assert asked[1] - asked[0] == {"-O1", *LEAST} and asked[0] - asked[1] == {"-O3"}

@@ -1,4 +1,4 @@
-"""The runtime comes in two parts: most runs take the one without implicit methods, which is half as long to compile."""
+"""The runtime comes in parts: most runs take the one without implicit methods, partitioning and tables, a third of it to compile."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.emit.runtime import explicit_names, runtime_names
+from ncgen.emit.runtime import explicit_names, ordinary_names, runtime_names, stiff_names
 from ncgen.mechanism import runtime
 from ncgen.methods.table import AUTO, INTEGRATORS
 
@@ -20,15 +20,23 @@ from ncgen.mechanism import runtime
 
 asked, once = [], runtime._runtime
 runtime._runtime = lambda number, part: asked.append(part) or once(number, part)
-kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
-ncgen.simulate(kernels, 0.1, engine="c", **eval(sys.argv[1]))
+kernels = ncgen.compile(ncgen.load("robot"), backend="c")
+ncgen.simulate(kernels, 0.1, **eval(sys.argv[1]))
 print(*sorted(set(asked)))
 """
 
 
-@pytest.mark.parametrize(("given", "parts"), [("{}", "explicit"), ("{'integrator': 'radau'}", "whole")])
+@pytest.mark.parametrize(
+    ("given", "parts"),
+    [
+        ("{}", ["ordinary"]),
+        ("{'integrator': 'radau'}", ["stiff"]),
+        ("{'formalism': 'coordinate-partitioning'}", ["explicit"]),
+        ("{'integrator': 'rattle', 'max_step': 0.01}", ["whole"]),
+    ],
+)
 def test_a_run_takes_the_part_that_it_needs(given, parts):
-    assert subprocess.run([sys.executable, "-c", PROGRAM, given], capture_output=True, text=True, check=True).stdout.split() == [parts]
+    assert subprocess.run([sys.executable, "-c", PROGRAM, given], capture_output=True, text=True, check=True).stdout.split() == parts
 
 
 def test_the_part_without_implicit_methods_is_smaller():
@@ -37,13 +45,20 @@ def test_the_part_without_implicit_methods_is_smaller():
     assert not {"ncgen_run.c", "ncgen_explicit.c", "ncgen_driven.c", "ncgen_tree.c"} & left_out
 
 
+def test_the_ordinary_part_and_that_for_stiff_mechanisms_have_what_they_need_alone():
+    ordinary, stiff = set(ordinary_names()), set(stiff_names())
+    assert not {"ncgen_tree.c", "ncgen_partitioning.c", "ncgen_driven.c", "ncgen_radau.c"} & ordinary
+    assert {"ncgen_radau.c", "ncgen_reduced.c"} <= stiff
+    assert not {"ncgen_tree.c", "ncgen_partitioning.c", "ncgen_rattle.c", "ncgen_ali3p.c", "ncgen_correction.c"} & stiff
+
+
 @pytest.mark.parametrize("name", [name for name, entry in INTEGRATORS.items() if entry.in_c])
 def test_explicit_methods_have_the_same_bits_in_both_and_others_are_refused(name, robot, monkeypatch):
     assert runtime.part_for(name) == ("explicit" if INTEGRATORS[name].tableau else "whole")
     assert runtime.part_for(AUTO) == "explicit"
     found = {}
     for part in ("explicit", "whole"):
-        monkeypatch.setattr(runtime, "part_for", lambda _, part=part: part)
+        monkeypatch.setattr(runtime, "part_for", lambda *_, part=part: part)
         try:
             found[part] = ncgen.simulate(robot, 0.01, formalism=_formalism(name), integrator=name, max_step=1e-3, points=3, engine="c").q
         except ncgen.NcgenError as error:
@@ -52,6 +67,25 @@ def test_explicit_methods_have_the_same_bits_in_both_and_others_are_refused(name
         assert np.array_equal(found["explicit"], found["whole"])
     else:
         assert isinstance(found["explicit"], str) and not isinstance(found["whole"], str)
+
+
+@pytest.mark.parametrize(("name", "part"), [("dop853", "ordinary"), ("radau", "stiff")])
+def test_a_small_part_has_the_bits_of_the_whole(name, part, robot, monkeypatch):
+    assert runtime.part_for(name, is_emitted=True) == part
+    found = []
+    for taken in (part, "whole"):
+        monkeypatch.setattr(runtime, "part_for", lambda *_, taken=taken: taken)
+        found.append(ncgen.simulate(robot, 0.1, formalism="lagrange", integrator=name, points=3, engine="auto"))
+    assert {run.engine for run in found} == {"emitted"} and np.array_equal(found[0].q, found[1].q)
+
+
+@pytest.mark.parametrize(
+    "given", [{"formalism": "coordinate-partitioning"}, {"formalism": "lagrange", "integrator": "rattle", "max_step": 0.01}]
+)
+def test_a_small_part_refuses_what_it_has_not(given, robot, monkeypatch):
+    monkeypatch.setattr(runtime, "part_for", lambda *_: "ordinary")
+    with pytest.raises(ncgen.NcgenError):
+        ncgen.simulate(robot, 0.1, engine="c", **given)
 
 
 def _formalism(integrator: str) -> str:

@@ -27,6 +27,20 @@ ARM = """<robot name="arm"><link name="base"/><link name="tool0"/><link name="ra
 </joint>
 <joint name="t" type="fixed"><parent link="hand"/><child link="tool0"/><origin xyz="0 0.1 0.2" rpy="1.5 0.3 -0.2"/></joint></robot>"""
 
+LINKAGE = (
+    ARM.removesuffix("</robot>")
+    + """<link name="pin"/><link name="tip"/>
+<link name="crank"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link>
+<link name="rod"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/></inertial></link>
+<joint name="d" type="continuous"><parent link="rail"/><child link="crank"/><origin xyz="0.2 0.8 0.1" rpy="0.5 0 0.3"/><axis xyz="1 0 0"/>
+</joint><joint name="p" type="fixed"><parent link="crank"/><child link="pin"/><origin xyz="0.1 0.2 0" rpy="0 1 0"/></joint>
+<joint name="e" type="continuous"><parent link="hand"/><child link="rod"/><origin xyz="0.1 0 0.05" rpy="0 0.4 0"/><axis xyz="0 1 0"/>
+</joint><joint name="q" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="0.5 0 0.1" rpy="1 2 3"/></joint></robot>"""
+)
+"""The arm with a link more, whose tip a crank carries."""
+
+CLOSING = '[[connect]]\nparent_frame = "pin"\nchild_frame = "tip"\n'
+
 TOLERANCE = 1e-11
 
 
@@ -124,8 +138,47 @@ def test_a_frame_that_rests_and_one_that_is_not_there(space):
         space.frame("tool0").jacobian(q, "body")
 
 
+DIFFERENCES = {1: 672.0, 2: -168.0, 3: 32.0, 4: -3.0}
+"""Of a central difference of eighth order, times 840 steps (Fornberg, Mathematics of Computation 51, 1988, table 1)."""
+
+
+@pytest.fixture(scope="module", params=["fourbar", "linkage"])
+def loops(request, tmp_path_factory):
+    """Joint space of a mechanism with loops, from a file: a planar one, and one in space with frames that are turned."""
+    path = Path(__file__).parent / "fourbar.sdf"
+    if request.param != path.stem:
+        path = tmp_path_factory.mktemp("loops") / "linkage.urdf"
+        path.write_text(LINKAGE)
+        path.with_suffix(".loops.toml").write_text(CLOSING)
+    return ncgen.joint_space(ncgen.compile(ncgen.load(path), "numpy"))
+
+
+@pytest.mark.parametrize("reference", ["world-aligned", "local", "world"])
+def test_frames_in_loops_move_as_differences_say(loops, reference):
+    """Velocity and the Jacobian's derivative where the independent joints turn at constant rates."""
+    rng, step = np.random.default_rng(3), 0.01
+    v = rng.normal(size=loops.n)
+    x = loops.values(loops.kernels.q0) + rng.uniform(-0.1, 0.1, loops.n)
+    q, around = loops.placed(x), {k: loops.placed(x + k * step * v) for k in range(-4, 5)}
+    for name in loops.kernels.model.frames:
+        found = loops.frame(name)
+
+        def rate(what):
+            return sum(factor * (what(around[k]) - what(around[-k])) for k, factor in DIFFERENCES.items()) / (840 * step)
+
+        turn, position = found.pose(q)
+        spin = rate(lambda at, found=found: found.pose(at)[0]) @ turn.T
+        turning, along = np.array([spin[2, 1], spin[0, 2], spin[1, 0]]), rate(lambda at, found=found: found.pose(at)[1])
+        twist = {"world-aligned": along, "local": turn.T @ along, "world": along - np.cross(turning, position)}[reference]
+        expected = np.concatenate([twist, turn.T @ turning if reference == "local" else turning])
+        np.testing.assert_allclose(found.velocity(q, v, reference), expected, atol=1e-11)
+        np.testing.assert_allclose(found.jacobian(q, reference) @ v, expected, atol=1e-11)
+        expected = rate(lambda at, found=found: found.jacobian(at, reference))
+        np.testing.assert_allclose(found.jacobian_derivative(q, v, reference), expected, atol=1e-11 * max(1.0, np.max(np.abs(expected))))
+
+
 def test_a_joint_that_is_driven_carries_its_frames(space, tmp_path):
-    """The arm's first joint turns at 2 rad/s whatever the others do: the velocity is that of the arm that moves freely."""
+    """The arm's first joint turns at 2 rad/s whatever the others do: the motion is that of the arm that moves freely."""
     (tmp_path / "arm.urdf").write_text(ARM)
     model = ncgen.load(tmp_path / "arm.urdf")
     model.drive(model.elements["a"], 2.0 * model.time)
@@ -136,6 +189,9 @@ def test_a_joint_that_is_driven_carries_its_frames(space, tmp_path):
         found = driven.frame("tool0").velocity(q, [0.3, -0.7], reference)
         expected = space.frame("tool0").velocity(space.position({"b": 0.1, "c": 0.4}), [2.0, 0.3, -0.7], reference)
         np.testing.assert_allclose(found, expected, atol=1e-12)
+        found = driven.frame("tool0").jacobian_derivative(q, [0.3, -0.7], reference)
+        expected = space.frame("tool0").jacobian_derivative(space.position({"b": 0.1, "c": 0.4}), [2.0, 0.3, -0.7], reference)
+        np.testing.assert_allclose(found, expected[:, 1:], atol=1e-12)
 
 
 @pytest.mark.slow

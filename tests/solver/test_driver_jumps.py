@@ -352,6 +352,20 @@ def test_a_stepper_refuses_positions_that_jump():
     assert sim.t == 0.0
 
 
+def test_a_state_that_goes_on_alone_takes_the_recursion(monkeypatch):
+    """As `simulate` does by default: the matrix would cost more and round more."""
+    engines = []
+
+    def simulate(*args, **options):
+        run = ncgen.simulate(*args, **options)
+        engines.append(run.engine)
+        return run
+
+    monkeypatch.setattr("ncgen.solver.motions.batch.simulate", simulate)
+    batch = ncgen.simulate_batch(kernels_of("parameter"), 2.0, zd0={"phi": TURNING}, p={"begin": np.array([1.0])})
+    assert batch.alone.all() and engines == ["emitted"]
+
+
 @pytest.mark.parametrize("integrator", ["dopri5", "dop853", "rk4"])
 def test_states_of_a_batch_take_the_impulse(integrator):
     """Each at a time of its own; those without a jump in the run go in lanes, with the bits that they have alone."""

@@ -55,7 +55,7 @@ def test_a_file_says_what_python_says(place, found):
     ]
     for _ in range(2):
         done = CliRunner().invoke(app, arguments)
-        assert done.exit_code == 0 and "swing: 12 of 12 variants arrived" in done.output
+        assert done.exit_code == 0 and "swing: 12 of 12 variants completed" in done.output
     again = ncgen.read(place / "out")
     assert all(np.array_equal(again[name], found[name]) for name in found.keys())
     assert (place / "map.png").stat().st_size > 10_000

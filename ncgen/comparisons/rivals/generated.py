@@ -21,7 +21,7 @@ from ncgen.program.assemble import EMISSIONS
 from ncgen.program.ir.cost import cost
 from ncgen.report.clock import Run, repeated
 from ncgen.report.repeat import Call, runner, typed_runner
-from ncgen.toolchain import cache
+from ncgen.toolchain import cache, compilers
 from ncgen.toolchain.abi import NUMBERS
 
 STATES = 1000
@@ -51,7 +51,7 @@ def emissions(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]
         programs = kernels.programs.programs
         functions = {name: Call(kernels.function(name), programs[name].size, kernels) for name in programs}
         rival = compiled(f"generated C, {emission}", functions, inputs, names)
-        built = cache.compiled(sources.c)
+        built = cache.compiled(sources.c, compilers.flags_for(sources.c))
         operations = {name: cost(program).total for name, program in programs.items()}
         code = code_bytes(built.library, prefix_of(model.name), names)
         found.append(replace(rival, generation=generation, compilation=built.spent, operations=operations, code=code))

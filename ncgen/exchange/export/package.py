@@ -89,7 +89,7 @@ class Package:
     @cached_property
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
-        runtime = runtime_files(*HEADERS, *needed_by(RUNTIME, defined=WITHOUT_TABLES), defined=WITHOUT_TABLES)
+        runtime = runtime_files(*HEADERS, *needed_by(RUNTIME, defined=(WITHOUT_TABLES,)), defined=(WITHOUT_TABLES,))
         files = self.sources.c | self.recursion | runtime
         records = self.records | self._described
         files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **records) for kind in "hc"}

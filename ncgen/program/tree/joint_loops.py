@@ -5,6 +5,7 @@ With x = R v + S ν for all rates of the tree (`ncgen.program.tree.recursion`) m
     joint_position(t, x, p)  -> q where the joints have displacements x and coordinates of no joint the values x, loops open, and
                                 what x changes by in a step of Newton's method that closes them and leaves the independent ones
     joint_spread(t, q, p)    -> R row by row, and S ν
+    joint_spread_rate(t, q, v, p) -> how R changes with time at rates v of the independent joints, row by row
 
 joint_screws and joint_momenta are those of the joints' rates, of which R makes those of the independent ones.
 """
@@ -19,6 +20,7 @@ import numpy as np
 from ncgen.program.algebra.elimination import dot
 from ncgen.program.assemble import KERNELS
 from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.inlined import inlined
 from ncgen.program.ir.sampling import Sample
@@ -84,8 +86,18 @@ class JointLoops(Recursion):
     def spread_over_rates(self) -> Program:
         numbers = {i: row.source for i, row in enumerate(self.rows) if isinstance(row.source, int)}
         particular = self.particular({i: self.nu[number] for i, number in numbers.items() if number in self.nu})
-        spread = [column.get(k, self.zero) for k in range(self.rates.count) for column in self.R]
-        return self._program("spread", POSITION, [*spread, *(particular.get(k, self.zero) for k in range(self.rates.count))])
+        return self._program("spread", POSITION, [*self._entries, *(particular.get(k, self.zero) for k in range(self.rates.count))])
+
+    def spread_rate(self) -> Program:
+        graph = self.graph
+        direction = {graph.load("q", c): rate for c, rate in enumerate(self.lines.rates)} | {graph.load("t", 0): self.one}
+        found = tangent(graph, self._entries, direction)
+        return self._program("spread_rate", MOVING, [found.get(node, self.zero) for node in self._entries])
+
+    @cached_property
+    def _entries(self) -> list[int]:
+        """R row by row."""
+        return [column.get(k, self.zero) for k in range(self.rates.count) for column in self.R]
 
     def mass(self) -> Program:
         return self._program("mass", POSITION, [dot(self.graph, self.R[i], self._HR[j]) for i in range(len(self.R)) for j in range(i + 1)])
@@ -232,4 +244,5 @@ MADE = {
     ),
     "slopes": (JointLoops.inverse_tangent, JointLoops.loads_tangent),
     "regressor": (JointLoops.regressor,),
+    "spread": (JointLoops.spread_rate,),
 }

@@ -43,8 +43,8 @@ ACCELERATED = ("t", "q", "v", "a", "p")
 DIRECTION = ("dx", "dv")
 """What programs take: a position, rates and accelerations, and directions of joints and rates."""
 
-Made: TypeAlias = Literal["basics", "slopes", "regressor"]
-"""Which programs are made: tangents, the regressor, or all others."""
+Made: TypeAlias = Literal["basics", "slopes", "regressor", "spread"]
+"""Which programs are made: tangents, the regressor, how the spread over rates changes (of loops alone), or all others."""
 
 Followed = Mapping[int, tuple[int, float]]
 """{coordinate: (rate, share)} of relative coordinates that follow a joint: the coordinate's rate is `share` times that of the screw, and
@@ -222,4 +222,5 @@ MADE = {
     "basics": (_Basics.position, _Basics.screws, _Basics.mass, _Basics.inverse, _Basics.loads, _Basics.momenta),
     "slopes": (_Basics.inverse_tangent, _Basics.loads_tangent),
     "regressor": (_Basics.regressor,),
+    "spread": (),
 }

@@ -2,7 +2,6 @@
 #include "ncgen_implicit_run.h"
 #ifndef NCGEN_EXPLICIT_ONLY
 #include "ncgen_method.h"
-#include "ncgen_steppers.h"
 
 int ncgen_implicit_run_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit_parts *parts)
 {

@@ -5,9 +5,9 @@
 
 #include "ncgen_grid.h"
 #ifndef NCGEN_EXPLICIT_ONLY
-#include "ncgen_correction.h"
 #include "ncgen_implicit.h"
 #include "ncgen_jacobian.h"
+#include "ncgen_steppers.h"
 
 typedef struct ncgen_implicit_parts {
     ncgen_slopes slopes;

@@ -7,7 +7,9 @@
  */
 #include "ncgen_constrained.h"
 #include "ncgen_jacobian.h"
+#ifndef NCGEN_WITHOUT_PARTITIONING
 #include "ncgen_partitioning.h"
+#endif
 
 void ncgen_slopes_layout(ncgen_run *r, ncgen_slopes *w)
 {
@@ -100,6 +102,7 @@ static void find_change(const ncgen_run *r)
     add_product(&tangents->phidd_qd_pattern, w->phidd_qd, w->dqd, -1, w->change + r->n);
 }
 
+#ifndef NCGEN_WITHOUT_PARTITIONING
 /* Coordinate partitioning -------------------------------------------------------------------------------------- */
 
 /* dzdd = (R'M R)^-1 R'(change of forces - M b), where b is what the rows demand of the dependent accelerations. */
@@ -188,6 +191,7 @@ int ncgen_partitioning_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncg
     return NCGEN_OK;
 }
 
+#endif
 /* All coordinates ---------------------------------------------------------------------------------------------- */
 
 /* dqdd of one change dq, dqd, with the terms that Baumgarte's stabilisation adds to the rows. */

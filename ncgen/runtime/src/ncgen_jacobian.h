@@ -14,8 +14,12 @@ typedef struct ncgen_slopes {
 } ncgen_slopes;
 
 void ncgen_slopes_layout(ncgen_run *r, ncgen_slopes *w);
-int ncgen_partitioning_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *jacobian);
 int ncgen_constrained_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *jacobian);
+#ifndef NCGEN_WITHOUT_PARTITIONING
+int ncgen_partitioning_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *jacobian);
+#else
+#define ncgen_partitioning_jacobian ncgen_constrained_jacobian
+#endif
 int ncgen_find_tangents(ncgen_run *r, ncgen_scalar t); /* stiffness and damping at r->q, r->qd and qdd, lam of r->slopes */
 
 #endif

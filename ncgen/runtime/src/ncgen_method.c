@@ -40,6 +40,18 @@ int ncgen_is_possible(const ncgen_model *model, const ncgen_dynamics *dynamics, 
     if (ncgen_is_stepper(options) || ncgen_is_implicit(options))
         return 0;
 #endif
+#ifdef NCGEN_WITHOUT_STEPPERS
+    if (ncgen_is_stepper(options))
+        return 0;
+#endif
+#ifdef NCGEN_WITHOUT_PARTITIONING
+    if (partitioned)
+        return 0;
+#endif
+#ifdef NCGEN_WITHOUT_TABLES
+    if (!partitioned && dynamics->tree && !dynamics->motion)
+        return 0;
+#endif
     if ((model->n_rows && !model->phi) || options->method < 0 || options->method >= N_METHODS)
         return 0;
     if (options->formalism < 0 || options->formalism >= N_FORMALISMS)

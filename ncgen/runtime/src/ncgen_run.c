@@ -2,8 +2,14 @@
 #include "ncgen_explicit.h"
 #include "ncgen_implicit_run.h"
 #include "ncgen_method.h"
-#include "ncgen_partitioning.h"
 #include "ncgen_projection.h"
+#ifndef NCGEN_WITHOUT_PARTITIONING
+#include "ncgen_partitioning.h"
+#else /* runs are those of formalisms over all coordinates */
+typedef int ncgen_partitioning;
+#define ncgen_partitioning_layout(r, w) ((void)(w))
+#define ncgen_partitioning_begin(r, velocities) ((void)(velocities))
+#endif
 
 typedef struct parts {
     ncgen_partitioning partitioning;

@@ -4,6 +4,7 @@
 #include "ncgen_method.h"
 #include "ncgen_projection.h"
 #include "ncgen_steppers.h"
+#ifndef NCGEN_WITHOUT_STEPPERS
 
 void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
 {
@@ -125,3 +126,5 @@ int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     }
     return status;
 }
+
+#endif

@@ -8,16 +8,9 @@ ncgen_real *ncgen_take(ncgen_space *space, int count)
     return part;
 }
 
-void ncgen_copy(int count, const ncgen_real *from, ncgen_real *to)
+void ncgen_copy(int count, const ncgen_real *NCGEN_RESTRICT from, ncgen_real *NCGEN_RESTRICT to)
 {
-    int i = 0;
-    for (; i + 3 < count; i += 4) { /* four at a time, also where no compiler unrolls, and without a call of memcpy */
-        to[i] = from[i];
-        to[i + 1] = from[i + 1];
-        to[i + 2] = from[i + 2];
-        to[i + 3] = from[i + 3];
-    }
-    for (; i < count; ++i)
+    for (int i = 0; i < count; ++i)
         to[i] = from[i];
 }
 

@@ -15,7 +15,7 @@ typedef struct ncgen_space {
 
 ncgen_real *ncgen_take(ncgen_space *space, int count);
 
-void ncgen_copy(int count, const ncgen_real *from, ncgen_real *to);
+void ncgen_copy(int count, const ncgen_real *NCGEN_RESTRICT from, ncgen_real *NCGEN_RESTRICT to);
 ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b);
 int ncgen_is_finite(int count, const ncgen_real *x);  /* is no number infinite or none at all? */
 ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *sizes); /* |x| over its size; not a number if one is not */

@@ -15,6 +15,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, NcgenError
 from ncgen.mechanism import recall
+from ncgen.mechanism.functions import Functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.ir.blocks import Program
@@ -134,6 +135,16 @@ class JointsInLoops(JointSpace):
     def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found, count = self._of("joint_spread", q), len(self.sizes)
         return found[..., :-count].reshape(*found.shape[:-1], count, self.n), found[..., -count:]
+
+    def _spread_rate(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        found = self._spread_functions("joint_spread_rate", 0.0, q, v, self.p)
+        return found.reshape(*found.shape[:-1], len(self.sizes), self.n)
+
+    @cached_property
+    def _spread_functions(self) -> Functions:
+        return self._functions_of(
+            "spread", {"joint_spread_rate": ("t", "q", "v", "p")}, lambda: {"joint_spread_rate": len(self.sizes) * self.n}
+        )
 
     def _momenta(self, q: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         mass, first, matrix = super()._momenta(q)

@@ -216,6 +216,10 @@ class JointSpace(ABC):
         """R (…, rates of the tree, n) and what its rates are where those of the joints are 0 (…, rates of the tree)."""
 
     @abstractmethod
+    def _spread_rate(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """How R changes with time at rates v of the joints (…, rates of the tree, n)."""
+
+    @abstractmethod
     def _own(self) -> Mapping[int, int]:
         """{coordinate of no body: number of its rate among the tree's}."""
 
@@ -529,6 +533,9 @@ class JointsOfTree(JointSpace):
 
     def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.eye(self.n), np.zeros(self.n)
+
+    def _spread_rate(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.zeros((self.n, self.n))
 
     def _own(self) -> Mapping[int, int]:
         return {c: k for c, (k, _) in self.followed.items()}

@@ -42,6 +42,7 @@ class LinkFrame:
         self.body = self._initial.body
         links = space.tree.links
         self._link = next((number for number, link in enumerate(links) if link.body.name == self.body), None)
+        self._path = [] if self._link is None else list(space.tree.paths[self._link])
 
     def __repr__(self) -> str:
         return f"<LinkFrame {self.name} on {self.body}>"
@@ -69,14 +70,12 @@ class LinkFrame:
         return self._moved(q, rates[..., None], reference)[..., 0]
 
     def jacobian_derivative(self, q: ArrayLike, v: ArrayLike, reference: Reference = "world-aligned") -> np.ndarray:
-        """How the Jacobian changes with time (…, 6, n) at rates v (…, n). Of open trees.
+        """How the Jacobian changes with time (…, 6, n) at rates v (…, n).
 
         Screws (u, r × u) are of second degree in natural coordinates, so their central difference along a motion is their derivative for
-        any step, to rounding. Raises ModelError where loops are closed.
+        any step, to rounding. Where loops are closed the rates of the tree for those of the independent joints change, too.
         """
         space, reference = self.space, self._checked(reference)
-        if space.why:
-            raise ModelError(f"{space.kernels.name}, frame {self.name}: the Jacobian's derivative is for open trees; {space.why}")
         q, v = space._array(q), space._over_rates(v, "v")
         rates = space.velocities(q, v)
         step = 1.0 / np.maximum(1.0, np.max(np.abs(rates), axis=-1, keepdims=True))
@@ -94,19 +93,17 @@ class LinkFrame:
             spin = self.velocity(q, v)[..., 3:, None]
             parts = (now[..., :3, :], now[..., 3:, :])
             halves = [back @ (half - np.cross(spin, part, axis=-2)) for half, part in zip(halves, parts, strict=True)]
-        return np.concatenate(halves, axis=-2)
+        return np.concatenate(halves, axis=-2) + self._moved(q, space._spread_rate(q, v)[..., self._path, :], reference)
 
     def _screws(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Velocity of what is at the global origin, and angular velocity, of the joints that carry the frame (…, k, 3)."""
-        path = [] if self._link is None else self.space.tree.paths[self._link]
-        screws = self.space.screws(q)[..., path, :]
+        screws = self.space.screws(q)[..., self._path, :]
         return screws[..., 3:], screws[..., :3]
 
     def _rates(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rates of the joints that carry the frame for those of the space (…, k, n), and where these are 0 (…, k)."""
-        path = [] if self._link is None else self.space.tree.paths[self._link]
         spread, drift = self.space._spread(q)
-        return spread[..., path, :], drift[..., path]
+        return spread[..., self._path, :], drift[..., self._path]
 
     def _moved(self, q: np.ndarray, rates: np.ndarray, reference: Reference) -> np.ndarray:
         """Velocity of the origin and angular velocity (…, 6, m) at m rates of each joint that carries the frame (…, k, m)."""

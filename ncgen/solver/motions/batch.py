@@ -20,7 +20,7 @@ from ncgen.solver.given import checked_kernels, finite, names_of, truth
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import BatchGiven, Choice, States, those_in_lanes
 from ncgen.solver.positions.position import TOLERANCE
-from ncgen.solver.runs.run import Run, count
+from ncgen.solver.runs.run import COMPILED, Run, count
 from ncgen.solver.runs.signals import Signal
 from ncgen.solver.runs.telling import Told, telling
 from ncgen.solver.runs.tolerances import Tolerances
@@ -338,7 +338,7 @@ class _Batch:
         done, states = self.done, self.states
         start = dict(q0=states.q[i], zd0=states.zd[i], p=states.p[i], z=states.choice.names)
         try:
-            run = simulate(self.kernels, duration, engine="c", **start, **options)  # in Python a hopeless state takes very long
+            run = simulate(self.kernels, duration, engine=COMPILED, **start, **options)  # in Python a hopeless state takes very long
         except NcgenError as error:
             return str(error)
         except (ArithmeticError, np.linalg.LinAlgError) as error:

@@ -52,7 +52,8 @@ from ncgen.solver.runs.signals import Signal, Signals, signals_of
 from ncgen.solver.runs.stop import Stop, stop_at
 from ncgen.solver.runs.telling import Told, check_told
 
-ENGINES = (AUTO, "c", "emitted", "refined", "python")
+COMPILED = "compiled"
+ENGINES = (AUTO, COMPILED, "c", "emitted", "refined", "python")
 EMITTED: tuple[Literal["emitted"], Literal["refined"]] = ("emitted", "refined")
 """Engines for which the state derivative is written out for a mechanism."""
 
@@ -245,8 +246,8 @@ class Run:
                 f"engine {self.engine!r}: a state derivative is emitted for coordinate-partitioning, not for {self.formalism.name}"
             )
         named = self.integrator
-        if named is not None and not named.in_c and (self.engine in ("c", *EMITTED) or self.number != "double"):
-            what = f"engine {self.engine!r}" if self.engine in ("c", *EMITTED) else f"number {self.number!r}"
+        if named is not None and not named.in_c and (self.engine in (COMPILED, "c", *EMITTED) or self.number != "double"):
+            what = f"engine {self.engine!r}" if self.engine in (COMPILED, "c", *EMITTED) else f"number {self.number!r}"
             raise ModelError(f"{what}: {named.name} runs in Python; in C there are {', '.join(in_c(INTEGRATORS))}")
         if self.engine == "python" and self.number != "double":
             raise ModelError(f"number {self.number!r}: Python computes with doubles; leave out engine='python'")
