@@ -41,6 +41,13 @@ def written(value: object) -> str:
     return " ".join(text.split())
 
 
+def counted(count: int, one: str) -> str:
+    """Return a number with its noun: `1 row`, `2 bodies`, `3 degrees of freedom`; one: the singular, whose plural is regular."""
+    noun, of, rest = one.partition(" of ")
+    many = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
+    return f"{count} {noun if count == 1 else many}{of}{rest}"
+
+
 class NcgenError(Exception):
     """Anything ncgen refuses to do, in one line. `exit_code` is what the command line returns."""
 

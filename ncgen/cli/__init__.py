@@ -11,7 +11,7 @@ import os
 import sys
 import warnings
 from shutil import get_terminal_size
-from typing import Annotated
+from typing import Annotated, Any
 
 # Kernels are small: threads inside linear algebra would only get in each other's way.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -21,7 +21,11 @@ import typer  # noqa: E402
 from ncgen import __version__  # noqa: E402
 from ncgen.cli import files, measuring, models, studies, watching  # noqa: E402
 from ncgen.cli.terminal import err, out  # noqa: E402
+from ncgen.cli.wording import in_options  # noqa: E402
 from ncgen.errors import CompileError, NcgenError  # noqa: E402
+
+UsageProblem: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
+"""What typer raises for a wrong command line; versions of typer differ in the module that it is from."""
 
 NARROW = 70
 """Columns of a terminal below which help is plain text: a table of four columns would cut the names of options."""
@@ -42,7 +46,7 @@ GROUPS = {
 
 for panel, commands in GROUPS.items():
     for name, command in commands.items():
-        app.command(name, rich_help_panel=panel)(command)
+        app.command(name, rich_help_panel=panel)(in_options(command))
 
 
 def _print_version(asked: bool) -> None:
@@ -67,7 +71,7 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")  # a terminal without Greek letters reads their numbers
     try:
         try:
-            app(prog_name="ncgen")
+            code = app(prog_name="ncgen", standalone_mode=False)
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()
@@ -87,9 +91,24 @@ def main() -> None:
     except NcgenError as error:
         err.print(f"ncgen: {error}", markup=False)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
+    except UsageProblem as error:
+        err.print(_usage(error), markup=False)
+        sys.exit(getattr(error, "exit_code", 2))
+    except typer.Abort:
         err.print("ncgen: stopped")
         sys.exit(130)
+    if code:
+        sys.exit(code)
+
+
+def _usage(error: Any) -> str:
+    """Return the line about a wrong command line; without any words there is help instead."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        return error.format_message()
+    context = getattr(error, "ctx", None)
+    words = " ".join(error.format_message().split()).rstrip(".")
+    where = context.command_path if context is not None else "ncgen"
+    return f"ncgen: {words[:1].lower()}{words[1:]}; `{where} --help` lists what there is"
 
 
 def _give_up_output() -> None:

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from ncgen.cli.completion import words_of
-from ncgen.cli.terminal import RESULTS, ROBOTS, Floating, Having, ModelName, err, of_robots, out, progress, show
-from ncgen.errors import ModelError
+from ncgen.cli.terminal import RESULTS, ROBOTS, Floating, Having, ModelName, err, of_robots, out, progress, show, writable
+from ncgen.errors import ModelError, counted
 from ncgen.exchange.export import targets
 
 
@@ -34,9 +34,10 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="a model fil
     for problem in problems:
         err.print(problem, markup=False)
     if model is None or problems:
-        raise ModelError(f"{file.name}: {len(problems)} problem{'s' if len(problems) > 1 else ''}")
+        raise ModelError(f"{file.name}: {counted(len(problems), 'problem')}")
     sources_of(model)
-    out.print(f"{file.name}: {len(model.components)} coordinates, {len(model.rows)} rows, {len(model.bodies)} bodies", markup=False)
+    counts = [counted(len(found), what) for found, what in ((model.components, "coordinate"), (model.rows, "row"), (model.bodies, "body"))]
+    out.print(f"{file.name}: {', '.join(counts)}", markup=False)
 
 
 def convert(
@@ -53,6 +54,7 @@ def convert(
     from ncgen.exchange.toml_writer import to_toml
     from ncgen.files import write_text
 
+    writable("--output", output, (".toml", *WRITTEN), new_folder=True)
     loaded = load(model, **of_robots(floating, having))
     suffix = output.suffix.lower() if output else ""
     text = robot_text(loaded, suffix) if suffix in WRITTEN else to_toml(loaded)
@@ -100,9 +102,9 @@ def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all compil
     from ncgen.toolchain import cache as store
 
     if clear:
-        out.print(f"{store.clear()} libraries removed from {store.cache_folder()}", markup=False)
+        out.print(f"{counted(store.clear(), 'library')} removed from {store.cache_folder()}", markup=False)
         return
     found = store.entries()
-    out.print(f"{store.cache_folder()}: {len(found)} libraries, {sum(e.size for e in found) / 1e6:.1f} MB", markup=False)
+    out.print(f"{store.cache_folder()}: {counted(len(found), 'library')}, {sum(e.size for e in found) / 1e6:.1f} MB", markup=False)
     for entry in found:
         out.print(f"  {entry.key[:12]}  {', '.join(entry.sources):<24} {entry.size / 1e3:8.0f} kB  {entry.age / 3600:6.1f} h", markup=False)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ncgen.cli.completion import models, words_of
-from ncgen.cli.terminal import PICTURES, RESULTS, Json, ModelName, out, progress, show, tell, writable
+from ncgen.cli.terminal import PAGES, PICTURES, RESULTS, Json, ModelName, out, progress, show, tell, writable
 from ncgen.errors import ModelError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def bench(
     ],
     files: Annotated[list[Path] | None, typer.Argument(help="after the word robots: robots' files, or folders with such files")] = None,
     precision: Annotated[bool, typer.Option("--precision", help="simulate by every method and print error against time")] = False,
-    limit: Annotated[float | None, typer.Option(help="with robots: time limit of a file, in seconds [default: 120]")] = None,
+    limit: Annotated[float | None, typer.Option(min=0.0, help="with robots: time limit of a file, in seconds [default: 120]")] = None,
     html: Annotated[
         Path | None, typer.Option(help="with --precision: write a report into this file [default: no report]", rich_help_panel=RESULTS)
     ] = None,
@@ -41,7 +41,7 @@ def bench(
     from ncgen.comparisons.bench import bench as measurements
     from ncgen.exchange.examples import load
 
-    writable("--html", html)
+    writable("--html", html, PAGES)
     writable("--plot", plot, PICTURES)
     if model == "robots":
         _robots(files or [], limit, json_output)
@@ -147,7 +147,7 @@ def compare(
 
 def check_reports(html: Path | None, plot: Path | None, csv: Path | None) -> None:
     """Refuse what cannot be written before anything is measured."""
-    for option, path, suffixes in (("--html", html, ()), ("--plot", plot, PICTURES), ("--csv", csv, ())):
+    for option, path, suffixes in (("--html", html, PAGES), ("--plot", plot, PICTURES), ("--csv", csv, (".csv",))):
         writable(option, path, suffixes)
 
 
@@ -190,7 +190,7 @@ def hard(
         list[str] | None,
         typer.Option(help="a case; may be repeated [default: all cases]", autocompletion=words_of("ncgen.comparisons.hard_cases", "CASES")),
     ] = None,
-    limit: Annotated[float, typer.Option(help="time limit of a run, in seconds")] = 20.0,
+    limit: Annotated[float, typer.Option(min=0.0, help="time limit of a run, in seconds")] = 20.0,
     json_output: Json = False,
 ) -> None:
     """Benchmark all methods on difficult mechanisms: error, drift and time, or why a method fails.

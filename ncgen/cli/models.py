@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ncgen.cli.assignments import assigned, beside_its_own
-from ncgen.cli.completion import words_of
+from ncgen.cli.completion import coordinates, parameters, stops, words_of
 from ncgen.cli.terminal import METHOD, MOTION, RESULTS, Backend, Emission, Floating, Having, Json, ModelName, err, of_robots, out, progress
 from ncgen.errors import Interrupted
 
@@ -98,16 +98,23 @@ def run(
     duration: Annotated[float | None, typer.Option(help="seconds to simulate [default: the model's]", rich_help_panel=MOTION)] = None,
     param: Annotated[
         list[str] | None,
-        typer.Option(help="value of a parameter, as k=3; may be repeated [default: the model's]", rich_help_panel=MOTION),
+        typer.Option(
+            help="value of a parameter, as k=3; may be repeated [default: the model's]", autocompletion=parameters, rich_help_panel=MOTION
+        ),
     ] = None,
     velocity: Annotated[
         list[str] | None,
-        typer.Option(help="initial velocity of a coordinate, as psi1=2.5; may be repeated [default: the model's]", rich_help_panel=MOTION),
+        typer.Option(
+            help="initial velocity of a coordinate, as psi1=2.5; may be repeated [default: the model's]",
+            autocompletion=coordinates,
+            rich_help_panel=MOTION,
+        ),
     ] = None,
     stop: Annotated[
         str | None,
         typer.Option(
             help="end where a coordinate passes a value: psi=1.2, psi=1.2,rising or rate(psi)=0 [default: the model's]",
+            autocompletion=stops,
             rich_help_panel=MOTION,
         ),
     ] = None,

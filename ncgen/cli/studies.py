@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from ncgen.cli.terminal import PICTURES, RESULTS, Json, err, out, show, timed, writable
+from ncgen.errors import counted
 
 PROCESSORS = "Processors"
 """Panel of `--help`."""
@@ -57,7 +58,7 @@ def study(
     writable("--table", table, (".csv", ".parquet"))
     asked, folder = read_study(file), output or Path(f"{file.stem}-study")
     try:
-        with timed(f"{asked.model.name}: {asked.size} variants", asked.size) as advance:
+        with timed(f"{asked.model.name}: {counted(asked.size, 'variant')}", asked.size) as advance:
             result = carry_out(asked, folder, cluster or workers, threads, advance)
     except KeyboardInterrupt:
         kept = f"results so far are in {folder}; the same command resumes the study" if folder.is_dir() else "no results yet"

@@ -72,6 +72,7 @@ Emission = Annotated[
 ]
 
 PICTURES = (".svg", ".png")
+PAGES = (".html", ".htm")
 
 
 def show(lines: Iterable[object]) -> None:
@@ -97,16 +98,26 @@ def of_robots(floating: bool | None, having: list[str] | None) -> dict[str, Any]
     return {"floating": floating, **{word: True for word in JOINTS if word in asked}, "parameters": [w for w in PARAMETERS if w in asked]}
 
 
-def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = ()) -> None:
-    """Refuse a file that cannot be written before the work that it is for is done."""
+def listed(words: Sequence[str]) -> str:
+    """Words of which one is to be chosen: `a, b or c`."""
+    return " or ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = (), new_folder: bool = False) -> None:
+    """Refuse a file that cannot be written, or whose name ends otherwise than its content, before the work that it is for is done.
+
+    new_folder: the folder of the file is made where there is none
+    """
     if path is None:
         return
     if suffixes and path.suffix.lower() not in suffixes:
-        raise ModelError(f"{option} {path}: choose a name that ends in {' or '.join(suffixes)}")
+        raise ModelError(f"{option} {path}: choose a name that ends in {listed(suffixes)}")
     if is_folder(path):
         raise ModelError(f"{option} {path}: that is a folder; name a file in it")
     if is_there(path) and not is_file(path):
         raise ModelError(f"{option} {path}: that is a device or a pipe; name an ordinary file")
+    if new_folder and not is_there(path.parent):
+        return
     if not is_folder(path.parent):
         raise ModelError(f"{option} {path}: there is no folder {path.parent}; make it, or choose another")
     if not os.access(path.parent, os.W_OK):

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.errors import ModelError, NcgenError
+from ncgen.errors import ModelError, NcgenError, counted
 from ncgen.exchange.robots import SUFFIXES
 
 LIMIT = 120.0
@@ -257,4 +257,4 @@ def summary(records: list[dict]) -> Iterator[str]:
             median = round(median) if isinstance(worst, int) else median
             yield f"{NUMBERS[key][0]:>12}: median {_cell(key, median)}, worst {_cell(key, worst)} ({name}) of {len(known)}"
     refused = sum(r["reason"] is not None for r in records)
-    yield f"{len(records)} files, {refused} without a run to the end"
+    yield f"{counted(len(records), 'file')}, {refused} without a run to the end"

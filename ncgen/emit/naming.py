@@ -19,9 +19,9 @@ namespace new noexcept not not_eq nullptr operator or or_eq private protected pu
 static_assert static_cast template this thread_local throw true try typeid typename using virtual wchar_t xor xor_eq
 """.split()
 
-RESERVED = (
-    frozenset(_C_WORDS) | frozenset(keyword.kwlist) | {"t", "q", "qd", "qdd", "lam", "zd", "p", "e", "d", "i", "R", "np", "main", "errno"}
-)
+_ARGUMENTS = {"t", "q", "qd", "qdd", "lam", "zd", "forces", "p", "e", "d", "i", "R", "np", "main", "errno"}
+
+RESERVED = frozenset(_C_WORDS) | frozenset(keyword.kwlist) | _ARGUMENTS
 """Words that no emitted name may take: keywords, and the arguments of the kernels."""
 
 

@@ -7,6 +7,7 @@ import importlib.util
 import inspect
 import traceback
 from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -118,7 +119,9 @@ class _Reader(SourceFileLoader):
 
 
 def _no_such(name: str | Path, path: Path) -> ModelError:
-    missing = f"there is no such file or example; the examples are {', '.join(example_names())}"
+    near = get_close_matches(str(name), example_names(), n=1)
+    advice = f"did you mean {near[0]}? `ncgen list` shows all examples" if near else f"the examples are {', '.join(example_names())}"
+    missing = f"there is no such file or example; {advice}"
     return ModelError(f"{shortened(str(name), SHOWN) or repr('')}: {why_no_file(path, missing) if str(name) else missing}")
 
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import ast
 import math
-import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,6 +22,7 @@ from typing import TYPE_CHECKING
 
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
 from ncgen.exchange.choices import PIECEWISE, compared, piecewise
+from ncgen.exchange.slips import has_unit, repaired
 from ncgen.model.curves import BUILT_IN, STEP, Curve, smooth_step
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import DEEPEST, MOST_DIGITS, MOST_FACTORS, check_expression
@@ -65,7 +65,7 @@ def parse_expression(text: str, known: Collection[str], curves: Mapping[str, Cur
 
     Raises ModelError saying which part is not understood, which name is unknown, or which number is out of bounds.
     """
-    tree, of_all = _tree(text), {**BUILT_IN, **(curves or {})}
+    tree, of_all = _tree(text, known), {**BUILT_IN, **(curves or {})}
     if taken := [name for name in of_all if name in (*FUNCTIONS, *CHOICES, RATE, DRIVER)]:
         raise ModelError(f"curve {taken[0]}: in the expressions of files that is the name of a function; choose another")
     _Measure(text, of_all).size(tree)
@@ -87,11 +87,10 @@ def quoted(text: str) -> str:
     return f"“{shortened(text, SHOWN)}”"
 
 
-def _tree(text: str) -> ast.expr:
+def _tree(text: str, known: Collection[str] = ()) -> ast.expr:
     if len(text) > LONGEST:
         raise ModelError(f"an expression of {len(text)} characters is too long; {LONGEST} are allowed")
-    unit = re.fullmatch(r"\s*[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?\s+[A-Za-z].*", text)
-    if unit:
+    if has_unit(text, known):
         raise ModelError(f"{quoted(text)} has a unit; give the bare number in m, kg, s, N, rad")
     try:
         return ast.parse(text.strip(), mode="eval").body
@@ -100,7 +99,10 @@ def _tree(text: str) -> ast.expr:
     except (SyntaxError, ValueError) as error:
         if "too many nested" in str(error):
             raise ModelError(f"{quoted(text)} has too many parentheses within each other; write it in parts") from None
-        raise ModelError(f"{quoted(text)} is not an expression; write for example 2*L + sin(t)") from None
+        meant = repaired(text)
+        raise ModelError(
+            f"{quoted(text)} is not an expression; write {shortened(meant, SHOWN) if meant else 'for example 2*L + sin(t)'}"
+        ) from None
 
 
 def chain(node: ast.expr, operators: tuple[type[ast.operator], ...]) -> list[tuple[ast.operator | None, ast.expr]]:
@@ -267,7 +269,9 @@ class _Reader:
             return self._call(node)
         name = dotted(node)
         if name is None:
-            raise ModelError(f"{quoted(self.text)}: {quoted(_source(node, self.text))} is not allowed in an expression")
+            meant = repaired(self.text)
+            advice = f"; write {shortened(meant, SHOWN)}" if meant else ""
+            raise ModelError(f"{quoted(self.text)}: {quoted(_source(node, self.text))} is not allowed in an expression{advice}")
         return self._name(name)
 
     def _load(self, node: ast.expr, name: str) -> Expr:
@@ -293,6 +297,8 @@ class _Reader:
         import sympy
 
         function = dotted(node.func)
+        if function is None and (meant := repaired(self.text)):
+            raise ModelError(f"{quoted(self.text)} calls what is no function; write {shortened(meant, SHOWN)}")
         if function == RATE and len(node.args) == 1:
             inner = dotted(node.args[0])
             if isinstance(node.args[0], ast.Call) and dotted(node.args[0].func) == RATE:  # of a rate: an acceleration

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
-from ncgen.exchange.arguments import convert
+from ncgen.exchange.arguments import convert, shown
 from ncgen.exchange.layout import Table, layout
 from ncgen.exchange.text import NotToml, placed, text_of, toml
 from ncgen.exchange.words import head, is_required, signature_of, suggestion, words
@@ -95,10 +95,9 @@ class _Reading:
         top, *tables = [table for table in tables if table.word in data or not table.word]
         with_header = {table.word for table in tables}
         self.model = self._head(top, {key: value for key, value in data.items() if key not in with_header})
-        if self.model is not None:
-            self._tell_all(tables, data)
+        self._tell_all(tables, data)
 
-    def _head(self, top: Table, data: dict) -> Model | None:
+    def _head(self, top: Table, data: dict) -> Model:
         known = head().parameters
         said = {key: value for key, value in data.items() if key in known}
         if "name" not in said:
@@ -108,18 +107,27 @@ class _Reading:
                 self.problems.append(Problem(top.line_of(key), f"{key}: write every table with its own header line, as [[{key}]]"))
             elif key not in said and key != "gravity":
                 self.problems.append(Problem(top.line_of(key), f"{shown_key(key)}: unknown; {self._suggest(key, (*known, 'gravity'))}"))
+        self.model = model = self._begun(top, said)
+        if "gravity" in data:
+            self._gravity(Table("gravity", top.line_of("gravity")), data["gravity"])
+        return model
+
+    def _begun(self, top: Table, said: dict) -> Model:
+        """An empty model; where its name or an option cannot be taken, one without, so that the rest of the file is checked as well."""
         arguments = self._arguments(None, "", top, head(), {"name": "model", **said})
-        if arguments is None:
-            return None
         try:
-            model = Model(*arguments.args, **arguments.kwargs)
+            if arguments is not None:
+                return Model(*arguments.args, **arguments.kwargs)
         except ModelError as error:
             self.problems.append(Problem(top.line_of("name"), str(error)))
-            return None
-        self.model = model
-        if "gravity" in data:
-            self._tell("gravity", Table("gravity", top.line_of("gravity")), {"field": data["gravity"]})
-        return model
+        return Model("model")
+
+    def _gravity(self, table: Table, field: object) -> None:
+        if not isinstance(field, list):
+            shape = "write the field as a list, for example [0, -9.81] in the plane, [0, 0, -9.81] in space"
+            self.problems.append(Problem(table.line, f"gravity: {shown(field)} given; {shape}"))
+        else:
+            self._tell("gravity", table, {"field": field})
 
     def _tell_all(self, tables: list[Table], data: dict) -> None:
         """Tables in the order in which their headers stand in the file, which TOML itself does not keep."""

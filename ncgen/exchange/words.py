@@ -12,6 +12,7 @@ from collections.abc import Collection
 from functools import cache
 
 from ncgen.model import Model
+from ncgen.model.joints import Joints
 from ncgen.model.names import LONGEST_NAME
 
 NOT_IN_FILES = ("callback",)
@@ -19,6 +20,19 @@ NOT_IN_FILES = ("callback",)
 
 INTERNAL = ("Owner", "Owner | None")
 """Annotations of arguments that only the builder itself gives."""
+
+MEANT = {
+    "joint": tuple(name for name, member in vars(Joints).items() if getattr(member, "is_fact", False)),
+    "constraint": ("distance", "angle", "constrain"),
+    **dict.fromkeys(("hinge", "pin"), ("revolute",)),
+    "ball": ("spherical",),
+    "slider": ("slider", "prismatic"),
+    **dict.fromkeys(("weld", "fixed", "lock"), ("rigid",)),
+    **dict.fromkeys(("link", "rod", "mass"), ("body",)),
+    **dict.fromkeys(("damper", "dashpot"), ("spring",)),
+    **dict.fromkeys(("motor", "actuator", "driver"), ("drive", "torque", "force")),
+}
+"""Words of other programs and of textbooks, and those for the same here."""
 
 
 @cache
@@ -50,7 +64,9 @@ def _run_options() -> inspect.Signature:
 
 
 def suggestion(word: str, known: Collection[str]) -> str:
-    """The known word that looks like a mistyped one, or all of them."""
+    """The known word that looks like a mistyped one or means the same elsewhere, or all of them."""
+    if meant := [each for each in MEANT.get(word.lower(), ()) if each in known]:
+        return f"did you mean {'one of ' if len(meant) > 1 else ''}{', '.join(meant)}?"
     near = difflib.get_close_matches(word, known, n=1) if len(word) <= LONGEST_NAME else []
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
 

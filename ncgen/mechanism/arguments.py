@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from ncgen.errors import NcgenError
+from ncgen.errors import NcgenError, counted
 
 if TYPE_CHECKING:
     from ncgen.toolchain.abi import InC, Interface
@@ -95,7 +95,7 @@ def pointer(ffi: Interface, array: np.ndarray | None, kind: str = "double[]", co
         said = f"{array.dtype}, strides {array.strides}" if isinstance(array, np.ndarray) else ""
         raise NcgenError(f"{what}: {type(array).__name__} {said} on its way to C; a contiguous array of {dtype} is needed")
     if count is not None and array.size != count:
-        raise NcgenError(f"{what}: {array.size} numbers on their way to C, which takes {count}")
+        raise NcgenError(f"{what}: {counted(array.size, 'number')} on their way to C, which takes {count}")
     return ffi.from_buffer(kind, array)
 
 

@@ -17,17 +17,19 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ncgen.errors import DomainError, ModelError, NcgenError, shown
+from ncgen.errors import DomainError, ModelError, NcgenError, counted, shown
 from ncgen.mechanism.arguments import constant, numbers
 from ncgen.mechanism.batch import Batch
 from ncgen.mechanism.tangents import Tangents
 from ncgen.model import Model
 from ncgen.model.elements import Length, Point
+from ncgen.model.forces import Callback
 from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate, is_number
 from ncgen.program.ir.blocks import Pattern, Program, Slot
 from ncgen.program.ir.evaluate import evaluate_rows
 from ncgen.program.programs import Programs
+from ncgen.toolchain.preparation import preparing
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -80,7 +82,7 @@ class Kernels(ABC):
         super().__setattr__(name, value)
 
     def __repr__(self) -> str:
-        return f"<Kernels {self.name}: {self.n} coordinates, {self.m} rows, {self.backend}>"
+        return f"<Kernels {self.name}: {counted(self.n, 'coordinate')}, {counted(self.m, 'row')}, {self.backend}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
@@ -119,7 +121,8 @@ class Kernels(ABC):
         """
         known = self._known.setdefault(what, {})
         if key not in known:
-            value = find()
+            with preparing():
+                value = find()
             if most is not None and len(known) >= most:
                 known.clear()
             known[key] = value
@@ -219,7 +222,7 @@ class Kernels(ABC):
         """Parameters (…, n_p), real or complex. Raises NcgenError for others."""
         p = numbers(p, f"{self.name}.{program}: p", complex_too=True)
         if p.shape[-1:] != (len(self.p0),):
-            raise NcgenError(f"{self.name}.{program}: p has shape {p.shape}; the model has {len(self.p0)} parameters")
+            raise NcgenError(f"{self.name}.{program}: p has shape {p.shape}; the model has {counted(len(self.p0), 'parameter')}")
         return p
 
     @cached_property
@@ -272,13 +275,13 @@ class Kernels(ABC):
     def force(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Generalised forces Q, shape (n,): applied ones and velocity-dependent inertia."""
         force = self.values("force", t, q, qd, p)
-        return force + self._called_back(t, q, qd) if self.model.callbacks else force
+        return force + self._finite_external(t, q, qd) if self.model.callbacks else force
 
     def energy(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Kinetic and potential energy (J), and the power (W) of forces without a potential."""
         energy = self.values("energy", t, q, qd, p)
         if self.model.callbacks:
-            energy[..., 2] += self._called_back(t, q, qd) @ qd
+            energy[..., 2] += self._finite_external(t, q, qd) @ qd
         return energy
 
     def energies(self, q: np.ndarray, qd: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -288,17 +291,27 @@ class Kernels(ABC):
             return np.array([self.energy(*instant, p) for instant in instants])
         return np.array([self._call("energy", s, x, v, p, program.size) for x, v, s in instants])
 
-    def _called_back(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike) -> np.ndarray:
-        """Forces of the model's own functions; ModelError naming one that returns something else, DomainError no numbers."""
-        total = np.zeros(self.n)
+    def external_force(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike) -> np.ndarray:
+        """Forces (n,) of the model's own functions, finite or not; ModelError naming a function that returns something else."""
+        total, shape = None, (self.n,)
         for function in self.model.callbacks:
             force = np.asarray(function(t, q, qd, self), dtype=float)
-            shaped = force.shape == (self.n,)
-            if not shaped or not np.all(np.isfinite(force)):
-                name, refused = getattr(function, "__name__", "callback"), DomainError if shaped else ModelError
-                raise refused(f"callback {name}: it must return {self.n} finite numbers, one a free coordinate, at t = {t:g}")
-            total += force
+            if force.shape != shape:
+                raise ModelError(self._refused(function, t))
+            total = force if total is None else total + force
+        return np.zeros(shape) if total is None else total
+
+    def _finite_external(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike) -> np.ndarray:
+        """The same; DomainError naming a function that returns NaN or an infinite number."""
+        total = self.external_force(t, q, qd)
+        if not np.all(np.isfinite(total)):
+            culprit = next((f for f in self.model.callbacks if not np.all(np.isfinite(f(t, q, qd, self)))), self.model.callbacks[0])
+            raise DomainError(self._refused(culprit, t))
         return total
+
+    def _refused(self, function: Callback, t: ArrayLike) -> str:
+        name = getattr(function, "__name__", "callback")
+        return f"callback {name}: it must return {self.n} finite numbers, one a free coordinate, at t = {t:g}"
 
     # -- many states ---------------------------------------------------------------------------
 

@@ -32,9 +32,9 @@ def is_definite(kernels: Kernels) -> bool:
 
 
 def is_conservative(kernels: Kernels) -> bool:
-    """True if nothing does work but forces with a potential: no drivers, and a power that is zero by structure."""
+    """True if nothing does work but forces with a potential: no drivers, no functions of Python, and a power that is zero by structure."""
     programs = kernels.programs.programs
-    if "nu" in programs:
+    if "nu" in programs or kernels.model.callbacks:
         return False
     if "energy" not in programs:
         return True

@@ -36,6 +36,7 @@ from ncgen.emit.runtime import (
 )
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
+from ncgen.mechanism.callbacks import ExternalForces
 from ncgen.mechanism.driving import Driver, Function, Pieces
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
@@ -235,6 +236,9 @@ class Dynamics:
         self._model = self._ffi.cast("const ncgen_model *", descriptor)
         self._arrays: list[np.ndarray] = []
         self._keep({"column_sizes": kernels.column_sizes, "row_sizes": kernels.row_sizes}, self._dynamics, self.number.dtype)
+        self._external = kernels.remember("external forces", (), lambda: ExternalForces(kernels)) if kernels.model.callbacks else None
+        if self._external:
+            self._dynamics.external = self._external.function
         self.has_rolling = len(kernels.holonomic) < kernels.m
         if self.has_rolling:
             rolling = np.ones(kernels.m)
@@ -320,23 +324,26 @@ class Dynamics:
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
         start = self._start(p, q, velocities, options.get("formalism", PARTITIONED))
         pointers = [real(a) for a in (*start, times, out_q, out_qd, out_work, work)]
+        if self._external:
+            self._external.begin()
         status = library.ncgen_simulate(
             self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
             pointer(ffi, integers, "int[]"),
         )  # fmt: skip
         done, s = rows[0], statistics
+        raised = next((each.raised for each in (listener, driver, self._external) if each and each.raised), None)
         return Outcome(
             t=np.asarray(looked[:done], dtype=float),
             q=np.asarray(out_q[:done], dtype=float),
             qd=np.asarray(out_qd[:done], dtype=float),
             work=np.asarray(out_work[:done], dtype=float),
-            status=STATUS[status],
+            status="interrupted" if raised else STATUS[status],
             reached=float(s.t),
             last=(out_q[-1].astype(float), out_qd[-1].astype(float), out_work[-1].astype(float)),
             stopped=bool(s.stopped),
             largest_projection=float(s.largest_projection),
             tried=float(s.tried),
-            raised=listener.raised or (driver.raised if driver else None),
+            raised=raised,
             **{name: getattr(s, name) for name in COUNTS},
         )
 
@@ -394,7 +401,8 @@ class Dynamics:
 
     def _take_tangents(self) -> None:
         """Tangent kernels are compiled when an implicit method first asks for them."""
-        self._dynamics.tangents = self._ffi.cast("ncgen_tangents *", self.kernels.tangents.descriptor)
+        tangents = self._external.tangents if self._external else self.kernels.tangents.descriptor
+        self._dynamics.tangents = self._ffi.cast("ncgen_tangents *", tangents)
 
 
 class DenseDynamics(Dynamics):

@@ -23,17 +23,18 @@ Seen: TypeAlias = tuple[Split, Sequence[Sample]]
 
 
 def motion_source(kernels: Kernels, seen: Callable[[], Seen | None], kind: Literal["motion", "tangent", "adjoint"] = "motion") -> Files:
-    """{file name: text} of the motion of all coordinates by recursion, or of its derivatives; {} where there is none.
+    """{file name: text} of the motion of all coordinates by recursion, or of its derivatives; {} where there is none. Of a model with
+    functions of Python its derivative takes their forces as one more input.
 
     seen: called for independent coordinates of the positions, and typical positions, None where there are none
     """
-    equations = kernels.programs.equations
+    equations, forced = kernels.programs.equations, bool(kernels.model.callbacks)
 
     def assembled() -> MotionPrograms | None:
         from ncgen.program.motions.dynamics import assemble_motion
 
         found = seen()
-        return assemble_motion(equations, *found, kernels.column_sizes) if found else None
+        return assemble_motion(equations, *found, kernels.column_sizes, forced) if found else None
 
     def made() -> Files:
         from ncgen.program.motions.dynamics import differentiated
@@ -42,10 +43,10 @@ def motion_source(kernels: Kernels, seen: Callable[[], Seen | None], kind: Liter
         if programs is None:
             return {}
         if kind == "motion":
-            return motion_files(programs, equations)
+            return motion_files(programs, equations, forced)
         return seeded_files(differentiated(programs, equations, kind), equations, kind)
 
-    return recall.derived(kernels.programs, kind, made)
+    return recall.derived(kernels.programs, f"forced {kind}" if forced else kind, made)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, counted, shown
 from ncgen.model.conditions import Bound, Condition, Moments
 from ncgen.model.elements import AXES, Point, Spatial, Vector
 from ncgen.model.rigid import Frame
@@ -291,7 +291,8 @@ def check_basis(name: str, basis: tuple[Spatial, ...]) -> None:
     points = [e for e in basis if isinstance(e, Point)]
     if not points or len(basis) > LARGEST_BASIS:
         raise ModelError(
-            f"body {name}: {len(points)} points and {len(basis) - len(points)} vectors are no basis for inertia; give one point and "
+            f"body {name}: {counted(len(points), 'point')} and {counted(len(basis) - len(points), 'vector')} are no basis for inertia; "
+            "give one point and "
             "up to three further points and vectors"
         )
     directions = [e.initial - points[0].initial for e in points[1:]] + [e.initial for e in basis if e not in points]

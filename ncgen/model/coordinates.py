@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, counted, shown
 from ncgen.model import arithmetic, curves, measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import own_direction
@@ -140,7 +140,7 @@ class Coordinates(Contents):
         form = check_form(form or self.form)
         start, end, axis = (self._direction(d, f"angle {name}") for d in (start, end, axis))
         if lengths is not None and len(lengths) != 3:
-            raise ModelError(f"angle {name}, lengths: {len(lengths)} numbers given; give those of start, end and axis")
+            raise ModelError(f"angle {name}, lengths: {counted(len(lengths), 'number')} given; give those of start, end and axis")
         if measures.shape(start) == "segment" and measures.shape(end) == "vector":
             # Table 4 has no such code: the same angle is measured from the vector, about the reversed axis.
             start, end, axis = end, start, -axis
@@ -226,7 +226,7 @@ class Coordinates(Contents):
         if len(position) == 2:
             position, fixed = (*position, 0.0), fixed if fixed is True else f"{fixed or ''}z"
         if len(position) != 3:
-            raise ModelError(f"{what} {name}: {len(position)} numbers given; give three, or two for the plane z = 0")
+            raise ModelError(f"{what} {name}: {counted(len(position), 'number')} given; give three, or two for the plane z = 0")
         held = AXES if fixed is True else fixed or ""
         components = []
         for axis, value in zip(AXES, position, strict=True):

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, counted, shown
 from ncgen.model.arguments import expression
 from ncgen.model.expressions import is_symbolic
 from ncgen.model.lookups import curves_in, looked_up
@@ -101,9 +101,9 @@ def _checked(what: str, knots: Numbers, values: Numbers, least: int, periodic: b
     """Knots and values, unless they do not go together; of what repeats itself the last value is the first."""
     x, y = tuple(map(float, knots)), tuple(map(float, values))
     if len(x) != len(y):
-        raise ModelError(f"{what}: {len(x)} knots and {len(y)} values given; give a value for every knot")
+        raise ModelError(f"{what}: {counted(len(x), 'knot')} and {counted(len(y), 'value')} given; give a value for every knot")
     if not least <= len(x) <= MOST_KNOTS:
-        raise ModelError(f"{what}: {len(x)} knots given; give {least} to {MOST_KNOTS}")
+        raise ModelError(f"{what}: {counted(len(x), 'knot')} given; give {least} to {MOST_KNOTS}")
     for a, b in zip(x, x[1:]):
         if not a < b:
             raise ModelError(f"{what}: the knot {b:.12g} follows {a:.12g}; give knots that increase")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, counted, shown
 from ncgen.model import measures
 from ncgen.model.arguments import expression, sequence
 from ncgen.model.bodies import Body
@@ -35,7 +35,9 @@ class Loads(Coordinates):
     def gravity(self, field: Values) -> None:
         """The acceleration of gravity (m/s²): three values, or two in the plane."""
         if len(field) not in (2, 3):
-            raise ModelError(f"gravity: {len(field)} numbers given; give three, for example (0, 0, -9.81), or two in the plane")
+            raise ModelError(
+                f"gravity: {counted(len(field), 'number')} given; give three, as (0, 0, -9.81), or two in the plane, (0, -9.81)"
+            )
         self.gravity_field = tuple(float(g) if is_number(g) else g for g in (*field, 0.0)[:3])
 
     @fact
@@ -125,9 +127,10 @@ class Loads(Coordinates):
 
     @fact
     def callback(self, function: F) -> F:
-        """A force that no expression says: function(t, q, qd, kernels) returns generalised forces (n,), added to Q in Python.
+        """A force that no expression says: function(t, q, qd, kernels) returns generalised forces (n,), added to Q.
 
-        Its work counts in the energy balance. Kernels in C do not contain it.
+        Its work counts in the energy balance. The C runtime calls it at every evaluation; what it raises ends the run and arrives
+        unchanged. Kernels in C do not contain it.
         """
         if not callable(function):
             raise ModelError(f"callback: {shown(function)} is not a function; give one of (t, q, qd, kernels)")

@@ -19,7 +19,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Unpack
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, counted, shown
 from ncgen.model.bodies import Body
 from ncgen.model.coordinates import check_form
 from ncgen.model.drawing import Drawing
@@ -88,7 +88,8 @@ class Model(Joints, Loads, Pictures):
         self._telling = False
 
     def __repr__(self) -> str:
-        return f"<Model {self.name}: {len(self.components)} coordinates, {len(self.rows)} rows, {len(self.bodies)} bodies>"
+        parts = counted(len(self.components), "coordinate"), counted(len(self.rows), "row"), counted(len(self.bodies), "body")
+        return f"<Model {self.name}: {', '.join(parts)}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""

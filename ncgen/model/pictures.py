@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, counted
 from ncgen.model.bodies import Body
 from ncgen.model.contents import Contents
 from ncgen.model.elements import Point, Vector
@@ -27,7 +27,7 @@ class Pictures(Contents):
     def line(self, *points: Point) -> None:
         """Draw a line through these points."""
         if len(points) < 2:
-            raise ModelError(f"line: {len(points)} points given; give two or more")
+            raise ModelError(f"line: {counted(len(points), 'point')} given; give two or more")
         self.drawing.lines += zip(points, points[1:])
 
     @fact
@@ -198,11 +198,11 @@ class Pictures(Contents):
 def _place(given: Numbers, where: str) -> np.ndarray:
     """Three numbers, or two in the plane z = 0."""
     if len(given) not in (2, 3):
-        raise ModelError(f"{where}: {len(given)} numbers given; give three, or two in the plane")
+        raise ModelError(f"{where}: {counted(len(given), 'number')} given; give three, or two in the plane")
     return np.array([*given, 0.0][:3], dtype=float)
 
 
 def _turn(rotation: Numbers, body: Body) -> np.ndarray:
     if len(rotation) != 3:
-        raise ModelError(f"rotation of a shape of {body.name}: {len(rotation)} numbers given; give roll, pitch and yaw (rad)")
+        raise ModelError(f"rotation of a shape of {body.name}: {counted(len(rotation), 'number')} given; give roll, pitch and yaw (rad)")
     return rotation_of(tuple(map(float, rotation)))

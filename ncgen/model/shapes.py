@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, counted, shown
 from ncgen.model.arithmetic import dot, norm, product, unit
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def check_colour(colour: str | None, where: str) -> str | None:
 def check_sizes(sizes: Numbers, count: int, where: str, what: str) -> tuple[float, ...]:
     """So many positive numbers. Raises ModelError otherwise."""
     if len(sizes) != count:
-        raise ModelError(f"{where}: {len(sizes)} numbers given for the {what}; give {count}")
+        raise ModelError(f"{where}: {counted(len(sizes), 'number')} given for the {what}; give {count}")
     for size in sizes:
         if not size > 0:
             raise ModelError(f"{where}: the {what} is {float(size):g}; give a positive number")

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, counted, shown
 from ncgen.model.arguments import coordinate
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Direction, Point, Spatial, Vector
@@ -113,7 +113,7 @@ class _Tables:
         entries += [(f"u{i}", self.model.vector, row) for i, row in enumerate(U, 1)]
         for name, _, row in entries:
             if len(row) != 4:
-                raise ModelError(f"table of {name}: {len(row)} numbers given; give x, y, z and the position in q")
+                raise ModelError(f"table of {name}: {counted(len(row), 'number')} given; give x, y, z and the position in q")
             _counted(row[3], name, "position in q")
         entries.sort(key=lambda entry: entry[2][3])
         expected = 1
@@ -176,7 +176,7 @@ class _Tables:
     def add_row(self, number: int, entries: list[Any]) -> None:
         where = f"CONSTR row {number}"
         if len(entries) != COLUMNS:
-            raise ModelError(f"{where}: {len(entries)} entries; a row has {COLUMNS}, fill with zeros")
+            raise ModelError(f"{where}: {counted(len(entries), 'entry')}; a row has {COLUMNS}, fill with zeros")
         for column, entry in enumerate(entries, 1):
             if is_number(entry) and not math.isfinite(entry):
                 raise ModelError(f"{where}, column {column}: {entry} is not a finite number; correct it")

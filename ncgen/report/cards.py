@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from ncgen.compiler import Timings, compile, sources_of
 from ncgen.emit.environment import render
-from ncgen.errors import shortened
+from ncgen.errors import counted, shortened
 from ncgen.mechanism import recall
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
@@ -92,7 +92,7 @@ def of_model(model: Model) -> str:
     """Drawing, freedoms, rows and numbers of a model as they are now."""
     card = Card(model.name, "model")
     card.add("counts", lambda: [f"{_free(model)} of {len(model.components)} coordinates free"])
-    card.add("bodies", lambda: [_count(len(model.bodies), "body", "bodies")])
+    card.add("bodies", lambda: [counted(len(model.bodies), "body")])
     card.add("freedoms", lambda: _freedoms_of_model(model))
     card.add("rows", lambda: _rows(model))
     card.add("numbers", lambda: _numbers(model))
@@ -103,7 +103,7 @@ def of_model(model: Model) -> str:
 def of_kernels(kernels: Kernels) -> str:
     """Freedoms, operations, and where Φ_q and M have numbers, rows that others imply in red."""
     card = Card(kernels.name, f"kernels in {kernels.backend}")
-    card.add("counts", lambda: [f"{kernels.n} coordinates, {_count(kernels.m, 'row', 'rows')}"])
+    card.add("counts", lambda: [f"{counted(kernels.n, 'coordinate')}, {counted(kernels.m, 'row')}"])
     card.add("freedoms", lambda: _freedoms(kernels))
     card.add("kernels", lambda: [_operations(kernels)])
     for name, pattern in (("Φ_q", kernels.phi_q_pattern), ("M", kernels.mass_pattern)):
@@ -143,7 +143,7 @@ def _freedoms_of_model(model: Model) -> list[str]:
         kernels = compile(sources, "numpy")
         return _freedoms(kernels)
     least = max(0, _free(model) - len(model.rows))
-    return [f"{least} degrees of freedom or more; ncgen.freedom(ncgen.compile(model)) counts them"]
+    return [f"{counted(least, 'degree of freedom')} or more; ncgen.freedom(ncgen.compile(model)) counts them"]
 
 
 def _freedoms(kernels: Kernels) -> list[str]:
@@ -152,7 +152,7 @@ def _freedoms(kernels: Kernels) -> list[str]:
     if residual(kernels, q, 0.0, refresh_branches(kernels, q, kernels.p0)) > CONSISTENT:
         q = assemble(kernels, q)
     found = freedom(kernels, q)
-    lines = [_count(found.dof, "degree of freedom", "degrees of freedom")]
+    lines = [counted(found.dof, "degree of freedom")]
     if found.is_singular:
         lines.append("the initial position is singular")
     for redundancy in found.redundant[:LINES]:
@@ -168,7 +168,7 @@ def _rows(model: Model) -> list[str | Table]:
         return ["no rows"]
     told = [(str(number), row.code or "", row.label, str(row.owner)) for number, row in enumerate(model.rows[:LISTED], 1)]
     more = [("…", "", f"{len(model.rows) - LISTED} more", "")] if len(model.rows) > LISTED else []
-    return [Table(_count(len(model.rows), "row", "rows"), [_cells(row) for row in [*told, *more]])]
+    return [Table(counted(len(model.rows), "row"), [_cells(row) for row in [*told, *more]])]
 
 
 def _numbers(model: Model) -> list[Table]:
@@ -204,10 +204,6 @@ def _end(run: Trajectory) -> Table:
     rows = [("", "end", "velocity")]
     rows += [_cells((name, f"{run[name][-1]:.9g}", f"{run[f'rate({name})'][-1]:.9g}")) for name in names[:LISTED]]
     return Table("independent coordinates", rows, numbers=True, open=len(names) <= 2 * LINES)
-
-
-def _count(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"
 
 
 def _cells(texts: Iterable[object]) -> tuple[str, ...]:

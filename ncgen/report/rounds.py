@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ncgen.compiler import compile
-from ncgen.errors import NcgenError
+from ncgen.errors import NcgenError, counted
 from ncgen.exchange.checking import checked
 from ncgen.report.running import run_record
 from ncgen.solver.motions.simulate import simulate
@@ -54,9 +54,9 @@ def told(now: Round, before: Round | None) -> list[str]:
         more = len(now.problems) - SHOWN
         return [*now.problems[:SHOWN], *([f"and {more} more; `ncgen check` lists all"] if more > 0 else [])]
     record, ends = now.record, _ends(now.record)
-    counts = ", ".join(f"{number} {what}" for what, number in _counts(record).items())
+    counts = [counted(record["dof"], "degree of freedom"), counted(record["rows"], "row"), f"{record['redundant']} redundant"]
     lines = [
-        f"{record['name']}: {counts}",
+        f"{record['name']}: {', '.join(counts)}, {counted(record['bodies'], 'body')}",
         _some([f"{name} {value:.9g}" for name, value in ends.items()]) or "nothing can move",
         f"energy error {record['energy_drift']:.1e}, constraint error {record['violation']:.1e}, {record['time']:g} s of motion in "
         f"{record['wall_seconds']:.2g} s by {record['integrator']} on {record['formalism']}",

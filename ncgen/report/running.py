@@ -17,8 +17,8 @@ def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: li
     """One JSON-ready record of a run.
 
     name, dof, time; stopped: whether it ended where it was told to; final, final_velocity: {independent coordinate: value}
-    in m, rad and per second; violation, energy_drift: relative; steps, evaluations, wall_seconds, backend,
-    engine; outputs: paths relative to folder
+    in m, rad and per second; violation, energy_drift: relative; steps, evaluations, wall_seconds of the run;
+    preparation_seconds: generating and compiling what the run needed first; backend, engine; outputs: paths relative to folder
     """
     statistics = run.statistics
     return {
@@ -35,6 +35,7 @@ def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: li
         "newton_steps": statistics.newton_steps,
         "partition_changes": statistics.partition_changes,
         "wall_seconds": statistics.seconds,
+        "preparation_seconds": statistics.preparation,
         "backend": run.kernels.backend,
         "engine": run.engine,
         "formalism": run.formalism,

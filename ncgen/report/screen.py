@@ -8,13 +8,15 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from ncgen.errors import counted
+
 
 def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | None = None, times: dict[str, float] | None = None) -> None:
     """Degrees of freedom, redundant rows, what was left out, and the kernels with their cost."""
     console.print(Text(f"{facts['name']}", style="bold"))
     console.print(
-        f"  {facts['coordinates']} coordinates, {facts['free']} free · {facts['rows']} rows, rank {facts['rank']}"
-        f" · {facts['dof']} degrees of freedom"
+        f"  {counted(facts['coordinates'], 'coordinate')}, {facts['free']} free · {counted(facts['rows'], 'row')}, rank {facts['rank']}"
+        f" · {counted(facts['dof'], 'degree of freedom')}"
     )
     for entry in facts["redundant"]:
         others = ", ".join(f"{c:+.3g}·row {i}" for i, c in zip(entry["implied_by"], entry["coefficients"], strict=True))
@@ -91,13 +93,20 @@ def show_run(console: Console, record: dict) -> None:
         ),
         table,
         Text(f"  constraint error {record['violation']:.1e} (relative), energy error {record['energy_drift']:.1e} (relative)"),
-        Text(f"  {record['steps']} steps, {record['evaluations']} evaluations, {record['wall_seconds']:.2f} s"),
+        Text(f"  {counted(record['steps'], 'step')}, {counted(record['evaluations'], 'evaluation')}, {_seconds(record)}"),
     ]
     console.print(Group(*lines))
     if record["outputs"]:
         console.print(f"  written to {record['folder']}:", markup=False)
         for path in record["outputs"]:
             console.print(f"    {path}", markup=False)
+
+
+def _seconds(record: dict) -> str:
+    """The time of a run, and that of generating and compiling where it can be seen in two digits."""
+    preparation = record["preparation_seconds"]
+    before = f", and {preparation:.2f} s before it to generate and compile what it needs" if preparation >= 0.005 else ""
+    return f"{record['wall_seconds']:.2f} s{before}"
 
 
 def _grouped(lines: list[str]) -> list[str]:

@@ -14,7 +14,7 @@ from typing import Any, Protocol, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ModelError, NcgenError, shown, written
+from ncgen.errors import ModelError, NcgenError, counted, shown, written
 from ncgen.mechanism.arguments import numbers
 from ncgen.methods.table import is_real
 from ncgen.model import Model
@@ -257,7 +257,7 @@ def _numbers(names: tuple[str, ...], defaults: np.ndarray, given: Given | None, 
         return np.array([wanted.get(name, default) for name, default in zip(names, defaults, strict=True)], dtype=float)
     array = real_numbers(given, what)
     if array is None or array.shape != (len(names),):
-        said = echo(given) if array is None else _count(len(array)) if array.ndim == 1 else f"an array of shape {array.shape}"
+        said = echo(given) if array is None else counted(len(array), "number") if array.ndim == 1 else f"an array of shape {array.shape}"
         needed = f"{len(names)} needed: {shortened(names)}" if names else f"the mechanism has no {kind}"
         raise ModelError(f"{what}: {said} given, {needed}")
     for k in np.flatnonzero(~np.isfinite(array))[:1]:
@@ -274,10 +274,6 @@ def real_numbers(given: Any, what: str) -> np.ndarray | None:
         return np.array(numbers(given, what))
     except NcgenError:
         return None
-
-
-def _count(numbers: int) -> str:
-    return f"{numbers} number{'s' if numbers != 1 else ''}"
 
 
 def shortened(names: Sequence[str]) -> str:

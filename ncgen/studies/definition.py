@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.errors import SHOWN, ModelError, shortened
+from ncgen.errors import SHOWN, ModelError, counted, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.model import Model
@@ -52,7 +52,7 @@ class Study:
     steps: int | None = None
 
     def __repr__(self) -> str:
-        return f"<Study {self.model.name}: {self.size} variants, {shortened(', '.join(k.word for k in self.kept), SHOWN)}>"
+        return f"<Study {self.model.name}: {counted(self.size, 'variant')}, {shortened(', '.join(k.word for k in self.kept), SHOWN)}>"
 
     @classmethod
     def of(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, counted
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import count as whole
 from ncgen.solver.given import echo, finite, offer, positive
@@ -118,7 +118,9 @@ class Design:
         design._check()
         if kind in LISTED:
             if count is not None:
-                raise ModelError(f"count: {echo(count)} given, but a {kind} has {design.size} variants by itself; leave count out")
+                raise ModelError(
+                    f"count: {echo(count)} given, but a {kind} has {counted(design.size, 'variant')} by itself; leave count out"
+                )
             return design
         if count is None:
             what = "points its indices come from" if kind == "saltelli" else "variants there are"
@@ -292,7 +294,7 @@ def table(path: str, text: str) -> dict[str, Sequence[float]]:
     columns: list[list[float]] = [[] for _ in names]
     for number, line in lines[1:]:
         if len(line) != len(names):
-            raise ModelError(f"{path}, line {number}: {len(line)} numbers, {len(names)} needed")
+            raise ModelError(f"{path}, line {number}: {counted(len(line), 'number')}, {len(names)} needed")
         for name, column, cell in zip(names, columns, line, strict=True):
             try:
                 column.append(float(cell))

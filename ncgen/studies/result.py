@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from ncgen.errors import ModelError, NcgenError
+from ncgen.errors import ModelError, NcgenError, counted
 from ncgen.files import path_of, write_text, writing
 from ncgen.solver.given import echo, offer
 from ncgen.studies.folder import Folder
@@ -200,7 +200,7 @@ class StudyResult:
         view = import_module("ncgen.view.variants")
         wanted = (names,) if isinstance(names, str) else tuple(names or self.about["kept"])
         shape = tuple(self.about["shape"]) if self.about["design"] == "grid" and self.complete else None
-        title = f"{self.about['model']}: {len(self)} variants"
+        title = f"{self.about['model']}: {counted(len(self), 'variant')}"
         figure = view.picture(title, {n: self[n] for n in self.names}, {n: self[n] for n in wanted}, self.times, shape)
         return figure if path is None else import_module("ncgen.view.figure").save(figure, path)
 

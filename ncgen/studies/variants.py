@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ncgen.compiler import compile
-from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
+from ncgen.errors import DomainError, ModelError, NcgenError, SingularError, counted
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.given import position
@@ -231,7 +231,9 @@ class Bench:
         found = np.zeros((count, len(names)))
         rates = given if isinstance(given, dict) else dict(zip(names, () if given is None else given, strict=False))
         if not isinstance(given, dict) and given is not None and len(given) != len(names):
-            raise ModelError(f"zd0: {len(given)} numbers given, {len(names)} needed for the independent coordinates {', '.join(names)}")
+            raise ModelError(
+                f"zd0: {counted(len(given), 'number')} given, {len(names)} needed for the independent coordinates {', '.join(names)}"
+            )
         if unknown := [name for name in self._named_rates if name not in names]:
             said = f"it is not independent; the independent coordinates are {', '.join(names)}"
             raise ModelError(f"initial velocity of {unknown[0]}: {said}; others are chosen by z")

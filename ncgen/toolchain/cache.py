@@ -25,6 +25,7 @@ from ncgen.files import opened
 from ncgen.toolchain import compilers
 from ncgen.toolchain.compilers import FLAGS, LIBRARIES, LIBRARY, Compiler
 from ncgen.toolchain.folder import KEY, TEMPORARY, cache_folder, folders, forget, intruder, sealed, sweep, unsealed, written
+from ncgen.toolchain.preparation import preparing
 
 RECORD = "build.json"
 
@@ -47,6 +48,7 @@ class Sibling:
     sources: tuple[str, ...]
 
 
+@preparing()
 def compiled(
     files: dict[str, str],
     flags: tuple[str, ...] = FLAGS,

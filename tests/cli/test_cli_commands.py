@@ -17,7 +17,8 @@ GENERATED = ROOT / "generated"
 
 INSPECT_KEYS = {"name", "coordinates", "free", "rows", "rank", "dof", "redundant", "omitted", "initial", "kernels"}
 RUN_KEYS = {
-    "name", "dof", "time", "final", "final_velocity", "violation", "energy_drift", "steps", "wall_seconds", "backend", "outputs",
+    "name", "dof", "time", "final", "final_velocity", "violation", "energy_drift", "steps", "wall_seconds",
+    "preparation_seconds", "backend", "outputs",
 }  # fmt: skip
 ARTEFACTS = {"trajectory.npz", "trajectory.csv", "drawing.svg", "motion.svg", "animation.html"}
 
@@ -151,7 +152,7 @@ def test_run_for_people(ncgen_main, mine):
     """The mechanism, the kernels with their times, the motion's end and the files, on standard output alone."""
     said = ncgen_main("run", "mine.py")
     assert said.code == 0 and said.err == ""
-    expected = ["2 free · 1 rows", "1 degrees of freedom", "ns per call (c)", "B.y", "constraint error", "written to mine-output:"]
+    expected = ["2 free · 1 row,", "1 degree of freedom\n", "ns per call (c)", "B.y", "constraint error", "written to mine-output:"]
     assert [words for words in expected if words not in said.out] == []
 
 

@@ -13,6 +13,7 @@ import pytest
 import ncgen
 from ncgen.comparisons.hard_cases import CASES
 from ncgen.errors import ModelError
+from ncgen.exchange.toml_writer import to_toml
 from ncgen.methods.table import FORMALISMS, INTEGRATORS
 
 SPRING = """
@@ -82,6 +83,9 @@ def test_an_end(ncgen_main, swing):
     assert "ended there" in ncgen_main("run", swing(), "--no-files", "--stop", "B.x=0.9").out
 
 
+OPTION = {"p": "param", "zd0": "velocity", "stop": "stop"}
+"""Options whose values are repeated in messages, by the argument; the last one that is typed is wrong."""
+
 FORM = "write it as name=number, for example psi1=2.5"
 
 REFUSED = [
@@ -90,28 +94,40 @@ REFUSED = [
     (("--param", "=3"), {}, f"--param =3: {FORM}"),
     (("--param", "k=1", "--param", "k=2"), {}, "--param k=2: k is given twice; give it once"),
     (("--stop", "B.x"), {}, f"--stop B.x: {FORM} or psi1=2.5,rising"),
-    (("--param", "m=3"), {"p": {"m": 3.0}}, ""),
-    (("--param", "k=nan"), {"p": {"k": float("nan")}}, ""),
-    (("--stop", "B.q=1"), {"stop": {"B.q": 1.0}}, ""),
-    (("--stop", "B.x=1,up"), {"stop": {"B.x": (1.0, "up")}}, ""),
-    (("--stop", "B.x=nan"), {"stop": {"B.x": float("nan")}}, ""),
-    (("--formalism", "newton"), {"formalism": "newton"}, ""),
-    (("--engine", "steam"), {"engine": "steam"}, ""),
-    (("--number", "int"), {"number": "int"}, ""),
-    (("--integrator", "rk4"), {"integrator": "rk4"}, ""),
-    (("--max-step", "-1"), {"max_step": -1.0}, ""),
-    (("--integrator", "adams", "--engine", "c"), {"integrator": "adams", "engine": "c"}, ""),
+    (("--param", "m=3"), {"p": {"m": 3.0}}, "p"),
+    (("--param", "c=1", "--param", "k=nan"), {"p": {"c": 1.0, "k": float("nan")}}, "p"),
+    (("--velocity", "B.x=1", "--velocity", "phi=12"), {"zd0": {"B.x": 1.0, "phi": 12.0}}, "zd0"),
+    (("--stop", "B.q=1"), {"stop": {"B.q": 1.0}}, "stop at B.q"),
+    (("--stop", "B.x=1,up"), {"stop": {"B.x": (1.0, "up")}}, "stop at B.x"),
+    (("--stop", "B.x=nan"), {"stop": {"B.x": float("nan")}}, "stop at B.x"),
+    (("--duration", "-1"), {"duration": -1.0}, "duration"),
+    (("--points", "1"), {"points": 1}, "points"),
+    (("--rtol", "-1"), {"rtol": -1.0}, "rtol"),
+    (("--atol", "nan"), {"atol": float("nan")}, "atol"),
+    (("--formalism", "newton"), {"formalism": "newton"}, "formalism"),
+    (("--engine", "steam"), {"engine": "steam"}, "engine"),
+    (("--number", "int"), {"number": "int"}, "number"),
+    (("--max-step", "-1"), {"max_step": -1.0}, "max_step"),
+    (("--integrator", "adams", "--engine", "c"), {"integrator": "adams", "engine": "c"}, "engine"),
+    (("--max-step", "0", "--integrator", "rk4"), {"integrator": "rk4", "max_step": 0.0}, "max_step"),
 ]
+"""Words of the command line, the arguments of `simulate` that they mean, and what begins the message of `simulate`, or the message."""
 
 
 @pytest.mark.parametrize(("arguments", "options", "message"), REFUSED, ids=[" ".join(entry[0]) for entry in REFUSED])
 def test_refused_before_anything_is_made(ncgen_main, swing, monkeypatch, arguments, options, message):
-    """In the words of `ncgen.simulate`, and without generating."""
+    """In the words of `ncgen.simulate`, but for the option in the place of the argument, and without generating."""
     path = swing()
     if options:
         with pytest.raises(ModelError) as refused:
-            ncgen.simulate(ncgen.compile(ncgen.load(path), "numpy"), 0.1, **options)
-        message = str(refused.value)
+            ncgen.simulate(ncgen.compile(ncgen.load(path), "numpy"), **{"duration": 0.1} | options)
+        named = [word for word in arguments if word.startswith("--")].index(
+            f"--{OPTION.get(message.split()[0], message).replace('_', '-')}"
+        )
+        said = str(refused.value)
+        assert said.startswith(message)
+        shown = " ".join(arguments[-2:]) if message.split()[0] in OPTION else arguments[2 * named]
+        message = shown + said.removeprefix(message)
     monkeypatch.setattr("ncgen.compiler.sources_of", lambda *_, **__: pytest.fail("something was generated"))
     said = ncgen_main("run", path, "--json", *arguments)
     assert (said.code, said.out, said.err) == (2, "", f"ncgen: {message}\n")
@@ -166,6 +182,17 @@ def test_words_are_offered(offered):
     assert set(offered("ncgen inspect robot --backend ")) == {"auto", "c", "numpy"}
     assert set(offered("ncgen hard --case ")) == set(CASES)
     assert {"run", "watch", "new"} <= set(offered("ncgen "))
+
+
+def test_names_of_the_model_are_offered(offered):
+    """Parameters, coordinates and their rates of the model that is named, but of no file that would have to be run."""
+    assert set(offered("ncgen run pendulum --velocity ")) == {"B.x=", "B.y="}
+    assert set(offered("ncgen run pendulum --rtol 1e-3 --stop rate")) == {"rate(B.x)=", "rate(B.y)="}
+    text = to_toml(ncgen.load("pendulum")) + '[[parameter]]\nname = "k"\ndefault = 1.0\n'
+    Path("mine.toml").write_text(text, encoding="utf-8")
+    assert set(offered("ncgen run mine.toml --param ")) == {"k="}
+    Path("mine.py").write_text("raise SystemExit('it was run')", encoding="utf-8")
+    assert offered("ncgen run mine.py --param ") == offered("ncgen run nothing.toml --param ") == offered("ncgen run --param ") == {}
 
 
 def test_completion_in_bash(folder):

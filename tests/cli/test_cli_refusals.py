@@ -61,10 +61,10 @@ REFUSED = [
     (("mine.py", "--emission", "foo"), 2, ["emission 'foo' is unknown"]),
     (("mine.py", "--velocity", "B.y"), 2, ["--velocity B.y: write it as name=number"]),
     (("mine.py", "--velocity", "B.y=fast"), 2, ["--velocity B.y=fast: write it as name=number"]),
-    (("mine.py", "--velocity", "A.x=1"), 2, ["zd0: the mechanism has no free coordinate A.x", "B.y"]),
-    (("mine.py", "--duration", "-1"), 2, ["duration: -1.0 given; it must be a positive number"]),
-    (("mine.py", "--duration", "nan"), 2, ["duration: nan given"]),
-    (("mine.py", "--points", "1"), 2, ["points: 1 given"]),
+    (("mine.py", "--velocity", "A.x=1"), 2, ["--velocity A.x=1: the mechanism has no free coordinate A.x", "B.y"]),
+    (("mine.py", "--duration", "-1"), 2, ["--duration: -1.0 given; it must be a positive number"]),
+    (("mine.py", "--duration", "nan"), 2, ["--duration: nan given"]),
+    (("mine.py", "--points", "1"), 2, ["--points: 1 given"]),
     (("mine.py", "--output", "mine.py"), 2, ["cannot be written", "choose another folder"]),
 ]
 
@@ -159,11 +159,44 @@ USAGE = [(), ("frobnicate",), ("run",), ("run", "mine.py", "--nope"), ("run", "m
 
 @pytest.mark.parametrize("arguments", USAGE, ids=" ".join)
 def test_usage(ncgen_main, mine, written, arguments):
-    """What the option parser refuses has exit code 2 and its own words, but never a traceback."""
+    """What the option parser refuses is one line as everything else; without any words there is help."""
     said = ncgen_main(*arguments)
-    assert said.code == 2
-    assert "Traceback" not in said.out + said.err
+    if arguments:
+        command = "ncgen run" if arguments[0] == "run" else "ncgen"
+        words = {("run",): "'MODEL'", ("run", "mine.py", "--duration", "abc"): "--duration"}.get(arguments, arguments[-1])
+        assert_refused(said, 2, [words, f"`{command} --help` lists what there is"])
+    else:
+        assert said.code == 2 and "Usage: ncgen" in said.out + said.err
     assert written() == {"mine.py"}
+
+
+ROBOTS = [
+    (("run", "--floating"), "mine.py: --floating is for a robot's file"),
+    (("convert", "--fixed"), "mine.py: --fixed is for a robot's file"),
+    (("generate", "--with", "limits"), "mine.py: --with limits is for a robot's file"),
+    (("inspect", "--with", "inertia"), "mine.py: --with inertia is for a robot's file"),
+    (("export", "--to", "c", "--frame", "tool"), "mine.py: --frame tool is for a robot's file"),
+    (("export", "--to", "c", "--platform", "win64"), "--platform win64: c is written as sources"),
+]
+
+
+@pytest.mark.parametrize("arguments, words", ROBOTS, ids=[" ".join(arguments) for arguments, _ in ROBOTS])
+def test_every_command_names_the_option(ncgen_main, mine, arguments, words):
+    command, *options = arguments
+    assert_refused(ncgen_main(command, "mine.py", *options), 2, [f"ncgen: {words}"])
+
+
+@pytest.mark.parametrize("name", ["out.yaml", "out.py", "out"])
+def test_a_file_whose_ending_says_something_else(ncgen_main, mine, written, name):
+    words = f"--output {name}: choose a name that ends in .toml, .urdf, .sdf, .xml or .mjcf"
+    assert_refused(ncgen_main("convert", "mine.py", "-o", name), 2, [words])
+    assert_refused(ncgen_main("bench", "mine.py", "--html", name), 2, [f"--html {name}: choose a name that ends in .html or .htm"])
+    assert written() == {"mine.py"}
+
+
+def test_a_folder_is_made_for_a_model(ncgen_main, mine, written):
+    assert ncgen_main("convert", "mine.py", "-o", "new/out.toml").code == 0
+    assert written() == {"mine.py", "new/out.toml"}
 
 
 def test_no_traceback_reaches_the_user(files, folder):

@@ -162,7 +162,7 @@ def test_a_terminal_without_greek_letters(ncgen_main, monkeypatch):
     monkeypatch.setattr(sys, "stdout", plain)
     assert ncgen_main("inspect", "pendulum", "--backend", "numpy").code == 0
     text = plain.buffer.getvalue().decode("ascii")
-    assert "6 coordinates, 2 free \\xb7 1 rows, rank 1" in text
+    assert "6 coordinates, 2 free \\xb7 1 row, rank 1" in text
 
 
 # -- functions of the user's own ----------------------------------------------------------------

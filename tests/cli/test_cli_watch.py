@@ -116,7 +116,7 @@ def test_blocks(tmp_path, monkeypatch):
         yield False
 
     first, wrong, other, gone = _blocks(path, script())
-    assert first[0] == "mine: 1 degrees of freedom, 4 rows, 0 redundant, 3 bodies" and len(first) == 3
+    assert first[0] == "mine: 1 degree of freedom, 4 rows, 0 redundant, 3 bodies" and len(first) == 3
     line = text.splitlines().index('end = "B - A"') + 1
     assert wrong == [f"mine.toml, line {line}: angle.end: “B - Q”: there is no point or vector Q; define it first"]
     assert other[-1].startswith("different: seconds 0.01 → 0.02, psi 0.1") and len(other) == 4

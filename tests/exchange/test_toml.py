@@ -149,7 +149,7 @@ ODD = {
     "scale": ('name = "x"\nscale = "no"', 2, 'scale: "no" is neither true nor false'),
     "form": ('name = "x"\nform = 3', 2, "form: 3 is not a text"),
     "a name": ("name = 3", 1, "name: 3 is not a text"),
-    "gravity of one number": ('name = "x"\ngravity = -9.81', 2, "gravity.field: -9.81 is not a list"),
+    "gravity of one number": ('name = "x"\ngravity = -9.81', 2, "gravity: -9.81 given; write the field as a list"),
     "gravity of words": ('name = "x"\ngravity = ["a", 0, 0]', 2, "a is no coordinate"),
     "points in one line": ('name = "x"\npoint = [{ name = "A", position = [0, 0] }]', 2, "its own header line"),
     "a slip of a run": (HEAD + "[simulation]\nduration = 3\nduraton = 3", 11, "did you mean duration?"),

@@ -88,5 +88,5 @@ def test_from_a_file(pendulum, tmp_path):
 
 
 def test_as_many_as_degrees_of_freedom(pendulum):
-    with pytest.raises(ModelError, match="2 independent coordinates for 1 degrees of freedom: B.x, B.y"):
+    with pytest.raises(ModelError, match="2 independent coordinates for 1 degree of freedom: B.x, B.y"):
         monitor(pendulum, *(np.zeros(1), *circle(np.zeros(1))), independent=("B.x", "B.y"))

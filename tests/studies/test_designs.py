@@ -96,7 +96,7 @@ def test_tables():
     for text, said in (
         ("a\n", "at least one line"),
         ("a,a\n1,2\n", "a name of its own"),
-        ("a,b\n1\n", "line 2: 1 numbers, 2 needed"),
+        ("a,b\n1\n", "line 2: 1 number, 2 needed"),
         ("a\nx\n", "line 2: a: x"),
     ):
         with pytest.raises(ncgen.ModelError, match=said):

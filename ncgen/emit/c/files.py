@@ -58,11 +58,12 @@ def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iter
     return {f"{prefix}_dynamics.{end}": render(f"c/dynamics.{end}.jinja", **records) for end in "ch"}
 
 
-def motion_files(programs: MotionPrograms, equations: Terms) -> dict[str, str]:
-    """{file name: text}: the motion of all coordinates, for the runtime to integrate; long programs in files of their own."""
+def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = False) -> dict[str, str]:
+    """{file name: text}: the motion of all coordinates, for the runtime to integrate; long programs in files of their own. forced: the
+    derivative takes forces as one more input."""
     prefix = prefix_of(equations.model.name)
     apart = sum(program.length for program in programs.all) > APART
-    records = {"model": equations.model, "prepared": programs.prepared, "apart": apart}
+    records = {"model": equations.model, "prepared": programs.prepared, "apart": apart, "forced": forced}
     records |= program_records(programs.all, prefix, "recursion")
     files = {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
     for program in programs.all if apart else ():

@@ -133,11 +133,11 @@ def accelerations(equations: Terms, split: Split, samples: Sequence[Sample], siz
     return found
 
 
-def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes) -> MotionPrograms | None:
+def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, forced: bool = False) -> MotionPrograms | None:
     """The motion of all coordinates by the cheapest recursion; None where there is none. Arguments as for `assemble_dynamics`, the split
-    of the positions."""
+    of the positions; forced: as of `assemble_motions`."""
     try:
-        ways, velocities = assemble_motions(equations, samples, np.asarray(sizes))
+        ways, velocities = assemble_motions(equations, samples, np.asarray(sizes), forced)
         n = len(equations.free)
         parts = (ways[cheapest(ways)], velocities, closing(equations, split, samples, sizes, range(n)))
     except (NoRecursion, EliminationError, SingularError):
@@ -145,7 +145,7 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
     prepare, (derivative, velocities, closed) = take_out(parts, equations)
     found = MotionPrograms(derivative, velocities, closed, prepare)
     for program in found.all:
-        verify(program, {"t": 1, "q": n, "qd": n, "p": len(equations.parameters) + found.prepared})
+        verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + found.prepared})
     return found
 
 

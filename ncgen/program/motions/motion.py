@@ -1,6 +1,6 @@
 """The motion of all coordinates by recursion over the tree of bodies, without a choice of independent ones.
 
-    derivative(t, q, qd, p)  -> q̇ (n), q̈ (n), power, growth
+    derivative(t, q, qd, p)  -> q̇ (n), q̈ (n), power, growth; with forces along the coordinates derivative(t, q, qd, forces, p)
     velocities(t, q, qd, p)  -> q̇ (n), growth: the nearest velocities that the joints allow, in the sense of kinetic energy
 
 The velocities given say how the joints turn and slide (`ncgen.program.tree.joint_rates`), and x = R ż + S ν is what loops allow of that.
@@ -24,22 +24,25 @@ from ncgen.program.tree.recursion import Column, Recursion
 from ncgen.program.tree.tree_motion import Loads
 from ncgen.symbolic.numbering import Terms
 
-STATE = ("t", "q", "qd", "p")
+STATE, FORCED = ("t", "q", "qd", "p"), ("t", "q", "qd", "forces", "p")
 
 ORDINARY = 0.2
 """What the square of a reciprocal pivot counts: a third of a pivot is nothing unusual."""
 
 
-def assemble_motions(equations: Terms, samples: Sequence[Sample], sizes: np.ndarray) -> tuple[dict[str, Program], Program]:
-    """`derivative` by every recursion that applies, and `velocities`. Arguments and errors as for `assemble_recursions`."""
-    work = Recursion(equations, None, samples, sizes)
+def assemble_motions(
+    equations: Terms, samples: Sequence[Sample], sizes: np.ndarray, forced: bool = False
+) -> tuple[dict[str, Program], Program]:
+    """`derivative` by every recursion that applies, and `velocities`. Arguments and errors as for `assemble_recursions`; forced: with
+    `forces`, along all coordinates, as one more input of the derivative."""
+    work = Recursion(equations, None, samples, sizes, forced)
     return {name: _derivative(work, zdd) for name, zdd in work.ways()}, _velocities(work)
 
 
 def _derivative(work: Recursion, zdd: Sequence[int]) -> Program:
     changes = work.spread(zdd, work.bias)
     qdd = work.over_coordinates(changes, work.velocity.accelerations(changes))
-    return work.lines.draft("derivative", STATE, [*work.lines.rates, *qdd, work.power(zdd), _growth(work)])
+    return work.lines.draft("derivative", FORCED if work.forces else STATE, [*work.lines.rates, *qdd, work.power(zdd), _growth(work)])
 
 
 def _velocities(work: Recursion) -> Program:

@@ -88,10 +88,11 @@ class Recursion:
     """The recursion under way: positions, then velocities, then forces.
 
     split: the independent coordinates, whose velocities are zd; without them velocities are those of all coordinates
+    forced: forces along all coordinates, the array `forces`, are applied, too
     Raises NoRecursion and EliminationError as `assemble_recursions`.
     """
 
-    def __init__(self, equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray) -> None:
+    def __init__(self, equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray, forced: bool = False) -> None:
         if len(samples) < FEWEST:
             raise NoRecursion("too few positions to see what vanishes")
         check_seen(equations, samples)
@@ -99,6 +100,7 @@ class Recursion:
         self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
         self.graph = self.lines.graph
         self.zero, self.one = self.graph.const(0.0), self.graph.const(1.0)
+        self.forces = [self.graph.load("forces", c) for c in range(len(equations.free))] if forced else []
         self.rates = Rates(equations, self.lines, self.tree, split, samples, sizes)
         rows = self.rates.rows()
         if split is None:
@@ -226,7 +228,10 @@ class Recursion:
         """Force and moment on every link, and forces along coordinates of no link, of all that is not inertia of the tree."""
         loads: Loads = {}
         right: Column = {}
-        for c, node in sorted(self.lines.vector(KERNELS["force"]).items()):
+        forces = self.lines.vector(KERNELS["force"])
+        for c, node in enumerate(self.forces):
+            forces[c] = self.graph.add(forces[c], node) if c in forces else node
+        for c, node in sorted(forces.items()):
             if c in self.rates.where:
                 self.rates.load(loads, c, node)
             else:
@@ -329,7 +334,8 @@ class Recursion:
     def power(self, zdd: Sequence[int]) -> int:
         """Power of forces without a potential and of drivers, P − νᵀλ with Jᵀ λ = f − H ẋ on the dependent rates."""
         graph = self.graph
-        power = self.lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"), self.zero)
+        own = self.lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"), self.zero)
+        power = graph.sum([own, *(graph.mul(force, rate) for force, rate in zip(self.forces, self.lines.rates, strict=False))])
         if not self.nu:
             return power
         rest = dict(self._left)

@@ -51,6 +51,10 @@ typedef struct ncgen_partition {
     const int *rows;        /* n_dependent kept rows */
 } ncgen_partition;
 
+/* A kernel that takes forces along the coordinates (n_coordinates), too. */
+typedef int ncgen_forced_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *forces, const ncgen_real *p,
+                                ncgen_real *out);
+
 /* What depends on parameters alone, inputs not among them. */
 typedef int ncgen_prepare_kernel(const ncgen_real *p, ncgen_real *out);
 
@@ -58,11 +62,12 @@ typedef int ncgen_prepare_kernel(const ncgen_real *p, ncgen_real *out);
  * is than usual, is large, the matrix [M Phi_q'; Phi_q -E] is factored instead. What is prepared follows the parameters in the p that
  * the other functions read. */
 typedef struct ncgen_motion {
-    ncgen_velocity_kernel *derivative; /* qd as the joints allow, and qdd (n_coordinates each), power, growth */
+    ncgen_velocity_kernel *derivative; /* qd as the joints allow, and qdd (n_coordinates each), power, growth; NULL where it is `forced` */
     ncgen_velocity_kernel *velocities; /* the nearest qd that the joints allow, in the sense of kinetic energy, growth */
     ncgen_position_kernel *closing;    /* a Newton step: dq (n_coordinates), phi (n_rows), which is 0 where it closes at once */
     ncgen_prepare_kernel *prepare;     /* n_prepared numbers; NULL: none */
     int n_prepared;
+    ncgen_forced_kernel *forced;       /* NULL, or the derivative with the forces of ncgen_dynamics.external */
 } ncgen_motion;
 
 /* An open tree of bodies as tables: its motion by the articulated recursion, in loops over them, so that nothing is written out for a
@@ -121,6 +126,9 @@ typedef struct ncgen_dynamics {
                                        * independent, of which the members above speak, than positions */
     const ncgen_tree *tree; /* NULL, or where no motion is emitted an open tree for lagrange */
     int closes;             /* 1: newton finds the dependent coordinates from the independent ones, in closed form */
+    ncgen_velocity_kernel *external; /* NULL, or forces (n_coordinates) besides the model's, such as those of a host program. An emitted
+                                      * `motion` is `forced` then, and there is no emitted `acceleration`. A step that it refuses is
+                                      * repeated with a shorter one; after NCGEN_INTERRUPTED the run ends */
 } ncgen_dynamics;
 
 /* Stop where a coordinate or a velocity passes a value, or a function of (t, q, qd, p) passes zero. */

@@ -261,8 +261,8 @@ static int find_equations(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
         status = model->nu(t, r->q, r->p, w->nu);
     if (status == NCGEN_OK)
         status = ncgen_read_inputs(r, t);
-    if (status == NCGEN_OK && model->force)
-        status = model->force(t, r->q, r->qd, r->p, w->right);
+    if (status == NCGEN_OK)
+        status = ncgen_forces(r, t, r->q, r->qd, w->right);
     if (status == NCGEN_OK)
         status = ncgen_gamma(r, t, r->q, r->qd, w->right + r->n);
     if (status == NCGEN_OK && r->options->frequency > 0)
@@ -284,13 +284,13 @@ int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t)
 
 int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
 {
-    ncgen_real energy[3] = {0, 0, 0};
+    ncgen_real energies[3];
     *power = 0;
     if (r->dynamics->conservative)
         return NCGEN_OK;
-    if (r->model->energy && r->model->energy(t, r->q, r->qd, r->p, energy) != NCGEN_OK)
+    if (ncgen_energies(r, t, r->q, r->qd, energies) != NCGEN_OK)
         return NCGEN_DOMAIN;
-    *power = energy[2] - (r->model->nu ? ncgen_dot(r->m, r->constrained->nu, r->constrained->solution + r->n) : 0);
+    *power = energies[2] - (r->model->nu ? ncgen_dot(r->m, r->constrained->nu, r->constrained->solution + r->n) : 0);
     return NCGEN_OK;
 }
 
@@ -309,7 +309,11 @@ int ncgen_is_badly_ordered(const ncgen_run *r, ncgen_real growth)
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
 {
     ncgen_constrained *w = r->constrained;
-    if (w->motion)
+    if (w->motion && r->external && ncgen_external_forces(r, t, q, qd) != NCGEN_OK)
+        out[2 * r->n + 1] = R(1.0e30); /* the same is found again, and reported, on the way by the matrix */
+    else if (w->motion && r->external)
+        w->motion->forced(t, q, qd, r->external, r->p, out);
+    else if (w->motion)
         w->motion->derivative(t, q, qd, r->p, out);
     else
         ncgen_tree_derivative(r, &w->tree, t, q, qd, out);

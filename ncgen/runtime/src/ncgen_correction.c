@@ -38,12 +38,8 @@ int ncgen_begin_correction(ncgen_run *r, ncgen_scalar t)
 /* Forces as they are at r->q and r->qd, in c->rest. */
 int ncgen_find_forces(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 {
-    for (int i = 0; i < r->n; ++i)
-        c->rest[i] = 0;
     const int status = ncgen_read_inputs(r, t);
-    if (status != NCGEN_OK)
-        return status;
-    return r->model->force ? r->model->force(t, r->q, r->qd, r->p, c->rest) : NCGEN_OK;
+    return status == NCGEN_OK ? ncgen_forces(r, t, r->q, r->qd, c->rest) : status;
 }
 
 /* Equations of velocities alone close a step from t to t + h by their integral, with the midpoint rule: Phi_q (end - start) - h nu

@@ -55,9 +55,8 @@ int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, 
 /* Kinetic and potential energy and power; zero without bodies. */
 static int find_energy(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real energy[3])
 {
-    energy[0] = energy[1] = energy[2] = 0;
     const int status = ncgen_read_inputs(r, t);
-    return status == NCGEN_OK && r->model->energy ? r->model->energy(t, q, qd, r->p, energy) : status;
+    return status == NCGEN_OK ? ncgen_energies(r, t, q, qd, energy) : status;
 }
 
 /* Gonzalez' discrete gradient. Phi_q and Q in the middle, r->q and r->qd, are in c->left and c->rest; what is added to them

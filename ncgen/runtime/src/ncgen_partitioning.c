@@ -162,7 +162,7 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
     ncgen_partitioning_solve(r, w->nu, w->column);
     for (int i = 0; i < r->n; ++i) {
         qd[i] = 0;
-        w->bias[i] = w->force[i] = 0;
+        w->bias[i] = 0;
         for (int z = 0; z < r->nz; ++z)
             qd[i] += w->R[z * r->n + i] * zd[z];
     }
@@ -174,10 +174,11 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
         w->bias[d->dependent[i]] = w->column[i];
     if (model->mass)
         status |= model->mass(t, r->q, r->p, w->mass);
-    if (model->force)
-        status |= model->force(t, r->q, qd, r->p, w->force);
     if (status != NCGEN_OK)
         return NCGEN_DOMAIN;
+    status = ncgen_forces(r, t, r->q, qd, w->force);
+    if (status != NCGEN_OK)
+        return status;
     ncgen_times_mass(r, w->mass, w->bias, w->missing);
     for (int i = 0; i < r->n; ++i)
         w->missing[i] = w->force[i] - w->missing[i];
@@ -193,13 +194,10 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
     status = ncgen_solve_positive(r->nz, w->reduced, zdd);
     if (status != NCGEN_OK)
         return status;
-    ncgen_real power = 0;
-    if (model->energy) {
-        ncgen_real energy[3];
-        if (model->energy(t, r->q, qd, r->p, energy) != NCGEN_OK)
-            return NCGEN_DOMAIN;
-        power = energy[2];
-    }
+    ncgen_real energies[3];
+    if (ncgen_energies(r, t, r->q, qd, energies) != NCGEN_OK)
+        return NCGEN_DOMAIN;
+    ncgen_real power = energies[2];
     if (model->nu) {
         for (int z = 0; z < r->nz; ++z)
             for (int i = 0; i < r->n; ++i)

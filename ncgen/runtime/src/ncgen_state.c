@@ -34,6 +34,36 @@ int ncgen_gamma(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncg
     return r->model->gamma ? r->model->gamma(t, q, qd, r->p, gamma) : NCGEN_OK;
 }
 
+int ncgen_external_forces(ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd)
+{
+    if (!ncgen_is_finite(r->n, q) || !ncgen_is_finite(r->n, qd))
+        return NCGEN_DOMAIN;
+    const int status = r->dynamics->external(t, q, qd, r->p, r->external);
+    return status == NCGEN_OK && !ncgen_is_finite(r->n, r->external) ? NCGEN_DOMAIN : status;
+}
+
+int ncgen_forces(ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *forces)
+{
+    for (int i = 0; i < (r->model->force ? 0 : r->n); ++i)
+        forces[i] = 0;
+    int status = r->model->force ? r->model->force(t, q, qd, r->p, forces) : NCGEN_OK;
+    if (!r->external || status != NCGEN_OK)
+        return status;
+    status = ncgen_external_forces(r, t, q, qd);
+    for (int i = 0; i < r->n; ++i)
+        forces[i] += r->external[i];
+    return status;
+}
+
+int ncgen_energies(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real energies[3])
+{
+    energies[0] = energies[1] = energies[2] = 0;
+    const int status = r->model->energy ? r->model->energy(t, q, qd, r->p, energies) : NCGEN_OK;
+    if (r->external)
+        energies[2] += ncgen_dot(r->n, r->external, qd);
+    return status;
+}
+
 void ncgen_write_row(ncgen_run *r, ncgen_real work)
 {
     if (r->out_q) {
@@ -80,6 +110,7 @@ void ncgen_state_layout(ncgen_run *r)
 {
     r->start_q = ncgen_take(&r->space, r->n);
     r->start_qd = ncgen_take(&r->space, r->n);
+    r->external = r->dynamics->external ? ncgen_take(&r->space, r->n) : NULL;
     r->is_driven = r->options->signals && r->options->signals->inputs && r->model->n_inputs > 0;
     const int prepared = r->dynamics->motion ? r->dynamics->motion->n_prepared : 0;
     r->own_p = r->is_driven || prepared ? ncgen_take(&r->space, r->model->n_parameters + prepared) : NULL;

@@ -27,6 +27,7 @@ struct ncgen_run {
     int *integers;
 
     ncgen_real *q, *qd;             /* of the last evaluation */
+    ncgen_real *external;           /* forces of the dynamics' own function there; NULL without it */
     ncgen_real *start_q, *start_qd; /* the last accepted state */
     ncgen_real start_work;
     ncgen_scalar start_t;
@@ -78,6 +79,14 @@ void ncgen_write_row(ncgen_run *r, ncgen_real work);
 int ncgen_phi(const ncgen_run *r, ncgen_real t, const ncgen_real *q, ncgen_real *phi);
 int ncgen_phi_q(const ncgen_run *r, ncgen_real t, const ncgen_real *q, ncgen_real *values);
 int ncgen_gamma(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *gamma);
+
+/* Forces of the dynamics' own function, in r->external; NCGEN_DOMAIN where they, or the state, are not finite. */
+int ncgen_external_forces(ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd);
+
+/* All forces, and kinetic and potential energy and the power of other forces; zero without bodies. Energies follow the forces of the same
+ * state. */
+int ncgen_forces(ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *forces);
+int ncgen_energies(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real energies[3]);
 
 /* Sparse matrices, of which one without rows has no pattern. */
 int ncgen_nonzeros(const ncgen_pattern *pattern);

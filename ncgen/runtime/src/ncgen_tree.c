@@ -392,10 +392,10 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     int is_regular = find_twists(r, w, qd, out) == NCGEN_OK;
     find_changes(w);
     for (int i = 0; i < n; ++i)
-        w->bias[i] = w->force[i] = 0;
+        w->bias[i] = 0;
     spread_changes(r, w, w->bias);
     mass_at(r, w, t, q);
-    if (r->model->force && r->model->force(t, q, out, r->p, w->force) != NCGEN_OK)
+    if (ncgen_forces(r, t, q, out, w->force) != NCGEN_OK)
         is_regular = 0;
     ncgen_times_mass(r, w->mass, w->bias, w->inertial);
     for (int i = 0; i < n; ++i)
@@ -406,7 +406,7 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     spread_changes(r, w, out + n);
     for (int i = 0; i < w->tree->n_measured; ++i)
         out[n + w->tree->measured[2 * i]] = w->tree->ratios[i] * w->push[w->tree->measured[2 * i + 1]];
-    if (!r->dynamics->conservative && r->model->energy && r->model->energy(t, q, out, r->p, energy) != NCGEN_OK)
+    if (!r->dynamics->conservative && ncgen_energies(r, t, q, out, energy) != NCGEN_OK)
         is_regular = 0;
     out[2 * n] = energy[2];
     out[2 * n + 1] = growth_of(is_regular && ncgen_is_finite(2 * n, out));

@@ -88,8 +88,10 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
         return f"{method.formalism.name} runs in Python; in C there are {', '.join(in_c(FORMALISMS))}"
     if engine in EMITTED and method.is_constrained:
         return f"a state derivative is emitted for coordinate-partitioning, not for {method.formalism.name}"
-    if kernels.model.callbacks:
-        return "the model calls a Python function"
+    if kernels.model.callbacks and number != "double":
+        return f"the model calls a Python function, which computes with doubles, not {number}"
+    if kernels.model.callbacks and engine in EMITTED:
+        return "the model calls a Python function, whose forces are not in what is written out"
     if kernels.model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps"
     if kernels.m and not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
@@ -145,7 +147,7 @@ def all_coordinates(kernels: CompiledKernels, number: str = "double", form: Form
 def form_of(kernels: Kernels, method: Method) -> Form:
     """What accelerations a run over all coordinates takes where nobody says: of a recursion over the tree of bodies that is written out
     and compiled, or in loops over tables, or of the factored matrix."""
-    if is_written_out(kernels, method):
+    if _is_recursive(kernels, method):
         return "emitted"
     return "tree" if _may_recur(kernels, method) and open_tree(kernels) else "dense"
 
@@ -158,7 +160,11 @@ def _may_recur(kernels: Kernels, method: Method) -> bool:
 
 
 def is_written_out(kernels: Kernels, method: Method) -> bool:
-    """True where a run over all coordinates takes its accelerations from a recursion that is written out and compiled."""
+    """True where a run over all coordinates takes its accelerations from a recursion that is written out and compiled, with all forces."""
+    return not kernels.model.callbacks and _is_recursive(kernels, method)
+
+
+def _is_recursive(kernels: Kernels, method: Method) -> bool:
     return (
         _may_recur(kernels, method)
         and all_coordinates(checked_compiled(kernels), form="emitted", integrator=method.integrator.name).is_emitted

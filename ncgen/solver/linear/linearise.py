@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.emit.c.linear import linear_header
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, counted
 from ncgen.files import path_of, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import rate_name
@@ -74,8 +74,8 @@ class Linearisation:
     D: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __repr__(self) -> str:
-        ports = f", {len(self.inputs)} inputs, {len(self.outputs)} outputs" if self.inputs or self.outputs else ""
-        return f"<Linearisation beside {self._beside}: {len(self.matrix)} states{ports}>"
+        ports = f", {counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}" if self.inputs or self.outputs else ""
+        return f"<Linearisation beside {self._beside}: {counted(len(self.matrix), 'state')}{ports}>"
 
     @property
     def A(self) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, ModelError
+from ncgen.errors import ConvergenceError, ModelError, counted
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import watched
@@ -47,7 +47,8 @@ class Equilibrium:
 
     def __repr__(self) -> str:
         kind = "stable" if self.stable else "not stable"
-        return f"<Equilibrium {kind}: {len(self.q)} coordinates, {len(self.stiffnesses)} degrees of freedom, {self.steps} steps>"
+        freedom = counted(len(self.stiffnesses), "degree of freedom")
+        return f"<Equilibrium {kind}: {counted(len(self.q), 'coordinate')}, {freedom}, {counted(self.steps, 'step')}>"
 
     @property
     def stable(self) -> bool:
@@ -79,7 +80,8 @@ def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Giv
             return Equilibrium(q, lam, values, steps)
         if steps == LIMIT + MORE * len(values):
             raise ConvergenceError(
-                f"{kernels.name}: no equilibrium found in {steps} steps, {left:.2g} of the forces is left over; start nearer to one, "
+                f"{kernels.name}: no equilibrium found in {counted(steps, 'step')}, {left:.2g} of the forces is left over; "
+                "start nearer to one, "
                 "or the forces have no balance"
             )
         step = basis @ step

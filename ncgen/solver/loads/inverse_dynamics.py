@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.errors import ModelError, SingularError
+from ncgen.errors import ModelError, SingularError, counted
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.given import echo, names_of, offer, shortened
 from ncgen.solver.positions.branches import refresh_branches
@@ -70,7 +70,7 @@ def motor_forces(
     motors = names_of(motors, "motors", kernels.index)
     free = freedom(kernels, q, t, p).dof
     if len(motors) != free:
-        count = f"{len(motors)} motor{'s' if len(motors) != 1 else ''} for {free} degree{'s' if free != 1 else ''} of freedom"
+        count = f"{counted(len(motors), 'motor')} for {counted(free, 'degree of freedom')}"
         raise ModelError(f"{kernels.name}: {count}{_instead(kernels) or '; give one each'}")
     partition = choose_partition(kernels, q, t, p, motors)
     frame = kinematics(kernels, partition, q, t, p)

@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError
+from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError, counted
 from ncgen.mechanism.break_times import beside, break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
 from ncgen.solver.given import Given, checked_kernels
-from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative, refuse_negative_ahead
+from ncgen.solver.positions.massless import check_mass, refuse_massless
+from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
 from ncgen.solver.positions.position import CONSISTENT
 from ncgen.solver.positions.rank import freedom_at
@@ -33,6 +34,7 @@ from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.telling import Told, telling
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
+from ncgen.toolchain.preparation import preparation_seconds
 
 WHOLE = 1 + 1e-12
 """A step that is longer than a grid's by this share: as many steps as there are instants, whatever rounding does."""
@@ -126,7 +128,7 @@ def simulate(
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
     if not choice.method.is_constrained and (freedom := kernels.n - kernels.m) > MANY:
         _warn(
-            f"{kernels.name}: coordinate partitioning solves densely for {freedom} degrees of freedom in every evaluation; "
+            f"{kernels.name}: coordinate partitioning solves densely for {counted(freedom, 'degree of freedom')} in every evaluation; "
             "formalism='lagrange' solves sparsely, many times faster"
         )
     with telling(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as told:
@@ -152,21 +154,22 @@ def _carry_out(
 
     Raises Interrupted with what was reached.
     """
-    refuse_negative(kernels, start.q, run.initial.t, start.p)
+    check_mass(kernels, start.q, run.initial.t, start.p)
     motion = _Motion(kernels, run, choice, start, *_with_looks(run.times, looks(run, choice.method)), progress, breaks)
-    clock = time.perf_counter()
+    clock = _Stopwatch()
     try:
         motion.advance()
     except KeyboardInterrupt as stopped:
         if len(motion.path.q) < 2:
             raise
-        raise Interrupted(motion.trajectory(time.perf_counter() - clock)) from stopped
+        raise Interrupted(motion.trajectory(clock)) from stopped
     except (SingularError, ConvergenceError, DomainError) as error:
         motion.refuse_negative()
+        refuse_massless(kernels, start.q, run.initial.t, start.p)
         if found := motion.diverged():
             raise found from error
         raise
-    found = motion.trajectory(time.perf_counter() - clock)
+    found = motion.trajectory(clock)
     if choice.method.is_constrained and (here := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
         _warn(singular_message(kernels, here))
     if negative := negative_instant(kernels, found.t, found.q, start.p):
@@ -190,6 +193,18 @@ def _with_neighbours(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:
     after = times[np.minimum(np.searchsorted(times, breaks[:, 1], side="right"), len(times) - 1)]
     rows = np.concatenate([breaks, *(np.column_stack([each, each]) for each in (before, after))])
     return np.unique(rows, axis=0)
+
+
+class _Stopwatch:
+    """The time of a run, and apart from it that of generating and compiling what it needed first."""
+
+    def __init__(self) -> None:
+        self._begun, self._prepared = time.perf_counter(), preparation_seconds()
+
+    def read(self) -> tuple[float, float]:
+        """Return the seconds of the run without preparation, and those of preparation."""
+        preparation = preparation_seconds() - self._prepared
+        return time.perf_counter() - self._begun - preparation, preparation
 
 
 @dataclass
@@ -354,15 +369,16 @@ class _Motion:
         shown[[0, -1]] = True
         return replace(found, t=times[shown], q=path.q[shown], qd=path.qd[shown], work=path.work[shown])
 
-    def trajectory(self, seconds: float) -> Trajectory:
+    def trajectory(self, clock: _Stopwatch) -> Trajectory:
         """The motion at the instants that were asked for, as far as it came."""
         path, run, method = self.path, self.run, self.choice.method
         times, looks = self._rows()
         wanted = ~looks
         steps, evaluations, newton_steps, changes, repeated = map(int, path.counts)
+        seconds, preparation = clock.read()
         spent = Statistics(
             steps, evaluations, newton_steps, changes, repeated, seconds, path.projections, path.largest_projection, path.jacobians,
-            path.fallbacks,
+            path.fallbacks, preparation,
         )  # fmt: skip
         return Trajectory(
             self.kernels, times[wanted], path.q[wanted], path.qd[wanted], path.work[wanted], self.start.p, path.partitions,

@@ -26,6 +26,7 @@ from ncgen.solver.formalisms.impulse import Impulse, cross
 from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, values_by_name
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.parameter_checks import check_parameters
+from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.choice import ALL, EXPLICIT
 from ncgen.solver.runs.run import Initial, InitialArguments, relative_tolerance
@@ -276,11 +277,13 @@ class Simulation:
 def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None, at: Initial) -> tuple[Callable[[], Stepping], Start]:
     """What makes a way to step, one for every thread, and where motions start. Raises ModelError where C cannot move the mechanism."""
     method = Method.of(ALL, integrator)
-    if refused := compiled.refusal(kernels, method, "c", "double"):
+    is_called = "the model calls a Python function" if kernels.model.callbacks else None
+    if refused := is_called or compiled.refusal(kernels, method, "c", "double"):
         raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
     kernels = compiled.checked_compiled(kernels)
     form = compiled.form_of(kernels, method)
     here = begin(kernels, at, partitioned=False)
+    check_mass(kernels, here.q, at.t, here.p)
     rank = freedom_at(kernels, here.q, at.t, here.p).rank
     least = NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
     sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]

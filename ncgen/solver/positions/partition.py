@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ncgen.errors import ModelError, SingularError
+from ncgen.errors import ModelError, SingularError, counted
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.lapack import dgetrf, dgetrs
 from ncgen.solver.positions.open_tree import open_tree
@@ -129,7 +129,8 @@ def choose_partition(
     count = len(rows)
     if len(wanted) > kernels.n - count:
         raise ModelError(
-            f"{len(wanted)} independent coordinates were chosen, the mechanism has {kernels.n - count} degrees of freedom; leave some out"
+            f"{counted(len(wanted), 'independent coordinate')} chosen, but the mechanism has "
+            f"{counted(kernels.n - count, 'degree of freedom')}; leave some out"
         )
     # The last ones come first here, so that of two that serve equally well the first one stays independent.
     others = np.array([i for i in reversed(range(kernels.n)) if i not in set(wanted)], dtype=int)

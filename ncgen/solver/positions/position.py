@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, ModelError
+from ncgen.errors import ConvergenceError, ModelError, counted
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import check_instant, is_finite, watched
@@ -127,7 +127,7 @@ def _failure(kernels: Kernels, value: np.ndarray, history: list[float]) -> str:
     worst = int(np.nanargmax(np.where(np.isfinite(value), np.abs(value), np.inf)))
     row = kernels.rows[worst]
     return (
-        f"position problem: no convergence in {len(history) - 1} steps, the relative residual is {history[-1]:.2g}; "
+        f"position problem: no convergence in {counted(len(history) - 1, 'step')}, the relative residual is {history[-1]:.2g}; "
         f"worst is row {worst + 1} ({row.label}, {row.owner}); start nearer to a closed position or move in smaller steps"
     )
 

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import DomainError, ModelError
+from ncgen.errors import DomainError, ModelError, counted
 from ncgen.mechanism.driving import Function, Pieces
 from ncgen.solver.given import Outline, echo, finite, known_name, several
 
@@ -125,13 +125,13 @@ def signals_of(kernels: Outline, inputs: Mapping[str, Signal] | None, p: np.ndar
 def _table(given: Sequence[object], where: str) -> Table:
     """A table as polynomials. Raises ModelError unless its instants are two or more, ascending, each with a value."""
     if len(given) not in (2, 3):
-        raise ModelError(f"{where}: {len(given)} things given; give (times, values) or (times, values, hold)")
+        raise ModelError(f"{where}: {counted(len(given), 'thing')} given; give (times, values) or (times, values, hold)")
     times, values = several(given[0], f"{where}, times"), several(given[1], f"{where}, values")  # type: ignore[arg-type]
     hold = given[2] if len(given) == 3 else "linear"
     if hold not in HOLDS:
         raise ModelError(f"{where}: hold {echo(hold)} is unknown; choose one of {', '.join(HOLDS)}")
     if len(times) != len(values) or len(times) < FEWEST:
-        raise ModelError(f"{where}: {len(times)} times and {len(values)} values; give as many of both, {FEWEST} or more")
+        raise ModelError(f"{where}: {len(times)} times and {counted(len(values), 'value')}; give as many of both, {FEWEST} or more")
     if not np.all(np.diff(times) > 0):
         k = int(np.argmin(np.diff(times) > 0))
         raise ModelError(f"{where}: time {k + 1} is {times[k + 1]:.6g} s after {times[k]:.6g} s; times must ascend")

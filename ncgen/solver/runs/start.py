@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from ncgen.errors import ModelError, SingularError
+from ncgen.errors import ModelError, SingularError, counted
 from ncgen.mechanism.driver_jumps import after_jump, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.projection import least_energy, project_velocity
@@ -119,12 +119,14 @@ def _independent_rates(kernels: Kernels, partition: Partition, given: dict[str, 
     if isinstance(given, dict):
         if unknown := [name for name in given if name not in names]:
             raise ModelError(
-                f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}; others are "
-                "chosen by z, or by qd0 with the velocities of any coordinates"
+                f"initial velocity of {unknown[0]}: {unknown[0]} is not independent; give that of {', '.join(names)}, or choose others "
+                "by z, or give velocities of any coordinates by qd0"
             )
         return np.array([given.get(name, 0.0) for name in names], dtype=float)
     if len(given) != len(names):
-        raise ModelError(f"zd0: {len(given)} numbers given, {len(names)} needed for the independent coordinates {', '.join(names)}")
+        raise ModelError(
+            f"zd0: {counted(len(given), 'number')} given, {len(names)} needed for the independent coordinates {', '.join(names)}"
+        )
     return given
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ModelError, SingularError
+from ncgen.errors import ModelError, SingularError, counted
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.given import names_of
 from ncgen.solver.positions.partition import Partition, choose_partition, quality
@@ -98,7 +98,9 @@ def monitor(
     instants = list(zip(t, q, strict=True))
     chosen = names_of(independent, "independent", kernels.index) or kernels.model.chosen_independent or _first_choice(kernels, instants, p)
     if len(chosen) != kernels.n - rank:
-        raise ModelError(f"{len(chosen)} independent coordinates for {kernels.n - rank} degrees of freedom: {', '.join(chosen)}")
+        raise ModelError(
+            f"{counted(len(chosen), 'independent coordinate')} for {counted(kernels.n - rank, 'degree of freedom')}: {', '.join(chosen)}"
+        )
     rows = np.array([_one(kernels, rank, chosen, t, q, p) for t, q in instants]).reshape(-1, 4)
     kinetic, potential, _ = energies(kernels, t, q, qd, p).T
     total = kinetic + potential

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, counted
 from ncgen.files import path_of, write_bytes, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
@@ -54,10 +54,11 @@ class Statistics:
     """What a simulation cost.
 
     steps, evaluations of the state derivative, Newton steps of position problems and projections, changes of the
-    independent coordinates, steps repeated because the position problem failed, and seconds; how often a state was
+    independent coordinates, steps repeated because the position problem failed, and seconds of the run; how often a state was
     projected onto the constraints, and how far a position was moved at most, relative to its natural size. Of implicit
     methods how many Jacobians were taken; of emitted ones how many accelerations were computed with row exchanges, since
     a pivot vanished, a step had to be repeated, or Newton's steps in the degrees of freedom did not converge.
+    preparation: seconds for generating and compiling what the run needed first; a second run of the kernels needs none.
     """
 
     steps: int
@@ -70,6 +71,7 @@ class Statistics:
     largest_projection: float = 0.0
     jacobians: int = 0
     fallbacks: int = 0
+    preparation: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,7 @@ class Trajectory:
 
     def __repr__(self) -> str:
         grid = f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no instant"
-        return f"<Trajectory {self.name}: {grid}, {len(self)} coordinates, {self.formalism}, {self.integrator}>"
+        return f"<Trajectory {self.name}: {grid}, {counted(len(self), 'coordinate')}, {self.formalism}, {self.integrator}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
