@@ -258,7 +258,7 @@ class _Reader:
             limits=(float(m.jnt_range[j][0]), float(m.jnt_range[j][1]))
             if m.jnt_limited[j] and not without_constraints(m, NO_LIMITS)
             else None,
-            effort=(float(m.jnt_actfrcrange[j][0]), float(m.jnt_actfrcrange[j][1])) if m.jnt_actfrclimited[j] else None,
+            effort=(float(m.jnt_actfrcrange[j][0]), float(m.jnt_actfrcrange[j][1])) if m.jnt_actfrclimited[j] and m.nactuator else None,
             friction=0.0 if without_constraints(m, NO_FRICTION) else float(m.dof_frictionloss[dof]),
         )
 
