@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from ncgen.errors import NcgenError
 from ncgen.files import path_of, write_bytes
@@ -50,14 +52,25 @@ def film_instants(t: np.ndarray) -> np.ndarray:
     return np.abs(t[:, None] - np.linspace(t[0], t[-1], count)).argmin(axis=0)
 
 
-def _pictures(run: Trajectory, instants: np.ndarray) -> Iterator[bytes]:
-    """The drawings as PNG, all of one size."""
+def _drawings(run: Trajectory, instants: np.ndarray) -> Iterator[Figure]:
+    """The drawings, all of one size."""
     scene = scene_of(run)
     for instant in instants:
-        data = BytesIO()
-        chart = drawn(scene, int(instant), f"{scene.name}, t = {scene.t[instant]:.2f} s", None)
-        chart.savefig(data, format="png", dpi=RESOLUTION, metadata={"Software": None})
-        yield data.getvalue()
+        yield drawn(scene, int(instant), f"{scene.name}, t = {scene.t[instant]:.2f} s", None)
+
+
+def _png(chart: Figure) -> bytes:
+    data = BytesIO()
+    chart.savefig(data, format="png", dpi=RESOLUTION, metadata={"Software": None})
+    return data.getvalue()
+
+
+def _pixels(chart: Figure) -> np.ndarray:
+    """Red, green and blue of a drawing, shape (height, width, 3)."""
+    chart.set_dpi(RESOLUTION)
+    canvas = FigureCanvasAgg(chart)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
 def _gif(run: Trajectory, instants: np.ndarray, seconds: float) -> bytes:
@@ -66,7 +79,7 @@ def _gif(run: Trajectory, instants: np.ndarray, seconds: float) -> bytes:
         image = import_module("PIL.Image")
     except ImportError as error:
         raise NcgenError("Pillow is not installed; pip install pillow, or write a .html") from error
-    first, *others = (image.open(BytesIO(picture)).convert("P") for picture in _pictures(run, instants))
+    first, *others = (image.fromarray(_pixels(chart)).convert("P") for chart in _drawings(run, instants))
     data = BytesIO()
     first.save(data, format="GIF", save_all=True, append_images=others, duration=max(20, round(1000 * seconds)), loop=0)
     return data.getvalue()
@@ -80,7 +93,7 @@ def _mp4(run: Trajectory, instants: np.ndarray, seconds: float) -> bytes:
     even = "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white"
     options = ["-vf", even, "-pix_fmt", "yuv420p", "-movflags", "frag_keyframe+empty_moov", "-f", "mp4", "-"]
     command = [program, "-loglevel", "error", "-f", "image2pipe", "-framerate", f"{1 / max(seconds, 1e-3):.6g}", "-i", "-", *options]
-    done = subprocess.run(command, input=b"".join(_pictures(run, instants)), capture_output=True)
+    done = subprocess.run(command, input=b"".join(map(_png, _drawings(run, instants))), capture_output=True)
     if done.returncode:
         said = " ".join(done.stderr.decode(errors="replace").split()) or f"exit code {done.returncode}"
         raise NcgenError(f"ffmpeg writes no film: {said}; write a .gif or .html")
