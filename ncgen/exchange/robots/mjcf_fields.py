@@ -149,8 +149,6 @@ def unlisted(model: Compiled) -> Iterator[str]:
 def left_out(model: Compiled) -> dict[str, int]:
     """{words: how many} of what a file says and the model of it does not, but for shapes."""
     m = model
-    single = np.asarray(m.jnt_type) >= SCALAR
-    of_scalar = single[m.dof_jntid] if m.nv else np.zeros(0, bool)
     limits, friction = not without_constraints(m, NO_LIMITS), not without_constraints(m, NO_FRICTION)
     passive = not (off(m, NO_SPRINGS) and off(m, NO_DAMPERS))
     counts = {
@@ -163,7 +161,7 @@ def left_out(model: Compiled) -> dict[str, int]:
         "compensation of weight by motors that have limits, or are switched off": _by_motors(m),
         "forces of a fluid": int(passive and (m.opt.density > 0 or m.opt.viscosity > 0)),
         "friction of joints": int(np.sum(np.asarray(m.dof_frictionloss) != 0)) if friction else 0,
-        "armature of free and ball joints": len({*np.asarray(m.dof_jntid)[~of_scalar & (np.asarray(m.dof_armature) != 0)]}),
+        "armature of free and ball joints": len(_rotors_of_several(m)),
         "springs that yield": int(np.sum(np.asarray(m.jnt_springyield) != 0)),
         "softness of equalities, which are rigid here": _soft(m),
         "collision shapes": 0 if without_constraints(m, NO_CONTACTS) else touching(m),
@@ -182,6 +180,13 @@ def is_disabled(m: Compiled, k: int) -> bool:
     """Whether the file switches off the group of an actuator."""
     group = int(m.actuator_group[k])
     return 0 <= group < NAMED_GROUPS and bool(int(m.opt.disableactuator) & (1 << group))
+
+
+def _rotors_of_several(m: Compiled) -> set[int]:
+    """Joints with several degrees of freedom that have armature, or whose actuators bring them some."""
+    own = {int(j) for j, armature in zip(m.dof_jntid, m.dof_armature, strict=True) if armature}
+    driven = (k for k in range(m.nactuator) if m.actuator_armature[k] and m.actuator_trntype[k] in AT_JOINT)
+    return {j for j in own | {int(m.actuator_trnid[k][0]) for k in driven} if m.jnt_type[j] < SCALAR}
 
 
 def _acts(m: Compiled, k: int) -> bool:
