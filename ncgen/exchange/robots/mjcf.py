@@ -236,9 +236,9 @@ class _Reader:
         return Mass.of(float(m.body_mass[i]), (*m.body_inertia[i], 0.0, 0.0, 0.0), Placement.of_quaternion(m.body_ipos[i], m.body_iquat[i]))
 
     def _lifted(self, i: int) -> tuple[Mass, ...]:
-        """What of a body's mass has its weight compensated."""
+        """What of a body's mass has its weight compensated; MuJoCo does that where it is so for one body by more than 0 (`ngravcomp`)."""
         m, mass = self.m, float(self.m.body_mass[i] * self.m.body_gravcomp[i])
-        passive = not (off(m, NO_SPRINGS) and off(m, NO_DAMPERS))
+        passive = bool(m.ngravcomp) and not (off(m, NO_SPRINGS) and off(m, NO_DAMPERS))
         return (Mass(mass, np.array(m.body_ipos[i], dtype=float), np.zeros((3, 3))),) if mass and passive else ()
 
     def _joint(self, j: int, parent: str, child: str, place: Placement) -> Joint:

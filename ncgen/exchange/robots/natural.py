@@ -56,6 +56,7 @@ def model_of(
     model = builder.build()
     model.frames = _frames_of(robot, builder.layout.ground.name, {solid.name: body.name for solid, body in builder.bodies.items()})
     acting = [(hold.joint, builder.coordinates[hold.joint.name]) for hold in builder.layout.holds if hold.joint.name in builder.coordinates]
+    model.limits = {coordinate.name: joint.limits for joint, coordinate in acting if joint.limits is not None}
     for asked, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
         if asked:
             model.left_out = left(model.left_out, words, add(model, acting))
