@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from ncgen.cli.completion import words_of
-from ncgen.cli.terminal import RESULTS, ROBOTS, Floating, Having, ModelName, err, of_robots, out, progress, show, writable
+from ncgen.cli.robot_options import for_robots
+from ncgen.cli.terminal import RESULTS, ModelName, err, out, progress, show, writable
 from ncgen.errors import ModelError, counted
 from ncgen.exchange.export import targets
 
@@ -40,13 +41,13 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="a model fil
     out.print(f"{file.name}: {', '.join(counts)}", markup=False)
 
 
+@for_robots
 def convert(
     model: ModelName,
+    robot: dict[str, Any],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="file to write [default: standard output]", rich_help_panel=RESULTS)
     ] = None,
-    floating: Floating = None,
-    having: Having = None,
 ) -> None:
     """Write a model as TOML; with an output that ends in .sdf, .xml (MJCF) or .urdf (open trees only) as a robot's file."""
     from ncgen.exchange.examples import load
@@ -55,7 +56,7 @@ def convert(
     from ncgen.files import write_text
 
     writable("--output", output, (".toml", *WRITTEN), new_folder=True)
-    loaded = load(model, **of_robots(floating, having))
+    loaded = load(model, **robot)
     suffix = output.suffix.lower() if output else ""
     text = robot_text(loaded, suffix) if suffix in WRITTEN else to_toml(loaded)
     if output is None:
@@ -64,8 +65,10 @@ def convert(
         out.print(str(write_text(output, text)), markup=False)
 
 
+@for_robots
 def export(
     model: ModelName,
+    robot: dict[str, Any],
     to: Annotated[str, typer.Option(help=f"target: {', '.join(targets())}", autocompletion=words_of("ncgen.exchange.export", "targets"))],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]", rich_help_panel=RESULTS)
@@ -77,21 +80,12 @@ def export(
             autocompletion=words_of("ncgen.exchange.export.fmu", "PLATFORMS"),
         ),
     ] = None,
-    frame: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="link, site or frame whose position and rotation become outputs; may be repeated [default: no frame]",
-            rich_help_panel=ROBOTS,
-        ),
-    ] = None,
-    floating: Floating = None,
-    having: Having = None,
 ) -> None:
     """Write a mechanism for use without Python: a folder with sources and a README that says how to build and run them."""
     from ncgen.exchange.examples import load
     from ncgen.exchange.export import export as written
 
-    loaded = load(model, frames=frame or (), **of_robots(floating, having))
+    loaded = load(model, **robot)
     with progress(f"exporting {loaded.name}", None):
         paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"), platform or ())
     show(paths)

@@ -13,7 +13,8 @@ import typer
 
 from ncgen.cli.assignments import assigned, beside_its_own
 from ncgen.cli.completion import coordinates, parameters, stops, words_of
-from ncgen.cli.terminal import METHOD, MOTION, RESULTS, Backend, Emission, Floating, Having, Json, ModelName, err, of_robots, out, progress
+from ncgen.cli.robot_options import for_robots
+from ncgen.cli.terminal import METHOD, MOTION, RESULTS, Backend, Emission, Json, ModelName, err, out, progress
 from ncgen.errors import Interrupted
 
 if TYPE_CHECKING:
@@ -36,14 +37,14 @@ def list_examples(json_output: Json = False) -> None:
         out.print(f"{r['name']:<15}{r['dof']:>3} dof {r['rows']:>4} rows ({r['redundant']} redundant)  {r['teaches']}", markup=False)
 
 
+@for_robots
 def inspect(
     model: ModelName,
+    robot: dict[str, Any],
     along: Annotated[
         Path | None, typer.Option(help="a trajectory.npz: print the diagnostics of that motion [default: of the model alone]")
     ] = None,
     json_output: Json = False,
-    floating: Floating = None,
-    having: Having = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
 ) -> None:
@@ -54,7 +55,7 @@ def inspect(
     from ncgen.report.screen import show_inspection
 
     recorded = None if along is None else Recorded.read(along)
-    kernels, _, seconds = _compiled(model, of_robots(floating, having), backend, emission, lists_left_out=recorded is None)
+    kernels, _, seconds = _compiled(model, robot, backend, emission, lists_left_out=recorded is None)
     if recorded is not None:
         health = recorded.health(kernels)
         if json_output:
@@ -74,27 +75,29 @@ def inspect(
     show_inspection(out, facts, seconds)
 
 
+@for_robots
 def generate(
     model: ModelName,
+    robot: dict[str, Any],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="folder for the sources [default: generated/MODEL]", rich_help_panel=RESULTS)
     ] = None,
-    floating: Floating = None,
-    having: Having = None,
     emission: Emission = "auto",
 ) -> None:
     """Write the C and NumPy sources of a model."""
     from ncgen.compiler import generate as sources_of
     from ncgen.exchange.examples import load
 
-    loaded = load(model, **of_robots(floating, having))
+    loaded = load(model, **robot)
     folder = output or Path("generated") / loaded.name
     for path in sources_of(loaded, emission).write(folder):
         out.print(str(path), markup=False)
 
 
+@for_robots
 def run(
     model: ModelName,
+    robot: dict[str, Any],
     duration: Annotated[float | None, typer.Option(help="seconds to simulate [default: the model's]", rich_help_panel=MOTION)] = None,
     param: Annotated[
         list[str] | None,
@@ -161,8 +164,6 @@ def run(
         ),
     ] = None,
     points: Annotated[int | None, typer.Option(help="output times in the trajectory [default: 101]", rich_help_panel=MOTION)] = None,
-    floating: Floating = None,
-    having: Having = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
     output: Annotated[
@@ -196,8 +197,7 @@ def run(
             compiling.append(beside(part=part_for(simulation_of(loaded, **given).get("integrator", AUTO))))
             compiling[0].start()
 
-    words = of_robots(floating, having)
-    kernels, sources, seconds = _compiled(model, words, backend, emission, check, lists_left_out=not json_output)
+    kernels, sources, seconds = _compiled(model, robot, backend, emission, check, lists_left_out=not json_output)
     found = freedom(kernels)
     if any(thread.is_alive() for thread in compiling):
         with progress("compiling the runtime", None):
@@ -226,7 +226,7 @@ def run(
 
 def _compiled(
     name: str,
-    words: dict[str, Any],
+    robot: dict[str, Any],
     backend: str,
     emission: str,
     check: Callable[[Model], object] | None = None,
@@ -234,7 +234,7 @@ def _compiled(
 ) -> tuple[Kernels, Sources, dict[str, float]]:
     """Kernels, sources and the seconds of every stage, with the stages shown while they run.
 
-    words: what `ncgen.load` is told of a robot; check: of the model, before anything is made of it
+    robot: what `ncgen.load` is told of a robot; check: of the model, before anything is made of it
     lists_left_out: the command lists what of a file is not modelled, so the warning that counts it is not shown
     """
     from ncgen.compiler import Timings, check_words, compile, sources_of
@@ -247,7 +247,7 @@ def _compiled(
         with warnings.catch_warnings():
             if lists_left_out:
                 warnings.filterwarnings("ignore", f".* {NOT_MODELLED}, ", UserWarning)
-            model = timings.stage("model", lambda: load(name, **words))
+            model = timings.stage("model", lambda: load(name, **robot))
         if check:
             check(model)
         sources = sources_of(model, emission, timings)

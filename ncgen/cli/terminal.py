@@ -16,7 +16,7 @@ from ncgen.errors import ModelError
 from ncgen.files import is_file, is_folder, is_there
 from ncgen.report.bar import err, progress, timed
 
-__all__ = ["err", "of_robots", "out", "progress", "show", "tell", "timed", "writable"]
+__all__ = ["err", "out", "progress", "show", "tell", "timed", "writable"]
 
 out = Console(highlight=False, soft_wrap=True)
 
@@ -31,28 +31,6 @@ CODE = "Generated code"
 RESULTS = "Results"
 """Panels of `--help`: options that answer one question."""
 
-Floating = Annotated[
-    bool | None,
-    typer.Option(
-        "--floating/--fixed", help="the base moves freely, or is fixed to the ground [default: as the file says]", rich_help_panel=ROBOTS
-    ),
-]
-JOINTS = ("limits", "friction", "motors", "sensors")
-"""What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
-
-PARAMETERS = ("inertia", "geometry")
-"""What becomes parameters of a robot where it is asked for, by the words of `ncgen.load`."""
-
-Having = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--with",
-        help="take limits, friction, motors or sensors of joints from the file; make inertia of links or geometry of joints parameters; "
-        "may be repeated [default: none of them]",
-        autocompletion=lambda: (*JOINTS, *PARAMETERS),
-        rich_help_panel=ROBOTS,
-    ),
-]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object", rich_help_panel=RESULTS)]
 Backend = Annotated[
     str,
@@ -87,15 +65,6 @@ def tell(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]],
         print(json.dumps(records, indent=1))
     else:
         show(lines(list(records)))
-
-
-def of_robots(floating: bool | None, having: list[str] | None) -> dict[str, Any]:
-    """Return the keywords of `ncgen.load` for a robot's file. Raises ModelError naming a word that --with does not know."""
-    for word in having or ():
-        if word not in (*JOINTS, *PARAMETERS):
-            raise ModelError(f"--with {word}: a robot can have {', '.join((*JOINTS, *PARAMETERS))}")
-    asked = set(having or ())
-    return {"floating": floating, **{word: True for word in JOINTS if word in asked}, "parameters": [w for w in PARAMETERS if w in asked]}
 
 
 def listed(words: Sequence[str]) -> str:

@@ -56,9 +56,7 @@ def _typed(message: str, options: Mapping[str, Any]) -> Iterator[tuple[str, str]
     for name, value in options.items():
         option = f"--{name.replace('_', '-')}"
         if name == "having":
-            from ncgen.cli.terminal import JOINTS
-
-            yield from ((word if word in JOINTS else "parameters", f"--with {word}") for word in value or ())
+            yield from ((word, f"--with {word}") for word in value or ())
         elif name == "floating" and value is not None:
             yield name, "--floating" if value else "--fixed"
         elif value or name in WANTED:

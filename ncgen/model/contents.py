@@ -42,6 +42,7 @@ class Contents:
     conditions: on values that depend on parameters and stand in no body and no row of the catalogue by themselves, such as radii
     facts: how the model was told
     frames: of links, by their names in a robot's file
+    limits: {coordinate: (lowest, highest) value of its joint in a robot's file, rad or m}
     left_out: what a robot's file says beside all this, in words
     assembled: (joint, how far it was moved to close loops, rad or m), of a robot's file
     closing: makes a robot's model with one loop more; None of other models
@@ -76,6 +77,7 @@ class Contents:
     closing: Callable[..., Any] | None
     starts: dict[str, dict[str, Any]]
     frames: dict[str, BodyFrame]
+    limits: dict[str, tuple[float, float]]
     _related: Claims
     _box: Box | None
     _telling: bool

@@ -80,6 +80,7 @@ class Model(Joints, Loads, Pictures):
         self._related = {}
         self._box = None
         self.frames = {}
+        self.limits = {}
         self.facts = []
         self.left_out = ()
         self.assembled = ()

@@ -15,9 +15,9 @@ derivation serves every mechanism and every pattern of fixed and free coordinate
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from itertools import chain
 from typing import NamedTuple, TypeAlias, cast
 
@@ -43,15 +43,39 @@ class Output(NamedTuple):
 Outputs: TypeAlias = dict[Output, sympy.Expr]
 
 
+class Deferred(Mapping[Output, sympy.Expr]):
+    """Outputs that sympy derives when something asks for one of them."""
+
+    def __init__(self, derive: Callable[[], Outputs]) -> None:
+        self._derive = derive
+
+    @cached_property
+    def _outputs(self) -> Outputs:
+        return self._derive()
+
+    def __getitem__(self, output: Output) -> sympy.Expr:
+        return self._outputs[output]
+
+    def __iter__(self) -> Iterator[Output]:
+        return iter(self._outputs)
+
+    def __len__(self) -> int:
+        return len(self._outputs)
+
+
 @dataclass(frozen=True, eq=False)
 class Template:
-    """Outputs as sympy expressions over the symbols of `scalars`, their rates, `data` and time."""
+    """Outputs as sympy expressions over the symbols of `scalars`, their rates, `data` and time.
+
+    is_catalogued: whether the key names it among all mechanisms, since no user wrote any of it
+    """
 
     key: str
     equation: str
     scalars: tuple[str, ...]
     data: tuple[str, ...]
-    outputs: Outputs = field(repr=False)
+    outputs: Mapping[Output, sympy.Expr] = field(repr=False)
+    is_catalogued: bool = False
 
 
 def symbols(names: Iterable[str]) -> list[sympy.Symbol]:
@@ -112,13 +136,17 @@ def _beside_kinks(expression: sympy.Expr) -> tuple[sympy.Expr, Callable[[sympy.E
 def row_template(key: str) -> Template:
     """The derivation of one row type of the catalogue."""
     row: RowType = ROW_TYPES[key]
+    scalars = sum(map(vector, row.vectors), ()) + row.scalars
+    return Template(key, row.equation, scalars, row.data + (SCALE,), Deferred(lambda: _derived_row(row, scalars)), is_catalogued=True)
+
+
+def _derived_row(row: RowType, scalars: tuple[str, ...]) -> Outputs:
+    """The outputs of a row type over its scalars, times its scale."""
     arguments: dict[str, sympy.Symbol | tuple[sympy.Symbol, ...]] = {name: tuple(symbols(vector(name))) for name in row.vectors}
     arguments |= {name: sympy.Symbol(name, real=True) for name in row.scalars + row.data}
     raw: sympy.Expr = row.formula(sympy, **arguments)
-    scalars = sum(map(vector, row.vectors), ()) + row.scalars
     scale = sympy.Symbol(SCALE, real=True)
-    outputs = {name: scale * value for name, value in differentiate(raw, scalars).items()}
-    return Template(key, row.equation, scalars, row.data + (SCALE,), outputs)
+    return {name: scale * value for name, value in differentiate(raw, scalars).items()}
 
 
 def expression_row_template(key: str, phi: sympy.Expr, scalars: tuple[str, ...], data: tuple[str, ...]) -> Template:
@@ -231,31 +259,36 @@ def user_potential(key: str, scalars: tuple[str, ...], data: tuple[str, ...], po
     return Template(key, "user potential", scalars, data, outputs)
 
 
-def _inertia(
-    key: str, equation: str, scalars: tuple[str, ...], data: tuple[str, ...], kinetic: sympy.Expr, more: Outputs | None = None
-) -> Template:
-    """A template from its kinetic energy ½ vᵀMv, a quadratic form of the rates; more: its other outputs."""
+def _inertia(scalars: tuple[str, ...], kinetic: sympy.Expr, more: Outputs | None = None) -> Outputs:
+    """Outputs from a kinetic energy ½ vᵀMv, a quadratic form of the rates of the scalars; more: other outputs."""
     speeds = rates(scalars)
     outputs: Outputs = {Output("kinetic"): kinetic, **(more or {})}
     for k, speed in enumerate(speeds):
         momentum = kinetic.diff(speed)
         for l, other in enumerate(speeds):
             outputs[Output("mass", (k, l))] = outputs[Output("mass", (l, k))] if l < k else momentum.diff(other)
-    return Template(key, equation, scalars, data, outputs)
+    return outputs
 
 
 @cache
 def mass_diagonal() -> Template:
     """A constant entry on the diagonal of M."""
     (v,), (m,) = rates(["x"]), symbols(["m"])
-    return _inertia("mass-diagonal", "m v^2 / 2", ("x",), ("m",), m * v**2 / 2)
+    derived = Deferred(lambda: _inertia(("x",), m * v**2 / 2))
+    return Template("mass-diagonal", "m v^2 / 2", ("x",), ("m",), derived, is_catalogued=True)
 
 
 @cache
 def mass_pair() -> Template:
     """A pair of equal constant entries off the diagonal of M."""
     (v, w), (m,) = rates(["x", "y"]), symbols(["m"])
-    return _inertia("mass-pair", "m v w", ("x", "y"), ("m",), m * v * w)
+    derived = Deferred(lambda: _inertia(("x", "y"), m * v * w))
+    return Template("mass-pair", "m v w", ("x", "y"), ("m",), derived, is_catalogued=True)
+
+
+def catalogue() -> tuple[Template, ...]:
+    """The templates that are the same in all mechanisms and that sympy derives."""
+    return (*map(row_template, ROW_TYPES), mass_diagonal(), mass_pair(), cross_product_body())
 
 
 @cache
@@ -280,7 +313,13 @@ def cross_product_body() -> Template:
     r the base point; ẇ = ȧ×u + a×u̇ and ẅ = ä×u + a×ü + κ with κ = 2 ȧ×u̇, hence
     Q_in = −(m a₃ κ, z₁₃ κ, z₂₃ κ) − (∂ẇ/∂(ȧ, u̇))ᵀ z₃₃ κ, and gravity pulls at w with the weight g.
     """
-    names = vector("r") + vector("a") + vector("u")
+    names, data = vector("r") + vector("a") + vector("u"), ("mr", "ma", "mu", "mw", "gx", "gy", "gz")
+    derived = Deferred(lambda: _derived_cross_product_body(names))
+    return Template("cross-product-body", "kinetic energy of w = a x u", names, data, derived, is_catalogued=True)
+
+
+def _derived_cross_product_body(names: tuple[str, ...]) -> Outputs:
+    """Its outputs over the scalars of r, a and u."""
     a, u = (sympy.Matrix(symbols(vector(n))) for n in "au")
     dr, da, du = (sympy.Matrix(rates(vector(n))) for n in "rau")
     mr, ma, mu, mw = symbols(["mr", "ma", "mu", "mw"])
@@ -295,11 +334,4 @@ def cross_product_body() -> Template:
     along = [-mr * kappa, u.cross(pull) - ma * kappa, pull.cross(a) - mu * kappa]
     for k, component in enumerate(c for block in along for c in block):
         outputs[Output("force", (k,))] = component
-    return _inertia(
-        "cross-product-body",
-        "kinetic energy of w = a x u",
-        names,
-        ("mr", "ma", "mu", "mw", "gx", "gy", "gz"),
-        kinetic,
-        outputs,
-    )
+    return _inertia(names, kinetic, outputs)

@@ -225,6 +225,27 @@ def test_what_a_robot_lacks_is_said_once(ncgen_main, folder, command, times):
     assert said.out.count("  of the file, without effect on the motion: effort limits (1)\n") == times[0]
 
 
+def test_parameters_inertias_frames_and_loops_of_a_robot(ncgen_main, folder):
+    """Where a robot's file is read; `convert` writes what was asked for as a model's parameters, inputs and outputs."""
+    Path("bar.urdf").write_text(STOPPED, encoding="utf-8")
+    asked = ncgen_main("convert", "bar.urdf", "--parameters", "b", "--parameters", "geometry", "--with", "motors", "--frame", "b").out
+    for name in ("b.mass", "hinge.origin.x", "motor_hinge", "b.r33"):
+        assert f'"{name}"' in asked
+    Path("odd.urdf").write_text(STOPPED.replace('izz="0.3"', 'izz="3"'), encoding="utf-8")
+    refused = ncgen_main("convert", "odd.urdf")
+    assert refused.code == 2 and "inertia" in refused.err
+    for word in ("as given", "as-given", "balanced"):
+        assert ncgen_main("convert", "odd.urdf", "--inertias", word).code == 0
+    for arguments, said in (
+        (("--inertias", "guessed"), "inertias: 'guessed' given; give 'refused', 'balanced' or 'as given'"),
+        (("--parameters", "leg"), "parameters: there is no link or joint 'leg'"),
+        (("--frame", "leg"), "bar has no frame leg"),
+        (("--loops", "none.toml"), "none.toml"),
+    ):
+        refused = ncgen_main("convert", "bar.urdf", *arguments)
+        assert refused.code == 2 and said in refused.err
+
+
 def test_stops_and_friction_of_a_robot(ncgen_main, folder):
     """What is asked for is no longer left out; a bar with a stop at −0.4 rad comes to rest there."""
     Path("bar.urdf").write_text(STOPPED, encoding="utf-8")
@@ -237,7 +258,7 @@ def test_stops_and_friction_of_a_robot(ncgen_main, folder):
     said = ncgen_main("run", "bar.urdf", *both, "--duration", "3", "--rtol", "1e-6", "--no-files", "--json")
     assert json.loads(said.out)["final"]["hinge"] == pytest.approx(-0.4, abs=2e-3)
     refused = ncgen_main("convert", "bar.urdf", "--with", "limit")
-    said = "ncgen: --with limit: a robot can have limits, friction, motors, sensors, inertia, geometry"
+    said = "ncgen: --with limit: a robot can have limits, friction, motors, sensors"
     assert refused.code == 2 and refused.err.strip() == said
     refused = ncgen_main("convert", "pendulum", "--with", "limits")
     assert refused.code == 2 and "limits is for a robot's file" in refused.err

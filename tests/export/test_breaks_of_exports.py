@@ -83,6 +83,20 @@ def after_the_jerk(t: float) -> float:
     return float(t - 1 + np.sin(y[0, -1]))
 
 
+def dragged() -> ncgen.Model:
+    """1 kg at A, which a slide's velocity pushes by 2 N s/m; the slide moves at 1 m/s from t = 0 on, by |t|: x = t² then."""
+    m = ncgen.Model("dragged")
+    axis = m.vector("axis", (1, 0, 0), fixed=True)
+    O, C, A = m.point("O", (0, 0), fixed=True), m.point("C", (0, 0), fixed="y"), m.point("A", (0, -1), fixed="y")
+    m.body("carriage", [C], mass=1.0)
+    m.body("mass", [A], mass=1.0)
+    s = m.slide("s", O, C, axis)
+    m.drive(s, sympy.Abs(m.time))
+    m.force(A, (2 * s.rate, 0))
+    m.simulation(duration=3.0)
+    return m
+
+
 class Moved:
     """An exported motion in C; state: t, work, power, h, q, qd, qdd."""
 
@@ -227,6 +241,13 @@ def test_a_driver_whose_velocity_jumps(tmp_path):
     assert moved.state[4 + names.index("A.x")] == pytest.approx(after_the_jerk(2.99), abs=1e-6)
 
 
+def test_a_driver_that_jumps_at_the_start(tmp_path):
+    """What depends on velocities sees the driver's after t = 0 in the first step, too."""
+    moved = Moved(dragged(), tmp_path)
+    names = ncgen.compile(dragged(), "numpy").coordinates
+    assert moved.advance(3.0).state[4 + names.index("A.x")] == pytest.approx(9.0, abs=1e-9)
+
+
 def gained(t: float) -> float:
     """Kinetic and potential energy (J) of carriage and mass more than at rest, by SciPy."""
     angle, rate = scipy.integrate.solve_ivp(
@@ -325,6 +346,12 @@ def test_others_feel_a_jerk(moved_by, tmp_path):
     long, many, t, steps = moved_by(towed(), tmp_path, 3.0)
     assert [long, many] == pytest.approx([after_the_jerk(3.0)] * 2, abs=2e-7)
     assert steps == pytest.approx(after_the_jerk(t), abs=1e-6)
+
+
+@OTHERS
+def test_others_feel_a_jerk_at_the_start(moved_by, tmp_path):
+    long, many, t, steps = moved_by(dragged(), tmp_path, 3.0)
+    assert [long, many, steps] == pytest.approx([9.0, 9.0, t**2], abs=1e-7)
 
 
 def test_others_count_the_work_of_an_impulse(tmp_path):

@@ -3,7 +3,7 @@
     python tests/robots/compare_parallel_robots.py FOLDER    # a clone of github.com/Gepetto/example-parallel-robots
 
 Prints a line a robot: degrees of freedom by ncgen and by Pinocchio, the gap of the loops in Pinocchio's frames, seconds to load; or why it
-is refused, with the least gap that Pinocchio's Jacobians find.
+is refused, with the least gap that Pinocchio's Jacobians find, and which loops stay open by themselves, without all others.
 """
 
 from __future__ import annotations
@@ -86,7 +86,10 @@ def compare(table: Path) -> str:
     try:
         loaded = ncgen.load(urdf, loops=table)
     except ModelError as error:
-        return f"refused: {error}; Pinocchio's least gap {least_gap(theirs, pairs, types, fixed):.2e}"
+        gaps = {pair[0]: least_gap(theirs, [pair], [kind], fixed) for pair, kind in zip(pairs, types, strict=True)}
+        alone = ", ".join(f"{name} {gap:.1e}" for name, gap in gaps.items() if gap > 1e-6)
+        least = least_gap(theirs, pairs, types, fixed)
+        return f"refused: {error}; Pinocchio's least gap {least:.2e}, and of single loops without all others: {alone}"
     seconds = time.process_time() - begun
     ours = ncgen.freedom(ncgen.compile(loaded, "numpy")).dof
     q = pin.neutral(theirs)

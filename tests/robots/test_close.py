@@ -77,6 +77,53 @@ def test_what_is_refused(robot, ends, kind, axis, said):
         robot().close(*ends, kind, axis=axis, name="closing")
 
 
+ENDS = {
+    "sdf": """<sdf version="1.7"><model name="arm"><link name="crank"><pose>0 0 1 0 0.3 0</pose>{0}</link>
+<link name="rod"><pose relative_to="crank">1 0 0 0 0.2 0</pose>{0}</link><link name="rocker"><pose>1.3 0.1 0.9 0.1 0 0.4</pose>{0}</link>
+<frame name="tip" attached_to="rod"><pose>0.3 0.1 0 0.4 0 0.5</pose></frame>
+<joint name="a" type="revolute"><pose>0.1 0.05 0.02 0.3 0 0</pose><parent>world</parent><child>crank</child><axis><xyz>0 1 0</xyz></axis>
+</joint>
+<joint name="b" type="ball"><pose>0.2 0 0.1 0.3 0.2 0</pose><parent>crank</parent><child>rod</child></joint>
+<joint name="c" type="revolute"><pose>0.3 -0.1 0 0 0 0.7</pose><parent>world</parent><child>rocker</child><axis><xyz>0 0.6 0.8</xyz></axis>
+</joint>
+</model></sdf>""",
+    "xml": """<mujoco model="arm"><compiler angle="radian"/><worldbody><body name="crank" pos="0 0 1" euler="0 0.3 0">{1}
+<joint name="a" pos="0.1 0.05 0.02" axis="0 0.9553364891256 0.2955202066613"/><body name="rod" pos="1 0 0" euler="0 0.2 0">{1}
+<joint name="b" type="ball" pos="0.2 0 0.1"/><site name="tip" pos="0.3 0.1 0" euler="0.4 0 0.5"/></body></body>
+<body name="rocker" pos="1.3 0.1 0.9" euler="0.1 0 0.4">{1}<joint name="c" pos="0.3 -0.1 0" axis="0 0.6 0.8"/></body>
+</worldbody></mujoco>""",
+}
+"""Frames of links and bodies that are not those of their joints."""
+
+SOLID = (
+    "<inertial><mass>1</mass><inertia><ixx>0.02</ixx><iyy>0.03</iyy><izz>0.04</izz></inertia></inertial>",
+    '<inertial pos="0 0 0" mass="1" diaginertia="0.02 0.03 0.04"/>',
+)
+
+
+@pytest.mark.parametrize("kind", ENDS)
+def test_ends_of_loops_are_frames_of_links_and_not_of_joints(tmp_path, kind):
+    """The rod turns by 0.5 rad about y at (cos 0.3, 0, 1 − sin 0.3)."""
+    if kind == "xml":
+        pytest.importorskip("mujoco")
+    path, table = tmp_path / f"arm.{kind}", tmp_path / "loops.toml"
+    path.write_text(ENDS[kind].format(*SOLID))
+    for one, other in (("rod", "rocker"), ("tip", "rocker")):
+        table.write_text(f'[[connect]]\nparent_frame = "{one}"\nchild_frame = "{other}"\n')
+        closed = ncgen.load(path)
+        closed.close(one, other, "point")
+        for model in (ncgen.load(path, loops=table), closed):
+            space = ncgen.joint_space(ncgen.compile(model, "numpy"))
+            ends = [space.frame(name).pose(space.kernels.q0)[1] for name in (one, other)]
+            np.testing.assert_allclose(*ends, rtol=0, atol=1e-12)
+            assert [joint for joint, _, _ in model.assembled]
+    table.write_text('[[revolute]]\nname = "pin"\nparent = "rod"\nchild = "rocker"\npoint = [0.3, 0.1, 0.0]\naxis = [1.0, 0.0, 0.0]\n')
+    found = ncgen.load(path, loops=table).elements
+    place = [np.cos(0.3) + 0.3 * np.cos(0.5), 0.1, 1 - np.sin(0.3) - 0.3 * np.sin(0.5)]
+    np.testing.assert_allclose(found["r_pin"].initial, place, atol=1e-12)
+    np.testing.assert_allclose(found["u_pin"].initial, [np.cos(0.5), 0.0, -np.sin(0.5)], atol=1e-12)
+
+
 def test_a_loop_of_a_file_that_changes_nothing_is_refused(tmp_path):
     """A second hinge on the axis of the first one."""
     hinge = '<joint name="{}" type="revolute"><parent>a</parent><child>b</child><axis><xyz>0 0 1</xyz></axis></joint>'

@@ -45,7 +45,8 @@ def test_round_trips_of_arms(file):
     theirs, space = pin.buildModelFromUrdf(str(ROBOTS / file)), loaded(ROBOTS / file)
     data, rng = theirs.createData(), np.random.default_rng(5)
     for _ in range(1 if file in QUICK else 2):
-        wanted = space.placed(rng.uniform(-1, 1, space.n))
+        limits = [space.kernels.model.limits.get(name, (-1.0, 1.0)) for name in space.rates]
+        wanted = space.placed(rng.uniform(*(np.clip(end, *np.transpose(limits)) for end in (-1.0, 1.0))))
         targets = {name: space.frame(name).pose(wanted) for name in TOOLS[file]}
         reached = space.position(space.inverse_kinematics(targets))
         q = pin.neutral(theirs)
@@ -108,11 +109,83 @@ def test_ways_to_say_a_target(arm):
     assert arm.inverse_kinematics("tool0", position, rotation) == arm.inverse_kinematics({"tool0": (rotation, position)})
 
 
+def test_a_target_that_is_reached_at_a_limit_alone(arm):
+    """The pose of the slider's link says where the first hinge and the slider are: at the slider's limit of 1 m, and beyond it."""
+    target = {"lower": arm.frame("lower").pose(arm.position({"a": 0.4, "b": 1.0}))}
+    with pytest.warns(UserWarning, match="^arm: joint b is at its upper limit 1$"):
+        found = arm.inverse_kinematics(target, start={"b": 5.0})
+    assert found["b"] == pytest.approx(1.0, abs=1e-8)
+    assert found["a"] == pytest.approx(0.4, abs=1e-8)
+    target = {"lower": arm.frame("lower").pose(arm.position({"a": 0.4, "b": 1.2}))}
+    said = r"^arm: lower does not get there, 0.199 m and [\d.e-]+ rad are left, and joint b is at its upper limit 1; .* \(limits=False\)$"
+    with pytest.raises(ConvergenceError, match=said):
+        arm.inverse_kinematics(target)
+    assert arm.inverse_kinematics(target, limits=False)["b"] == pytest.approx(1.2, abs=1e-8)
+    model = arm.kernels.model
+    model.limits["b"], before = (1.0, -1.0), model.limits["b"]
+    with pytest.raises(ModelError, match="joint b: its lower limit 1 is beyond the upper one -1; say limits=False"):
+        arm.inverse_kinematics(target)
+    model.limits["b"] = before
+
+
+def test_a_limit_of_a_joint_that_follows_another_one(tmp_path):
+    text = ARM.replace(
+        'rpy="0.2 0.1 0.9"/><axis xyz="0 0 1"/>',
+        'rpy="0.2 0.1 0.9"/><axis xyz="0 0 1"/><mimic joint="b" multiplier="2"/><limit lower="-1" upper="1"/>',
+    )
+    (tmp_path / "arm.urdf").write_text(text.replace('name="c" type="continuous"', 'name="c" type="revolute"'))
+    space = loaded(tmp_path / "arm.urdf")
+    assert space.rates == ("a", "b")
+    reached = {"lower": space.frame("lower").pose(space.position({"a": 0.4, "b": 0.45}))}
+    assert space.inverse_kinematics(reached)["b"] == pytest.approx(0.45, abs=1e-8)
+    beyond = {"lower": space.frame("lower").pose(space.position({"a": 0.4, "b": 0.6}))}
+    with pytest.raises(ConvergenceError, match="^arm: joint c, which others determine, is at 1.2 and has the limits -1 and 1; begin"):
+        space.inverse_kinematics(beyond)
+    assert space.inverse_kinematics(beyond, limits=False)["b"] == pytest.approx(0.6, abs=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not ROBOTS.is_dir(), reason="needs example-robot-data")
+def test_the_panda_reaches_near_with_its_elbow_at_the_limit():
+    """How far the wrist (link 5) is from the shoulder says the elbow's angle, or the one as far on the other side of -0.47 rad: for its
+    limit of -3.0718 that is 2.13, beyond the other limit."""
+    pin = pytest.importorskip("pinocchio")
+    path = ROBOTS / "panda_description/urdf/panda.urdf"
+    theirs, space = pin.buildModelFromUrdf(str(path)), loaded(path)
+    data, elbow = theirs.createData(), "panda_joint4"
+    at = {f"panda_joint{k}": value for k, value in enumerate((0.3, 0.4, -0.2, 0.0, 0.5, 1.1, 0.7), 1)}
+    assert space.kernels.model.limits[elbow] == (-3.0718, -0.0698)
+
+    def placed(values):
+        q = pin.neutral(theirs)
+        for name, value in values.items():
+            q[theirs.joints[theirs.getJointId(name)].idx_q] = value
+        pin.framesForwardKinematics(theirs, data, q)
+        hand, wrist = (data.oMf[theirs.getFrameId(name, pin.BODY)] for name in ("panda_link8", "panda_link5"))
+        return {"panda_link8": (hand.rotation.copy(), hand.translation.copy()), "panda_link5": (None, wrist.translation.copy())}
+
+    def compare(values, wanted):
+        for name, target in placed(values).items():
+            for found, expected in zip(target, wanted[name], strict=True):
+                assert expected is None or np.allclose(found, expected, rtol=0, atol=1e-8)
+
+    wanted = placed(at | {elbow: -3.0718})
+    with pytest.warns(UserWarning, match="panda_joint4 is at its lower limit -3.0718"):
+        found = space.inverse_kinematics(wanted)
+    compare(found, wanted)
+    for name, (least, most) in space.kernels.model.limits.items():
+        assert name not in found or least <= found[name] <= most
+    wanted = placed(at | {elbow: -3.12})
+    with pytest.raises(ConvergenceError, match="does not get there, .* joint panda_joint4 is at its lower limit -3.0718"):
+        space.inverse_kinematics(wanted)
+    compare(space.inverse_kinematics(wanted, limits=False), wanted)
+
+
 def test_what_is_refused(arm):
     rotation, position = arm.frame("tool0").pose(arm.kernels.q0)
     tip = np.array([9.0, 0.0, 0.0])
     cases = [
-        (({"tool0": (rotation, tip)},), r"^arm: tool0 does not get there, [\d.]+ m and [\d.e-]+ rad are left; begin elsewhere"),
+        (({"tool0": (rotation, tip)},), r"^arm: tool0 does not get there, [\d.]+ m and [\d.e-]+ rad are left, and joint b is at its upper"),
         (({"tool0": (np.diag([1.0, -1, -1]), None), "upper": (np.eye(3), None)},), r"^arm: \w+ does not get there, [\d.]+ rad are left"),
         (({"tool0": (None, [1e300, 0, 0])},), "^frame tool0: position: 1e[+]300 m given; .* check the unit"),
         (({"tool1": (rotation, position)},), "^arm has no frame tool1; known: base"),

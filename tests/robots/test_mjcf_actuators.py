@@ -56,6 +56,20 @@ def test_accelerations_equal_mujoco(tmp_path):
         assert both.error(rng, states=2) < 1e-9
 
 
+def test_joints_whose_motors_cannot_rest_have_a_force(tmp_path):
+    """Bounds of a joint that do not hold 0 act where no motor does, or one that is switched off."""
+    said = '<motor joint="s" group="1" forcerange="0.3 1"/><motor name="r" joint="r"/>'
+    option = '<option actuatorgroupdisable="1"/>'
+    path = arm(tmp_path / "arm.xml", said, q='actuatorfrcrange="0.2 2"', option=option)
+    both = Driven(path, motors=True)
+    assert both.model.left_out == ("actuators (1)",)
+    both.theirs.actuator_forcelimited[0] = 0
+    both.drive({"r": 0.4})
+    assert both.error(np.random.default_rng(5), states=2) < 1e-9
+    both.theirs.jnt_actfrclimited[0] = 0
+    assert both.error(np.random.default_rng(5), states=1) > 1e-4
+
+
 def test_without_motors_they_are_left_out(tmp_path):
     model = ncgen.load(arm(tmp_path / "arm.xml", SERVOS))
     assert not model.inputs and model.left_out == ("actuators (6)",)

@@ -89,6 +89,14 @@ LISTED = {
     "armature of free and ball joints (1)": {
         "a": '<body><joint type="ball" armature="0.1"/><inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/></body>'
     },
+    "motors of joints whose forces are bounded away from 0 (1)": {
+        "q": 'actuatorfrcrange="0.2 1"',
+        "after": '<actuator><motor joint="q"/></actuator>',
+    },
+    "dampers and armatures of actuators over tendons (2)": {
+        "after": '<tendon><fixed name="t"><joint joint="q" coef="2"/></fixed></tendon><actuator><motor tendon="t" damping="1"/>'
+        '<motor tendon="t" armature="1"/><motor tendon="t"/></actuator>',
+    },
     "compensation of weight by motors that have limits, or are switched off (1)": {
         "q": 'actuatorgravcomp="true" actuatorfrcrange="-1 1"',
         "a": '<body gravcomp="1"><inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/></body>',

@@ -70,6 +70,11 @@ def test_accelerations_equal_mujoco(tmp_path):
         assert both.error(np.random.default_rng(3), states=1, size=size) < 1e-9
 
 
+def test_weights_that_are_only_increased_are_not(tmp_path):
+    """MuJoCo compensates weights where one body has a factor of more than 0."""
+    assert Beside(arm(tmp_path / "arm.xml", b='gravcomp="-0.4"')).error(np.random.default_rng(3), states=2) < 1e-9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_each_acceleration_equals_mujoco(case, tmp_path):

@@ -10,6 +10,7 @@ import ncgen
 from ncgen.errors import ModelError
 from ncgen.exchange.toml_reader import model_of
 from ncgen.exchange.toml_writer import to_toml
+from ncgen.solver.motions.simulation import outputs_at
 from tests.robots.test_link_frames import ARM
 
 ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
@@ -195,12 +196,35 @@ def test_placements_of_joints_are_those_of_a_file_that_has_them(files):
         pairs = [
             (ours.inverse_dynamics(q, v, a), theirs.inverse_dynamics(q_theirs, v, a)),
             (ours.forward_dynamics(q, v, a), theirs.forward_dynamics(q_theirs, v, a)),
-            (ours.frame("tool0").pose(q)[1], theirs.frame("tool0").pose(q_theirs)[1]),
-            (ours.frame("tool0").jacobian(q), theirs.frame("tool0").jacobian(q_theirs)),
             (ours.regressor(q, v, a) @ ours.inertial_values(), ours.inverse_dynamics(q, v, a)),
         ]
         for found, expected in pairs:
             np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
+
+
+FRAMES = ("base", "rail", "upper", "lower", "hand", "tool0")
+
+
+def test_frames_go_with_placements_of_joints(files):
+    """Those of all links, of that which begins at a joint of the ground and of those that rest, too; and as outputs of a motion."""
+    (files[0].parent / "moved.urdf").write_text(moved_text())
+    ours = ncgen.compile(ncgen.load(files[0], parameters="geometry", frames=FRAMES), "numpy")
+    theirs = ncgen.compile(ncgen.load(files[0].parent / "moved.urdf", frames=FRAMES), "numpy")
+    space, other = ncgen.joint_space(ours).at(ORIGINS), ncgen.joint_space(theirs)
+    for values, v, _ in states(space, 2):
+        q, q_theirs = space.position(values), other.position(values)
+        found = outputs_at(ours, 0.0, q, 0 * q, 0 * q, space.p)
+        np.testing.assert_allclose(found, outputs_at(theirs, 0.0, q_theirs, 0 * q_theirs, 0 * q_theirs, other.p), atol=1e-14)
+        told = dict(zip(ours.model.outputs, found, strict=True))
+        for name in FRAMES:
+            frames = space.frame(name), other.frame(name)
+            pairs = [
+                (*frame.pose(at), frame.velocity(at, v), frame.jacobian_derivative(at, v))
+                for frame, at in zip(frames, (q, q_theirs), strict=True)
+            ]
+            for here, there in zip(*pairs, strict=True):
+                np.testing.assert_allclose(here, there, atol=1e-13)
+            np.testing.assert_allclose([told[f"{name}.{axis}"] for axis in "xyz"], pairs[0][1], atol=1e-14)
 
 
 @pytest.mark.slow

@@ -114,7 +114,7 @@ class _Reader:
         if by_frames:
             on_parent, on_child = places
         else:
-            on_parent = Placement(position=point)
+            on_parent = (self.robot.links[ends[0]].origin or Placement()) @ Placement(position=point)
             on_child = self.frames[ends[1]].inverse() @ self.frames[ends[0]] @ on_parent
         return Closure(name, KINDS[kind], ends[0], ends[1], on_parent, on_child, unit(axis), f"{self.path.name}, {where}")
 

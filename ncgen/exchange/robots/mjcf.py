@@ -236,9 +236,9 @@ class _Reader:
         return Mass.of(float(m.body_mass[i]), (*m.body_inertia[i], 0.0, 0.0, 0.0), Placement.of_quaternion(m.body_ipos[i], m.body_iquat[i]))
 
     def _lifted(self, i: int) -> tuple[Mass, ...]:
-        """What of a body's mass has its weight compensated."""
+        """What of a body's mass has its weight compensated; MuJoCo does that where it is so for one body by more than 0 (`ngravcomp`)."""
         m, mass = self.m, float(self.m.body_mass[i] * self.m.body_gravcomp[i])
-        passive = not (off(m, NO_SPRINGS) and off(m, NO_DAMPERS))
+        passive = bool(m.ngravcomp) and not (off(m, NO_SPRINGS) and off(m, NO_DAMPERS))
         return (Mass(mass, np.array(m.body_ipos[i], dtype=float), np.zeros((3, 3))),) if mass and passive else ()
 
     def _joint(self, j: int, parent: str, child: str, place: Placement) -> Joint:
@@ -258,7 +258,7 @@ class _Reader:
             limits=(float(m.jnt_range[j][0]), float(m.jnt_range[j][1]))
             if m.jnt_limited[j] and not without_constraints(m, NO_LIMITS)
             else None,
-            effort=(float(m.jnt_actfrcrange[j][0]), float(m.jnt_actfrcrange[j][1])) if m.jnt_actfrclimited[j] else None,
+            effort=(float(m.jnt_actfrcrange[j][0]), float(m.jnt_actfrcrange[j][1])) if m.jnt_actfrclimited[j] and m.nactuator else None,
             friction=0.0 if without_constraints(m, NO_FRICTION) else float(m.dof_frictionloss[dof]),
         )
 

@@ -7,11 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ncgen.exchange.robots.mjcf_compiled import Compiled
-from ncgen.exchange.robots.mjcf_fields import AT_JOINT, NO_ACTUATION, NO_CLAMPS, OVER_JOINT, SCALAR, is_disabled, off
+from ncgen.exchange.robots.mjcf_fields import AT_JOINT, NO_ACTUATION, NO_CLAMPS, OVER_JOINT, OVER_TENDON, SCALAR, is_disabled, off
 from ncgen.exchange.robots.robot import Actuator
-
-TENDON = 3
-"""MuJoCo's number of transmissions to a tendon."""
 
 FIXED, AFFINE = 0, 1
 """MuJoCo's numbers of gains and biases: a constant (a bias: none), and one that is affine in length and rate."""
@@ -43,7 +40,7 @@ def shares_of(m: Compiled, whose: str, number: int, joints: Sequence[str]) -> di
     if whose == "actuator":
         kind, target = int(m.actuator_trntype[number]), int(m.actuator_trnid[number][0])
         gear = float(m.actuator_gear[m.actuator_outadr[number]][0])
-        inner = shares_of(m, "joint" if kind in AT_JOINT else "tendon", target, joints) if kind in (*AT_JOINT, TENDON) else None
+        inner = shares_of(m, "joint" if kind in AT_JOINT else "tendon", target, joints) if kind in (*AT_JOINT, OVER_TENDON) else None
         return None if inner is None else {joint: gear * share for joint, share in inner.items()}
     shares = dict[str, float]()
     for w in range(m.tendon_adr[number], m.tendon_adr[number] + m.tendon_num[number]):
@@ -56,7 +53,7 @@ def shares_of(m: Compiled, whose: str, number: int, joints: Sequence[str]) -> di
 
 def _is_bounded(m: Compiled, k: int) -> bool:
     """Whether the forces of all actuators of a tendon are bounded together."""
-    return int(m.actuator_trntype[k]) == TENDON and bool(m.tendon_actfrclimited[m.actuator_trnid[k][0]])
+    return int(m.actuator_trntype[k]) == OVER_TENDON and bool(m.tendon_actfrclimited[m.actuator_trnid[k][0]])
 
 
 def _actuator(m: Compiled, k: int, shares: dict[str, float]) -> Actuator:

@@ -14,6 +14,7 @@ from functools import cache
 import numpy as np
 
 from ncgen.exchange.robots.mjcf_compiled import Compiled
+from ncgen.exchange.robots.motors import AWAY_FROM_ZERO
 
 FIELDS = {
     "modelled": """
@@ -92,6 +93,9 @@ OVER_JOINT = 1
 AT_JOINT = 0, 1
 """MuJoCo's numbers of transmissions of actuators to a joint."""
 
+OVER_TENDON = 3
+"""MuJoCo's number of transmissions to a tendon."""
+
 NAMED_GROUPS = 31
 """Groups of actuators that a file can switch off."""
 
@@ -150,7 +154,9 @@ def left_out(model: Compiled) -> dict[str, int]:
     limits, friction = not without_constraints(m, NO_LIMITS), not without_constraints(m, NO_FRICTION)
     passive = not (off(m, NO_SPRINGS) and off(m, NO_DAMPERS))
     counts = {
-        "actuators": 0 if off(m, NO_ACTUATION) else sum(not is_disabled(m, k) for k in range(m.nactuator)),
+        "actuators": 0 if off(m, NO_ACTUATION) else sum(_acts(m, k) for k in range(m.nactuator)),
+        AWAY_FROM_ZERO: 0 if off(m, NO_ACTUATION) or not m.nactuator else int(np.sum(m.jnt_actfrclimited & _away(m.jnt_actfrcrange))),
+        "dampers and armatures of actuators over tendons": _over_tendons(m),
         "tendons": _acting_tendons(m),
         "sensors": m.nsensor,
         "limits of joints": int(np.sum(m.jnt_limited)) if limits else 0,
@@ -176,6 +182,23 @@ def is_disabled(m: Compiled, k: int) -> bool:
     """Whether the file switches off the group of an actuator."""
     group = int(m.actuator_group[k])
     return 0 <= group < NAMED_GROUPS and bool(int(m.opt.disableactuator) & (1 << group))
+
+
+def _acts(m: Compiled, k: int) -> bool:
+    """Whether an actuator may have a force: one that is switched off has that within its bounds that is next to 0."""
+    return not is_disabled(m, k) or bool(m.actuator_forcelimited[k] and _away(m.actuator_forcerange)[k])
+
+
+def _away(ranges: np.ndarray) -> np.ndarray:
+    """Which ranges, rows of lower and upper, do not hold 0."""
+    lower, upper = np.reshape(ranges, (-1, 2)).T
+    return (lower > 0) | (upper < 0)
+
+
+def _over_tendons(m: Compiled) -> int:
+    """Actuators over tendons that bring them damping or armature."""
+    brings = np.array([np.any([m.actuator_armature[k], m.actuator_damping[k], *m.actuator_dampingpoly[k]]) for k in range(m.nactuator)])
+    return int(np.sum(brings & (np.asarray(m.actuator_trntype) == OVER_TENDON))) if m.nactuator else 0
 
 
 def _acting_tendons(m: Compiled) -> int:

@@ -20,14 +20,19 @@ if TYPE_CHECKING:
 MOTORS, EFFORTS = "actuators", "effort limits"
 """The words for them and for their limits among what is left out."""
 
+AWAY_FROM_ZERO = "motors of joints whose forces are bounded away from 0"
+"""The words for joints at which there is a force whatever motors they have."""
+
 PREFIX = "motor_"
 """Before the name of a joint, or of an actuator that is called like something else."""
 
 
 def add_motors(model: Model, robot: Robot, joints: Mapping[str, Joint], coordinates: Mapping[str, Relative]) -> dict[str, str]:
     """Inputs and what they do at the joints; {actuator: its input}. joints, coordinates: by the names of joints"""
+    import sympy
+
     inputs: dict[str, str] = {}
-    totals: dict[str, sympy.Expr] = {}
+    totals: dict[str, sympy.Expr] = {name: sympy.S.Zero for name in away_from_zero(robot, joints)}
     for actuator in _of_joints(joints, coordinates, robot.motors) if robot.actuators is None else robot.actuators:
         if not all(name in coordinates for name in actuator.shares):
             continue
@@ -37,6 +42,12 @@ def add_motors(model: Model, robot: Robot, joints: Mapping[str, Joint], coordina
     for name, total in totals.items():
         model.torque(coordinates[name], bounded(total, joints[name].effort), f"motors of {coordinates[name].name}")
     return inputs
+
+
+def away_from_zero(robot: Robot, joints: Mapping[str, Joint]) -> list[str]:
+    """Joints at which the forces of motors add up to more than nothing even where there is none, in formats with actuators."""
+    bounded = [joint for joint in joints.values() if joint.effort and robot.actuators is not None]
+    return [joint.name for joint in bounded if joint.effort and not joint.effort[0] <= 0.0 <= joint.effort[1]]
 
 
 def _of_joints(joints: Mapping[str, Joint], coordinates: Mapping[str, Relative], named: Collection[str]) -> list[Actuator]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
-from ncgen.exchange.robots.motors import EFFORTS, MOTORS, add_motors
+from ncgen.exchange.robots.motors import AWAY_FROM_ZERO, EFFORTS, MOTORS, add_motors, away_from_zero
 from ncgen.exchange.robots.parameters import GEOMETRY, Parts, Shift, add_part, homes_of, parts_of, shifted, shifts_of
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
 from ncgen.exchange.robots.placement import rotation_about
@@ -56,13 +56,15 @@ def model_of(
     model = builder.build()
     model.frames = _frames_of(robot, builder.layout.ground.name, {solid.name: body.name for solid, body in builder.bodies.items()})
     acting = [(hold.joint, builder.coordinates[hold.joint.name]) for hold in builder.layout.holds if hold.joint.name in builder.coordinates]
+    model.limits = {coordinate.name: joint.limits for joint, coordinate in acting if joint.limits is not None}
     for asked, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
         if asked:
             model.left_out = left(model.left_out, words, add(model, acting))
     if motors:
-        inputs = add_motors(model, robot, {joint.name: joint for joint, _ in acting}, builder.coordinates)
+        joints = {joint.name: joint for joint, _ in acting}
+        inputs = add_motors(model, robot, joints, builder.coordinates)
         bounded = sum(joint.effort is not None and joint.mimic is None for joint, _ in acting)
-        for words, count in ((MOTORS, len(inputs)), (EFFORTS, bounded)):
+        for words, count in ((MOTORS, len(inputs)), (EFFORTS, bounded), (AWAY_FROM_ZERO, len(away_from_zero(robot, joints)))):
             model.left_out = left(model.left_out, words, count)
         for name, start in robot.starts.items():
             model.starts[name] |= {"inputs": {inputs[each]: value for each, value in start.inputs.items() if each in inputs}}

@@ -16,6 +16,7 @@ from ncgen.exchange.robots.robot import Joint, Mass
 from ncgen.model import Model
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Combination, Component, as_combination
+from ncgen.model.values import Scalar, as_sympy
 
 if TYPE_CHECKING:
     import sympy
@@ -62,9 +63,9 @@ def expressions(combination: Combination, order: int = 0) -> sympy.Matrix:
     return sympy.Matrix(rows)
 
 
-def _scalar(c: Component, order: int) -> sympy.Symbol | float:
-    """A coordinate or its derivative by time; the number of one that is fixed."""
-    return (0.0 if order else c.initial) if c.fixed else (c.symbol, c.rate, c.acceleration)[order]
+def _scalar(c: Component, order: int) -> Scalar:
+    """A coordinate or its derivative by time; the number of one that is fixed, or its expression of parameters."""
+    return (0.0 if order else as_sympy(c.value)) if c.fixed else (c.symbol, c.rate, c.acceleration)[order]
 
 
 def lift(model: Model, body: Body, masses: Iterable[Mass], gravity: Sequence[float]) -> None:

@@ -17,6 +17,7 @@ from sympy.core.sorting import default_sort_key
 from ncgen.errors import ModelError, shown
 from ncgen.model.expressions import symbols_in
 from ncgen.model.lookups import pieces_in
+from ncgen.program.ir.catalogued import Operations, catalogued
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import Graph, Op
 from ncgen.symbolic.templates import TIME, Output, Template, rate_name
@@ -34,11 +35,15 @@ class LoweredTemplate:
     """A template as operations over slots: replayed into a graph wherever the template is used.
 
     slots: {symbol name: slot number} for scalars, their rates, data and time
+    known: its operations and {output: node}, where they need not be derived
     """
 
-    def __init__(self, template: Template) -> None:
+    def __init__(self, template: Template, known: Operations | None = None) -> None:
         names = [*template.scalars, *map(rate_name, template.scalars), *template.data, TIME.name]
         self.slots = {name: i for i, name in enumerate(names)}
+        if known is not None:
+            self.ops, self.outputs = known
+            return
         graph = Graph()
         nodes: Nodes = {sympy.Symbol(name, real=True): graph.slot(i) for name, i in self.slots.items()}
         data = {sympy.Symbol(name, real=True) for name in template.data}
@@ -77,8 +82,8 @@ class LoweredTemplate:
 
 @cache
 def lowered(template: Template) -> LoweredTemplate:
-    """Templates are lowered once per process."""
-    return LoweredTemplate(template)
+    """Templates are lowered once per process; those of the catalogue are read, which sympy would derive for two seconds."""
+    return LoweredTemplate(template, catalogued().get(template.key) if template.is_catalogued else None)
 
 
 def lower_value(graph: Graph, expression: sympy.Expr, parameters: dict[str, int]) -> int:

@@ -1,13 +1,13 @@
-"""Joint values that bring points and frames of bodies to places and rotations, by least squares."""
+"""Joint values that bring points and frames of bodies to places and rotations, by least squares within limits of joints."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
-import scipy.optimize
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
@@ -25,6 +25,21 @@ STARTS = 8
 
 REACHED = 1e-9
 """What may be left of a place, over the mechanism's size, and of a rotation."""
+
+ROUNDING = 1e-15
+"""What is left, likewise, where a search ends."""
+
+AT_LIMIT = 1e-8
+"""How near to its limit a joint is at it (rad or m): as near as targets are reached."""
+
+STILL = 1e-12
+"""What a joint at rate 1 moves, over the mechanism's size, where that is rounding."""
+
+STEPS, LONGEST = 200, 1.0
+"""Most steps of a search from one start, and how far a joint goes in one (rad or m)."""
+
+LEAST_GAIN = 1e-8
+"""Fraction of the squares of what is left below which a step changes nothing more: the target is out of reach."""
 
 FAR = 1e3
 """What is left, over the mechanism's size, where loops do not close."""
@@ -106,22 +121,30 @@ def _place(place: ArrayLike | None, what: str) -> np.ndarray:
     return found
 
 
-def values_for(space: JointSpace, aims: Sequence[Aim], start: np.ndarray) -> dict[str, float]:
-    """Values of the joints by name that reach all aims. start: values of all joints (n,).
+def values_for(space: JointSpace, aims: Sequence[Aim], start: np.ndarray, limits: bool = True) -> dict[str, float]:
+    """Values of the joints by name that reach all aims. start: values of all joints (n,); limits: of joints are kept.
 
-    Raises ConvergenceError with what is left of the aim that is missed most.
+    Warns of joints that are at a limit. Raises ConvergenceError with what is left of the aim that is missed most, and such joints.
     """
-    search = _Search(space, aims)
-    jacobian: Any = search.slope  # a function may stand there, though its type says a word
-    best: Any = None
+    search = _Search(space, aims, limits)
+    best: tuple[float, np.ndarray] | None = None
+    beyond = ""
     for k in range(STARTS):  # from the start itself, then from beside it
         aside = np.cos(k * np.arange(1, space.n + 1)) if k else 0.0
-        found = scipy.optimize.least_squares(search.left, start + aside, jacobian, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-        if best is None or found.cost < best.cost:
-            best = found
-        if np.max(np.abs(best.fun)) <= REACHED:
-            return dict(zip(space.rates, best.x.tolist(), strict=True))
-    raise ConvergenceError(f"{space.kernels.name}: {search.missed(best.x)}; begin elsewhere (start), or nearer")
+        x, left = search.descended(start + aside)
+        if np.max(np.abs(left)) <= REACHED:
+            if beyond := search.beyond(x):
+                continue
+            if held := search.held(x):
+                warnings.warn(f"{space.kernels.name}: {held}", stacklevel=3)
+            return dict(zip(space.rates, x.tolist(), strict=True))
+        if best is None or left @ left < best[0]:
+            best = float(left @ left), x
+    if beyond or best is None:
+        raise ConvergenceError(f"{space.kernels.name}: {beyond}; begin elsewhere (start), or ignore limits (limits=False)")
+    held = search.held(best[1])
+    more = f", and {held}; begin elsewhere (start), or ignore limits (limits=False)" if held else "; begin elsewhere (start), or nearer"
+    raise ConvergenceError(f"{space.kernels.name}: {search.missed(best[1])}{more}")
 
 
 def _balls(space: JointSpace) -> Iterator[tuple[list[int], list[int]]]:
@@ -136,10 +159,16 @@ def _balls(space: JointSpace) -> Iterator[tuple[list[int], list[int]]]:
 
 
 class _Search:
-    """What is left of all aims, without units, and how it changes with the joints."""
+    """What is left of all aims, without units, and how it changes with the joints. limits: of joints are kept"""
 
-    def __init__(self, space: JointSpace, aims: Sequence[Aim]) -> None:
+    def __init__(self, space: JointSpace, aims: Sequence[Aim], limits: bool = False) -> None:
         self.space, self.aims = space, aims
+        self.limits = dict(space.kernels.model.limits) if limits else {}
+        for name, (low, high) in self.limits.items():
+            if low > high:
+                raise ModelError(f"joint {name}: its lower limit {low:g} is beyond the upper one {high:g}; say limits=False")
+        ends = [self.limits.get(name, (-np.inf, np.inf)) for name in space.rates]
+        self.low, self.high = (np.array(each, dtype=float) for each in zip(*ends, strict=True))
         self.size = float(np.max(space.kernels.column_sizes))
         self.count = sum((0 if aim.place is None else 3) + (0 if aim.rotation is None else 9) for aim in aims)
         self._balls = list(_balls(space))
@@ -153,6 +182,56 @@ class _Search:
             except ConvergenceError:
                 self._known = x.copy(), None
         return self._known[1]
+
+    def descended(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values of the joints (n,) and what is left there (count,), where damped Gauss-Newton steps from x end.
+
+        Joints at a limit that would go beyond it are held; all others go on (Nocedal & Wright, Numerical Optimization, 2006, sections 10.3
+        and 16.7).
+        """
+        x = np.clip(x, self.low, self.high)
+        left, damping = self.left(x), 1e-3
+        for _ in range(STEPS):
+            slope = self.slope(x)
+            uphill = slope.T @ left
+            free = ~((x <= self.low) & (uphill > 0) | (x >= self.high) & (uphill < 0))
+            if np.max(np.abs(left)) <= ROUNDING or not np.any(free):
+                break
+            across, sizes, along = np.linalg.svd(slope[:, free], full_matrices=False)
+            downhill, most = across.T @ left, float(np.max(sizes, initial=0.0))
+            while damping <= 1e6:
+                step = np.zeros_like(x)
+                step[free] = -along.T @ (sizes / (sizes**2 + damping * most**2 + np.finfo(float).tiny) * downhill)
+                trial = np.clip(x + step * min(1.0, LONGEST / max(float(np.max(np.abs(step))), 1e-30)), self.low, self.high)
+                new = self.left(trial)
+                if new @ new < left @ left:
+                    break
+                damping *= 10
+            else:
+                break
+            gain, x, left, damping = 1 - (new @ new) / (left @ left), trial, new, max(damping / 10, 1e-15)
+            if gain < LEAST_GAIN and np.max(np.abs(left)) > REACHED:
+                break
+        return x, left
+
+    def held(self, x: np.ndarray) -> str:
+        """Which of the joints that move what is to be moved are at a limit; empty where there is none."""
+        sizes = np.max(np.abs(self.slope(x)), axis=0)
+        found = [
+            f"joint {name} is at its {'lower' if value - low < high - value else 'upper'} limit {value:.6g}"
+            for name, value, low, high, size in zip(self.space.rates, x, self.low, self.high, sizes, strict=True)
+            if low < high and size > STILL and not low + AT_LIMIT < value < high - AT_LIMIT
+        ]
+        return ", ".join(found[:3]) + (f" and {len(found) - 3} more are at theirs" if len(found) > 3 else "")
+
+    def beyond(self, x: np.ndarray) -> str:
+        """The first joint that others determine and that is beyond a limit."""
+        q = self._placed(x)
+        for name, (low, high) in self.limits.items():
+            value = low if q is None or name in self.space.rates else float(q[self.space.kernels.index[name]])
+            if not low - REACHED <= value <= high + REACHED:
+                return f"joint {name}, which others determine, is at {value:.6g} and has the limits {low:.6g} and {high:.6g}"
+        return ""
 
     def left(self, x: np.ndarray) -> np.ndarray:
         """Shape (count,): of places over the mechanism's size, of rotations as they are."""

@@ -189,6 +189,7 @@ class JointSpace(ABC):
         rotation: ArrayLike | None = None,
         body: str | None = None,
         start: Mapping[str, float] | None = None,
+        limits: bool = True,
     ) -> dict[str, float]:
         """Values of the joints that bring frames to poses, or a point to a place, by least squares from a start, and from some next to it.
 
@@ -198,11 +199,13 @@ class JointSpace(ABC):
         rotation: what the body shall have turned by since the initial position (3, 3); None for any
         body: the one that the point is taken with, by default that nearest to the ground
         start: values of joints to begin with, others are those of the initial position
-        Raises ConvergenceError with what is left where it cannot get there, or not from this start.
+        limits: keep to those of the robot's file (`model.limits`), also from a start beyond them; False ignores them
+        Warns of joints that are at a limit there. Raises ConvergenceError with what is left, and which joints are at limits, where it
+        cannot get there, or not from this start.
         """
         from ncgen.solver.joints.inverse_kinematics import aims_of, values_for
 
-        return values_for(self, aims_of(self, point, place, rotation, body), self._joint_values(start, "start"))
+        return values_for(self, aims_of(self, point, place, rotation, body), self._joint_values(start, "start"), limits)
 
     def centre_of_mass(self, q: ArrayLike) -> np.ndarray:
         """Of all bodies that move (…, 3), in m."""

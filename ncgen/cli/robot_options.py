@@ -1,0 +1,94 @@
+"""The options of all commands that read robots' files, as arguments of `ncgen.load`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ncgen.cli.terminal import ROBOTS
+from ncgen.errors import ModelError
+
+JOINTS = ("limits", "friction", "motors", "sensors")
+"""What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
+
+PARAMETERS = ("inertia", "geometry")
+"""What becomes parameters of a robot where it is asked for, by the words of `ncgen.load`; else names of links and joints."""
+
+INERTIAS = ("refused", "balanced", "as-given")
+"""What becomes of moments of inertia that no body has, by the words of `ncgen.load` with a hyphen for a space."""
+
+
+def options(
+    floating: Annotated[
+        bool | None,
+        typer.Option(
+            "--floating/--fixed",
+            help="the base moves freely, or is fixed to the ground [default: as the file says]",
+            rich_help_panel=ROBOTS,
+        ),
+    ] = None,
+    having: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--with",
+            help="take limits, friction, motors or sensors of joints from the file; may be repeated [default: none of them]",
+            autocompletion=lambda: JOINTS,
+            rich_help_panel=ROBOTS,
+        ),
+    ] = None,
+    parameters: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="make parameters: inertia of all links, geometry of all joints, or those of a link or joint by its name; may be repeated "
+            "[default: numbers]",
+            autocompletion=lambda: PARAMETERS,
+            rich_help_panel=ROBOTS,
+        ),
+    ] = None,
+    inertias: Annotated[
+        str | None,
+        typer.Option(
+            help="moments of inertia that no body has: refused, balanced or as-given [default: refused]",
+            autocompletion=lambda: INERTIAS,
+            rich_help_panel=ROBOTS,
+        ),
+    ] = None,
+    loops: Annotated[
+        Path | None,
+        typer.Option(help="a table of joints that close loops [default: ROBOT.loops.toml next to the file]", rich_help_panel=ROBOTS),
+    ] = None,
+    frame: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="link, site or frame whose position and rotation become outputs; may be repeated [default: no frame]",
+            rich_help_panel=ROBOTS,
+        ),
+    ] = None,
+) -> dict[str, Any]:
+    """Return arguments of `ncgen.load`. Raises ModelError naming a word that --with does not know."""
+    asked = having or []
+    for word in asked:
+        if word not in JOINTS:
+            raise ModelError(f"--with {word}: a robot can have {', '.join(JOINTS)}")
+    said = {"loops": loops, "inertias": inertias and inertias.replace("-", " "), "parameters": parameters, "frames": frame}
+    return {"floating": floating, **dict.fromkeys(asked, True), **{name: value for name, value in said.items() if value}}
+
+
+def for_robots(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command that takes `robot`, arguments of `ncgen.load`, as one with the options of robots' files in its place."""
+    signature, more = inspect.signature(command, eval_str=True), inspect.signature(options, eval_str=True).parameters
+
+    @wraps(command)
+    def with_options(**given: Any) -> None:
+        return command(robot=options(**{name: given.pop(name) for name in more}), **given)
+
+    own = [each for name, each in signature.parameters.items() if name != "robot"]
+    vars(with_options)["__signature__"] = signature.replace(parameters=[*own, *more.values()])
+    with_options.__annotations__ = {each.name: each.annotation for each in (*own, *more.values())}
+    del with_options.__wrapped__
+    return with_options

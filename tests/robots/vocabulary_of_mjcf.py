@@ -1,0 +1,209 @@
+"""Files of MJCF made by setting words of MuJoCo's own schema (`drawn_mjcf.py`), and their motion next to MuJoCo's.
+
+What `model.left_out` lists, and that alone, is switched off in MuJoCo; then accelerations of all bodies agree, or a word was ignored.
+"""
+
+from __future__ import annotations
+
+import warnings
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from by_mujoco import Beside
+from drawn_mjcf import BASES, Draws
+from vocabulary_of_sdf import printed
+
+from ncgen.errors import NcgenError
+from ncgen.exchange.robots import mjcf, read_robot
+from ncgen.exchange.robots.accounting import parted
+from ncgen.exchange.robots.motors import AWAY_FROM_ZERO
+from ncgen.exchange.robots.robot import Robot
+from ncgen.exchange.robots.stops import left
+
+WITHIN = 1e-9
+"""Largest error of an acceleration over 1 + the largest acceleration."""
+
+STATES = 2
+"""States at which accelerations are compared."""
+
+UNUSED_GROUP = 30
+"""A group of actuators that no file here has."""
+
+SWITCHED_OFF = {
+    "limits of joints": "jnt_limited", "friction of joints": "dof_frictionloss", "springs that yield": "jnt_springyield",
+    "tendons": "tendon_stiffness tendon_stiffnesspoly tendon_damping tendon_dampingpoly tendon_armature tendon_frictionloss tendon_limited",
+    AWAY_FROM_ZERO: "jnt_actfrclimited",
+    "compensation of weight by motors that have limits, or are switched off": "jnt_actgravcomp",
+}  # fmt: skip
+"""{words of what is left out: fields of MuJoCo that it comes from}."""
+
+
+def switch_off(m: Any, listed: set[str], robot: Robot) -> None:
+    """What is listed as left out, in a model of MuJoCo's."""
+    import mujoco
+
+    for words, names in SWITCHED_OFF.items():
+        for name in names.split() if words in listed else ():
+            getattr(m, name)[:] = 0
+    if listed & {"collision shapes", "contact pairs", "flexible bodies"}:
+        m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    if "forces of a fluid" in listed:
+        m.opt.density = m.opt.viscosity = 0.0
+    if "armature of free and ball joints" in listed:
+        m.dof_armature[np.asarray(m.jnt_type)[m.dof_jntid] < 2] = 0.0
+    if "dampers and armatures of actuators over tendons" in listed:
+        for name in ("armature", "damping", "dampingpoly"):
+            getattr(m, f"actuator_{name}")[np.asarray(m.actuator_trntype) == mujoco.mjtTrn.mjTRN_TENDON] = 0.0
+    if "actuators" in listed:
+        modelled = {actuator.name for actuator in robot.actuators or ()}
+        for k in range(m.nactuator):
+            if _name(m, k) not in modelled:
+                m.actuator_group[k], m.actuator_forcelimited[k] = UNUSED_GROUP, 0
+        m.opt.disableactuator |= 1 << UNUSED_GROUP
+
+
+def _name(m: Any, actuator: int) -> str:
+    return m.actuator(actuator).name or f"actuator{actuator}"
+
+
+class Fuzzed(Beside):
+    """A file in ncgen and in MuJoCo, without what ncgen lists as left out, and with controls."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, motors=True, sensors=True)
+        self.theirs.opt.disableflags = self.mujoco.MjModel.from_xml_path(str(path)).opt.disableflags
+        self.listed, self.contradicts = kinds(self.model.left_out), False
+        switch_off(self.theirs, self.listed, self.robot)
+
+    def drive(self, rng: np.random.Generator) -> None:
+        """Controls, and the inputs that they are."""
+        numbers = {_name(self.theirs, k): k for k in range(self.theirs.nactuator)}
+        for actuator, own in zip(self.robot.actuators or (), self.model.inputs, strict=True):
+            value = rng.normal()
+            self.data.ctrl[self.theirs.actuator_ctrladr[numbers[actuator.name]]] = value
+            self.p[list(self.model.numbers).index(own)] = value
+
+    def worst(self, rng: np.random.Generator) -> float:
+        """The largest error at some states."""
+        self.drive(rng)
+        if not np.any(self.theirs.eq_active0):
+            return self.error(rng, STATES)
+        worst = 0.0
+        for _ in range(STATES):
+            q, qd = self.close(*self.random(rng, 0.3))
+            if np.max(np.abs(self.data.efc_pos), initial=0.0) > 1e-10:
+                self.contradicts = True
+                return worst
+            worst = max(worst, self.miss(q, qd))
+        return worst
+
+
+def kinds(said: Iterable[str]) -> set[str]:
+    """What is left out, without how often."""
+    return {parted(each)[0] for each in said}
+
+
+def motion(model: Any) -> np.ndarray:
+    """Accelerations of MuJoCo's model at some states."""
+    import mujoco
+
+    data, rng, found = mujoco.MjData(model), np.random.default_rng(0), []
+    for _ in range(STATES):
+        mujoco.mj_resetData(model, data)
+        mujoco.mj_integratePos(model, data.qpos, rng.normal(size=100)[: model.nv] * 0.1, 1.0)
+        data.qvel[:], data.ctrl[:] = rng.normal(size=100)[: model.nv], rng.normal(size=100)[: model.nu]
+        mujoco.mj_forward(model, data)
+        found += data.qacc.tolist()
+    return np.array(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """What files are made from: its robot, its inputs, what is left out of it, and its accelerations without that."""
+
+    robot: object
+    inputs: int
+    listed: set[str]
+    motion: np.ndarray
+
+    @classmethod
+    def of(cls, path: Path) -> Base:
+        both = Fuzzed(path)
+        return cls(what_moves(read_robot(path)), len(both.model.inputs), both.listed, motion(both.theirs))
+
+    def is_motion(self, other: np.ndarray) -> bool:
+        """Whether accelerations are the same."""
+        scale = 1 + np.max(np.abs(self.motion), initial=0.0)
+        return other.shape == self.motion.shape and bool(np.all(np.abs(other - self.motion) <= WITHIN * scale))
+
+
+def what_moves(robot: Robot) -> object:
+    """A robot without what does not move it, as something that can be compared."""
+    return printed(replace(robot, name="", omitted=(), starts={}, sensors=()))
+
+
+def judged(path: Path, base: Base) -> tuple[str, str]:
+    """What became of a file, and why."""
+    import mujoco
+
+    try:
+        robot = read_robot(path)
+        if what_moves(robot) == base.robot:  # nothing to compile
+            theirs = mujoco.MjModel.from_xml_path(str(path))
+            listed = kinds(left(left(robot.omitted, "actuators", base.inputs), "sensors", len(robot.sensors)))
+            switch_off(theirs, listed, robot)
+            moves, error = motion(theirs), 0.0
+            right = base.is_motion(moves)
+        else:
+            both = Fuzzed(path)
+            moves, listed = motion(both.theirs), both.listed
+            error = both.worst(np.random.default_rng(1)) if both.theirs.nv else 0.0
+            if both.contradicts:
+                return "of equalities that contradict each other", ""
+            right = error < WITHIN
+    except NcgenError as refusal:
+        return "refused", str(refusal)
+    if not right:
+        return "ignored", f"error {error:.0e}; left out: {', '.join(sorted(listed))}"
+    if listed - base.listed:
+        return "listed, and the rest checked", ""
+    return ("without effect on the motion, checked" if base.is_motion(moves) else "modelled and checked"), ""
+
+
+def drawn(count: int, seed: int, folder: Path, counts: Counter[str]) -> Iterator[tuple[str, str, str]]:
+    """Draw files: what became of each, why, and its words. counts: of words and files, which are added to"""
+    import mujoco
+
+    apart, mjcf.compiled = mjcf.compiled, lambda path, text=None: mujoco.MjModel.from_xml_path(str(path))  # no process for each
+    path = folder / "m.xml"
+    draws = Draws(seed, counts, path)
+    try:
+        bases: dict[int, Base] = {}
+        for _ in range(count):
+            which, tree, said = draws.file()
+            if which not in bases:
+                path.write_text(BASES[which], encoding="utf-8")
+                bases[which] = Base.of(path)
+            path.write_text(ET.tostring(tree, encoding="unicode"), encoding="utf-8")
+            counts["words"] += len(said)
+            yield *judged(path, bases[which]), f"{'; '.join(said)} of file {which}"
+    finally:
+        mjcf.compiled = apart
+
+
+def ignored_of_mjcf(count: int, seed: int, folder: Path) -> tuple[Counter[str], list[str]]:
+    """Draw files of MJCF: how many became what, and those in which a word was ignored."""
+    counts, nothing = Counter[str](), []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for word, why, said in drawn(count, seed, folder, counts):
+            counts[word] += 1
+            counts["files"] += 1
+            if word == "ignored":
+                nothing.append(f"{said}: {why}")
+    return counts, nothing
