@@ -283,11 +283,8 @@ def with_planes_across_z(tree: ET.Element) -> ET.Element:
         origin.set("rpy", " ".join(map(repr, pin.rpy.matrixToRpy(rpy).tolist())))
         back = " ".join(map(repr, pin.rpy.matrixToRpy(turn.T).tolist()))
         found.append(ET.fromstring(f'<link name="{between}"/>'))
-        found.append(
-            ET.fromstring(
-                f'<joint name="{between}" type="fixed"><origin rpy="{back}"/><parent link="{between}"/><child link="{child.get("link")}"/></joint>'
-            )
-        )
+        ends = f'<origin rpy="{back}"/><parent link="{between}"/><child link="{child.get("link")}"/>'
+        found.append(ET.fromstring(f'<joint name="{between}" type="fixed">{ends}</joint>'))
         child.set("link", between)
     return found
 
