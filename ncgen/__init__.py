@@ -50,6 +50,7 @@ _HOMES = {
     "DomainError": "ncgen.errors",
     "CompileError": "ncgen.errors",
     "ConvergenceError": "ncgen.errors",
+    "DeadCentreError": "ncgen.errors",
     "SingularError": "ncgen.errors",
     "Interrupted": "ncgen.errors",
 }
@@ -58,6 +59,7 @@ _HOMES = {
 __all__ = [
     "CompileError",
     "ConvergenceError",
+    "DeadCentreError",
     "DomainError",
     "Interrupted",
     "Model",
@@ -97,7 +99,16 @@ __all__ = [
 
 if TYPE_CHECKING:
     from ncgen.compiler import compile, generate
-    from ncgen.errors import CompileError, ConvergenceError, DomainError, Interrupted, ModelError, NcgenError, SingularError
+    from ncgen.errors import (
+        CompileError,
+        ConvergenceError,
+        DeadCentreError,
+        DomainError,
+        Interrupted,
+        ModelError,
+        NcgenError,
+        SingularError,
+    )
     from ncgen.exchange.examples import load
     from ncgen.exchange.export import export
     from ncgen.exchange.jax_functions import jax

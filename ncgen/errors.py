@@ -84,13 +84,22 @@ class CompileError(NcgenError):
 
 
 class ConvergenceError(NcgenError):
-    """An iteration did not reach its tolerance; `history` holds the norms of the residual."""
+    """An iteration did not reach its tolerance; `history` holds the norms of the residual.
+
+    positions: of a mechanism that was moved, an array (K, n) in m and rad of the positions that were found; the last one is that at which
+        it stopped. None where nothing was moved.
+    """
 
     exit_code = 4
 
-    def __init__(self, message: str, history: tuple[float, ...] = ()) -> None:
+    def __init__(self, message: str, history: tuple[float, ...] = (), positions: Any = None) -> None:
         super().__init__(message)
         self.history = history
+        self.positions = positions
+
+
+class DeadCentreError(ConvergenceError):
+    """A mechanism was to be moved beyond a dead centre: the coordinate that moves it turns back there."""
 
 
 class SingularError(NcgenError):

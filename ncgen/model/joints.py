@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.bodies import Body, BodyFrame
 from ncgen.model.conditions import UNIT_LENGTH, Bound
-from ncgen.model.elements import AXES, Angle, Combination, Length, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.elements import AXES, Angle, Combination, Constant, Direction, Length, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.rows import Owner, Row
 from ncgen.model.structure import Structure
@@ -91,6 +91,39 @@ class Joints(Structure):
             self._keep(row.dot(first, second, 0.0, 1.0, _joint("prismatic", a, b), f"no turning about {axis.name}", self.scale))
 
     @fact
+    def slider(self, a: Body, b: Body, start: Point, end: Point, axis: Direction) -> None:
+        """Body b slides along `axis` of body a without turning; start is a point of a, end of b, both on the axis. 1 degree of freedom.
+
+        axis: a vector of a, or in the plane a segment of it such as `T - P`
+
+        In the plane it adds 2 constraint equations, and 1 where b is a single point, such as a pin in a slot; no vector is added to a body.
+        In space it is a prismatic joint, whose axis is a vector of both bodies.
+        """
+        if not all(body is self.ground or self._is_plane(body) for body in (a, b)):
+            self.prismatic(a, b, start, end, _vector_of(axis, f"slider {a.name}-{b.name}"))
+            return
+        if a is b:
+            raise ModelError(f"joint: body {a.name} is joined to itself; give two bodies")
+        self.extend(a, start)
+        self.extend(b, end)
+        owner, along = _joint("slider", a, b), self._direction(axis, f"slider {a.name}-{b.name}")
+        self.constrain(_turned(along, as_combination(end) - start)[1], f"{end.name} on the line of {a.name}", owner)
+        segments = [as_combination(point) - b.points[0] for point in b.points[1:]]
+        others = (
+            [*segments, *map(as_combination, b.vectors)] if b is not self.ground else [as_combination(Constant.of("x", (1.0, 0.0, 0.0)))]
+        )
+        if seen := [other for other in others if np.linalg.norm(other.initial[:2]) > FLAT * max(1.0, np.linalg.norm(other.initial))]:
+            cosine, sine = _turned(along, seen[0])
+            now = _turned(along, seen[0], at_start=True)
+            turning, start_value = (sine, now[1]) if abs(self._number(now[1], "")) <= abs(self._number(now[0], "")) else (cosine, now[0])
+            self.constrain(turning - start_value, f"no turning of {b.name} on {a.name}", owner)
+
+    @staticmethod
+    def _is_plane(body: Body) -> bool:
+        """Whether all elements of a body stay in the plane z = 0, a single point as well."""
+        return body.frame.planar or all(element.components[2].fixed for element in body.elements)
+
+    @fact
     def planar(self, a: Body, b: Body, start: Point, end: Point, normal: Vector) -> None:
         """Body b moves in a plane of body a through `start`, normal to `normal`. 3 degrees of freedom."""
         self._share(a, b, normal)
@@ -124,10 +157,20 @@ class Joints(Structure):
             self.extend(kept, *other.elements)
 
     @fact
-    def point_on_line(self, a: Body, point: Point, start: Point, axis: Vector) -> None:
-        """A point stays on a line of body a: through `start` along `axis`. 2 rows."""
-        self.extend(a, start, axis)
-        self._on_line(a, point, start, axis, Owner("joint", f"{point.name} on line of {a.name}", (a.name,)))
+    def point_on_line(self, a: Body, point: Point, start: Point, axis: Direction) -> None:
+        """A point stays on a line of body a: through `start` along `axis`, a vector, or in the plane a segment of a such as `T - P`.
+
+        2 constraint equations, 1 in the plane.
+        """
+        owner = Owner("joint", f"{point.name} on line of {a.name}", (a.name,))
+        if self._is_plane(a) and _single(axis) is None:
+            self.extend(a, start)
+            along = self._direction(axis, str(owner))
+            self.constrain(_turned(along, as_combination(point) - start)[1], f"{point.name} on {along}", owner)
+            return
+        vector = _vector_of(axis, str(owner))
+        self.extend(a, start, vector)
+        self._on_line(a, point, start, vector, owner)
 
     @fact
     def point_in_plane(self, a: Body, point: Point, start: Point, normal: Vector, owner: Owner | None = None) -> Row:
@@ -309,6 +352,31 @@ class Joints(Structure):
 
 def _joint(kind: str, a: Body, b: Body) -> Owner:
     return Owner("joint", f"{kind} {a.name}-{b.name}", (a.name, b.name))
+
+
+def _single(axis: Direction) -> Vector | None:
+    """The vector that a direction is, None for a segment."""
+    if isinstance(axis, Combination):
+        axis = axis.terms[0][1] if len(axis.terms) == 1 and axis.terms[0][0] == 1 else axis
+    return axis if isinstance(axis, Vector) else None
+
+
+def _vector_of(axis: Direction, where: str) -> Vector:
+    if (vector := _single(axis)) is None:
+        raise ModelError(f"{where}: {axis} is no vector; in space give a unit vector as the axis")
+    return vector
+
+
+def _turned(a: Combination, b: Combination, at_start: bool = False) -> tuple[sympy.Expr, sympy.Expr]:
+    """|a| |b| times the cosine and the sine of the angle from a to b in the plane, in the coordinates or in the initial position."""
+
+    def parts(each: Combination) -> list[Any]:
+        if at_start:
+            return [as_sympy(value) for value in each.given[:2]]
+        return [sum(as_sympy(weight) * element.components[k].symbol for weight, element in each.terms) for k in range(2)]
+
+    (ax, ay), (bx, by) = parts(a), parts(b)
+    return ax * bx + ay * by, ax * by - ay * bx
 
 
 def _height(normal: Values, centre: Point) -> Scalar:

@@ -59,9 +59,14 @@ def figure(model_or_run: Model | Trajectory, frame: int = 0, *, names: bool | No
     scene = scene_of(model_or_run)
     if not -len(scene.t) <= frame < len(scene.t):
         raise NcgenError(f"{scene.name}: there is no frame {frame}; give one from 0 to {len(scene.t) - 1}")
+    return drawn(scene, frame, scene.name if isinstance(model_or_run, Model) else f"{scene.name}, t = {scene.t[frame]:.4g} s", names)
+
+
+def drawn(scene: Scene, frame: int, title: str, names: bool | None) -> Figure:
+    """One time of a scene under a title; names: as of `figure`."""
     chart = empty(6.4, 5.6)
     axes = _flat_axes(chart, scene) if scene.planar else _spatial_axes(chart, scene)
-    axes.set_title(scene.name if isinstance(model_or_run, Model) else f"{scene.name}, t = {scene.t[frame]:.4g} s")
+    axes.set_title(title)
     if scene.has_shapes:
         _draw_solids(axes, scene, frame)
     _draw(axes, scene, frame, not scene.has_shapes if names is None else names)

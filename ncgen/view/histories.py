@@ -16,14 +16,18 @@ if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
 
 
-def plot(run: Trajectory, names: str | Iterable[str] | None = None) -> Figure:
+def plot(run: Trajectory, names: str | Iterable[str] | None = None, against: str | None = None) -> Figure:
     """Time histories of a trajectory: a panel a kind of coordinate, one for energy, one for the violation.
 
     names: one free coordinate or several; default: angles and lengths; where there are none the independent coordinates, else the
         first ones
+    against: one quantity to plot those named over in place of the time, in one panel; both may be whatever `run[…]` has, such as
+        `rate(psi)` or an output
 
     Raises ModelError for a name that is no free coordinate.
     """
+    if against is not None:
+        return _over(run, names, against)
     groups = grouped(run, names)
     chart = empty(8, 0.6 + 2.1 * (len(groups) + 2))
     panels = chart.subplots(len(groups) + 2, sharex=True)
@@ -33,6 +37,24 @@ def plot(run: Trajectory, names: str | Iterable[str] | None = None) -> Figure:
     _violation(panels[-1], run)
     panels[0].set_title(run.name)
     panels[-1].set_xlabel("time (s)")
+    return settle(chart)
+
+
+def _over(run: Trajectory, names: str | Iterable[str] | None, against: str) -> Figure:
+    """Quantities over another one, with the beginning of the motion marked."""
+    if isinstance(names, str):
+        wanted = [names]
+    else:
+        wanted = [name for members in grouped(run, None).values() for name in members if name != against] if names is None else list(names)
+    x = run[against]
+    chart = empty(6.4, 4.8)
+    axes = chart.subplots()
+    _lines(axes, x, wanted[0] if len(wanted) == 1 else "", {name: run[name] for name in wanted})
+    for line in axes.get_lines():
+        axes.plot(x[0], np.asarray(line.get_ydata())[0], marker="o", color=line.get_color())
+    axes.margins(x=0.05)
+    axes.set_xlabel(against)
+    axes.set_title(run.name)
     return settle(chart)
 
 

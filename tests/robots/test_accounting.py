@@ -177,3 +177,13 @@ def test_no_word_of_sdf_is_ignored(tmp_path, count, seed):
     found, nothing = ignored(count, seed, tmp_path)
     assert nothing == []
     assert found["modelled or listed"] > found["refused"] > 0
+
+
+@pytest.mark.slow
+def test_no_word_of_sdf_is_ignored_next_to_drake(tmp_path):
+    pytest.importorskip("pydrake", reason="pip install drake")
+    from vocabulary_by_drake import ignored_by_drake
+
+    found, nothing = ignored_by_drake(800, 2, tmp_path)
+    assert nothing == []
+    assert found["modelled and checked"] > 50

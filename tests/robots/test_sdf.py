@@ -365,6 +365,26 @@ def test_a_screw_has_the_name_and_the_zero_of_the_file(tmp_path, ends):
     assert run["lead_slide"][-1] == pytest.approx(sign * k * expected, rel=1e-8)
 
 
+def test_a_screw_turns_about_its_own_axis(tmp_path):
+    """Where the link that carries it has points elsewhere: the nut turns about the axis, and goes k ψ along it."""
+    joints = '<joint name="rail" type="prismatic"><parent>world</parent><child>a</child><axis><xyz>1 0 0</xyz></axis></joint>'
+    joints += (
+        '<joint name="lead" type="screw"><pose>0.5 0.2 0 0 0 0</pose><parent>a</parent><child>nut</child><axis><xyz>0 0 1</xyz></axis>'
+    )
+    joints += "<screw_thread_pitch>0.5</screw_thread_pitch></joint>"
+    (tmp_path / "m.sdf").write_text(f'<sdf version="1.10">{model(link("a") + link("nut", "0 1 0 0 0 0") + joints)}</sdf>')
+    loaded, angle, axis = ncgen.load(tmp_path / "m.sdf"), 0.7, np.array([0.5, 1.2, 0.0])
+    kernels, moved = ncgen.compile(loaded, "numpy"), np.array([0.0, 0.0, 0.5 / (2 * np.pi) * angle])
+    turn, q = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]), np.array(kernels.q0)
+    for element in set(loaded.bodies["nut"].elements) - set(loaded.bodies["a"].elements):
+        is_point = element in loaded.bodies["nut"].points
+        value = axis + turn @ (element.initial - axis) + moved if is_point else turn @ element.initial
+        for component, each in zip(element.components, value, strict=True):
+            q[kernels.index[component.name]] = each
+    q[kernels.index["lead"]], q[kernels.index["lead_slide"]] = angle, moved[2]
+    assert np.max(np.abs(kernels.phi(q, 0.0, kernels.p0))) < 1e-14
+
+
 def test_inertias_that_no_body_has_are_balanced_where_that_is_asked_for(tmp_path):
     """By their mean, with a warning; others stay as they are."""
     flat = "<inertial><mass>2</mass><inertia><ixx>0.1</ixx><iyy>0.2</iyy><izz>0.6</izz></inertia></inertial>"

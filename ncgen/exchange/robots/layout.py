@@ -7,6 +7,7 @@ so that it has an affine basis (García de Jalón & Bayo 1994, section 2.2).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -164,12 +165,21 @@ class Layer:
         hold.second = hold.child.take(Place(f"v_{hold.joint.name}", self._directed(hold.joint, hold.joint.second), False))
 
     def _prismatic(self, hold: Hold) -> None:
-        self._share_axis(hold)
-        known = [] if self.apart else hold.parent.points
-        hold.start = (known or [hold.parent.take(self._point(hold, "r", self._origin(hold.joint)))])[0]
-        hold.end = hold.child.take(self._point(hold, "s", hold.start.value))
+        self._slide(hold, hold.parent.points)
 
-    _planar = _screw = _prismatic
+    _planar = _prismatic
+
+    def _screw(self, hold: Hold) -> None:
+        """From a point of the parent on the axis, about which the child turns."""
+        origin, axis = self._origin(hold.joint), self._axis(hold.joint)
+        self._slide(hold, [p for p in hold.parent.points if np.linalg.norm(np.cross(p.value - origin, axis)) < self.near])
+
+    def _slide(self, hold: Hold, points: Sequence[Place]) -> None:
+        """A point of the child slides along the joint's axis from one of these of the parent, else from the joint's origin."""
+        self._share_axis(hold)
+        known = [] if self.apart else points
+        hold.start = known[0] if known else hold.parent.take(self._point(hold, "r", self._origin(hold.joint)))
+        hold.end = hold.child.take(self._point(hold, "s", hold.start.value))
 
     def _floating(self, hold: Hold) -> None:
         """Nothing is shared."""

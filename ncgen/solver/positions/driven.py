@@ -11,10 +11,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, ModelError, SingularError
+from ncgen.errors import ConvergenceError, DeadCentreError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.given import Given, checked_kernels
+from ncgen.solver.positions.dead_centres import approached, is_dead_centre
 from ncgen.solver.positions.position import EASY, TOLERANCE, check_finite, check_mirror_roots, solve_position
 from ncgen.solver.positions.rank import freedom_at
 
@@ -72,7 +73,8 @@ def driven_positions(kernels: Kernels, t: ArrayLike, p: Given | None = None, nea
     p: numbers (n_p,) or {name: number}; near: a position (n,) in m and rad near that at the first instant, each of the others being closed
         from the one before, or rows (K, n) of one near each; default: the initial position
     Raises ModelError where drivers leave a freedom or rows are no equations of position, SingularError where the first position is
-    singular, ConvergenceError where the mechanism cannot go.
+    singular, ConvergenceError where the mechanism cannot go, DeadCentreError where its drivers bring it to a dead centre; `positions` of
+    both are those found before and the one at which it stopped.
     """
     checked_kernels(kernels)
     t, p = given.several(t, "t"), given.parameters(kernels, p)
@@ -88,7 +90,10 @@ def driven_positions(kernels: Kernels, t: ArrayLike, p: Given | None = None, nea
     q = [motion.begun(given.position(kernels, near if rows is None else rows[0], p), float(t[0]))]
     if rows is None:
         for before, now in pairwise(t.tolist()):
-            q.append(motion.from_one_to_next(q[-1], before, now))
+            try:
+                q.append(motion.from_one_to_next(q[-1], before, now))
+            except ConvergenceError as error:
+                q.append(motion.reached(q, before, now, error))
     else:
         q += motion.from_near(rows[1:], t[1:].tolist())
     return DrivenPositions(kernels, t, p, np.array(q), motion.rows)
@@ -153,6 +158,28 @@ class _Followed:
         with suppress(ConvergenceError):
             return self.closed(q, t)
         return self.closed(solve_position(self.kernels, q, t, self.p).q, t)
+
+    def reached(self, path: list[np.ndarray], before: float, now: float, error: ConvergenceError) -> np.ndarray:
+        """The position at a time (s) that ordinary steps from the last one of `path` do not reach. Raises ConvergenceError with all of them
+        where there is none."""
+        q, t = approached(self.closed, path[-1], before, now)
+        if t == now:
+            return q
+        raise self._stopped([*path, q], t, now, error) from error
+
+    def _stopped(self, path: list[np.ndarray], t: float, now: float, error: ConvergenceError) -> ConvergenceError:
+        """The error of a motion to the time `now` (s) that ends at the last position of `path`, at the time t."""
+        kernels, q = self.kernels, path[-1]
+        rows = [(i, row.owner.name) for i, row in enumerate(kernels.rows) if row.owner.kind == "driver"]
+        wanted = kernels.phi(q, now, self.p)
+        drivers = [(name, q[kernels.index[name]], q[kernels.index[name]] - wanted[i]) for i, name in rows if name in kernels.index]
+        asked = ", ".join(f"{name} = {value:.9g}" for name, _, value in drivers)
+        reached = ", ".join(f"{name} = {value:.9g}" for name, value, _ in drivers)
+        found = np.array(path)
+        if is_dead_centre(kernels, q, t, self.p, np.arange(kernels.n)):
+            message = f"{kernels.name}: {asked} at t = {now:.9g} s is beyond a dead centre at {reached}, t = {t:.9g} s"
+            return DeadCentreError(f"{message}; the positions up to there are `positions` of the error", error.history, found)
+        return ConvergenceError(f"{kernels.name}: the motion to t = {now:.9g} s ends at t = {t:.9g} s, {reached}; {error}", (), found)
 
     def from_one_to_next(self, q: np.ndarray, before: float, now: float, halvings: int = HALVINGS) -> np.ndarray:
         """The position at an instant from that at another; in parts where it does not close at once, so that it stays on its branch."""

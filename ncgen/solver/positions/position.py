@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, ModelError, counted
+from ncgen.errors import ConvergenceError, DeadCentreError, ModelError, counted
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import check_instant, is_finite, watched
 from ncgen.solver.geometry import angles, measured_angles
 from ncgen.solver.given import Given
+from ncgen.solver.positions.dead_centres import approached, is_dead_centre
 from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
 
 TOLERANCE = 1e-12
@@ -157,8 +158,8 @@ def move(kernels: Kernels, q: Given | None, targets: dict[str, float], t: float 
 
     q: where it begins, numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,);
         t: s
-    The other coordinates follow and stay on their branch. Raises ConvergenceError where the mechanism cannot go, ModelError for
-    arguments that do not fit.
+    The other coordinates follow and stay on their branch. Raises ConvergenceError where the mechanism cannot go, DeadCentreError where it
+    comes to a dead centre before, both with the positions that were found; ModelError for arguments that do not fit.
     """
     p = given.parameters(kernels, p)
     q, t = given.position(kernels, q, p), given.finite(t, "t")
@@ -170,18 +171,42 @@ def move(kernels: Kernels, q: Given | None, targets: dict[str, float], t: float 
     start, end = q[where], np.array(list(end.values()))
     done, step = 0.0, 1.0 / steps
     result = Position(q, 0, residual(kernels, q, t, p), ())
+    path = [q]
+
+    def at(q: np.ndarray, share: float) -> Position:
+        guess = q.copy()
+        guess[where] = start + share * (end - start)
+        return solve_position(kernels, guess, t, p, held=names, limit=EASY)
+
     while done < 1.0:
         share = min(1.0, done + step)
-        guess = result.q.copy()
-        guess[where] = start + share * (end - start)
         try:
-            found = solve_position(kernels, guess, t, p, held=names, limit=EASY)
-            result, done = found, share
-        except ConvergenceError:
+            result, done = at(result.q, share), share
+            path.append(result.q)
+        except ConvergenceError as error:
             step /= 2
             if step < 1e-4 / steps:
-                raise
+                last, reached = approached(lambda q, share: at(q, share).q, result.q, done, share)
+                path.append(last)
+                if reached < share:
+                    raise _stopped(kernels, end, names, path, t, p, error) from error
+                result, done = at(last, share), share
     return result
+
+
+def _stopped(
+    kernels: Kernels, end: np.ndarray, names: list[str], path: list[np.ndarray], t: float, p: np.ndarray, error: ConvergenceError
+) -> ConvergenceError:
+    """The error of a displacement of the named coordinates that ends before their values `end` are reached, at the last one of `path`."""
+    where = [kernels.index[name] for name in names]
+    free = np.array([i for i in range(kernels.n) if i not in where], dtype=int)
+    asked = ", ".join(f"{name} = {value:.9g}" for name, value in zip(names, end, strict=True))
+    reached = ", ".join(f"{name} = {value:.9g}" for name, value in zip(names, path[-1][where], strict=True))
+    found = np.array(path)
+    if is_dead_centre(kernels, path[-1], t, p, free):
+        message = f"{kernels.name}: {asked} is beyond a dead centre at {reached}; the positions up to there are `positions` of the error"
+        return DeadCentreError(message, error.history, found)
+    return ConvergenceError(f"{kernels.name}: {asked} is not reached, the way ends at {reached}; {error}", error.history, found)
 
 
 def sweep(
@@ -191,12 +216,18 @@ def sweep(
 
     q: where it begins (default: the initial position), numbers (n,) in the order of the coordinates or {name: number}; p likewise
         for parameters, (n_p,); t: s
-    Raises ConvergenceError where the mechanism cannot go, ModelError for arguments that do not fit.
+    Raises ConvergenceError where the mechanism cannot go, DeadCentreError where it comes to a dead centre before: its `positions` are those
+    of the values before and the one at which it stopped. Raises ModelError for arguments that do not fit.
     """
     p = given.parameters(kernels, p)
     position, path = given.position(kernels, q, p), []
     given.known_name(name, kernels.index, "name")
     for value in given.several(values, "values"):
-        position = move(kernels, position, {name: value}, t, p).q
+        try:
+            position = move(kernels, position, {name: value}, t, p).q
+        except ConvergenceError as error:
+            if error.positions is not None:
+                error.positions = np.array([*path, error.positions[-1]])
+            raise
         path.append(position)
     return np.array(path).reshape(-1, kernels.n)

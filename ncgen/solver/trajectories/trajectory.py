@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
-from ncgen.errors import ModelError, counted
+from ncgen.errors import ModelError, NcgenError, counted
 from ncgen.files import path_of, write_bytes, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
@@ -86,7 +86,8 @@ class Trajectory:
     run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid; number: the number
     type that it was computed with; made_with: the method and the engine in words, and why they were taken; impulses: what drivers did
     where the velocity of one jumped, in the order of time.
-    `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity; like a dictionary a trajectory has the coordinates' names to go
+    `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity, `run["rate(rate(psi2))"]` its acceleration;
+    like a dictionary a trajectory has the coordinates' names to go
     through, and `"psi2" in run`. Two trajectories are equal if they are the same one.
     """
 
@@ -164,14 +165,18 @@ class Trajectory:
         return self.kernels.coordinates
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """One free coordinate, `rate(name)`, an output or an input over time, shape (K,). Raises ModelError for an unknown name."""
+        """One free coordinate, `rate(name)`, `rate(rate(name))`, an output or an input over time, shape (K,).
+
+        Raises ModelError for an unknown name.
+        """
         if isinstance(name, str) and name not in self and (name in self.model.outputs or name in self.kernels.inputs):
             return self.outputs[name] if name in self.model.outputs else self.inputs[name]
         if not isinstance(name, str):
             raise ModelError(
                 f"{self.name}: a coordinate is asked for by its name, not by {echo(name)}; instants are rows of run.t, run.q, run.qd"
             )
-        inner = coordinate_of(name)
+        rate = coordinate_of(name)
+        inner = coordinate_of(rate)
         if isinstance(thing := self.model.elements.get(inner), (Point, Vector)):
             kind = type(thing).__name__.lower()
             raise ModelError(
@@ -179,11 +184,12 @@ class Trajectory:
             )
         if inner not in self.kernels.index:
             raise ModelError(f"{self.name} has no free coordinate {echo(inner)}; {offer(inner, self.coordinates)}")
-        return (self.q if inner == name else self.qd)[:, self.kernels.index[inner]]
+        history = self.q if rate == name else self.qd if inner == rate else self.qdd
+        return history[:, self.kernels.index[inner]]
 
     def __contains__(self, name: object) -> bool:
-        """Whether a free coordinate, or `rate(name)` of one, has that name."""
-        return isinstance(name, str) and coordinate_of(name) in self.kernels.index
+        """Whether a free coordinate, or `rate(name)` or `rate(rate(name))` of one, has that name."""
+        return isinstance(name, str) and coordinate_of(coordinate_of(name)) in self.kernels.index
 
     def __iter__(self) -> Iterator[str]:
         """The names of the free coordinates."""
@@ -224,10 +230,36 @@ class Trajectory:
         """Components of a unit vector, shape (K, 3). Raises ModelError where there is no such vector."""
         return geometry.element(self.kernels, self._named(name, Vector), self.q, self.p)
 
-    def _named(self, name: str, kind: type[Element]) -> Element:
-        known = {e.name: e for e in self.model.elements.values() if isinstance(e, kind)}
+    def velocity(self, name: str) -> np.ndarray:
+        """Velocity (m/s) of a point, or rate (1/s) of a unit vector, in global axes, shape (K, 3). Raises ModelError for another name."""
+        return geometry.element_rate(self.kernels, self._named(name, Point, Vector), self.qd)
+
+    def acceleration(self, name: str) -> np.ndarray:
+        """Acceleration (m/s²) of a point, or second derivative (1/s²) of a unit vector, in global axes, shape (K, 3).
+
+        Raises ModelError for another name.
+        """
+        return geometry.element_rate(self.kernels, self._named(name, Point, Vector), self.qdd)
+
+    def table(self) -> dict[str, np.ndarray]:
+        """{column: (K,)}: t, coordinates, their velocities and accelerations, inputs and outputs."""
+        from ncgen.solver.trajectories.files import histories
+
+        return histories(self) | {f"rate(rate({name}))": column for name, column in zip(self.coordinates, self.qdd.T, strict=True)}
+
+    def dataframe(self) -> Any:
+        """The columns of `table` as a pandas DataFrame whose index is the time. Raises NcgenError where pandas is not installed."""
+        try:
+            pandas = import_module("pandas")
+        except ImportError as error:
+            raise NcgenError("pandas is not installed; pip install 'ncgen[tables]', or take run.table()") from error
+        return pandas.DataFrame(self.table()).set_index("t")
+
+    def _named(self, name: str, *kinds: type[Element]) -> Element:
+        known = {e.name: e for e in self.model.elements.values() if isinstance(e, kinds)}
         if name not in known:
-            raise ModelError(f"{self.name} has no {kind.__name__.lower()} {echo(name)}; {offer(name, tuple(known))}")
+            kind = " or ".join(kind.__name__.lower() for kind in kinds)
+            raise ModelError(f"{self.name} has no {kind} {echo(name)}; {offer(name, tuple(known))}")
         return known[name]
 
     def rotation(self, body: str) -> Rotation:
@@ -310,15 +342,20 @@ class Trajectory:
         return difference(self, other)
 
     @overload
-    def plot(self, path: None = None, names: str | Iterable[str] | None = None) -> Figure: ...
+    def plot(self, path: None = None, names: str | Iterable[str] | None = None, against: str | None = None) -> Figure: ...
 
     @overload
-    def plot(self, path: str | os.PathLike[str], names: str | Iterable[str] | None = None) -> Path: ...
+    def plot(self, path: str | os.PathLike[str], names: str | Iterable[str] | None = None, against: str | None = None) -> Path: ...
 
-    def plot(self, path: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None) -> Figure | Path:
-        """Time histories, energy and violation as a matplotlib figure, which a notebook shows; written to `path` if given."""
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None, against: str | None = None
+    ) -> Figure | Path:
+        """Time histories, energy and violation as a matplotlib figure, which a notebook shows; written to `path` if given.
+
+        names: what is plotted; against: a quantity to plot it over in place of the time, as `run.plot(names="C.y", against="C.x")`
+        """
         view = import_module("ncgen.view.figure")
-        figure = view.plot(self, names)
+        figure = view.plot(self, names, against)
         return figure if path is None else view.save(figure, path_of(path))
 
     @overload
@@ -328,7 +365,12 @@ class Trajectory:
     def animate(self, path: str | os.PathLike[str]) -> Path: ...
 
     def animate(self, path: str | os.PathLike[str] | None = None) -> Page | Path:
-        """A self-contained HTML page that shows the motion, which a notebook shows in a frame; written to `path` if given."""
+        """A self-contained HTML page that shows the motion, which a notebook shows in a frame; written to `path` if given.
+
+        A path that ends in .gif or .mp4 makes a film of drawings, by Pillow or by the program ffmpeg.
+        """
+        if path is not None and path_of(path).suffix.lower() in (".gif", ".mp4"):
+            return import_module("ncgen.view.film").write_film(self, path)
         view = import_module("ncgen.view.player")
         return view.page_of(self) if path is None else view.write_player(self, path_of(path))
 
