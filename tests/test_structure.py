@@ -203,7 +203,7 @@ def test_models_are_described_without_sympy(path):
 
 
 ADDRESSES = {
-    "mechanism/callbacks.py": "memory of C as arrays, as long as its table says that it is",
+    "mechanism/in_python.py": "memory of C as arrays, as long as its table says that it is",
     "mechanism/arguments.py": "the one function that hands an array to compiled code, after looking at it",
     "mechanism/batch.py": "aligned: where memory of its own begins, to choose a part of it",
     "mechanism/moving.py": "MovingRows: addresses of rows of arrays that it makes, which go into structs of its own",

@@ -136,7 +136,9 @@ class Moving:
 
     q, qd, qdd (n,): position, velocities and accelerations (m, rad, and per second); p (n_p,): parameters and inputs; all but qdd may be
         written to
-    t: s; work: J; next_step: s, what error control tries next, 0 where it has to find one; evaluations: of the last call of `go_on`
+    t: s; work: J; power: W, of the last call of `settle` or `evaluate`; next_step: s, what error control tries next, 0 where it has to
+        find one
+    evaluations: of the last call of `go_on`
     """
 
     def __init__(self, stepping: Stepping) -> None:
@@ -147,7 +149,7 @@ class Moving:
         self._p, self._driven, self._statistics = stepping.pointer(self.p), stepping.driven, stepping.statistics
         self._go_on, self._has_breaks = self._library.ncgen_go_on, stepping.has_breaks
 
-    t, work, next_step = _member("t"), _member("work"), _member("h")
+    t, work, power, next_step = _member("t"), _member("work"), _member("power"), _member("h")
 
     @property
     def workspace(self) -> int:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from threading import Thread
 from typing import Literal, Protocol, TypeAlias
 
@@ -38,7 +38,9 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.callbacks import ExternalForces
 from ncgen.mechanism.driving import Driver, Function, Pieces
-from ncgen.mechanism.library import STATUS, CompiledKernels
+from ncgen.mechanism.in_python import in_python, model_of, tangents_of
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.properties import is_conservative, is_definite, uses_tangents
 from ncgen.mechanism.recall import Files, shared
@@ -121,6 +123,16 @@ def part_for(integrator: str, is_emitted: bool = False) -> Part:
     return "stiff" if is_emitted and find_integrator(integrator).tangents == "unless_recursive" else "whole"
 
 
+@cache
+def has_runtime(part: Part) -> bool:
+    """True where a part of the runtime is there, or can be compiled; asked once, since a compiler that fails takes its time."""
+    try:
+        _runtime("double", part)
+    except NcgenError:
+        return False
+    return True
+
+
 def beside(number: str = "double", part: Part = "explicit") -> Thread:
     """A thread that compiles the runtime, if it is not in the cache, while something else goes on; to be started, and joined before a run.
 
@@ -134,20 +146,20 @@ def beside(number: str = "double", part: Part = "explicit") -> Thread:
     return Thread(target=compiling, daemon=True)
 
 
-def _model(kernels: CompiledKernels, number: str) -> tuple[InC, CompiledKernels | InC]:
+def _model(kernels: Kernels, number: str) -> tuple[InC, Kernels | InC]:
     """The descriptor of a mechanism's kernels in a number type, and the library that it lives in; made once for every type."""
     if number == "double":
-        return kernels.descriptor, kernels
+        return model_of(kernels), kernels
     return kernels.remember("models", number, lambda: _compiled_model(kernels, number))
 
 
-def _compiled_model(kernels: CompiledKernels, number: str) -> tuple[InC, InC]:
+def _compiled_model(kernels: Kernels, number: str) -> tuple[InC, InC]:
     getter = f"{prefix_of(kernels.name)}_model"
     _, library = _load(model_files(kernels.programs), number, f"const ncgen_model *{getter}(void);")
     return getattr(library, getter)(), library
 
 
-def prepare(kernels: CompiledKernels, number: str = "double") -> None:
+def prepare(kernels: Kernels, number: str = "double") -> None:
     """Compile what a run may ask for on its way, so that a limit to its time is a limit to the run."""
     for part in RUNS:
         _runtime(number, part)
@@ -228,7 +240,7 @@ class Dynamics:
 
     is_emitted = False
 
-    def __init__(self, kernels: CompiledKernels, number: str) -> None:
+    def __init__(self, kernels: Kernels, number: str) -> None:
         self.kernels, self.number = kernels, NUMBERS[number]
         self._ffi = _interface(number)
         self._dynamics: InC = self._ffi.new("ncgen_dynamics *")
@@ -239,6 +251,7 @@ class Dynamics:
         self._external = kernels.remember("external forces", (), lambda: ExternalForces(kernels)) if kernels.model.callbacks else None
         if self._external:
             self._dynamics.external = self._external.function
+        self.called = [each for each in (self._external, in_python(kernels)) if each]
         self.has_rolling = len(kernels.holonomic) < kernels.m
         if self.has_rolling:
             rolling = np.ones(kernels.m)
@@ -324,14 +337,14 @@ class Dynamics:
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
         start = self._start(p, q, velocities, options.get("formalism", PARTITIONED))
         pointers = [real(a) for a in (*start, times, out_q, out_qd, out_work, work)]
-        if self._external:
-            self._external.begin()
+        for each in self.called:
+            each.begin()
         status = library.ncgen_simulate(
             self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
             pointer(ffi, integers, "int[]"),
         )  # fmt: skip
         done, s = rows[0], statistics
-        raised = next((each.raised for each in (listener, driver, self._external) if each and each.raised), None)
+        raised = next((each.raised for each in (listener, driver, *self.called) if each and each.raised), None)
         return Outcome(
             t=np.asarray(looked[:done], dtype=float),
             q=np.asarray(out_q[:done], dtype=float),
@@ -401,7 +414,7 @@ class Dynamics:
 
     def _take_tangents(self) -> None:
         """Tangent kernels are compiled when an implicit method first asks for them."""
-        tangents = self._external.tangents if self._external else self.kernels.tangents.descriptor
+        tangents = self._external.tangents if self._external else tangents_of(self.kernels)
         self._dynamics.tangents = self._ffi.cast("ncgen_tangents *", tangents)
 
 
@@ -411,7 +424,7 @@ class DenseDynamics(Dynamics):
     positions: the choice for positions, where it is not that for velocities
     """
 
-    def __init__(self, kernels: CompiledKernels, split: Split, number: str = "double", positions: Split | None = None) -> None:
+    def __init__(self, kernels: Kernels, split: Split, number: str = "double", positions: Split | None = None) -> None:
         super().__init__(kernels, number)
         self.positions = positions
         self._describe(split, self._dynamics)
@@ -439,7 +452,7 @@ class ConstrainedDynamics(Dynamics):
 
     def __init__(
         self,
-        kernels: CompiledKernels,
+        kernels: Kernels,
         number: str = "double",
         seen: Callable[[], Seen | None] | None = None,
         tables: TreeTables | None = None,
@@ -477,7 +490,7 @@ class ConstrainedDynamics(Dynamics):
         return super()._uses_tangents(method, options)
 
     @staticmethod
-    def _written_out(kernels: CompiledKernels, number: str, seen: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:
+    def _written_out(kernels: Kernels, number: str, seen: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:
         """What gives the emitted motion, if there is one, and the library that it lives in."""
         files = motion_source(kernels, seen)
         if not files:

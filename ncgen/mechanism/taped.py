@@ -15,7 +15,7 @@ from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.batch import aligned, in_lanes
 from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.driving import Function, Pieces, told_at
-from ncgen.mechanism.library import CompiledKernels
+from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import ANY_STEP
 from ncgen.mechanism.moving_breaks import Jump, Jumping
 from ncgen.mechanism.runtime import ConstrainedDynamics, Outcome
@@ -321,7 +321,7 @@ def _sweep_in_lanes() -> tuple[Interface, InC]:
 class _Directions:
     """The emitted motion along directions, a direction a lane of a vector."""
 
-    def __init__(self, kernels: CompiledKernels, dynamics: ConstrainedDynamics) -> None:
+    def __init__(self, kernels: Kernels, dynamics: ConstrainedDynamics) -> None:
         self._ffi, self._library = _sweep_in_lanes()
         getter = f"{prefix_of(kernels.name)}_tangent"
         files = dynamics.source("tangent") | runtime_files(*RUNTIME_HEADERS)

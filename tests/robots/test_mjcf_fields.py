@@ -86,8 +86,10 @@ LISTED = {
     "bodies moved by motion capture, which rest here (1)": {"world": '<body name="m" mocap="true"/>'},
     "limits of joints (1)": {"q": 'range="-1 1" limited="true"'},
     "friction of joints (1)": {"q": 'frictionloss="1"'},
-    "armature of free and ball joints (1)": {
+    "armature of free bodies and of balls between moving ones (2)": {
         "a": '<body><joint type="ball" armature="0.1"/><inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/></body>'
+        '<body><joint name="b" type="ball"/><inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/></body>',
+        "after": '<actuator><motor joint="b" armature="0.1"/></actuator>',
     },
     "motors of joints whose forces are bounded away from 0 (1)": {
         "q": 'actuatorfrcrange="0.2 1"',

@@ -70,6 +70,17 @@ def test_accelerations_equal_mujoco(tmp_path):
         assert both.error(np.random.default_rng(3), states=1, size=size) < 1e-9
 
 
+def test_armature_of_a_ball_in_the_world_equals_mujoco(tmp_path):
+    """With that of a motor, of which the first number of the gear counts."""
+    path = tmp_path / "ball.xml"
+    path.write_text("""<mujoco><worldbody><body pos="0 0 1"><body name="b" pos="0.1 0 0" quat="0.9 0.1 0.3 -0.2">
+<joint name="ball" type="ball" pos="0 0.1 0" armature="0.3"/><inertial pos="0.1 0.05 -0.1" mass="0.5" diaginertia="0.004 0.005 0.003"/>
+<body pos="0 0.2 0"><joint axis="0 1 0"/><inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body></body></body></worldbody>
+<actuator><motor joint="ball" gear="2 3 4" armature="0.1"/></actuator></mujoco>""")
+    both = Beside(path)
+    assert both.model.left_out == ("actuators (1)",) and both.error(np.random.default_rng(3), states=2) < 1e-9
+
+
 def test_weights_that_are_only_increased_are_not(tmp_path):
     """MuJoCo compensates weights where one body has a factor of more than 0."""
     assert Beside(arm(tmp_path / "arm.xml", b='gravcomp="-0.4"')).error(np.random.default_rng(3), states=2) < 1e-9

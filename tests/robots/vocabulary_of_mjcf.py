@@ -21,6 +21,7 @@ from vocabulary_of_sdf import printed
 from ncgen.errors import NcgenError
 from ncgen.exchange.robots import mjcf, read_robot
 from ncgen.exchange.robots.accounting import parted
+from ncgen.exchange.robots.mjcf_fields import AT_JOINT, SCALAR, is_ball_in_world
 from ncgen.exchange.robots.motors import AWAY_FROM_ZERO
 from ncgen.exchange.robots.robot import Robot
 from ncgen.exchange.robots.stops import left
@@ -54,8 +55,12 @@ def switch_off(m: Any, listed: set[str], robot: Robot) -> None:
         m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     if "forces of a fluid" in listed:
         m.opt.density = m.opt.viscosity = 0.0
-    if "armature of free and ball joints" in listed:
-        m.dof_armature[np.asarray(m.jnt_type)[m.dof_jntid] < 2] = 0.0
+    if "armature of free bodies and of balls between moving ones" in listed:
+        left = [j for j in range(m.njnt) if m.jnt_type[j] < SCALAR and not is_ball_in_world(m, j)]
+        m.dof_armature[np.isin(m.dof_jntid, left)] = 0.0
+        for k in range(m.nactuator):
+            if m.actuator_trntype[k] in AT_JOINT and m.actuator_trnid[k][0] in left:
+                m.actuator_armature[k] = 0.0
     if "dampers and armatures of actuators over tendons" in listed:
         for name in ("armature", "damping", "dampingpoly"):
             getattr(m, f"actuator_{name}")[np.asarray(m.actuator_trntype) == mujoco.mjtTrn.mjTRN_TENDON] = 0.0

@@ -107,7 +107,7 @@ class Beside:
 
         self.pin, self.tree = pin, tree
         self.model = ncgen.load(path)
-        self.theirs = pin.buildModelFromUrdf(str(path))
+        self.theirs = pin.buildModelFromXML(ET.tostring(with_planes_across_z(tree), encoding="unicode"))
         self.data, self.values = self.theirs.createData(), dict[str, float]()
         self.followed = {
             joint.get("name"): (mimic.get("joint"), float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0")))
@@ -268,10 +268,25 @@ class Draws:
         return [f"{path}={element.get(attribute)} at {place}"]
 
 
-def _has_turned_plane(tree: ET.Element) -> bool:
-    """Whether a planar joint has an axis that is not z."""
-    planes = [joint.find("axis") for joint in tree.findall("joint") if joint.get("type") == "planar"]
-    return any(axis is None or axis.get("xyz", "1 0 0") != "0 0 1" for axis in planes)
+def with_planes_across_z(tree: ET.Element) -> ET.Element:
+    """The same file where the planes of planar joints are across z, as Pinocchio has them whatever their axes are."""
+    import pinocchio as pin
+
+    found = copy.deepcopy(tree)
+    for joint in [each for each in found.findall("joint") if each.get("type") == "planar"]:
+        axis, origin, child = joint.find("axis"), joint.find("origin"), joint.find("child")
+        normal = np.array([float(x) for x in (axis.get("xyz", "1 0 0") if axis is not None else "1 0 0").split()])
+        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).toRotationMatrix()
+        origin = origin if origin is not None else ET.SubElement(joint, "origin")
+        rpy = pin.rpy.rpyToMatrix(np.array([float(x) for x in origin.get("rpy", "0 0 0").split()])) @ turn
+        between = f"{joint.get('name')}.plane"
+        origin.set("rpy", " ".join(map(repr, pin.rpy.matrixToRpy(rpy).tolist())))
+        back = " ".join(map(repr, pin.rpy.matrixToRpy(turn.T).tolist()))
+        found.append(ET.fromstring(f'<link name="{between}"/>'))
+        ends = f'<origin rpy="{back}"/><parent link="{between}"/><child link="{child.get("link")}"/>'
+        found.append(ET.fromstring(f'<joint name="{between}" type="fixed">{ends}</joint>'))
+        child.set("link", between)
+    return found
 
 
 def judged(path: Path, tree: ET.Element, base: tuple[object, object]) -> tuple[str, str]:
@@ -289,11 +304,7 @@ def judged(path: Path, tree: ET.Element, base: tuple[object, object]) -> tuple[s
     try:
         both = Beside(path, tree)
     except (ValueError, RuntimeError) as error:
-        why = f"Pinocchio: {error}"
-    else:
-        why = "Pinocchio does not read the axis of a planar joint" if _has_turned_plane(tree) else ""
-    if why:
-        return ("not Pinocchio's, read differently" if (moving, omitted) != base else "ignored"), why
+        return ("not Pinocchio's, read differently" if (moving, omitted) != base else "ignored"), f"Pinocchio: {error}"
     both.place()
     error = both.error() if both.theirs.nv else 0.0
     if not error < WITHIN:

@@ -20,7 +20,7 @@ from ncgen.mechanism import direct, runtime
 from ncgen.mechanism.batch import LANES
 from ncgen.toolchain import compilers
 from ncgen.toolchain.cache import build, compiled, entries
-from ncgen.toolchain.compilers import LEAST, LIBRARY, OPTIONAL, Compiler, find_compiler, make_library
+from ncgen.toolchain.compilers import LEAST, LIBRARY, NEEDLESS, OPTIONAL, UNSAID, Compiler, find_compiler, make_library
 
 LOG = "tiny.c:1: something is wrong\nand here is why\n"
 
@@ -294,16 +294,16 @@ def test_all_that_failed_is_said(path_of, cache, said, pendulum_sources):
 
 @pytest.mark.parametrize("flag", OPTIONAL)
 def test_a_flag_that_is_refused_is_left_out(scripted, cache, said, flag, tmp_path):
-    """Code is slower without it and no different; only -fopenmp is not worth a word. The second time it is known."""
+    """Code is slower without it and no different, which is said where it is worth a word. The second time it is known."""
     refuse = f'for word; do [ "$word" = {flag} ] && {{ echo "error: unknown option $word" >&2; exit 1; }}; done'
     scripted(f'echo >> {tmp_path}/log; {refuse}; exec $CC "$@"')
-    flags = (*LANES[:-2], *LEAST, "-fopenmp", "-fcx-limited-range")
+    flags = (*LANES[:-2], *LEAST, *NEEDLESS, "-fopenmp", "-fcx-limited-range")
     assert ctypes.CDLL(str(compiled(TINY, flags).library)).tiny() == 7
     asked = (tmp_path / "log").read_text().count("\n")
     compiled(TINY | {"more.c": "int more;\n"}, flags)
     assert (tmp_path / "log").read_text().count("\n") == asked + 1
     texts = [str(warning.message) for warning in said]
-    assert texts == [] if flag == "-fopenmp" else len(texts) == 1 and f"refuses {flag} and is used without it" in texts[0]
+    assert texts == [] if flag in UNSAID else len(texts) == 1 and f"refuses {flag} and is used without it" in texts[0]
 
 
 def test_a_whole_run_without_a_flag(scripted, cache, said):

@@ -27,6 +27,7 @@ from ncgen.exchange.robots.mjcf_fields import (
     NO_GRAVITY,
     NO_LIMITS,
     NO_SPRINGS,
+    is_ball_in_world,
     left_out,
     off,
     without_constraints,
@@ -232,8 +233,10 @@ class _Reader:
         return mesh(name, [float(x) for x in m.mesh_scale[number]], place @ moved.inverse(), colour, self.path)
 
     def _mass(self, i: int) -> Mass | None:
-        m = self.m
-        return Mass.of(float(m.body_mass[i]), (*m.body_inertia[i], 0.0, 0.0, 0.0), Placement.of_quaternion(m.body_ipos[i], m.body_iquat[i]))
+        m, j = self.m, int(self.m.body_jntadr[i])
+        rotor = self._armature(j) if j >= 0 and is_ball_in_world(m, j) else 0.0
+        moments = (*(np.asarray(m.body_inertia[i]) + rotor), 0.0, 0.0, 0.0)
+        return Mass.of(float(m.body_mass[i]), moments, Placement.of_quaternion(m.body_ipos[i], m.body_iquat[i]))
 
     def _lifted(self, i: int) -> tuple[Mass, ...]:
         """What of a body's mass has its weight compensated; MuJoCo does that where it is so for one body by more than 0 (`ngravcomp`)."""
@@ -252,7 +255,7 @@ class _Reader:
         return replace(
             joint,
             axis=unit(m.jnt_axis[j]),
-            armature=float(m.dof_armature[dof]) + sum(armature for armature, _, _ in self._motors(j)),
+            armature=self._armature(j),
             rest=float(m.qpos_spring[m.jnt_qposadr[j]]),
             start=float(m.qpos0[m.jnt_qposadr[j]]),
             limits=(float(m.jnt_range[j][0]), float(m.jnt_range[j][1]))
@@ -261,6 +264,10 @@ class _Reader:
             effort=(float(m.jnt_actfrcrange[j][0]), float(m.jnt_actfrcrange[j][1])) if m.jnt_actfrclimited[j] and m.nactuator else None,
             friction=0.0 if without_constraints(m, NO_FRICTION) else float(m.dof_frictionloss[dof]),
         )
+
+    def _armature(self, j: int) -> float:
+        """That of a joint, with those that actuators bring along."""
+        return float(self.m.dof_armature[self.m.jnt_dofadr[j]]) + sum(armature for armature, _, _ in self._motors(j))
 
     def _spring(self, j: int) -> _Spring:
         """Spring and damper of a joint, those that actuators bring along among them."""

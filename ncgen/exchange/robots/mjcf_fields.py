@@ -84,8 +84,8 @@ ENABLED = {"listed": "OVERRIDE IPC SPECULATIVE", "method": "ENERGY FWDINV INVDIS
 KNOWN_BITS = (1 << 20) - 1, (1 << 8) - 1
 """All flags that the tables name: of those that switch off, and of those that switch on."""
 
-SCALAR = 2
-"""From this number on MuJoCo's joints, sliders and hinges, have one coordinate."""
+BALL, SCALAR = 1, 2
+"""MuJoCo's number of balls, and that from which on its joints, sliders and hinges, have one coordinate."""
 
 OVER_JOINT = 1
 """MuJoCo's number of what a fixed tendon, one without points, goes over."""
@@ -149,8 +149,6 @@ def unlisted(model: Compiled) -> Iterator[str]:
 def left_out(model: Compiled) -> dict[str, int]:
     """{words: how many} of what a file says and the model of it does not, but for shapes."""
     m = model
-    single = np.asarray(m.jnt_type) >= SCALAR
-    of_scalar = single[m.dof_jntid] if m.nv else np.zeros(0, bool)
     limits, friction = not without_constraints(m, NO_LIMITS), not without_constraints(m, NO_FRICTION)
     passive = not (off(m, NO_SPRINGS) and off(m, NO_DAMPERS))
     counts = {
@@ -163,7 +161,7 @@ def left_out(model: Compiled) -> dict[str, int]:
         "compensation of weight by motors that have limits, or are switched off": _by_motors(m),
         "forces of a fluid": int(passive and (m.opt.density > 0 or m.opt.viscosity > 0)),
         "friction of joints": int(np.sum(np.asarray(m.dof_frictionloss) != 0)) if friction else 0,
-        "armature of free and ball joints": len({*np.asarray(m.dof_jntid)[~of_scalar & (np.asarray(m.dof_armature) != 0)]}),
+        "armature of free bodies and of balls between moving ones": len(_rotors_of_several(m)),
         "springs that yield": int(np.sum(np.asarray(m.jnt_springyield) != 0)),
         "softness of equalities, which are rigid here": _soft(m),
         "collision shapes": 0 if without_constraints(m, NO_CONTACTS) else touching(m),
@@ -182,6 +180,20 @@ def is_disabled(m: Compiled, k: int) -> bool:
     """Whether the file switches off the group of an actuator."""
     group = int(m.actuator_group[k])
     return 0 <= group < NAMED_GROUPS and bool(int(m.opt.disableactuator) & (1 << group))
+
+
+def _rotors_of_several(m: Compiled) -> set[int]:
+    """Joints with several degrees of freedom that have armature, or whose actuators bring them some."""
+    own = {int(j) for j, armature in zip(m.dof_jntid, m.dof_armature, strict=True) if armature}
+    driven = (k for k in range(m.nactuator) if m.actuator_armature[k] and m.actuator_trntype[k] in AT_JOINT)
+    joints = own | {int(m.actuator_trnid[k][0]) for k in driven}
+    return {j for j in joints if m.jnt_type[j] < SCALAR and not is_ball_in_world(m, j)}
+
+
+def is_ball_in_world(m: Compiled, joint: int) -> bool:
+    """Whether a joint is a ball, its body has no other, and hangs on what rests: its armature is then moments of inertia of the body."""
+    body = int(m.jnt_bodyid[joint])
+    return bool(m.jnt_type[joint] == BALL and m.body_jntnum[body] == 1 and m.body_weldid[m.body_parentid[body]] == 0)
 
 
 def _acts(m: Compiled, k: int) -> bool:

@@ -78,9 +78,10 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
     """
     from ncgen.mechanism.library import CompiledKernels
     from ncgen.mechanism.properties import uses_tangents
+    from ncgen.mechanism.runtime import has_runtime, part_for
 
     name = method.integrator.name
-    if not isinstance(kernels, CompiledKernels):
+    if not isinstance(kernels, CompiledKernels) and (engine in EMITTED or number != "double" or not has_runtime(part_for(name))):
         return f"the kernels are {kernels.backend}, not compiled"
     if not method.integrator.in_c:
         return f"{name} runs in Python; in C there are {', '.join(in_c(INTEGRATORS))}"
@@ -127,7 +128,7 @@ def checked_compiled(kernels: Kernels) -> CompiledKernels:
     return kernels
 
 
-def all_coordinates(kernels: CompiledKernels, number: str = "double", form: Form = "dense", integrator: str = AUTO) -> ConstrainedDynamics:
+def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dense", integrator: str = AUTO) -> ConstrainedDynamics:
     """The state derivative over all coordinates, made once for every kernels object, number type and form.
 
     form: "emitted" for accelerations that are written out, seen in positions around the model's own start, so that they are the same in
@@ -165,10 +166,11 @@ def is_written_out(kernels: Kernels, method: Method) -> bool:
 
 
 def _is_recursive(kernels: Kernels, method: Method) -> bool:
-    return (
-        _may_recur(kernels, method)
-        and all_coordinates(checked_compiled(kernels), form="emitted", integrator=method.integrator.name).is_emitted
-    )
+    from ncgen.mechanism.library import CompiledKernels
+
+    if not isinstance(kernels, CompiledKernels):
+        return False
+    return _may_recur(kernels, method) and all_coordinates(kernels, form="emitted", integrator=method.integrator.name).is_emitted
 
 
 def _has_few_rates(kernels: Kernels) -> bool:
@@ -187,7 +189,7 @@ def own_positions(kernels: Kernels) -> Seen | None:
         return None
 
 
-def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form = "dense") -> str | None:
+def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dense") -> str | None:
     """Complete a path over a time grid with a formalism over all coordinates, from its last row on if it has any.
 
     form: of the accelerations
@@ -241,7 +243,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
     return reason
 
 
-def _by_the_matrix(path: Path, kernels: CompiledKernels, task: Task) -> str | None:
+def _by_the_matrix(path: Path, kernels: Kernels, task: Task) -> str | None:
     """The rest of a run whose Newton steps in the degrees of freedom do not converge; its evaluations count as those that fall back."""
     before = path.evaluations
     reason = run_constrained(path, kernels, task)
@@ -290,19 +292,19 @@ def closeness(number: str) -> float:
 
 @overload
 def dynamics(
-    kernels: CompiledKernels, partitions: Partitions, form: Literal["lanes"], q: np.ndarray, p: np.ndarray, number: str = "double"
+    kernels: Kernels, partitions: Partitions, form: Literal["lanes"], q: np.ndarray, p: np.ndarray, number: str = "double"
 ) -> LaneDynamics: ...
 
 
 @overload
 def dynamics(
-    kernels: CompiledKernels, partitions: Partitions, form: Literal["dense"], q: np.ndarray, p: np.ndarray, number: str = "double"
+    kernels: Kernels, partitions: Partitions, form: Literal["dense"], q: np.ndarray, p: np.ndarray, number: str = "double"
 ) -> DenseDynamics: ...
 
 
 @overload
 def dynamics(
-    kernels: CompiledKernels,
+    kernels: Kernels,
     partitions: Partitions,
     form: Literal["emitted", "refined"],
     q: np.ndarray,
@@ -312,7 +314,7 @@ def dynamics(
 
 
 def dynamics(
-    kernels: CompiledKernels, partitions: Partitions, form: str, q: np.ndarray, p: np.ndarray, number: str = "double"
+    kernels: Kernels, partitions: Partitions, form: str, q: np.ndarray, p: np.ndarray, number: str = "double"
 ) -> LaneDynamics | DenseDynamics | EmittedDynamics:
     """The state derivative for a partition, made once for every kernels object, partition, form and number type.
 
@@ -326,7 +328,7 @@ def dynamics(
 
 
 def _made(
-    kernels: CompiledKernels, split: Split, positions: Split | None, form: str, number: str, q: np.ndarray, p: np.ndarray
+    kernels: Kernels, split: Split, positions: Split | None, form: str, number: str, q: np.ndarray, p: np.ndarray
 ) -> LaneDynamics | DenseDynamics | EmittedDynamics:
     """A state derivative; positions: the choice for them where it is another than for velocities."""
     from ncgen.mechanism.batch_runs import LaneDynamics
@@ -335,6 +337,7 @@ def _made(
 
     if form == "dense":
         return DenseDynamics(kernels, split, number, positions)
+    kernels = checked_compiled(kernels)
     around = hashlib.sha256(np.concatenate([q, p]).tobytes()).hexdigest()
     written = Written(kernels, split, partial(samples, kernels, q.copy(), p.copy()), around, form == "refined")
     try:
@@ -369,7 +372,7 @@ def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
     return found
 
 
-def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> str | None:
+def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | None:
     """Complete a path over a time grid, from its last row on if it has any, to its end or to a `Stop`; where the independent
     coordinates become bad, go on with others.
 
@@ -433,7 +436,7 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> 
 
 
 def _for_next(
-    kernels: CompiledKernels, partitions: Partitions, form: Partitioned, number_of_choices: int, q: np.ndarray, p: np.ndarray, number: str
+    kernels: Kernels, partitions: Partitions, form: Partitioned, number_of_choices: int, q: np.ndarray, p: np.ndarray, number: str
 ) -> DenseDynamics | EmittedDynamics:
     """The state derivative of the choice that a run goes on with: dense after many, or where a later one has no order to be written out."""
     if number_of_choices <= MOST_EMITTED:

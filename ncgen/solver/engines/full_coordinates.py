@@ -15,6 +15,7 @@ from scipy.integrate import OdeSolver
 
 from ncgen.errors import ConvergenceError, DomainError, SingularError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.engines.motion_in_c import MotionInC
 from ncgen.solver.finite import on_the_way, watched
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.coordinate_partitioning import Motion
@@ -62,6 +63,7 @@ class _Run:
         self.rows: np.ndarray | None = None
         self.solver: OdeSolver | None = None
         self.evaluations = 0
+        self.in_c = MotionInC.of(kernels, task, self.rank)
 
     def integrate(self) -> None:
         task, grid, stop = self.task, self.task.grid, self.task.stop
@@ -127,6 +129,8 @@ class _Run:
         self.evaluations += 1
         if getattr(self.solver, "repeated", False):  # as in C, where it is said why
             y = self._closed(t, y, note=False)
+        if self.in_c and (slope := self.in_c.derivative(t, y, self.p)) is not None:
+            return slope
         now = self.motion(t, y)
         return np.concatenate([now.qdd, now.qd, [now.power]])
 
@@ -176,10 +180,14 @@ class _Run:
         """The state on the constraints; itself if nothing is to be done. note: the statistics count it"""
         if not self.projecting:
             return y
+        if self.in_c and (closed := self.in_c.closed(t, y, self.p)) is not None:
+            if note:
+                self.path.note_projection(closed[1])
+            return closed[0]
         qd, q = y[: self.kernels.n], y[self._q]
         found = project(self.kernels, q, qd, t, self.p)
         if found.q is q and found.qd is qd:
             return y
         if note:
-            self.path.note_projection(found)
+            self.path.note_projection(found.moved, found.steps)
         return np.concatenate([found.qd, found.q, y[-1:]])

@@ -306,7 +306,7 @@ class _Motion:
 
     def _in_c(self, form: Form) -> str | None:
         """Why C did not come to the end, or None."""
-        kernels, task, dense = compiled.checked_compiled(self.kernels), self._task(), "dense" if form == "tree" else form
+        kernels, task, dense = self.kernels, self._task(), "dense" if form == "tree" else form
 
         def engine(path: Path, _: Kernels, task: Task) -> str | None:
             if task.method.is_constrained:
@@ -323,7 +323,7 @@ class _Motion:
         from ncgen.solver import steppers
         from ncgen.solver.engines import full_coordinates, python_engine, segments
 
-        task = self._task()
+        task = replace(self._task(), calls_c=self.run.engine == AUTO and not self.choice.method.integrator.in_c)
         ordinary = full_coordinates.run if task.method.is_constrained else python_engine.run
         advance = steppers.run if task.method.is_stepper else ordinary
 

@@ -278,6 +278,7 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
     """What makes a way to step, one for every thread, and where motions start. Raises ModelError where C cannot move the mechanism."""
     method = Method.of(ALL, integrator)
     is_called = "the model calls a Python function" if kernels.model.callbacks else None
+    compiled.checked_compiled(kernels)
     if refused := is_called or compiled.refusal(kernels, method, "c", "double"):
         raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
     kernels = compiled.checked_compiled(kernels)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.solver.formalisms.impulse import Impulse
-from ncgen.solver.formalisms.projection import Projected
 from ncgen.solver.positions.partition import Partitions
 
 
@@ -68,10 +67,10 @@ class Path:
         else:
             self.stop(t, q, qd, work)
 
-    def note_projection(self, found: Projected) -> None:
+    def note_projection(self, moved: float, steps: int = 0) -> None:
         self.projections += 1
-        self.largest_projection = max(self.largest_projection, found.moved)
-        self.counts[2] += found.steps
+        self.largest_projection = max(self.largest_projection, moved)
+        self.counts[2] += steps
 
     def take_last(self) -> tuple[np.ndarray, np.ndarray, float]:
         """Remove the last row and return it: where another engine goes on."""

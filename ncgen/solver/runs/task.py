@@ -37,6 +37,7 @@ class Task:
     rank: of Φ_q, None where it is not known yet
     before: when the run began (s), of which this is a part, and how many steps it has taken so far
     steps_to_rows: whether a method with a fixed step takes one from each time of the grid to the next, whatever max_step is
+    calls_c: whether an integrator in Python takes accelerations and projections of C
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -58,6 +59,7 @@ class Task:
     rank: int | None = None
     before: tuple[float, int] = (0.0, 0)
     steps_to_rows: bool = False
+    calls_c: bool = False
 
     def rank_at(self, kernels: Kernels, q: np.ndarray, t: float) -> int:
         """The rank of Φ_q where the run, or what is left of it, begins: at q (n,) and t (s), unless it is known already."""

@@ -93,5 +93,5 @@ def _between(stepper: Stepper, before: State, t: float, path: Path) -> tuple[np.
     t0, q0, qd0, work0 = before
     positions = Hermite(t0, q0, qd0, stepper.t, stepper.q, stepper.qd)
     found = project(stepper.kernels, positions(t), positions.rate(t), t, stepper.p)
-    path.note_projection(found)
+    path.note_projection(found.moved, found.steps)
     return found.q, found.qd, work0 + (t - t0) / (stepper.t - t0) * (stepper.work - work0)
