@@ -67,7 +67,7 @@ def _robot_error(run: Trajectory) -> float:
 
     module = handwritten(run.kernels)
     if module is None:
-        raise NcgenError(f"{run.name}: nobody has written its functions by hand; choose robot")
+        raise NcgenError(f"{run.name}: there are no hand-written functions for it; choose robot")
     return max(abs(run[name][-1] - value) for name, value in module.END.items())
 
 

@@ -25,7 +25,7 @@ def write_start(path: Path) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("x").close()  # the name is taken in one step, so that two who write at once do not undo each other
     except FileExistsError:
-        raise ModelError(f"{path}: there is such a file, and it stays as it is; choose another name") from None
+        raise ModelError(f"{path}: the file exists; choose another name") from None
     try:
         return write_text(path, text)
     except BaseException:

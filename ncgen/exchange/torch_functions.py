@@ -70,7 +70,7 @@ def _in_torch(function: MotionFunction) -> Callable[[Tensor, Tensor], tuple[Tens
             leading = None
         if leading is None or 0 in leading:
             shapes = f"{tuple(p.shape)} and {tuple(rates.shape)}"
-            raise ModelError(f"{function.kernels.name}: p and rates have shapes {shapes}, which are those of no number of motions")
+            raise ModelError(f"{function.kernels.name}: p and rates have shapes {shapes}, which do not fit one batch of motions")
         return moved.apply(function, p.expand(*leading, -1), rates.expand(*leading, -1))
 
     return motion

@@ -45,7 +45,7 @@ def numbers(given: ArrayLike | None, what: str, complex_too: bool = False) -> np
     kind = Complex if complex_too else Real
     if array.dtype.kind not in "biufcO" or (array.dtype.kind == "O" and not all(isinstance(x, kind) for x in array.flat)):
         said = repr(given).replace("\n", " ")
-        raise NcgenError(f"{what} has something that is no number: {said if len(said) <= ECHOED else said[:ECHOED] + '…'}")
+        raise NcgenError(f"{what} has a value that is not a number: {said if len(said) <= ECHOED else said[:ECHOED] + '…'}")
     if array.dtype.kind == "O":
         try:
             array = array.astype(complex if any(np.iscomplexobj(x) for x in array.flat) else float)

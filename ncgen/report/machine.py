@@ -8,7 +8,7 @@ import time
 from importlib.metadata import PackageNotFoundError, version
 
 from ncgen import __version__
-from ncgen.toolchain.compilers import FLAGS, find_compiler, own_flags
+from ncgen.toolchain.compilers import FLAGS, find_compiler, own_flags, processor
 
 PACKAGES = ("numpy", "scipy", "sympy", "casadi", "jax", "symforce", "exudyn", "pin", "mujoco")
 
@@ -17,7 +17,7 @@ def machine() -> dict[str, str]:
     """{what: value}: processor, cores, system, compiler and flags, clock, Python and the packages that are there."""
     resolution = time.get_clock_info("perf_counter").resolution
     found = {
-        "processor": _processor(),
+        "processor": processor(),
         "cores": str(os.cpu_count()),
         "system": platform.platform(),
         "compiler": compiler.identity if (compiler := find_compiler()) else "none",
@@ -27,14 +27,6 @@ def machine() -> dict[str, str]:
         "python": platform.python_version(),
     }
     return found | {name: text for name in PACKAGES if (text := _version(name))}
-
-
-def _processor() -> str:
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as lines:
-            return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
 
 
 def _version(name: str) -> str | None:

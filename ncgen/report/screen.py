@@ -39,7 +39,7 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
         console.print(f"  left out by the generator: {line}", markup=False)
     if facts["tree"]:
         links = ", ".join(f"{link['body']} on {link['on']} {link['freedoms']}" for link in facts["tree"])
-        console.print(f"  tree of bodies, with freedoms before loops are closed: {links}", markup=False)
+        console.print(f"  spanning tree (degrees of freedom of its joints): {links}", markup=False)
     if facts.get("motion"):
         console.print(f"  {motion_line(facts['motion'])}", markup=False)
     if facts.get("derivative"):

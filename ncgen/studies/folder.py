@@ -148,7 +148,7 @@ class Folder:
         except NcgenError as error:
             cause = error.__cause__
             why = getattr(cause, "strerror", None) or str(error)
-            raise NcgenError(f"{self.path} takes no more results: {why}; make room and start the study again, it goes on") from error
+            raise NcgenError(f"{self.path} takes no more results: {why}; make room and start the study again, it resumes") from error
 
     def column(self, path: Path, name: str) -> np.ndarray:
         """One column of one file. Raises NcgenError for a file that is broken."""

@@ -11,6 +11,7 @@ import errno
 import hashlib
 import os
 import secrets
+import shlex
 import shutil
 import tempfile
 import time
@@ -197,6 +198,12 @@ def _record(entry: Path, loads: bool) -> dict[str, Any] | None:
     except OSError:
         return None
     return record if whole and not (loads and compilers.unloadable(entry / LIBRARY)) else None
+
+
+def build_command(library: Path) -> list[str]:
+    """Return the compiler and its arguments that built a library of the cache; [] where that is not recorded."""
+    command = (unsealed(library.parent / RECORD) or {}).get("command", [])
+    return shlex.split(command) if isinstance(command, str) else list(map(str, command))
 
 
 def _digest(path: Path) -> str:

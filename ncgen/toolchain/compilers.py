@@ -122,6 +122,25 @@ class Compiler:
 # -- finding -------------------------------------------------------------------------------------------------------------------
 
 
+def processor() -> str:
+    """Return what the processor of this machine is called."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+@cache
+def version_line(program: str) -> str:
+    """Return the first line that a compiler prints of its version; "" where it prints nothing."""
+    try:
+        done = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=10, stdin=subprocess.DEVNULL)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.partition("\n")[0].strip()
+
+
 def find_compiler() -> Compiler | None:
     """The first compiler found, or None. Raises CompileError if `$CC` names one that does not exist."""
     return next(find_compilers(), None)

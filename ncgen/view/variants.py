@@ -31,7 +31,7 @@ def picture(title: str, varied: Columns, kept: Columns, times: np.ndarray, shape
     Raises NcgenError where there is no variant that arrived.
     """
     if not kept or not any(np.isfinite(np.asarray(values, dtype=float)).any() for values in kept.values()):
-        raise NcgenError(f"{title}: there is nothing to draw; no variant arrived")
+        raise NcgenError(f"{title}: there is nothing to draw; no variant completed")
     histories = {name: values for name, values in kept.items() if values.ndim > 1}
     single = {name: values for name, values in kept.items() if values.ndim == 1}
     if histories:

@@ -50,7 +50,7 @@ def test_its_vocabulary_is_the_builders():
 def test_a_file_that_is_there_stays(ncgen_main, folder, start):
     before = start.read_bytes()
     said = ncgen_main("new", start.name)
-    assert said.code == 2 and said.out == "" and said.err.startswith("ncgen: mechanism.toml: there is such a file, and it stays")
+    assert said.code == 2 and said.out == "" and said.err.startswith("ncgen: mechanism.toml: the file exists; choose another name")
     assert start.read_bytes() == before and [path.name for path in folder.iterdir()] == ["mechanism.toml"]
 
 

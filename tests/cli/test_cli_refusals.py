@@ -174,7 +174,8 @@ ROBOTS = [
     (("run", "--floating"), "mine.py: --floating is for a robot's file"),
     (("convert", "--fixed"), "mine.py: --fixed is for a robot's file"),
     (("generate", "--with", "limits"), "mine.py: --with limits is for a robot's file"),
-    (("inspect", "--with", "inertia"), "mine.py: --with inertia is for a robot's file"),
+    (("inspect", "--parameters", "inertia"), "mine.py: --parameters is for a robot's file"),
+    (("inspect", "--loops", "loops.toml"), "mine.py: --loops is for a robot's file"),
     (("export", "--to", "c", "--frame", "tool"), "mine.py: --frame tool is for a robot's file"),
     (("export", "--to", "c", "--platform", "win64"), "--platform win64: c is written as sources"),
 ]

@@ -99,11 +99,9 @@ def test_refusals(kernels, motion):
         motion(np.ones(3), RATES)
     with pytest.raises(ModelError, match=r"^swing: rates has shape \(\); it must be \(1,\)$"):
         motion(P, 1.0)
-    with pytest.raises(
-        ModelError, match=r"^swing: p and rates have shapes \(2, 2\) and \(3, 1\), which are those of no number of motions$"
-    ):
+    with pytest.raises(ModelError, match=r"^swing: p and rates have shapes \(2, 2\) and \(3, 1\), which do not fit one batch of motions$"):
         motion(np.ones((2, 2)), np.ones((3, 1)))
-    with pytest.raises(ModelError, match=r"^swing: p and rates have shapes \(0, 2\) and \(1,\), which are those of no number of motions$"):
+    with pytest.raises(ModelError, match=r"^swing: p and rates have shapes \(0, 2\) and \(1,\), which do not fit one batch of motions$"):
         motion(np.ones((0, 2)), RATES)
     with pytest.raises(ModelError, match="^swing: p is of type complex128; it must be real numbers$"):
         motion(P * 1j, RATES)

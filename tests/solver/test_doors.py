@@ -77,7 +77,7 @@ WRONG = [
     (RUNS, {"points": 1}, "points: 1 given; a trajectory has at least 2"),
     (RUNS, {"points": 10**12}, "points: 1000000000000 instants of 2 coordinates take 5.22e+04 GiB; ask for fewer"),
     (RUNS, {"max_step": 0.0}, "max_step: 0.0 given; it must be a positive number of seconds"),
-    (RUNS, {"max_step": 1e-300}, "max_step: 1e-300 s cannot be told apart at t = 1 s; take a longer one"),
+    (RUNS, {"max_step": 1e-300}, "max_step: 1e-300 s cannot be distinguished at t = 1 s; take a longer one"),
     (RUNS, {"integrator": "rk4"}, "max_step: rk4 has a fixed step; give its length in seconds"),
     (RUNS, {"integrator": "rk4", "max_step": 1e-12}, "max_step: 1e-12 s makes 1e+12 steps; 1e+09 are the limit, take a longer one"),
     (RUNS, {"t0": 1e16, "duration": 0.05, "points": 3}, None),

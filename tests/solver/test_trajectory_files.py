@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import csv
+import json
+import subprocess
 
 import numpy as np
 import pytest
 
+import ncgen
 from ncgen.errors import ModelError, NcgenError
 from ncgen.solver.trajectories.trajectory import _cell
 
@@ -94,3 +97,21 @@ def test_a_thinned_motion_keeps_its_ends(turning):
     for name in ("t", "q", "qd", "work"):
         assert np.array_equal(getattr(few, name), getattr(turning, name)[[0, 5, 10, 15, 20]])
     assert np.array_equal(turning.thinned(22).t, turning.t)
+
+
+def about(path) -> dict:
+    with np.load(path) as archive:
+        return json.loads(str(archive["about"]))
+
+
+def test_an_archive_says_what_last_bits_depend_on(tmp_path):
+    """The processor as its system calls it, and of compiled kernels the compiler as it calls itself, with the flags that it was given."""
+    model = ncgen.load("pendulum")
+    compiled, plain = (ncgen.compile(model, backend) for backend in ("c", "numpy"))
+    said = about(ncgen.simulate(compiled, 0.01, points=2).to_npz(tmp_path / "c.npz"))
+    command = json.loads((compiled.library.parent / "build.json").read_text(encoding="utf-8").partition("\n")[2])["command"]
+    version = subprocess.run([command[0], "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+    assert said["compiler"] == version and "-march=native" in said["flags"].split() and set(said["flags"].split()) <= set(command)
+    assert said["processor"]
+    said = about(ncgen.simulate(plain, 0.01, points=2, engine="python").to_npz(tmp_path / "numpy.npz"))
+    assert said["processor"] and not {"compiler", "flags"} & set(said)

@@ -117,8 +117,8 @@ class _Linkage:
         kind = {(0, 0): "fixed", (1, 1): "revolute", (1, 0): "prismatic", (3, 3): "spherical"}.get((len(screws), len(turning)))
         if kind is None:
             raise ModelError(
-                f"{self.model.name}: {child.name} has {len(screws)} freedoms ({len(turning)} of turning) beside {parent.name}; files say a "
-                "hinge, a slider, a ball, a universal joint or none: put a body without mass between"
+                f"{self.model.name}: {child.name} has {len(screws)} degrees of freedom ({len(turning)} rotations) "
+                f"relative to {parent.name}; files have hinges, sliders, balls and universal joints: put a body without mass between"
             )
         axis = unit(screws[0].axis.initial) if kind in ("revolute", "prismatic") else NORMAL
         place = next((screw.point.initial for screw in turning if screw.point), child.position)
@@ -139,11 +139,12 @@ class _Linkage:
     def _rod(self, name: str, ends: Sequence[Point], body: Body | None = None) -> None:
         """A link between two points; what they belong to carries it."""
         if len(ends) != 2 or (body and body.vectors):
-            raise ModelError(f"{self.model.name}: {body or name} does not tell its rotation; a file of links and joints cannot say it")
+            what = f"{self.model.name}: {body or name} does not define its orientation"
+            raise ModelError(f"{what}, which files of links and joints need; give the body another vector or point")
         first, second = ends if self._part_of(ends[0]) else (ends[1], ends[0])
         carrier, end = self._part_of(first), self._part_of(second)
         if carrier is None:
-            raise ModelError(f"{self.model.name}: {name} hangs on no body; say first what carries it")
+            raise ModelError(f"{self.model.name}: {name} is connected to no body; define first the body that carries it")
         rod = _Part(name, [first, second], body, first.initial)
         self.parts.append(rod)
         self._pivot(self._free(f"{name}_{first.name}"), carrier, rod, first.initial, unit(second.initial - first.initial))

@@ -94,8 +94,8 @@ class _Teller:
         found = {(0, 0): "fixed", (3, 3): "spherical", (6, 3): "floating"}.get((len(screws), len(turning)))
         if found is None:
             raise ModelError(
-                f"{self.model.name}: body {link.body.name} has {_freedoms(screws)} beside what carries it; a file of links and joints can "
-                "say one freedom a joint, a ball, a plane or none: put a body without mass between"
+                f"{self.model.name}: body {link.body.name} has {_freedoms(screws)} relative to its parent; a file of links and "
+                "joints has hinges, sliders, balls, planes and welds: put a body without mass between"
             )
         return found, np.array([0.0, 0.0, 1.0])
 
@@ -119,4 +119,4 @@ def _turned(axis: np.ndarray, angle: float, position: np.ndarray) -> Placement:
 
 def _freedoms(screws: tuple[Screw, ...]) -> str:
     turning = sum(screw.point is not None for screw in screws)
-    return f"{len(screws)} freedoms ({turning} of turning)"
+    return f"{len(screws)} degrees of freedom ({turning} rotations)"

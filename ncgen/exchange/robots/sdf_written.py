@@ -27,7 +27,7 @@ def text_of(robot: Robot) -> str:
         if joint.kind != "floating":
             joints.append(_joint_text(joint, frames[joint.child]))
         elif joint.parent != robot.root or robot.links[robot.root].mass or sum(j.parent == robot.root for j in robot.joints) > 1:
-            raise ModelError(f"joint {joint.name}: SDF cannot say that a link moves freely beside others; a robot hangs together")
+            raise ModelError(f"joint {joint.name}: SDF has no link that moves freely next to others; connect it by a joint")
     free = {joint.parent for joint in robot.joints if joint.kind == "floating"}
     joints += [_joint_text(loop, robot.base @ loop.placement) for loop in robot.loops]
     hidden = free | ({WORLD} if not robot.floats else set())

@@ -192,8 +192,8 @@ class SteppedMotion:
             change = np.array([np.nan])
         if h[0] and not np.max(np.abs(change[:n]) / self.kernels.column_sizes, initial=0.0) * self._reach(h[0]) < SOLVED:
             raise ModelError(
-                f"{self.kernels.name}: the equations of the step from t = {t:.6g} s are beside a singular position, where derivatives by "
-                "what goes before have no digits left; end it before, or start elsewhere"
+                f"{self.kernels.name}: the equations of the step from t = {t:.6g} s are next to a singular position, where derivatives by "
+                "what goes before have no correct digits; end the motion before, or start elsewhere"
             )
         u[equations.own] -= change
         return h, x, u, w, p

@@ -239,6 +239,6 @@ class TapedMotion:
             )
         if (t := self._run.not_differentiable) is not None:
             raise ModelError(
-                f"{kernels.name}: the motion is beside a singular position at t = {t:.6g} s, where derivatives by what goes before have no "
-                "digits left; end it before, or start elsewhere"
+                f"{kernels.name}: the motion is next to a singular position at t = {t:.6g} s, where derivatives have no correct "
+                "digits; end the motion before, or start elsewhere"
             )

@@ -63,7 +63,7 @@ class BaseParameters:
 def frames(space: JointSpace) -> list[Frame]:
     """Of the bodies of the tree. Raises ModelError where a body with inertia is no part of it."""
     if thin := [body.name for body in space.tree.loose if body.inertia]:
-        raise ModelError(f"{space.kernels.name}: {thin[0]} does not tell its rotation; give the body a direction more")
+        raise ModelError(f"{space.kernels.name}: {thin[0]} does not define its orientation; give the body another vector or point")
     return frames_of(space.kernels.model, space.tree)
 
 

@@ -69,7 +69,7 @@ class JointsInLoops(JointSpace):
         names = [*names_of(kernels, tree, {}), *(kernels.coordinates[c] for c in self._coordinates)]
         super().__init__(kernels, tree, tuple(names[k] for k in self.free))
         if not self.n:
-            raise ModelError(f"{kernels.name}: joint space needs a joint that moves freely, and there is none")
+            raise ModelError(f"{kernels.name}: every joint is locked by loops or drivers; joint space is undefined")
 
     def placed(self, x: np.ndarray) -> np.ndarray:
         x = self._checked(x, self.n, "x", "rates")

@@ -68,10 +68,10 @@ def _made(kernels: Kernels) -> JointSpace:
 
     tree = spanning_tree(kernels.model)
     if not tree.freedoms:
-        raise ModelError(f"{kernels.name}: joint space needs bodies that move and tell their rotation, and there are none")
+        raise ModelError(f"{kernels.name}: no body defines an orientation, which takes 2 directions in space; joint space is undefined")
     try:
         if tree.loose:
-            raise ModelError(f"{kernels.name}: joint space needs bodies that tell their rotation; {tree.loose[0].name} does not")
+            raise ModelError(f"{kernels.name}: joint space needs the orientation of every body; {tree.loose[0].name} does not define one")
         followed = followed_by(kernels, tree)
     except ModelError as why:  # loops, or what belongs to no joint
         return JointsInLoops(kernels, tree, why)
@@ -308,7 +308,7 @@ class JointSpace(ABC):
     def _momenta(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mass (…, 1), first moment about the origin (…, 3), momenta about the origin of the tree's rates (…, -, 6)."""
         if thin := [body.name for body in self.tree.loose if body.inertia]:
-            raise ModelError(f"{self.kernels.name}: {thin[0]} does not tell its rotation; give the body a direction more")
+            raise ModelError(f"{self.kernels.name}: {thin[0]} does not define its orientation; give the body another vector or point")
         found = self._of("joint_momenta", q)
         if not np.all(found[..., 0] > 0):
             raise ModelError(f"{self.kernels.name}: nothing has mass; give a body one")

@@ -250,7 +250,7 @@ class _Motion:
             if refused == compiled.STIFF:
                 refused = self._go_on_implicit(form)
             if refused and needs_c:
-                raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it goes on in Python")
+                raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it continues in Python")
         if refused is not None:
             if self.choice.method.is_constrained:
                 self.path = Path.empty(kernels.n, self.start.partitions)  # what C has left of it is done again

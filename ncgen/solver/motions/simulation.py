@@ -237,7 +237,7 @@ class Simulation:
             status = self._now.settle()
         if status != "ok":
             said = f"at t = {self.t:.6g} s the loops do not close ({status})"
-            raise ConvergenceError(f"{self.kernels.name}: {said}; begin nearer to a position")
+            raise ConvergenceError(f"{self.kernels.name}: {said}; start nearer to a closed position")
         return self
 
     @property

@@ -227,7 +227,7 @@ class Simulations:
             for row in self._rows(rows).tolist():
                 if (status := self._now.settle(row)) != "ok":
                     said = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
-                    raise ConvergenceError(f"{self.kernels.name}: {said}; begin nearer to a position")
+                    raise ConvergenceError(f"{self.kernels.name}: {said}; start nearer to a closed position")
                 self._now.next_step[row] = 0.0
         return self
 

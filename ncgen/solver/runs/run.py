@@ -67,7 +67,7 @@ NUMBERS = ("double", "float", "long double")
 """Number types of C."""
 
 FINEST = 100 * np.finfo(float).eps
-"""Instants nearer to each other than this, relative to the time, cannot be told apart."""
+"""Instants nearer to each other than this, relative to the time, cannot be distinguished."""
 
 MOST_STEPS = 10**9
 """Fixed steps of a run; more take hours."""
@@ -230,7 +230,7 @@ class Run:
         fixed = self.integrator is not None and self.integrator.has_fixed_step
         if self.max_step < FINEST * np.max(np.abs(self.times)):
             raise ModelError(
-                f"max_step: {self.max_step:.6g} s cannot be told apart at t = {np.max(np.abs(self.times)):.6g} s; take a longer one"
+                f"max_step: {self.max_step:.6g} s cannot be distinguished at t = {np.max(np.abs(self.times)):.6g} s; take a longer one"
             )
         if self.duration / self.max_step > MOST_STEPS:
             kind = "steps" if fixed else "steps at least"
@@ -337,7 +337,7 @@ def echo(value: object) -> str:
 
 
 def _grid(start: float, length: float, points: Any, n: int) -> np.ndarray:
-    """Even instants, or those that are given. Raises ModelError where there are too many, or they cannot be told apart."""
+    """Even instants, or those that are given. Raises ModelError where there are too many, or they cannot be distinguished."""
     is_single = not isinstance(points, Iterable) or isinstance(points, str) or (isinstance(points, np.ndarray) and points.ndim == 0)
     given = None if is_single else several(points, "points")
     size = count(points, "points", 2, "a trajectory has at least 2") if given is None else len(given)
@@ -352,7 +352,7 @@ def _grid(start: float, length: float, points: Any, n: int) -> np.ndarray:
         return _instants(given, start, end, shortest)
     if length / (size - 1) < shortest:
         raise ModelError(
-            f"t0: {start:.6g} s with {size} points in {length:.6g} s: instants cannot be told apart in double precision; "
+            f"t0: {start:.6g} s with {size} points in {length:.6g} s: instants cannot be distinguished in double precision; "
             "begin nearer to 0, or ask for fewer points"
         )
     return np.linspace(start, end, size)

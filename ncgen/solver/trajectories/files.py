@@ -15,6 +15,8 @@ import numpy as np
 from ncgen import __version__
 from ncgen.errors import ModelError, NcgenError
 from ncgen.files import write_bytes
+from ncgen.toolchain.cache import build_command
+from ncgen.toolchain.compilers import processor, version_line
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
@@ -43,12 +45,23 @@ def archive(run: Trajectory) -> bytes:
 def about(run: Trajectory) -> dict[str, Any]:
     """How a trajectory was made, and by which versions, as JSON has it."""
     said = {name: getattr(run, name) for name in ("formalism", "integrator", "engine", "number", "stopped", "made_with")}
-    versions = {"ncgen": __version__, "numpy": np.__version__, "python": platform.python_version()}
+    versions = {"ncgen": __version__, "numpy": np.__version__, "python": platform.python_version(), **_built(run)}
     options = {name: value if isinstance(value, (bool, int, str)) else float(value) for name, value in run.options.items()}
     own = {"name": run.name, "chosen": list(run.chosen), "options": options, "statistics": asdict(run.statistics)}
     if run.impulses:
         own["impulses"] = [[each.t, each.driver, each.size] for each in run.impulses]
     return {"format": FORMAT, **versions, **said, **own}
+
+
+def _built(run: Trajectory) -> dict[str, str]:
+    """The processor and, of compiled kernels, the compiler with its flags: the last bits of a motion depend on them."""
+    library = getattr(run.kernels, "library", None)
+    command = build_command(library) if library is not None else []
+    if not command:
+        return {"processor": processor()}
+    compiler = "ziglang" if "ziglang" in command[:4] else version_line(command[0]) or command[0]
+    flags = " ".join(word for word in command[1:] if word.startswith("-") and word not in ("-m", "-o"))
+    return {"processor": processor(), "compiler": compiler, "flags": flags}
 
 
 def _model_text(run: Trajectory) -> str | None:

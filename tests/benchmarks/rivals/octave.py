@@ -34,7 +34,7 @@ def falls(kernels: Kernels, *, duration: float, steps: int, rtol: float, atol: f
     """
     module = handwritten(kernels)
     if module is None:
-        raise NcgenError(f"{kernels.name}: nobody has written its functions by hand; choose robot")
+        raise NcgenError(f"{kernels.name}: there are no hand-written functions for it; choose robot")
     data = module.data(kernels.q0) | {"duration": duration, "steps": steps, "rtol": rtol, "atol": atol}
     with tempfile.TemporaryDirectory() as work:
         path = Path(work) / f"{kernels.name}.json"

@@ -1,0 +1,59 @@
+"""All messages as one text: in plain words, a line each, and listed in docs/reports/messages.txt."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+OUTDATED = {
+    "freedom": r"\bfreedoms\b",
+    "told": r"\b(is|are|be) told\b|\btells? (its|their)\b",
+    "a number that is none": r"(are|is) none\b(?! of)|number that is no",
+    "mock-up": r"mock-?up",
+    "settle": r"\bsettled?\b",
+    "arrived": r"\barrived\b",
+    "hang": r"\bhangs? (on|together)\b",
+    "beside a singular position": r"beside a singular",
+}
+"""Words that readers do not find in a textbook, as regular expressions."""
+
+
+@pytest.fixture(scope="module")
+def program():
+    """docs/messages.py as a module."""
+    spec = importlib.util.spec_from_file_location("messages", ROOT / "docs" / "messages.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def messages(program):
+    return program.messages()
+
+
+def test_messages_are_found(messages):
+    """Errors, warnings and help, with the expressions in them."""
+    assert len(messages) > 500
+    assert "model/joints: ModelError: joint: body {a.name} is joined to itself; give two bodies" in messages
+    assert any(line.startswith("help: run --velocity: initial velocity of a coordinate") for line in messages)
+    assert any(": warning: " in line for line in messages)
+
+
+@pytest.mark.parametrize("word", OUTDATED)
+def test_messages_are_in_terms_of_the_field(messages, word):
+    assert [line for line in messages if re.search(OUTDATED[word], line.split(": ", 2)[-1])] == []
+
+
+def test_a_message_is_a_line(messages):
+    assert [line for line in messages if "\n" in line or line.endswith(" ")] == []
+
+
+@pytest.mark.slow  # the list is renewed with the other reports
+def test_the_list_is_up_to_date(program, messages):
+    assert program.REPORT.read_text(encoding="utf-8").splitlines() == messages
