@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
+from operator import mul
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,10 +42,16 @@ def across(axis: np.ndarray) -> np.ndarray:
 
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of a matrix (n, k) with a matrix (k, m) or a vector (k,)."""
+    """Return the product of a matrix (n, k) with a matrix (k, m) or a vector (k,); every sum is rounded once.
+
+    Matrices become lists once: of small ones that is most of the work.
+    """
+    if a.shape[1] != b.shape[0]:
+        raise ValueError(f"matrices {a.shape} and {b.shape} have no product")
+    rows, other = _floats(a), _floats(b.T)
     if b.ndim == 1:
-        return np.array([dot(row, b) for row in a])
-    return np.array([[dot(row, column) for column in b.T] for row in a])
+        return np.array([math.fsum(map(mul, row, other)) for row in rows])
+    return np.array([[math.fsum(map(mul, row, column)) for column in other] for row in rows])
 
 
 def weights(base: np.ndarray | Sequence[ArrayLike], target: ArrayLike) -> list[float]:
@@ -61,7 +69,7 @@ def weights(base: np.ndarray | Sequence[ArrayLike], target: ArrayLike) -> list[f
     return [float(w) for w in found]
 
 
-def _floats(a: ArrayLike) -> list[float]:
+def _floats(a: ArrayLike) -> list[Any]:
     return np.asarray(a, dtype=float).tolist()
 
 
