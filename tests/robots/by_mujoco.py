@@ -191,8 +191,12 @@ class Beside:
 
 
 def lagrange(k, q: np.ndarray, qd: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
-    """q̈ from M q̈ + Φ_qᵀ λ = Q and Φ_q q̈ = γ, by least squares with NumPy, so that redundant rows do no harm."""
+    """q̈ from M q̈ + Φ_qᵀ λ = Q and Φ_q q̈ = γ, by least squares with NumPy, so that redundant rows do no harm.
+
+    Masses, and forces with them, are in units of the largest one: those of a playing card are 1e-7 of rows of unit vectors.
+    """
     mass, rows = k.mass_matrix(q, t, p), k.phi_q(q, t, p).toarray()
-    right = np.concatenate([k.force(q, qd, t, p), k.gamma(q, qd, t, p)])
-    system = np.block([[mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+    unit = np.max(np.abs(mass), initial=0.0) or 1.0
+    right = np.concatenate([k.force(q, qd, t, p) / unit, k.gamma(q, qd, t, p)])
+    system = np.block([[mass / unit, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
     return np.linalg.lstsq(system, right, rcond=1e-13)[0][: k.n]
