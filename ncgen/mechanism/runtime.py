@@ -95,7 +95,10 @@ def _interface(number: str) -> Interface:
 def _runtime(number: str, part: Part) -> InC:
     """The runtime, the same for all mechanisms; most runs do without three quarters of it. What parts have in common is compiled once."""
     files, flags = _sources(number, part)
-    siblings = [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in RUNS if other != part and part in RUNS]
+
+    def siblings() -> list[Sibling]:
+        return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in RUNS if other != part and part in RUNS]
+
     return opened_by(_interface(number), compiled(files, flags, siblings=siblings).library)
 
 

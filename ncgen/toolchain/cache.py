@@ -16,7 +16,7 @@ import shutil
 import tempfile
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -55,11 +55,11 @@ def compiled(
     flags: tuple[str, ...] = FLAGS,
     libraries: tuple[str, ...] = LIBRARIES,
     patience: float = 0.0,
-    siblings: Sequence[Sibling] = (),
+    siblings: Callable[[], Sequence[Sibling]] = tuple,
 ) -> Built:
     """The library of some C sources, from the cache or compiled now by the first compiler that works.
 
-    siblings: libraries whose objects are taken where they are in the cache, of the first one that has them
+    siblings: called where the library is not in the cache, for others whose objects are taken, of the first one that has them
     patience: seconds that a compiler may take at least, where headers are much longer than what is given here
     A flag that a compiler refuses is left out if code is only slower without it. What was left out and which compilers failed
     is said in one warning, and found out once in a process.
@@ -74,7 +74,9 @@ def compiled(
         while True:
             taken = compilers.accepted(compiler, (*flags, *compilers.own_flags()))
             try:
-                built = build(files, compiler, taken, libraries, patience=patience, objects=_objects(siblings, compiler, libraries))
+                built = build(
+                    files, compiler, taken, libraries, patience=patience, objects=lambda: _objects(siblings(), compiler, libraries)
+                )
             except CompileError as error:
                 if refused := compilers.examine(compiler, taken, error):
                     news += [f"{compiler.name} refuses {flag} and is used without it" for flag in refused if flag not in compilers.UNSAID]
@@ -110,11 +112,12 @@ def build(
     libraries: tuple[str, ...] = LIBRARIES,
     loads: bool = True,
     patience: float = 0.0,
-    objects: Mapping[str, Path] = compilers.NO_OBJECTS,
+    objects: Callable[[], Mapping[str, Path]] = dict,
 ) -> Built:
     """The library of some C sources by one compiler, from the cache or compiled now.
 
-    loads: whether it is for this process, which is then able to load it; objects: {source: its object} of what was compiled before
+    loads: whether it is for this process, which is then able to load it
+    objects: called where it has to be compiled, for {source: its object} of what was compiled before
     Raises CompileError with the compiler's log if it fails.
     """
     key = _key(files, compiler, flags, libraries)
@@ -122,7 +125,7 @@ def build(
         if record := _record(folder / key, loads):
             return Built(folder / key / LIBRARY, 0.0, record["seconds"])
     try:
-        return written(lambda folder: _build(folder / key, files, compiler, flags, libraries, loads, patience, objects))
+        return written(lambda folder: _build(folder / key, files, compiler, flags, libraries, loads, patience, objects()))
     except OSError as error:
         raise CompileError(
             f"there is no room to compile in: {error.strerror or error}; set NCGEN_CACHE_DIR to a folder with some"

@@ -29,7 +29,7 @@ def numbers(library, *names):
 
 def test_objects_of_a_sibling_are_taken_and_others_compiled():
     small = compiled(SMALL, FLAGS).library
-    large = compiled(LARGE, FLAGS, siblings=[Sibling(SMALL, FLAGS, ("one.c",))]).library
+    large = compiled(LARGE, FLAGS, siblings=lambda: [Sibling(SMALL, FLAGS, ("one.c",))]).library
     command = json.loads((large.parent / RECORD).read_text(encoding="utf-8").partition("\n")[2])["command"]
     assert str(small.parent / "one.o") in command and str(small.parent / "two.o") not in command
     assert numbers(large, "one", "two", "three") == [1, 4, 3]
@@ -38,12 +38,12 @@ def test_objects_of_a_sibling_are_taken_and_others_compiled():
 def test_an_object_that_somebody_changed_is_compiled_again():
     small = compiled(SMALL, FLAGS).library
     (small.parent / "one.o").write_bytes(b"something else")
-    large = compiled(LARGE, FLAGS, siblings=[Sibling(SMALL, FLAGS, ("one.c",))]).library
+    large = compiled(LARGE, FLAGS, siblings=lambda: [Sibling(SMALL, FLAGS, ("one.c",))]).library
     assert numbers(large, "one", "three") == [1, 3]
 
 
 def test_without_the_sibling_all_is_compiled():
-    large = compiled(LARGE, FLAGS, siblings=[Sibling(SMALL, FLAGS, ("one.c",))]).library
+    large = compiled(LARGE, FLAGS, siblings=lambda: [Sibling(SMALL, FLAGS, ("one.c",))]).library
     assert numbers(large, "one", "two", "three") == [1, 4, 3]
     compiler = compilers.find_compiler()
     assert compiler and not cache._objects([Sibling(SMALL, FLAGS, ("one.c",))], compiler, compilers.LIBRARIES)
@@ -53,7 +53,12 @@ def test_objects_come_from_several_siblings():
     one, three = ({name: LARGE[name] for name in names} for names in (("one.c", "two.c"), ("one.c", "three.c")))
     first, second = compiled(one, FLAGS).library, compiled(three, FLAGS).library
     siblings = [Sibling(one, FLAGS, ("two.c",)), Sibling(three, FLAGS, ("one.c", "three.c"))]
-    large = compiled(LARGE, FLAGS, siblings=siblings).library
+    large = compiled(LARGE, FLAGS, siblings=lambda: siblings).library
     command = json.loads((large.parent / RECORD).read_text(encoding="utf-8").partition("\n")[2])["command"]
     assert {str(first.parent / "two.o"), str(second.parent / "one.o"), str(second.parent / "three.o")} <= set(command)
     assert numbers(large, "one", "two", "three") == [1, 4, 3]
+
+
+def test_nothing_asks_for_siblings_of_a_library_that_is_there():
+    small = compiled(SMALL, FLAGS).library
+    assert compiled(SMALL, FLAGS, siblings=lambda: pytest.fail("siblings of a library that is in the cache")).library == small
