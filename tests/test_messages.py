@@ -54,6 +54,5 @@ def test_a_message_is_a_line(messages):
     assert [line for line in messages if "\n" in line or line.endswith(" ")] == []
 
 
-@pytest.mark.slow  # the list is renewed with the other reports
 def test_the_list_is_up_to_date(program, messages):
     assert program.REPORT.read_text(encoding="utf-8").splitlines() == messages
