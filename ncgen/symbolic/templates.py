@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import chain
 from typing import NamedTuple, TypeAlias, cast
 
@@ -137,7 +137,7 @@ def row_template(key: str) -> Template:
     """The derivation of one row type of the catalogue."""
     row: RowType = ROW_TYPES[key]
     scalars = sum(map(vector, row.vectors), ()) + row.scalars
-    return Template(key, row.equation, scalars, row.data + (SCALE,), Deferred(lambda: _derived_row(row, scalars)), is_catalogued=True)
+    return Template(key, row.equation, scalars, row.data + (SCALE,), Deferred(partial(_derived_row, row, scalars)), is_catalogued=True)
 
 
 def _derived_row(row: RowType, scalars: tuple[str, ...]) -> Outputs:
@@ -274,7 +274,7 @@ def _inertia(scalars: tuple[str, ...], kinetic: sympy.Expr, more: Outputs | None
 def mass_diagonal() -> Template:
     """A constant entry on the diagonal of M."""
     (v,), (m,) = rates(["x"]), symbols(["m"])
-    derived = Deferred(lambda: _inertia(("x",), m * v**2 / 2))
+    derived = Deferred(partial(_inertia, ("x",), m * v**2 / 2))
     return Template("mass-diagonal", "m v^2 / 2", ("x",), ("m",), derived, is_catalogued=True)
 
 
@@ -282,7 +282,7 @@ def mass_diagonal() -> Template:
 def mass_pair() -> Template:
     """A pair of equal constant entries off the diagonal of M."""
     (v, w), (m,) = rates(["x", "y"]), symbols(["m"])
-    derived = Deferred(lambda: _inertia(("x", "y"), m * v * w))
+    derived = Deferred(partial(_inertia, ("x", "y"), m * v * w))
     return Template("mass-pair", "m v w", ("x", "y"), ("m",), derived, is_catalogued=True)
 
 
@@ -314,7 +314,7 @@ def cross_product_body() -> Template:
     Q_in = −(m a₃ κ, z₁₃ κ, z₂₃ κ) − (∂ẇ/∂(ȧ, u̇))ᵀ z₃₃ κ, and gravity pulls at w with the weight g.
     """
     names, data = vector("r") + vector("a") + vector("u"), ("mr", "ma", "mu", "mw", "gx", "gy", "gz")
-    derived = Deferred(lambda: _derived_cross_product_body(names))
+    derived = Deferred(partial(_derived_cross_product_body, names))
     return Template("cross-product-body", "kinetic energy of w = a x u", names, data, derived, is_catalogued=True)
 
 

@@ -67,6 +67,7 @@ def calls(s) -> dict[str, dict]:
         "universal": {**joint, "point": s.A, "u": s.v, "v": s.w},
         "cylindrical": {**joint, "start": s.A, "end": s.B, "axis": s.u},
         "prismatic": {**joint, "start": s.A, "end": s.B, "axis": s.u},
+        "slider": {**joint, "start": s.A, "end": s.B, "axis": s.u},
         "planar": {**joint, "start": s.A, "end": s.B, "normal": s.v},
         "screw": {**joint, "start": s.A, "end": s.B, "axis": s.u, "pitch": 0.01, "name": "new"},
         "rigid": joint,

@@ -50,7 +50,7 @@ def test_without_a_runtime_it_is_the_python_engine(kernels, monkeypatch):
     assert run.engine == "python: the kernels are numpy, not compiled"
 
 
-def test_ctrl_c_in_a_kernel_ends_a_run(monkeypatch):
+def test_ctrl_c_in_a_kernel_ends_a_run(monkeypatch, heard):
     kernels = ncgen.compile(ncgen.load("pendulum"), "numpy")
     ncgen.simulate(kernels, 0.1)
     call, calls = type(kernels)._call, []

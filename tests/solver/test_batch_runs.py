@@ -115,12 +115,6 @@ def test_states_whose_coordinates_become_bad_go_on_alone():
     assert np.max(np.abs(batch.q[:, -1] - batch.q[:, 0])) < 1e-8
 
 
-def test_a_run_that_must_be_compiled_says_why_it_cannot_be():
-    kernels = ncgen.compile(ncgen.load("pendulum"), "numpy")
-    with pytest.raises(ncgen.ModelError, match="cannot be simulated in C: .*; use engine='auto'"):
-        ncgen.simulate(kernels, 1.0, engine="compiled")
-
-
 def test_states_that_cannot_go_on_are_named():
     """A driver pulls a rod further than it reaches: those states say so, the others arrive."""
     m = ncgen.Model("lockedbatch")
@@ -159,7 +153,7 @@ def test_open_positions_are_closed(robot):
         ({"q0": np.full((3, 36), np.nan)}, "no state of the batch has finite q and p"),
         ({"p": {"k": 1.0}, "zd0": np.zeros((3, 6))}, "p: the mechanism has no parameter k; it has none"),
         ({"zd0": {"nothing": np.zeros(3)}}, "zd0: the mechanism has no free coordinate nothing; "),
-        ({"zd0": {"r2.x": np.zeros(3)}}, "initial velocity of r2.x: r2.x is not independent; give that of"),
+        ({"zd0": {"r2.x": np.zeros(3)}}, "initial velocity of r2.x: it is not independent; the independent coordinates are"),
         ({"zd0": {"psi1": np.zeros((3, 2))}}, r"zd0 has arrays of shapes \[\(3, 2\)\]; give each name a number, or one for every state"),
         ({"zd0": np.zeros((3, 6)), "integrator": "bdf"}, "bdf is not among dopri5, rk4, dop853, rk23"),
         ({"zd0": np.zeros((3, 6)), "integrator": "auto"}, "a batch has no choice of its own; name one of dopri5, rk4, dop853, rk23"),

@@ -126,7 +126,7 @@ def test_nan_is_reported_by_name(formalism):
         ncgen.simulate(ncgen.compile(pendulum(2, magnet), "c"), 1.0, formalism=formalism)
 
 
-def test_ctrl_c_ends_a_run():
+def test_ctrl_c_ends_a_run(heard):
     def pressed(t, q, qd, kernels):
         if t > 0.2:
             signal.raise_signal(signal.SIGINT)

@@ -135,7 +135,7 @@ def test_refusals(kernels):
     assert refused(kernels, 0.1, 0, objective) == "steps: 0 given; a motion has at least 1"
     assert refused(kernels, 0.1, 2, objective, "radau").startswith("integrator: 'radau' given; derivatives go through steps of")
     assert refused(kernels, -1, 2, objective).startswith("duration: ")
-    assert refused(kernels, 0.1, 2, objective, zd0={"C.x": [1.0]}).startswith("initial velocity of C.x: C.x is not independent")
+    assert refused(kernels, 0.1, 2, objective, zd0={"C.x": [1.0]}).startswith("initial velocity of C.x: it is not independent")
     assert "rows; a batch has one number of them" in refused(kernels, 0.1, 2, objective, p=np.ones((2, len(kernels.p0))))
     assert refused(kernels, 0.1, 2, objective, threads=0).startswith("threads: 0 given")
     plain = ncgen.compile(linkage(), backend="numpy")

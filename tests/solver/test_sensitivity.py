@@ -309,7 +309,7 @@ def test_a_tolerance_is_that_of_the_whole_motion(case, monkeypatch):
 
 def test_a_singular_position_is_refused():
     """Jansen's linkage stands still where its start is singular but for rounding: the time is said."""
-    with pytest.raises(ModelError, match="jansen: the motion is next to a singular position at t = .*; end it before"):
+    with pytest.raises(ModelError, match="jansen: the motion is next to a singular position at t = .*; end the motion before"):
         ncgen.gradient(ncgen.compile(ncgen.load("jansen")), 0.2, 100, lambda q, qd: (0.0, None, None), "dop853")
 
 

@@ -277,6 +277,7 @@ def own_distance(m, a, b, e):
 PLANE = {
     "spherical": lambda m, a, b, e: m.spherical(a, b, e["C"]),
     "prismatic": lambda m, a, b, e: m.prismatic(a, b, e["A"], e["C"], ahead_of(m, a, e)),
+    "slider": lambda m, a, b, e: m.slider(a, b, e["A"], e["C"], e["A"] - e["origin"]),
     "rigid": lambda m, a, b, e: m.rigid(a, b),
     "point_on_line": lambda m, a, b, e: m.point_on_line(a, e["C"], e["A"], ahead_of(m, a, e)),
     "distance": lambda m, a, b, e: m.distance(e["A"], e["D"]),

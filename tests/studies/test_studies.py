@@ -128,7 +128,11 @@ def test_the_digest_tells_studies_apart():
         ({"length": [1.0]}, {"p": [1.0, 2.0, 9.81]}, "p: some of it varies; give the rest by name"),
         ({"length": [1.0]}, {"workers": 0}, "workers is 0"),
         ({"length": [1.0]}, {"workers": 1.5}, "workers: 1.5 given"),
-        ({"start(rate(B.x))": [1.0]}, {}, "initial velocity of B.x: B.x is not independent; give that of psi, or"),
+        (
+            {"start(rate(B.x))": [1.0]},
+            {},
+            "initial velocity of B.x: it is not independent; the independent coordinates are psi",
+        ),
     ],
 )
 def test_mistakes_are_named(vary, options, said):
