@@ -79,10 +79,10 @@ def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = (), new
     """
     if path is None:
         return
-    if suffixes and path.suffix.lower() not in suffixes:
-        raise ModelError(f"{option} {path}: choose a name that ends in {listed(suffixes)}")
     if is_folder(path):
         raise ModelError(f"{option} {path}: that is a folder; name a file in it")
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise ModelError(f"{option} {path}: choose a name that ends in {listed(suffixes)}")
     if is_there(path) and not is_file(path):
         raise ModelError(f"{option} {path}: that is a device or a pipe; name an ordinary file")
     if new_folder and not is_there(path.parent):

@@ -118,7 +118,7 @@ def test_the_kind_of_error_is_kept(write):
     ["nosuch", "nosuch.py", "some/where.py", "", "robot/", "a\0.py", "x" * 5000, "x" * 5000 + ".py", "*"],
 )
 def test_what_there_is_not(name):
-    with pytest.raises(ModelError, match="there is no such file or example; the examples are ") as refusal:
+    with pytest.raises(ModelError, match=r"there is no such file or example; (the examples are |did you mean robot\?)") as refusal:
         load(name)
     assert "site-packages" not in str(refusal.value) and len(str(refusal.value)) <= 300
 

@@ -298,10 +298,10 @@ def test_what_files_say():
 
 
 REFUSED = {
-    "a value too few": (lambda m: m.spline("c", (0, 1), (1,)), "spline c: 2 knots and 1 values given; give a value for every knot"),
+    "a value too few": (lambda m: m.spline("c", (0, 1), (1,)), "spline c: 2 knots and 1 value given; give a value for every knot"),
     "equal knots": (lambda m: m.table("c", (0, 0, 1), (1, 2, 3)), "table c: the knot 0 follows 0; give knots that increase"),
     "a spline of too few": (lambda m: m.spline("c", (0, 1, 2), (1, 2, 1), "periodic"), "spline c: 3 knots given; give 4 to 10000"),
-    "one knot": (lambda m: m.table("c", (0,), (1,)), "table c: 1 knots given; give 2 to 10000"),
+    "one knot": (lambda m: m.table("c", (0,), (1,)), "table c: 1 knot given; give 2 to 10000"),
     "ends that differ": (lambda m: m.table("c", (0, 1, 2), (1, 2, 3), True), "table c: it begins with 1 and ends with 3; what repeats"),
     "no end": (lambda m: m.spline("c", (0, 1), (1, 2), "soft"), "spline c: the end 'soft' is unknown; choose one of natural, clamped, "),
     "steep": (lambda m: m.spline("c", (0, 1e-300, 1), (1, 2e90, 2)), "spline c: knots are so close, or values so large, that its"),

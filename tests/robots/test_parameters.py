@@ -10,6 +10,8 @@ import ncgen
 from ncgen.errors import ModelError
 from ncgen.exchange.toml_reader import model_of
 from ncgen.exchange.toml_writer import to_toml
+from ncgen.program.motions.dynamics import assemble_motion
+from ncgen.solver.engines.compiled import own_positions
 from ncgen.solver.motions.simulation import outputs_at
 from tests.robots.test_link_frames import ARM
 
@@ -148,6 +150,17 @@ def test_what_is_no_link_is_refused(files, parameters, said):
     if parameters == "mass":
         with pytest.raises(ModelError, match="parameters is for a robot's file"):
             ncgen.load("robot", parameters="inertia")
+
+
+def test_a_light_link_with_parameters_moves_by_the_recursion(files):
+    """Values that a program is tried with make its moments those of no body, as products of inertia that the file gives as 0."""
+    heavy = '<origin xyz="0 0.05 0"/><mass value="1"/><inertia ixx="0.02" iyy="0.04" izz="0.05"/>'
+    light = ARM.replace(heavy, '<mass value="0.01"/><inertia ixx="2e-6" iyy="2e-6" izz="2e-6"/>')
+    assert light != ARM
+    (files[0].parent / "light.urdf").write_text(light)
+    kernels = ncgen.compile(ncgen.load(files[0].parent / "light.urdf", parameters="inertia"), "numpy")
+    seen = own_positions(kernels)
+    assert seen and assemble_motion(kernels.programs.equations, *seen, kernels.column_sizes) is not None
 
 
 def test_only_what_is_named_becomes_a_parameter(files):

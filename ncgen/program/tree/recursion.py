@@ -296,7 +296,7 @@ class Recursion:
                 if graph.value(node) != 0.0:
                     A[i, j] = A[j, i] = node
         samples = self.rates.sampling.of(A)
-        if not all(_is_positive(sample, size) for sample in samples):
+        if not all(_is_positive(samples[k], size) for k in self.rates.sampling.alike):  # others are drawn, and may be those of no body
             raise massless(self.model.name)
         return factor_symmetric(graph, A, size, samples)
 

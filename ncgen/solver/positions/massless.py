@@ -7,7 +7,7 @@ import numpy as np
 from ncgen.errors import SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.bodies import LARGEST_BASIS, Body
-from ncgen.solver.positions.negative_mass import least_energy, refuse_negative
+from ncgen.solver.positions.negative_mass import principal_motions, refuse_negative
 
 SMALL = 1e-9
 """Singular values below this, relative to the largest, belong to motions without inertia."""
@@ -48,15 +48,13 @@ def refuse_massless(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) ->
     """Raise SingularError with the names of what can move at q without kinetic energy, if anything can."""
 
     def found() -> np.ndarray | None:
-        least = least_energy(kernels, q, t, p)
-        if least is None:
-            return None
-        _, largest, qd, M = least
-        energy, terms = abs(qd @ M @ qd), np.abs(qd) @ np.abs(M) @ np.abs(qd)
-        is_massless = energy <= CANCELLED * terms or energy <= CANCELLED**2 * largest  # rounding of qd counts by its square
-        return np.abs(qd) / kernels.column_sizes if is_massless else None
+        values, motions, M = principal_motions(kernels, q, t, p)
+        energies, terms = np.abs(np.sum(motions * (M @ motions), axis=0)), np.sum(np.abs(motions) * (np.abs(M) @ np.abs(motions)), axis=0)
+        largest = values[-1] if len(values) else 0.0
+        is_massless = (energies <= CANCELLED * terms) | (energies <= CANCELLED**2 * largest)  # rounding of a motion counts by its square
+        return np.linalg.norm(motions[:, is_massless] / kernels.column_sizes[:, None], axis=1) if np.any(is_massless) else None
 
-    moved = kernels.remember("motion without kinetic energy", (q.tobytes(), t, p.tobytes()), found, most=1)
+    moved = kernels.remember("motions without kinetic energy", (q.tobytes(), t, p.tobytes()), found, most=1)
     if moved is not None:
         raise _error(kernels, moved)
 

@@ -68,24 +68,21 @@ def _sentence(body: Body, t: float) -> str:
 
 def _culprit(kernels: Kernels, bodies: list[Body], q: np.ndarray, t: float, p: np.ndarray) -> Body | None:
     """The body with the least kinetic energy in a motion that has a negative one; None where there is no such motion."""
-    least = least_energy(kernels, q, t, p)
-    if least is None or least[0] >= -ROUNDING * least[1]:
+    values, motions, _ = principal_motions(kernels, q, t, p)
+    if not len(values) or values[0] >= -ROUNDING * values[-1]:
         return None
-    return min(bodies, key=lambda body: _kinetic_energy(kernels, body, least[2], p))
+    return min(bodies, key=lambda body: _kinetic_energy(kernels, body, motions[:, 0], p))
 
 
-def least_energy(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[float, float, np.ndarray, np.ndarray] | None:
-    """The motion that the constraints allow with the least kinetic energy; None where nothing can move.
+def principal_motions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The motions that the constraints allow at q, by their kinetic energy.
 
-    Returns the least and the largest eigenvalue of the mass matrix on the motions that are allowed, in natural sizes, the velocities (n,)
-    of the least one, and the mass matrix (n, n).
+    Returns the eigenvalues (k,) of the mass matrix on them in natural sizes, ascending, their velocities (n, k) and the mass matrix (n, n).
     """
     motions = null_space(scaled_jacobian(kernels, q, t, p)) * kernels.column_sizes[:, None]
-    if not motions.shape[1]:
-        return None
     M = kernels.mass_matrix(q, t, p)
     values, vectors = np.linalg.eigh(motions.T @ M @ motions)
-    return float(values[0]), float(values[-1]), motions @ vectors[:, 0], M
+    return values, motions @ vectors, M
 
 
 def _kinetic_energy(kernels: Kernels, body: Body, qd: np.ndarray, p: np.ndarray) -> float:
