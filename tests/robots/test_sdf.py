@@ -365,6 +365,11 @@ def test_a_screw_has_the_name_and_the_zero_of_the_file(tmp_path, ends):
     assert run["lead_slide"][-1] == pytest.approx(sign * k * expected, rel=1e-8)
 
 
+def test_a_canonical_link_that_is_not_there_is_refused(read):
+    with pytest.raises(ModelError, match="canonical_link: model 'm' has no link 'z'; name one of its links"):
+        read(model(link("a"), more=' canonical_link="z"'))
+
+
 def test_a_screw_turns_about_its_own_axis(tmp_path):
     """Where the link that carries it has points elsewhere: the nut turns about the axis, and goes k ψ along it."""
     joints = '<joint name="rail" type="prismatic"><parent>world</parent><child>a</child><axis><xyz>1 0 0</xyz></axis></joint>'

@@ -59,6 +59,7 @@ INSIDE = (
 BASES = [f'<sdf version="1.10"><model name="m"><pose>0 0 1 0 0 0.5</pose>{"".join(inside)}</model></sdf>' for inside in INSIDE]
 
 NOT_DRAKES = (
+    "root@version",
     "gravity",
     "velocity_decay",
     "static",

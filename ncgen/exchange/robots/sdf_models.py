@@ -116,6 +116,8 @@ class _Builder:
         if owner is not scope:
             owner.models[name] = inner
         self.fill(inner, model, inner, depth)
+        if inner.canonical and inner.find(inner.canonical) is None:
+            model.refuse(f"canonical_link: model {shown(name)} has no link {shown(inner.canonical)}; name one of its links")
 
     def _include(self, scope: Scope, owner: Scope, include: Markup, depth: int) -> None:
         """The model of another file."""
