@@ -1,7 +1,7 @@
 """Which tests are among the longer proofs: what the processor needed for each of them decides, not who wrote it.
 
     python -m pytest -m "slow or not slow" --times times.jsonl     # a line a test: its name and seconds
-    python tests/times.py times.jsonl                              # writes tests/slow.txt anew
+    python tests/times.py times.jsonl                              # adds those that take long to tests/slow.txt
     python -m pytest --cov=ncgen --cov-context=test                # which test runs which line
     python tests/times.py times.jsonl .coverage                    # adds to tests/slow.txt until the others take SUITE
 
@@ -24,7 +24,7 @@ import pytest
 LISTED = Path(__file__).with_name("slow.txt")
 
 SHORT = 0.25
-LONG = 1.5
+LONG = 1.25
 """Seconds of the processor, with those of compilers and other processes that a test starts."""
 
 SUITE = 600.0
@@ -91,7 +91,7 @@ def longer_proofs(times: Iterable[tuple[str, float]]) -> list[str]:
     for each in cases.values():
         quickest = min(each, key=lambda name: each[name])
         found += [name for name, seconds in each.items() if seconds > (LONG if name == quickest else SHORT)]
-    return sorted(name for name in found if not name.startswith(KEPT))
+    return sorted(name for name in found if not name.startswith(KEPT + PHYSICS))
 
 
 def lines_of(path: str) -> dict[str, set[tuple[str, int]]]:
@@ -125,9 +125,8 @@ def spared(seconds: dict[str, float], lines: dict[str, set[tuple[str, int]]]) ->
 if __name__ == "__main__":
     lines = [json.loads(line) for line in Path(sys.argv[1]).read_text(encoding="utf-8").splitlines()]
     times = {name: seconds for name, seconds, *_ in lines}
-    if len(sys.argv) > 2:
-        known = LISTED.read_text(encoding="utf-8").splitlines()
-        names = sorted({*known, *spared({name: times[name] for name in times if name not in known}, lines_of(sys.argv[2]))})
-    else:
-        names = longer_proofs(times.items())
+    known = LISTED.read_text(encoding="utf-8").splitlines()
+    ordinary = {name: seconds for name, seconds in times.items() if name not in known}
+    more = spared(ordinary, lines_of(sys.argv[2])) if len(sys.argv) > 2 else longer_proofs(ordinary.items())
+    names = sorted({*known, *more})
     LISTED.write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
