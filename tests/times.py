@@ -24,7 +24,7 @@ import pytest
 LISTED = Path(__file__).with_name("slow.txt")
 
 SHORT = 0.25
-LONG = 1.25
+LONG = 1.0
 """Seconds of the processor, with those of compilers and other processes that a test starts."""
 
 SUITE = 600.0
