@@ -320,10 +320,10 @@ def simulation_calls(k: Any) -> list[Call]:
     sim, sims = ncgen.start(k), ncgen.start_batch(k, 3)
     kept, all_kept = sim.state, sims.states
     calls = [
-        Call("sim.step", sim.step, {"h": 1e-4, "tau": 0.1}),
+        Call("sim.step", lambda h, tau: sim.step(h, tau=tau), {"h": 1e-4, "tau": 0.1}),
         Call("sim.drive", sim.drive, {"tau": 0.1}),
         Call("sim.reset", sim.reset, {"state": kept}),
-        Call("sims.step", sims.step, {"h": 1e-4, "tau": np.zeros(3)}),
+        Call("sims.step", lambda h, tau: sims.step(h, tau=tau), {"h": 1e-4, "tau": np.zeros(3)}),
         Call("sims.drive", sims.drive, {"tau": np.zeros(3)}),
         Call("sims.reset", sims.reset, {"rows": [0, 2], "states": all_kept}),
         Call("sims.settle", sims.settle, {"rows": [0, 1]}),
