@@ -234,7 +234,7 @@ def _compiled(
 ) -> tuple[Kernels, Sources, dict[str, float]]:
     """Kernels, sources and the seconds of every stage, with the stages shown while they run.
 
-    robot: what `ncgen.load` is told of a robot; check: of the model, before anything is made of it
+    robot: arguments of `ncgen.load` for a robot; check: of the model, before anything is made of it
     lists_left_out: the command lists what of a file is not modelled, so the warning that counts it is not shown
     """
     from ncgen.compiler import Timings, check_words, compile, sources_of

@@ -124,11 +124,17 @@ class Compiler:
 
 def processor() -> str:
     """Return what the processor of this machine is called."""
+    names = (line.split(":", 1)[1].strip() for line in _cpuinfo() if line.startswith("model name"))
+    return next(names, "") or platform.processor() or platform.machine()
+
+
+@cache
+def _cpuinfo() -> tuple[str, ...]:
+    """The lines in which Linux describes the processors of this machine; empty elsewhere."""
     try:
-        with open("/proc/cpuinfo", encoding="utf-8") as lines:
-            return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
+        return tuple(Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines())
+    except OSError:
+        return ()
 
 
 @cache
@@ -189,11 +195,7 @@ def _identity(path: str) -> str:
 @cache
 def _machine() -> str:
     """The processor, which -march=native depends on, and the C library: what is built for one must not run on a lesser one."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    told = sorted({line for line in lines if line.startswith(("flags", "Features", "model name", "CPU part"))})
+    told = sorted({line for line in _cpuinfo() if line.startswith(("flags", "Features", "model name", "CPU part"))})
     told += [platform.system(), platform.machine(), os.environ.get("PROCESSOR_IDENTIFIER", "")]
     if "CS_GNU_LIBC_VERSION" in getattr(os, "confstr_names", {}):
         told.append(os.confstr("CS_GNU_LIBC_VERSION") or "")

@@ -175,7 +175,7 @@ class _Builder:
                 add_part(self.model, self.bodies[solid], part, word(part.name, "link"), self._as_given(part.name), shift, basis)
 
     def _as_given(self, link: str) -> dict[str, Any]:
-        """How a model is told of a link whose moments of inertia no body has; nothing of others, of which a model's file says nothing."""
+        """The argument that marks a link whose moments of inertia no body has; empty for others, of which a model's file says nothing."""
         return {"as_given": True} if link in self.robot.as_given else {}
 
     def _show(self, solid: Solid, body: Body) -> None:

@@ -18,7 +18,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
 from ncgen.solver.given import Given, checked_kernels
-from ncgen.solver.positions.massless import check_mass, refuse_massless
+from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
 from ncgen.solver.positions.position import CONSISTENT
@@ -165,7 +165,6 @@ def _carry_out(
         raise Interrupted(motion.trajectory(clock)) from stopped
     except (SingularError, ConvergenceError, DomainError) as error:
         motion.refuse_negative()
-        refuse_massless(kernels, start.q, run.initial.t, start.p)
         if found := motion.diverged():
             raise found from error
         raise

@@ -37,7 +37,7 @@ def massless(kernels: Kernels, resistance: np.ndarray, basis: np.ndarray | None 
 def check_mass(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> None:
     """Raise SingularError where the mass matrix at q leaves a motion without kinetic energy or with a negative one, with names.
 
-    A motion without any is looked for where a body has no moment of inertia about an axis; elsewhere runs find it when they fail.
+    A motion without any is looked for where a body has no moment of inertia about an axis; elsewhere the formalisms find it.
     """
     refuse_negative(kernels, q, t, p)
     if point_like(kernels):
