@@ -42,7 +42,7 @@ def test_many_are_what_each_is_alone(kernels, integrator, asked):
     by_q[-1, 0], by_qd[3, 1] = 1.0, 2.0
     by_p, by_rates = function.backward(parameters, RATES, by_q, by_qd)
     for k in range(3):
-        alone = ncgen.sensitivities(kernels, 0.4, STEPS, integrator, p=parameters[k], zd0=RATES[k], **asked)
+        alone = ncgen.sensitivities(kernels, 0.4, STEPS, integrator=integrator, p=parameters[k], zd0=RATES[k], **asked)
         assert q[k] == pytest.approx(alone.q, abs=1e-13) and qd[k] == pytest.approx(alone.qd, abs=1e-12)
         slopes = alone.q_by[-1, 0] + 2 * alone.qd_by[3, 1]
         assert by_p[k] == pytest.approx(slopes[: len(kernels.p0)], rel=1e-9, abs=1e-12)
