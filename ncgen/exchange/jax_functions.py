@@ -46,16 +46,14 @@ class JaxFunctions:
         self.kernels = kernels
 
     @takes(MotionArguments, unused=NOT_DIFFERENTIATED)
-    def motion(
-        self, duration: float, steps: int, integrator: str = "rk4", **arguments: Unpack[MotionArguments]
-    ) -> Callable[[Array, Array], tuple[Array, Array]]:
+    def motion(self, duration: float, steps: int, **arguments: Unpack[MotionArguments]) -> Callable[[Array, Array], tuple[Array, Array]]:
         """A function (p, rates) -> (q, q̇), (steps + 1, n) each: the motion with parameters p, (n_p,), and initial rates of the independent
         coordinates, (nz,), in the order of `rates_of`.
 
-        duration (s), steps, integrator, arguments: as of `ncgen.sensitivities`, with its errors; p and zd0 are what the function is given
+        duration (s), steps, arguments: as of `ncgen.sensitivities`, with its errors; p and zd0 are what the function is given
         Reverse mode: jax.grad, jax.jacrev, jax.vjp. Raises ModelError for arrays of other shapes, and for numbers that are not real.
         """
-        return _in_jax(MotionFunction(self.kernels, "ncgen.jax", (duration, steps, integrator), dict(arguments)))
+        return _in_jax(MotionFunction(self.kernels, "ncgen.jax", (duration, steps), dict(arguments)))
 
     @takes(MotionArguments, unused=NOT_DIFFERENTIATED)
     def rates_of(self, **arguments: Unpack[MotionArguments]) -> tuple[str, ...]:

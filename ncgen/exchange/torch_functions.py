@@ -45,15 +45,15 @@ class TorchFunctions:
 
     @takes(MotionArguments, unused=NOT_DIFFERENTIATED)
     def motion(
-        self, duration: float, steps: int, integrator: str = "rk4", **arguments: Unpack[MotionArguments]
+        self, duration: float, steps: int, **arguments: Unpack[MotionArguments]
     ) -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]:
         """A function (p, rates) -> (q, q̇), (…, steps + 1, n) each: the motion with parameters p, (…, n_p), and initial rates of the
         independent coordinates, (…, nz), in the order of `rates_of`, in doubles. Leading axes are those of many motions, and broadcast.
 
-        duration (s), steps, integrator, arguments: as of `ncgen.sensitivities`, with its errors; p and zd0 are what the function is given
+        duration (s), steps, arguments: as of `ncgen.sensitivities`, with its errors; p and zd0 are what the function is given
         First derivatives, by autograd and torch.func. Raises ModelError for tensors of other shapes or types.
         """
-        return _in_torch(MotionFunction(self.kernels, "ncgen.torch", (duration, steps, integrator), dict(arguments)))
+        return _in_torch(MotionFunction(self.kernels, "ncgen.torch", (duration, steps), dict(arguments)))
 
     @takes(MotionArguments, unused=NOT_DIFFERENTIATED)
     def rates_of(self, **arguments: Unpack[MotionArguments]) -> tuple[str, ...]:

@@ -14,8 +14,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import wraps
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, cast
 
-from numpy.typing import ArrayLike
-
 from ncgen.errors import ModelError, shown
 from ncgen.solver.given import CONSISTENT_RESIDUAL, Given, offer
 
@@ -60,7 +58,7 @@ class StartArguments(TypedDict, total=False):
     p: Given | None
     t0: float
     closing: float
-    inputs: Mapping[str, Signal | ArrayLike] | None
+    inputs: Mapping[str, Signal] | None
 
 
 class MethodArguments(TypedDict, total=False):

@@ -34,7 +34,7 @@ def kernels():
 ])  # fmt: skip
 def test_many_are_what_each_is_alone(kernels, integrator, asked):
     """Values and the way back; the reference is `ncgen.sensitivities` of each motion."""
-    function = MotionFunction(kernels, "ncgen.jax", (0.4, STEPS, integrator), dict(asked))
+    function = MotionFunction(kernels, "ncgen.jax", (0.4, STEPS), {"integrator": integrator, **asked})
     parameters = np.tile(kernels.p0, (3, 1))
     parameters[:, [kernels.parameters.index("length"), kernels.parameters.index("mass")]] = P
     q, qd = function.forward(parameters, RATES)
@@ -50,7 +50,7 @@ def test_many_are_what_each_is_alone(kernels, integrator, asked):
 
 
 def test_a_motion_that_fails_is_named(kernels):
-    function = MotionFunction(kernels, "ncgen.jax", (0.4, STEPS, "rk4"), {"inputs": {"F": 3.0}})
+    function = MotionFunction(kernels, "ncgen.jax", (0.4, STEPS), {"inputs": {"F": 3.0}})
     parameters = np.tile(kernels.p0, (3, 1))
     parameters[1, kernels.parameters.index("length")] = np.nan
     with pytest.raises(NcgenError, match="motion 1 of 3: "):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from threading import Lock
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -94,7 +94,8 @@ def gradient_batch(
     """
     checked_kernels(kernels)
     check_objective(objective)
-    batch = taped_batch(kernels, duration, steps, threads=threads, **arguments)
+    given: dict[str, Any] = {**arguments}
+    batch = taped_batch(kernels, duration, steps, threads=threads, **given)
     values, one_at_a_time = np.full(len(batch.states.q), np.nan), Lock()
 
     def weigh(rows: np.ndarray, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -246,7 +246,7 @@ Motion: TypeAlias = TapedMotion | PartitionedMotion | SteppedMotion
 """A motion that can be differentiated."""
 
 
-def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "rk4", **arguments: Unpack[MotionArguments]) -> Motion:
+def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "rk4", **arguments: Any) -> Motion:
     """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
     start: dict[str, Any] = {name: arguments[name] for name in StartArguments.__annotations__ if name in arguments and name != "inputs"}
     rtol, options, inputs = arguments.get("rtol"), arguments.get("options"), arguments.get("inputs")

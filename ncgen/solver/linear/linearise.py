@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -214,8 +214,9 @@ def linearise(kernels: Kernels, **arguments: Unpack[StartArguments]) -> Linearis
     DomainError
         Where a value or a derivative is NaN or infinite, with the name of its term.
     """
-    inputs = arguments.pop("inputs", None)
-    initial = Initial.asked(checked_kernels(kernels), **arguments)
+    start: dict[str, Any] = {**arguments}
+    inputs = start.pop("inputs", None)
+    initial = Initial.asked(checked_kernels(kernels), **start)
     if signals_of(kernels, inputs, initial.p):
         raise ModelError("inputs: linearise needs numbers, the values about which inputs change")
     t, p = initial.t, initial.p

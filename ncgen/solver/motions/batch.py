@@ -226,8 +226,8 @@ def simulate_batch(
         Once for all that `simulate` warned of.
     """
     inputs = arguments.get("inputs")
-    q0, zd0, qd0, p = (arguments.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
     in_common: dict[str, Any] = {"integrator": "dopri5", **arguments, "formalism": "coordinate-partitioning"}
+    q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
     run = Run.asked(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
     threads, method = asked_threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
