@@ -14,7 +14,7 @@ from ncgen.model.rows import Row
 from ncgen.program.initial import assemble_described
 from ncgen.program.ir.blocks import Pattern
 from ncgen.view.chosen import MOST, telling
-from ncgen.view.page import drawing, rounded, script_json, script_text
+from ncgen.view.page import drawing, lean, rounded, script_json, script_text
 from ncgen.view.scene import Scene, scene_of
 
 USED = ("phi", "phi_q", "nu", "mass", "energy")
@@ -33,7 +33,8 @@ def files(package: Package) -> dict[str, str]:
     page = render(
         "package/html/page.html.jinja",
         name=model.name,
-        wrapper=script_text(render("package/wasm/wrapper.js.jinja", **records)),
+        wrapper=script_text(lean(render("package/wasm/wrapper.js.jinja", **records))),
+        script=script_text(lean(render("package/html/script.js.jinja"))),
         binary=base64.b64encode(zlib.compress(binary, 9)).decode(),
         data=script_json(data),
     )
