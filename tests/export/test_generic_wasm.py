@@ -103,6 +103,7 @@ def test_random_planar_mechanisms_move_as_in_ncgen(tmp_path):
     compare(cases, tmp_path)
 
 
+@pytest.mark.slow  # .ci/run looks, too: a change of the runtime need not make it anew at once
 def test_the_file_is_of_these_sources():
     """Where the catalogue, the emitter or the runtime has changed: python -m ncgen.toolchain.generic_wasm makes it anew."""
     assert generic_wasm.binary().endswith(generic_wasm.section(generic_wasm.digest()))
