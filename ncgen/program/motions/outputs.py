@@ -100,7 +100,7 @@ def _known(lines: Lines) -> Known:
     for component in lines.equations.model.components:
         rate = rate_name(component.name)
         for name, array in ((component.name, "q"), (rate, "qd"), (rate_name(rate), "qdd")):
-            found[name] = partial(_read, lines, array, component)
+            found[name] = partial(read_component, lines, array, component)
     return found | _loads(lines)
 
 
@@ -115,7 +115,7 @@ def _loads(lines: Lines) -> Known:
     return found
 
 
-def _read(lines: Lines, array: str, component: Component) -> int:
+def read_component(lines: Lines, array: str, component: Component) -> int:
     """A node: what is fixed has a value and does not move."""
     if component in lines.equations.index:
         return lines.graph.load(array, lines.equations.index[component])

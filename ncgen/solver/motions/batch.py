@@ -16,7 +16,7 @@ from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.engines.compiled import GROWTH
-from ncgen.solver.given import checked_kernels, finite, names_of, truth
+from ncgen.solver.given import checked_kernels, finite, names_of, refuse_events, truth
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import BatchGiven, Choice, States, those_in_lanes
 from ncgen.solver.positions.position import TOLERANCE
@@ -196,6 +196,7 @@ def simulate_batch(
         checked_kernels(kernels), duration, formalism="coordinate-partitioning", integrator=integrator, rtol=rtol, atol=atol, points=points,
         max_step=max_step, inputs=inputs, progress=progress, t0=t0, z=z,
     )  # fmt: skip
+    refuse_events(kernels.model, "ncgen.simulate_batch")
     threads, method = asked_threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
     if inputs:

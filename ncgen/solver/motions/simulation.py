@@ -23,7 +23,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse, cross
-from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, values_by_name
+from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, refuse_events, values_by_name
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.parameter_checks import check_parameters
 from ncgen.solver.positions.massless import check_mass
@@ -89,6 +89,7 @@ def start(
     initial: where it starts, as of `simulate`: q0, zd0, qd0, z, p, t0, closing
     Raises ModelError where the mechanism cannot move in C alone, and what `simulate` raises of a start.
     """
+    refuse_events(checked_kernels(kernels).model, "ncgen.start")
     driven, given = checked_kernels(kernels).driven_by(None), values_by_name(inputs, "inputs")
     return Simulation(driven, integrator, relative_tolerance(rtol), atol, given, Initial.asked(kernels, **initial))
 
