@@ -3,6 +3,7 @@
     include/   what a model's source and programs around it include
     src/       the library, one idea a file
     lanes/     many states at once, compiled with vectors for numbers
+    generic/   kernels that read a mechanism from a table
 
 All files of a library end in one folder, where they include each other by name.
 """
@@ -140,7 +141,7 @@ def runtime_text(name: str) -> str:
     """One file of the library. Raises FileNotFoundError for one that it does not have."""
     if name in PRINTED:
         return render(f"c/{name}.jinja", **_methods())
-    places = [FOLDER / part / name for part in ("include", "src", "lanes")]
+    places = [FOLDER / part / name for part in ("include", "src", "lanes", "generic")]
     return next((place for place in places if place.is_file()), places[0]).read_text(encoding="utf-8")
 
 

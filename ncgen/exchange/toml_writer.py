@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections import Counter
+from collections.abc import Sequence
 from typing import SupportsFloat
 
 import numpy as np
@@ -15,6 +16,7 @@ from ncgen.model import Model
 from ncgen.model.actions import STOP, Action, Call, Change, Impact, Stop
 from ncgen.model.bodies import WORDS_OF_INERTIA, Body
 from ncgen.model.elements import Combination, Component, Element
+from ncgen.model.facts import Fact
 from ncgen.model.kinks import without_kinks
 from ncgen.model.names import LAW, TIME, normal
 from ncgen.model.outputs import observable_loads
@@ -24,8 +26,10 @@ ONCE = ("gravity", "simulation")
 """Facts that a model has one of: a single table says so."""
 
 
-def to_toml(model: Model) -> str:
+def to_toml(model: Model, facts: Sequence[Fact] | None = None) -> str:
     """The text of a model file that `load` turns into the same model.
+
+    facts: others than the model's own, in which more numbers may be parameters
 
     Raises ModelError for what a file cannot say, such as a Python function.
     """
@@ -34,9 +38,10 @@ def to_toml(model: Model) -> str:
         head.append("scale = false")
     if model.form != "smooth":
         head.append(f"form = {_quoted(model.form, 'form')}")
-    counts = Counter(fact.word for fact in model.facts)
+    told = model.facts if facts is None else facts
+    counts = Counter(fact.word for fact in told)
     writer = _Writer(model)
-    tables = [writer.table(fact.word, fact.arguments, fact.word in ONCE and counts[fact.word] == 1) for fact in model.facts]
+    tables = [writer.table(fact.word, fact.arguments, fact.word in ONCE and counts[fact.word] == 1) for fact in told]
     return "\n".join(head) + "\n\n" + "\n".join(tables)
 
 

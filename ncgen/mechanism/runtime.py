@@ -36,7 +36,7 @@ from ncgen.emit.runtime import (
 )
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
-from ncgen.mechanism.callbacks import ExternalForces
+from ncgen.mechanism.callbacks import Choices, ExternalForces
 from ncgen.mechanism.conditions import Conditions, Watched
 from ncgen.mechanism.driving import Driver, Function, Pieces
 from ncgen.mechanism.in_python import in_python, model_of, tangents_of
@@ -275,6 +275,7 @@ class Dynamics:
         progress: Callable[[float], None] | None = None,
         inputs: Sequence[Pieces | Function | None] = (),
         breaks: ArrayLike = (),
+        choose: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
         **options: InC,
     ) -> Outcome:
         """Run over the times (s) of a grid (first one is the start).
@@ -289,6 +290,7 @@ class Dynamics:
             that of Ctrl-C, ends the run; `Outcome.completed` raises it again
         inputs: one an input of the mechanism: a table, a function of time, or None; () where all keep their values in p
         breaks (B, 2): of the laws in time, as `break_times` finds them, those of the inputs' tables among them
+        choose: the parameters that follow from a position and those there are, asked at the start of every step; None where none do
         options: the other members of `ncgen_options`, by their names
         """
         ffi, n, dtype, where = self._ffi, self.kernels.n, self.number.dtype, self.kernels.name
@@ -314,6 +316,9 @@ class Dynamics:
         if driver:
             signals = driver.signals(library.ncgen_piecewise_inputs)
             settings.signals = signals
+        called = [*self.called, *([Choices(self.kernels, choose)] if choose else [])]
+        if choose:
+            settings.choose = called[-1].function
         watched = Watched(conditions, ffi, self.number) if conditions else None
         if watched:
             settings.event = watched.struct
@@ -325,14 +330,14 @@ class Dynamics:
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
         start = self._start(p, q, velocities, options.get("formalism", PARTITIONED))
         pointers = [real(a) for a in (*start, times, out_q, out_qd, out_work, work)]
-        for each in self.called:
+        for each in called:
             each.begin()
         status = library.ncgen_simulate(
             self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
             pointer(ffi, integers, "int[]"),
         )  # fmt: skip
         done, s = rows[0], statistics
-        raised = next((each.raised for each in (listener, driver, *self.called) if each and each.raised), None)
+        raised = next((each.raised for each in (listener, driver, *called) if each and each.raised), None)
         return Outcome(
             t=np.asarray(looked[:done], dtype=float),
             q=np.asarray(out_q[:done], dtype=float),

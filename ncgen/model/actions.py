@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from ncgen.errors import ModelError, shown
 from ncgen.model.elements import coordinate_of
@@ -89,7 +89,7 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
             return actions_of(model, impact(**given["impact"]), where)
         return (Change({normal(name): _changed(model, name, value, where) for name, value in given.items()}),)
     if callable(given):
-        return (Call(given),)
+        return (Call(cast("Callable[..., Mapping[str, float] | None]", given)),)
     raise ModelError(f'{where}: {shown(given)} is no action; give "stop", ncgen.impact(…), {{name: value}} or a function')
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 import copy
 import pickle
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Unpack
 
@@ -33,7 +34,6 @@ from ncgen.model.rigid import Frame
 from ncgen.model.rows import Owner
 
 if TYPE_CHECKING:
-    from ncgen.model.forces import Callback
     from ncgen.model.tables import Table, TableOptions
 
 LONGEST_NAME = 100
@@ -143,7 +143,7 @@ BY_VALUE = ("cloudpickle", "dill")
 """Packages that can pickle any function."""
 
 
-def _check_travels(function: Callback, model: str) -> None:
+def _check_travels(function: Callable[..., object], model: str) -> None:
     """Refuse a function that pickle, which takes only names along, could not find on the other side."""
     if any(module.rpartition(".")[2] in BY_VALUE for module in sys.modules):
         return  # whether it can travel is theirs to say

@@ -55,16 +55,20 @@ class Browser:
         os.killpg(self._pid, signal.SIGKILL)
         os.waitpid(self._pid, 0)
 
-    def open(self, path: Path, width: int = 1280, height: int = 800, dark: bool = False) -> None:
-        """Show a file, and wait until its body says that it is ready; what was said before is forgotten."""
+    def open(self, path: Path, width: int = 1280, height: int = 800, dark: bool = False, fragment: str = "") -> None:
+        """Show a file, and wait until its body says that it is ready; what was said before is forgotten.
+
+        fragment: what follows the address, with its #
+        """
         self.said.clear()
         narrow = width < 500
         self._call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=narrow)
         self._call("Emulation.setTouchEmulationEnabled", enabled=narrow)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self._call("Emulation.setEmulatedMedia", features=[scheme])
-        self._call("Page.navigate", url=path.as_uri())
-        self.wait(f"location.href === {json.dumps(path.as_uri())} && document.body?.dataset.ready === 'true'")
+        self._call("Page.navigate", url="about:blank")
+        self._call("Page.navigate", url=path.as_uri() + fragment)
+        self.wait(f"location.pathname === new URL({json.dumps(path.as_uri())}).pathname && document.body?.dataset.ready === 'true'")
 
     def wait(self, condition: str, seconds: float = PATIENCE) -> None:
         """Until an expression is true on the page."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
+from browser import Browser
 from exported import shell
 
 from ncgen.exchange.examples import load
@@ -40,3 +41,24 @@ def built(once, exports, tmp_path):
         shell(f"make lib{name}.a", folder)
 
     return lambda name: shutil.copytree(once(f"{name}-built", lambda folder: make(name, folder)), tmp_path / f"{name}-built")
+
+
+@pytest.fixture(scope="session")
+def page_of(tmp_path_factory):
+    """page_of(model or name): the path of its page, made once."""
+    made, folder = {}, tmp_path_factory.mktemp("pages")
+
+    def get(model):
+        name = model if isinstance(model, str) else model.name
+        if name not in made:
+            (made[name],) = export(load(model) if isinstance(model, str) else model, "html", folder)
+        return made[name]
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    """One browser for all tests that open pages."""
+    with Browser(tmp_path_factory.mktemp("profile")) as found:
+        yield found

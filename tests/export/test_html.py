@@ -9,8 +9,9 @@ import zlib
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, Browser
+from browser import CHROMIUM
 from exported import shell
+from living import click, enter, fixed_steps, nothing_said, place_of, settled, state_of
 from scipy.special import ellipj, ellipk
 
 import ncgen
@@ -40,26 +41,6 @@ def linkage() -> ncgen.Model:
     m.gravity((0, -9.81, 0))
     m.simulation(duration=2.0, z=["psi"], zd0={"psi": 12.0})
     return m
-
-
-@pytest.fixture(scope="module")
-def page_of(tmp_path_factory):
-    """page_of(model or name): the path of its page, made once."""
-    made, folder = {}, tmp_path_factory.mktemp("pages")
-
-    def get(model):
-        name = model if isinstance(model, str) else model.name
-        if name not in made:
-            (made[name],) = export(load(model) if isinstance(model, str) else model, "html", folder)
-        return made[name]
-
-    return get
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    with Browser(tmp_path_factory.mktemp("profile")) as found:
-        yield found
 
 
 def data_of(page):
@@ -109,47 +90,6 @@ def test_what_has_no_motion_is_refused_in_one_line(tmp_path):
 
 
 # -- what it does ----------------------------------------------------------------------------------
-
-
-def fixed_steps(browser, h):
-    """Runge-Kutta steps of h seconds, at true speed."""
-    browser.value(f"(document.getElementById('constant').click(), document.getElementById('length').value = {h})")
-    browser.value("{ const speed = document.getElementById('speed'); speed.value = 1; speed.dispatchEvent(new Event('change')); }")
-
-
-def click(browser, element, times=1):
-    browser.value(f"for (let k = 0; k < {times}; ++k) document.getElementById('{element}').click()")
-
-
-def enter(browser, name, value):
-    """A number in the field beside a slider."""
-    field = f"[...document.querySelectorAll('input[type=number]')].find((e) => e.ariaLabel.startsWith({json.dumps(name)}))"
-    browser.value(f"{{ const field = {field}; field.value = {value}; field.dispatchEvent(new Event('change')); }}")
-
-
-def state_of(browser):
-    """(t, q, q̇) as the page has them."""
-    t, q, qd = browser.value("[living.mechanism.t, [...living.mechanism.q], [...living.mechanism.qd]]")
-    return t, np.array(q), np.array(qd)
-
-
-def place_of(browser, point):
-    """Where a point is on the screen (pixels)."""
-    script = """((name) => {
-      const frame = document.getElementById("stage").getBoundingClientRect();
-      const [x, y] = living.onScreen(living.scene.points.indexOf(name));
-      return [frame.left + x, frame.top + y];
-    })"""
-    return np.array(browser.value(f"{script}({json.dumps(point)})"))
-
-
-def settled(browser):
-    """Two refreshes of the screen later."""
-    browser.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
-
-
-def nothing_said(browser):
-    return browser.said == [] and browser.value("document.getElementById('problem').textContent") == ""
 
 
 @shown
@@ -206,7 +146,7 @@ def test_a_number_that_cannot_be_is_told_and_taken_back(browser, page_of):
     browser.open(page_of(linkage()))
     enter(browser, "crank", 0)
     assert browser.value("document.getElementById('problem').textContent").startswith("Mechanism, t = 0 s: the loops cannot be closed")
-    assert browser.value("[...living.mechanism.p]") == [0.1, 0.4, 0.0] and browser.said == []
+    assert browser.value("[...living.mechanism.p].slice(0, 3)") == [0.1, 0.4, 0.0] and browser.said == []
 
 
 @shown

@@ -10,15 +10,20 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import block_array, csr_array
+from scipy.sparse.csgraph import connected_components
 
 import ncgen
 from ncgen.exchange.robots import read_robot
 from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
 from ncgen.exchange.robots.mjcf_keyframes import start_of
-from ncgen.exchange.robots.robot import together
+from ncgen.exchange.robots.robot import Robot, together
 from ncgen.exchange.robots.starts import named_start
 from ncgen.model.elements import Point, Spatial
 from ncgen.model.names import word
+
+UNUSED_GROUP = 30
+"""A group of actuators that no file here has."""
 
 
 class Beside:
@@ -84,10 +89,7 @@ class Beside:
         m.opt.density = m.opt.viscosity = 0.0
         for name in ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "armature", "frictionloss"):
             getattr(m, f"tendon_{name}")[:] = 0.0
-        modelled = {actuator.name for actuator in self.robot.actuators or ()}
-        for k in range(m.nactuator):
-            if (m.actuator(k).name or f"actuator{k}") not in modelled:
-                m.actuator_gainprm[k], m.actuator_biasprm[k], m.actuator_gaintype[k], m.actuator_biastype[k] = 0.0, 0.0, 0, 0
+        without_other_actuators(m, self.robot)
 
     def state(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Natural coordinates and their rates at one of MuJoCo's states, which is set."""
@@ -190,13 +192,33 @@ class Beside:
         return float(np.max(np.abs(found - expected)[self.known]) / (1 + np.max(np.abs(expected)[self.known])))
 
 
+def name_of_actuator(m, number: int) -> str:
+    """The name of one of MuJoCo's actuators, as ncgen says it."""
+    return m.actuator(number).name or f"actuator{number}"
+
+
+def without_other_actuators(m, robot: Robot) -> None:
+    """Switch off actuators of MuJoCo's model that are not modelled; those of plugins act whatever their group is."""
+    modelled = {actuator.name for actuator in robot.actuators or ()}
+    for k in range(m.nactuator):
+        if name_of_actuator(m, k) not in modelled:
+            m.actuator_group[k], m.actuator_forcelimited[k] = UNUSED_GROUP, 0
+            if m.actuator_plugin[k] >= 0:
+                m.actuator_gear[m.actuator_outadr[k]] = 0.0
+    m.opt.disableactuator |= 1 << UNUSED_GROUP
+
+
 def lagrange(k, q: np.ndarray, qd: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """q̈ from M q̈ + Φ_qᵀ λ = Q and Φ_q q̈ = γ, by least squares with NumPy, so that redundant rows do no harm.
 
     Masses, and forces with them, are in units of the largest one: those of a playing card are 1e-7 of rows of unit vectors.
     """
-    mass, rows = k.mass_matrix(q, t, p), k.phi_q(q, t, p).toarray()
-    unit = np.max(np.abs(mass), initial=0.0) or 1.0
+    mass, rows = csr_array(k.mass_matrix(q, t, p)), csr_array(k.phi_q(q, t, p))
+    unit = abs(mass).max() if mass.nnz else 1.0
     right = np.concatenate([k.force(q, qd, t, p) / unit, k.gamma(q, qd, t, p)])
-    system = np.block([[mass / unit, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
-    return np.linalg.lstsq(system, right, rcond=1e-13)[0][: k.n]
+    system = block_array([[mass / unit, rows.T], [rows, None]], format="csr")
+    found = np.zeros(len(right))
+    count, part = connected_components(system, directed=False)
+    for each in (np.flatnonzero(part == number) for number in range(count)):  # what moves by itself
+        found[each] = np.linalg.lstsq(system[each][:, each].toarray(), right[each], rcond=1e-13)[0]
+    return found[: k.n]

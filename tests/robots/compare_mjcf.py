@@ -9,7 +9,6 @@ equalities are rigid; contacts, limits, friction, fluids, tendons that act and a
 
 from __future__ import annotations
 
-import multiprocessing
 import re
 import sys
 import time
@@ -18,20 +17,18 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+from one_by_one import judged_apart
 
 from ncgen.errors import NcgenError
 
 STATES, SIZE = 3, 0.2
 """States of each file, and how far joints and velocities are from where they begin (rad, m, and per second)."""
 
-LONGEST = 300
-"""Seconds for one file."""
-
 ROOT = re.compile(r"<mujoco[\s>]")
 """What a file of the format has."""
 
-LARGEST = 1500
-"""Coordinates of the largest model that is compared: its system is solved densely."""
+LARGEST = 8000
+"""Coordinates of the largest model that is compared."""
 
 
 def line(path: Path) -> tuple[str, str]:
@@ -59,28 +56,10 @@ def line(path: Path) -> tuple[str, str]:
     )
 
 
-def _answer(path: Path, pipe) -> None:
-    try:
-        pipe.send(line(path))
-    except Exception as error:  # a line of the table, whatever it was
-        pipe.send(("failed", f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"))
-
-
 def main(folders: list[str]) -> None:
+    paths = sorted(path for folder in folders for path in Path(folder).rglob("*.xml") if ROOT.search(path.read_text(errors="replace")))
     counts: Counter[str] = Counter()
-    for path in sorted(path for folder in folders for path in Path(folder).rglob("*.xml")):
-        if not ROOT.search(path.read_text(errors="replace")):
-            continue
-        mine, theirs = multiprocessing.Pipe()
-        process = multiprocessing.get_context("fork").Process(target=_answer, args=(path, theirs))
-        process.start()
-        theirs.close()
-        try:
-            word, said = mine.recv() if mine.poll(LONGEST) else ("failed", f"not done after {LONGEST} s")
-        except EOFError:
-            word, said = "failed", "its process ended without a word"
-        process.kill()
-        process.join()
+    for path, word, said in judged_apart(line, paths):
         counts[word] += 1
         if word != "without joints":
             print(f"{path.parent.name}/{path.name}: {word}: {said}", flush=True)

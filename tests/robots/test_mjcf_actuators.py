@@ -89,6 +89,18 @@ def test_those_with_a_state_are_left_out(said, left, tmp_path):
     assert model.left_out == ((f"actuators ({left})",) if left else ())
 
 
+def test_those_of_plugins_are_left_out(tmp_path):
+    config = '<instance name="pid"><config key="kp" value="4"/></instance>'
+    more = f'<extension><plugin plugin="mujoco.pid">{config}</plugin></extension>'
+    said = '<plugin joint="q" plugin="mujoco.pid" instance="pid"/><motor name="m" joint="r"/>'
+    both = Driven(arm(tmp_path / "arm.xml", said, more=more), motors=True)
+    assert list(both.model.inputs) == ["m"] and both.model.left_out == ("actuators (1)", "plugins (1)")
+    both.drive({"m": 0.7})
+    assert both.error(np.random.default_rng(4), states=1) > 0.1
+    both.only_what_is_modelled()
+    assert both.error(np.random.default_rng(4), states=2) < 1e-9
+
+
 @pytest.mark.parametrize(
     "option, inputs", [('<option><flag actuation="disable"/></option>', []), ('<option actuatorgroupdisable="2"/>', ["m"])]
 )

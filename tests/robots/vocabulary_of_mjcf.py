@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from by_mujoco import Beside
+from by_mujoco import Beside, name_of_actuator, without_other_actuators
 from drawn_mjcf import BASES, Draws
 from vocabulary_of_sdf import printed
 
@@ -31,9 +31,6 @@ WITHIN = 1e-9
 
 STATES = 2
 """States at which accelerations are compared."""
-
-UNUSED_GROUP = 30
-"""A group of actuators that no file here has."""
 
 SWITCHED_OFF = {
     "limits of joints": "jnt_limited", "friction of joints": "dof_frictionloss", "springs that yield": "jnt_springyield",
@@ -65,15 +62,7 @@ def switch_off(m: Any, listed: set[str], robot: Robot) -> None:
         for name in ("armature", "damping", "dampingpoly"):
             getattr(m, f"actuator_{name}")[np.asarray(m.actuator_trntype) == mujoco.mjtTrn.mjTRN_TENDON] = 0.0
     if "actuators" in listed:
-        modelled = {actuator.name for actuator in robot.actuators or ()}
-        for k in range(m.nactuator):
-            if _name(m, k) not in modelled:
-                m.actuator_group[k], m.actuator_forcelimited[k] = UNUSED_GROUP, 0
-        m.opt.disableactuator |= 1 << UNUSED_GROUP
-
-
-def _name(m: Any, actuator: int) -> str:
-    return m.actuator(actuator).name or f"actuator{actuator}"
+        without_other_actuators(m, robot)
 
 
 class Fuzzed(Beside):
@@ -96,7 +85,7 @@ class Fuzzed(Beside):
 
     def drive(self, rng: np.random.Generator) -> None:
         """Controls, and the inputs that they are."""
-        numbers = {_name(self.theirs, k): k for k in range(self.theirs.nactuator)}
+        numbers = {name_of_actuator(self.theirs, k): k for k in range(self.theirs.nactuator)}
         for actuator, own in zip(self.robot.actuators or (), self.model.inputs, strict=True):
             value = rng.normal()
             self.data.ctrl[self.theirs.actuator_ctrladr[numbers[actuator.name]]] = value

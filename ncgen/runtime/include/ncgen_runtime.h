@@ -176,6 +176,10 @@ typedef struct ncgen_piecewise {
  * many; its tape has no more room. */
 enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7, NCGEN_SHORT = 8, NCGEN_FULL = 9 };
 
+/* Parameters that follow from the position (n_coordinates), set anew at the start and after every accepted step: in between they keep their
+ * values. Anything but NCGEN_OK ends the run. */
+typedef int ncgen_parameter_rule(const ncgen_real *q, ncgen_real *p);
+
 /* Who listens to a long run: called now and then with the time reached, on the caller's own thread. Returns how many steps
  * may be tried before the next call, 0 to end the run at the last accepted state. Every stage of a step and every iteration
  * in it counts as one, since a large mechanism takes long for each. */
@@ -220,6 +224,7 @@ typedef struct ncgen_options {
     ncgen_tape *tape;       /* NULL: the run leaves nothing behind */
     const int *looks;       /* NULL, or one a time: 1 where a row may be of the end of the step around it, if no other row needs an */
     ncgen_scalar *looked;   /* interpolant there; the times of the rows, which are filled in beforehand and changed where they are others */
+    ncgen_parameter_rule *choose;   /* NULL: parameters keep their values, inputs aside */
 } ncgen_options;
 
 typedef struct ncgen_statistics {

@@ -148,7 +148,7 @@ int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scala
     ncgen_copy(r->n, r->start_qd, r->qd);
     ncgen_copy(r->ny, w->new_y, r->y);
     write_end(r, t_new, t_new + on_the_grid * h);
-    return status;
+    return status == NCGEN_OK ? ncgen_choose(r) : status;
 }
 
 /* The cubic between two states and their slopes. */

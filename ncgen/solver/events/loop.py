@@ -91,7 +91,7 @@ class _Loop:
     def _rows_at_end(self) -> None:
         """The last row of the grid is that of the event itself."""
         rest = len(self.task.grid) - len(self.path.q)
-        self.path.extend(*(np.repeat(each[None], rest, axis=0) for each in (self.at.q, self.at.qd)), [self.work] * rest, [0] * 5)
+        self.path.extend(np.repeat(self.at.q[None], rest, axis=0), np.repeat(self.at.qd[None], rest, axis=0), [self.work] * rest, [0] * 5)
 
     def _finish(self) -> None:
         """End the path here."""

@@ -278,9 +278,11 @@ class Simulation:
 def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None, at: Initial) -> tuple[Callable[[], Stepping], Start]:
     """What makes a way to step, one for every thread, and where motions start. Raises ModelError where C cannot move the mechanism."""
     method = Method.of(ALL, integrator)
-    is_called = "the model calls a Python function" if kernels.model.callbacks else None
     compiled.checked_compiled(kernels)
-    if refused := is_called or compiled.refusal(kernels, method, "c", "double"):
+    by_python = "the model calls a Python function" if kernels.model.callbacks else None
+    if kernels.model.branches:
+        by_python = "the paper's sine-or-cosine rows choose anew between steps"
+    if refused := by_python or compiled.refusal(kernels, method, "c", "double"):
         raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
     kernels = compiled.checked_compiled(kernels)
     form = compiled.form_of(kernels, method)

@@ -1,0 +1,182 @@
+"""A mechanism as one list of numbers, which the generic kernels of ncgen/runtime/generic read: its terms, each a type at its place.
+
+    n, m, terms, rows      coordinates, constraint equations, terms, and how many of the first terms belong to these equations
+    every term             type, its constraint equation or -1; per scalar of the type a constant, the number of pairs, pairs
+                           (weight, coordinate); then the constants of the type
+
+Several terms may belong to one constraint equation, which is their sum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cache, partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.model import forces
+from ncgen.model.catalogue import ROW_TYPES
+from ncgen.model.elements import Component
+from ncgen.model.values import Parameter, Value, is_number
+from ncgen.model.values import evaluate as evaluated
+from ncgen.symbolic import templates
+from ncgen.symbolic.equations import Equations, LinearForm, Term
+from ncgen.symbolic.templates import SCALE, TIME, Template
+
+if TYPE_CHECKING:
+    import sympy
+
+FORCES = (
+    forces.Spring.kind, forces.Spring.to_nothing, forces.TorsionSpring.kind, forces.Couple.kind, forces.Couple.on_pair,
+    forces.Couple.in_plane,
+)  # fmt: skip
+
+PRODUCTS = 3
+"""How many products of two scalars one term of the type `slide`, a.n - s, holds."""
+
+
+@cache
+def drive() -> Template:
+    """A scalar that moves as a constant, a constant speed and an oscillation say: x - (c0 + c1 t + A sin(w t + h))."""
+    import sympy
+
+    x, c0, c1, A, w, h, scale = templates.symbols(["x", "c0", "c1", "A", "w", "h", SCALE])
+    law = c0 + c1 * TIME + A * sympy.sin(w * TIME + h)
+    return templates.expression_row_template("drive", scale * (x - law), ("x",), ("c0", "c1", "A", "w", "h", SCALE))
+
+
+@cache
+def push() -> Template:
+    """A constant force along a scalar, whose work is counted."""
+    (f,) = templates.symbols(["f"])
+    return templates.user_force("push", ("x",), ("f",), {0: f})
+
+
+@cache
+def types() -> tuple[Template, ...]:
+    """The types of terms, in the order of their numbers."""
+    rows = tuple(map(templates.row_template, ROW_TYPES))
+    masses = (templates.mass_diagonal(), templates.mass_pair(), templates.cross_product_body())
+    return (*rows, drive(), *masses, templates.weight(), templates.energy_offset(), *map(templates.force_template, FORCES), push())
+
+
+class Placed(NamedTuple):
+    """A term as numbers: key of its type, its constraint equation or -1, (constant, pairs (weight, coordinate)) per scalar, constants."""
+
+    key: str
+    row: int
+    forms: Sequence[tuple[float, Sequence[tuple[float, int]]]]
+    data: Sequence[float]
+
+    def numbers(self, number: int) -> list[float]:
+        """What the table holds of it; number: that of its type."""
+        found = [number, self.row]
+        for constant, pairs in self.forms:
+            found += [constant, len(pairs), *(x for pair in pairs for x in pair)]
+        return [*found, *self.data]
+
+
+def term_table(equations: Equations) -> np.ndarray:
+    """The table of a mechanism, parameters at their defaults. Raises ModelError for what no type describes, such as a user's formula that
+    is neither a polynomial of degree 2 nor a constant speed."""
+    places = partial(_placed, equations)
+    rows = [placed for term in equations.rows for placed in places(term)]
+    others = [placed for term in (*equations.masses, *equations.forces) for placed in places(term)]
+    return laid_out(len(equations.free), len(equations.rows), rows, others)
+
+
+def laid_out(n: int, m: int, rows: Sequence[Placed], others: Sequence[Placed]) -> np.ndarray:
+    """The table of n coordinates and m constraint equations, whose terms are `rows`, and other terms."""
+    numbers = {template.key: k for k, template in enumerate(types())}
+    found: list[float] = [n, m, len(rows) + len(others), len(rows)]
+    for placed in (*rows, *others):
+        found += placed.numbers(numbers[placed.key])
+    return np.array(found, dtype=float)
+
+
+def _placed(equations: Equations, term: Term) -> Iterable[Placed]:
+    """A term of the equations as terms of the table."""
+    row = -1 if term.row is None else term.row
+
+    def number(value: Value) -> float:
+        return float(value if is_number(value) else evaluated(value, equations.model.parameters, term.label))
+
+    def form(linear: LinearForm) -> tuple[float, list[tuple[float, int]]]:
+        constant, pairs = 0.0, []
+        for weight, component in linear:
+            if equations.moves(component):
+                pairs.append((number(weight), equations.index[component]))
+            else:
+                constant += number(weight) * number(component.value)
+        return constant, pairs
+
+    if term.template in types():
+        return [Placed(term.template.key, row, [form(linear) for linear in term.scalars], [number(value) for value in term.data])]
+    if row >= 0:
+        return _polynomial(equations, term)
+    return _pushes(equations, term)
+
+
+def _pushes(equations: Equations, term: Term) -> list[Placed]:
+    """A user's constant force."""
+    found: list[Placed] = []
+    for output, expression in term.template.outputs.items():
+        if output.name == "force":
+            ((_, component),) = term.scalars[output.scalars[0]]
+            if expression.free_symbols:
+                raise ModelError(f"{term.label}: {expression} is not constant; the tables hold constant forces alone")
+            found.append(Placed("push", -1, [(0.0, [(1.0, equations.index[component])])], [float(expression)]))
+        elif output.name == "potential":
+            raise ModelError(f"{term.label}: the tables hold no potential of a user; use springs")
+    return found
+
+
+def _polynomial(equations: Equations, term: Term) -> list[Placed]:
+    """A user's constraint as terms: products of two coordinates, what is linear, and a constant speed."""
+    import sympy
+
+    names = {c.name: c for ((_, c),) in term.scalars}
+    numbers = {parameter.name: parameter.default for parameter in term.data if isinstance(parameter, Parameter)}
+    values = {name: c.initial for name, c in names.items() if not equations.moves(c)} | numbers
+    written = term.template.outputs[templates.Output("phi")].subs({sympy.Symbol(k, real=True): v for k, v in values.items()})
+    free = [sympy.Symbol(name, real=True) for name in names if name not in values]
+    try:
+        found = sympy.Poly(written, *free, TIME)
+    except sympy.PolynomialError:
+        found = None
+    if found is None or term.template.outputs[templates.Output("nu")].has(*free):
+        raise ModelError(f"{term.label}: {written} is no constraint that tables hold; write a polynomial of degree 2 in the coordinates")
+    return _products(equations, term, found, [names[s.name] for s in free])
+
+
+def _products(equations: Equations, term: Term, written: sympy.Poly, components: Sequence[Component]) -> list[Placed]:
+    """Terms of the type `slide` that add up to a polynomial, and one of `drive` for what depends on time."""
+    products: list[tuple[float, int, int]] = []
+    linear, constant, speed = [], 0.0, 0.0
+    for (*powers, in_time), coefficient in written.terms():
+        mentioned = [equations.index[c] for c, power in zip(components, powers, strict=True) for _ in range(power)]
+        value = float(coefficient)
+        if len(mentioned) + in_time > 2 or in_time and (mentioned or in_time > 1):
+            raise ModelError(f"{term.label}: {written.as_expr()} has products of three; write a polynomial of degree 2")
+        if in_time:
+            speed += value
+        elif len(mentioned) == 2:
+            products.append((value, mentioned[0], mentioned[1]))
+        elif mentioned:
+            linear.append((-value, mentioned[0]))
+        else:
+            constant -= value
+    row = term.row if term.row is not None else -1
+    found: list[Placed] = []
+    for k in range(0, max(len(products), 1), PRODUCTS):
+        part = products[k : k + PRODUCTS]
+        empty = [(0.0, [])] * (PRODUCTS - len(part))
+        a = [(0.0, [(value, i)]) for value, i, _ in part] + empty
+        b = [(0.0, [(1.0, j)]) for _, _, j in part] + empty
+        s = (constant, linear) if k == 0 else (0.0, [])
+        found.append(Placed("slide", row, [*a, *b, s], [1.0, 1.0]))
+    if speed:
+        found.append(Placed("drive", row, [(0.0, [])], [0.0, -speed, 0.0, 0.0, 0.0, 1.0]))
+    return found
