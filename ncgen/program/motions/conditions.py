@@ -18,7 +18,7 @@ from ncgen.model.elements import rate_name
 from ncgen.model.expressions import symbols_in
 from ncgen.model.names import TIME
 from ncgen.model.values import Scalar
-from ncgen.program.assemble import input_lengths, told_of
+from ncgen.program.assemble import input_lengths
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient, tangent
 from ncgen.program.ir.lower import lower_value
