@@ -23,6 +23,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient, tangent
 from ncgen.program.ir.lower import lower_value
 from ncgen.program.ir.verify import verify
+from ncgen.program.labels import labelled_errors
 from ncgen.program.lines import Lines
 from ncgen.program.motions.outputs import read_component
 from ncgen.symbolic.numbering import Terms
@@ -94,5 +95,5 @@ def _node(lines: Lines, where: str, given: Scalar) -> int:
                 f"{where}: {shortened(name, 60)} is neither a coordinate, a velocity, a parameter, an input nor m.time; "
                 "correct the expression"
             )
-    with told_of(where):
+    with labelled_errors(where):
         return lower_value(lines.graph, expression, {name: known[name]() for name in mentioned})
