@@ -229,8 +229,12 @@ def varying_force(
 def force_template(kind: ForceType) -> Template:
     """The derivation of one force type of the catalogue."""
     scalars = sum(map(vector, kind.vectors), ()) + kind.scalars
-    derived = Deferred(lambda: dict(derived_force(kind).outputs))
+    derived = Deferred(partial(_derived_force, kind))
     return Template(kind.key, kind.equation, scalars, kind.data, derived, is_catalogued=True)
+
+
+def _derived_force(kind: ForceType) -> Outputs:
+    return dict(derived_force(kind).outputs)
 
 
 def _stretch(scalars: tuple[str, ...]) -> tuple[sympy.Expr, sympy.Expr, list[sympy.Expr]]:
@@ -297,26 +301,26 @@ def _inertia(scalars: tuple[str, ...], kinetic: sympy.Expr, more: Outputs | None
     return outputs
 
 
+def _derived_mass_diagonal() -> Outputs:
+    (v,), (m,) = rates(["x"]), symbols(["m"])
+    return _inertia(("x",), m * v**2 / 2)
+
+
 @cache
 def mass_diagonal() -> Template:
     """A constant entry on the diagonal of M."""
+    return Template("mass-diagonal", "m v^2 / 2", ("x",), ("m",), Deferred(_derived_mass_diagonal), is_catalogued=True)
 
-    def derive() -> Outputs:
-        (v,), (m,) = rates(["x"]), symbols(["m"])
-        return _inertia(("x",), m * v**2 / 2)
 
-    return Template("mass-diagonal", "m v^2 / 2", ("x",), ("m",), Deferred(derive), is_catalogued=True)
+def _derived_mass_pair() -> Outputs:
+    (v, w), (m,) = rates(["x", "y"]), symbols(["m"])
+    return _inertia(("x", "y"), m * v * w)
 
 
 @cache
 def mass_pair() -> Template:
     """A pair of equal constant entries off the diagonal of M."""
-
-    def derive() -> Outputs:
-        (v, w), (m,) = rates(["x", "y"]), symbols(["m"])
-        return _inertia(("x", "y"), m * v * w)
-
-    return Template("mass-pair", "m v w", ("x", "y"), ("m",), Deferred(derive), is_catalogued=True)
+    return Template("mass-pair", "m v w", ("x", "y"), ("m",), Deferred(_derived_mass_pair), is_catalogued=True)
 
 
 def catalogue() -> tuple[Template, ...]:
@@ -325,26 +329,26 @@ def catalogue() -> tuple[Template, ...]:
     return (*map(row_template, ROW_TYPES), *masses, *map(force_template, FORCE_TYPES))
 
 
+def _derived_weight() -> Outputs:
+    (x,), (f,) = symbols(["x"]), symbols(["f"])
+    return {Output("force", (0,)): f, Output("potential"): -f * x}
+
+
 @cache
 def weight() -> Template:
     """A constant force along one coordinate, such as gravity: V = −f x."""
+    return Template("weight", "-f x", ("x",), ("f",), Deferred(_derived_weight), is_catalogued=True)
 
-    def derive() -> Outputs:
-        (x,), (f,) = symbols(["x"]), symbols(["f"])
-        return {Output("force", (0,)): f, Output("potential"): -f * x}
 
-    return Template("weight", "-f x", ("x",), ("f",), Deferred(derive), is_catalogued=True)
+def _derived_energy_offset() -> Outputs:
+    (v,) = symbols(["V"])
+    return {Output("potential"): v}
 
 
 @cache
 def energy_offset() -> Template:
     """The potential energy of what is fixed."""
-
-    def derive() -> Outputs:
-        (v,) = symbols(["V"])
-        return {Output("potential"): v}
-
-    return Template("energy-offset", "V", (), ("V",), Deferred(derive), is_catalogued=True)
+    return Template("energy-offset", "V", (), ("V",), Deferred(_derived_energy_offset), is_catalogued=True)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 
@@ -44,3 +45,9 @@ def test_a_row_of_the_user_is_derived_whatever_it_is_called():
 def test_a_mechanism_of_the_catalogue_needs_no_derivative():
     for example in ("robot", "heavytop"):
         subprocess.run([sys.executable, "-c", WITHOUT_DERIVATIVES, example], check=True)
+
+
+def test_templates_travel():
+    """Also those that are derived when they are asked for."""
+    for template in catalogue():
+    X
