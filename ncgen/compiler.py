@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar, overload
 
-from ncgen.errors import CompileError, ModelError, shown
+from ncgen.errors import CompileError, one_of
 from ncgen.model import Model
 from ncgen.model.model import checked_model
 from ncgen.program.programs import EMISSIONS
@@ -56,8 +56,7 @@ class Timings:
 def check_words(backend: str, emission: str) -> None:
     """Raise ModelError for a backend or an emission that does not exist."""
     for name, value, known in (("backend", backend, BACKENDS), ("emission", emission, tuple(EMISSIONS))):
-        if not isinstance(value, str) or value not in known:
-            raise ModelError(f"{name} {shown(value)} is unknown; choose one of {', '.join(known)}")
+        one_of(value, name, known)
 
 
 def generate(model: Model, emission: str = "auto", timings: Timings | None = None) -> Sources:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
+from collections.abc import Iterable
 from typing import Any
 
 LONGEST_LINE = 300
@@ -178,3 +179,44 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, run: Any) -> None:  # a Trajectory, which this module cannot know: it is above all others
         super().__init__(f"{run.name}: stopped at t = {run.t[-1]:.6g} s")
         self.run = run
+
+
+# -- messages of several packages ------------------------------------------------------------------------------------------
+
+
+def one_of(value: object, what: str, known: Iterable[str]) -> str:
+    """Return a word that is known.
+
+    Parameters
+    ----------
+    value : object
+        What was given.
+    what : str
+        What it is, with its place, for the message: `integrator`.
+    known : iterable of str
+        The words that there are.
+
+    Returns
+    -------
+    str
+        The word.
+
+    Raises
+    ------
+    ModelError
+        For anything else, with all words.
+    """
+    words = tuple(known)
+    if not isinstance(value, str) or value not in words:
+        raise unknown_word(value, what, words)
+    return value
+
+
+def unknown_word(value: object, what: str, known: Iterable[str]) -> ModelError:
+    """Return the error about a word that is not among those that are known."""
+    return ModelError(f"{what} {shown(value)} is unknown; choose one of {', '.join(known)}")
+
+
+def foreign(where: str, what: str) -> ModelError:
+    """Return the error about an element of another model."""
+    return ModelError(f"{where}: {what} belongs to another model; use this model's own")

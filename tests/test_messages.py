@@ -23,6 +23,27 @@ OUTDATED = {
 """Words that readers do not find in a textbook, as regular expressions."""
 
 
+TWICE = {
+    "joint: body {} is joined to itself; give two bodies",
+    "motion {} of {}: {}",
+    "the mass is {} kg; give a positive number",
+    "there is no body {}; {}",
+    "{} divides by zero",
+    "{} has masked numbers; fill them",
+    "{}.{}: t is {}; compiled kernels take one real number",
+    "{}: a product of {} factors; {} are allowed",
+    "{}: {} given; give a list of numbers, low and high, or mean and deviation",
+    "{}: {} given; give {}",
+    "{}: {} is no array of numbers",
+    "{}: {} is not a finite number; correct it",
+    "{}: {} is of type {}; it must be real numbers",
+    "{}: {} is too large; the largest number is {}, check the unit",
+    "{}: {}; give the folder of a study",
+    "{}: {}; start nearer to a closed position",
+}
+"""Messages that stand in two places, without their expressions; the list may only become shorter."""
+
+
 @pytest.fixture(scope="module")
 def program():
     """docs/messages.py as a module."""
@@ -52,6 +73,14 @@ def test_messages_are_in_terms_of_the_field(messages, word):
 
 def test_a_message_is_a_line(messages):
     assert [line for line in messages if "\n" in line or line.endswith(" ")] == []
+
+
+def test_a_message_has_one_function(messages):
+    """What two places say in the same words comes from one of them (`ncgen.errors.one_of`, …)."""
+    errors = [line.split(": ", 2)[-1] for line in messages if not line.startswith("help: ")]
+    plain = [re.sub(r"\{[^{}]*(\{[^{}]*\}[^{}]*)*\}", "{}", text) for text in errors]
+    twice = {text for text in plain if plain.count(text) > 1 and re.search("[a-z]{3}", text)}
+    assert twice == TWICE
 
 
 def test_the_list_is_up_to_date(program, messages):

@@ -14,7 +14,7 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Protocol, cast
 
 import ncgen.emit
-from ncgen.errors import ModelError, shown
+from ncgen.errors import one_of
 
 if TYPE_CHECKING:
     from ncgen.program.programs import Programs
@@ -38,6 +38,5 @@ def languages() -> tuple[str, ...]:
 
 def language(name: str) -> Language:
     """The language of a name. Raises ModelError listing the known ones."""
-    if name not in languages():
-        raise ModelError(f"language {shown(name)} is unknown; choose one of {', '.join(languages())}")
+    one_of(name, "language", languages())
     return cast("Language", import_module(f"{ncgen.emit.__name__}.{name}.files"))

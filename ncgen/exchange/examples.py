@@ -13,13 +13,14 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, TypedDict, TypeVar, Unpack
 
-from ncgen.errors import SHOWN, ModelError, NcgenError, shortened, shown
+from ncgen.errors import SHOWN, ModelError, NcgenError, shortened
 from ncgen.exchange import robots
 from ncgen.exchange.text import as_path, why_no_file
 from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.words import is_required
 from ncgen.files import is_file, opened
 from ncgen.model import Model
+from ncgen.model.arguments import truth
 from ncgen.resources import folder
 from ncgen.solver.groups import takes
 
@@ -106,8 +107,7 @@ def load(path: str | Path, **robot: Unpack[RobotArguments]) -> Model:
     floating, loops, inertias, parameters, frames = (asked[word] for word in ("floating", "loops", "inertias", "parameters", "frames"))
     file = as_path(path, "the name of an example or the path of a file")
     for word, given in (("floating", False if floating is None else floating), *having.items()):
-        if not isinstance(given, bool):
-            raise ModelError(f"{word}: {shown(given)} given; give True or False")
+        truth(given, word)
     suffix = file.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(file):
         model = robots.load_robot(file, floating, loops=loops, inertias=inertias, parameters=parameters, stacklevel=3, **having)

@@ -14,7 +14,7 @@ from functools import cache, cached_property
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from ncgen.errors import SHOWN, ModelError, shortened, shown
+from ncgen.errors import SHOWN, ModelError, one_of, shortened, shown, unknown_word
 from ncgen.methods.explicit import EXPLICIT, Published
 
 if TYPE_CHECKING:
@@ -193,14 +193,14 @@ def find_integrator(name: object) -> Integrator:
     key = name.lower() if isinstance(name, str) else ""
     key = other_names().get(key, key)
     if key not in INTEGRATORS:
-        raise ModelError(f"integrator {shown(name)} is unknown; choose one of {', '.join([AUTO, *INTEGRATORS, *other_names()])}")
+        raise unknown_word(name, "integrator", (AUTO, *INTEGRATORS, *other_names()))
     return INTEGRATORS[key]
 
 
 def find_formalism(name: object) -> Formalism:
     """The formalism of a name. Raises ModelError listing the known ones."""
     if not isinstance(name, str) or name not in FORMALISMS:
-        raise ModelError(f"formalism {shown(name)} is unknown; choose one of {', '.join([AUTO, *FORMALISMS])}")
+        raise unknown_word(name, "formalism", (AUTO, *FORMALISMS))
     return FORMALISMS[name]
 
 
@@ -247,8 +247,7 @@ def options_of(formalism: Formalism, integrator: Integrator, given: dict[str, An
 
 def _check_option(name: str, value: object, default: object) -> None:
     if name == "stabilisation":
-        if value not in STABILISATIONS:
-            raise ModelError(f"stabilisation {shown(value)} is unknown; choose one of {', '.join(STABILISATIONS)}")
+        one_of(value, "stabilisation", STABILISATIONS)
     elif isinstance(default, bool):
         if not isinstance(value, bool):
             raise ModelError(f"option {name}: {shown(value)} given; it must be True or False")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, cast
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, one_of, shown
 from ncgen.model.elements import coordinate_of
 from ncgen.model.names import normal
 from ncgen.model.values import Driven, Scalar, Value
@@ -81,8 +81,8 @@ def impact(restitution: Value = 0.0, order: str = "") -> Impact:
     ModelError
         For an unknown order.
     """
-    if order and order not in ORDERS:
-        raise ModelError(f"impact: order {shown(order)} is unknown; choose one of {', '.join(ORDERS)}")
+    if order != "":
+        one_of(order, "impact: order", ORDERS)
     return Impact(restitution, order)
 
 

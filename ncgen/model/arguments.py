@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
-from ncgen.errors import SHOWN, ModelError, UnknownName, shortened, shown
+from ncgen.errors import SHOWN, ModelError, UnknownName, foreign, shortened, shown
 from ncgen.model.actions import actions_of
 from ncgen.model.bodies import Body
 from ncgen.model.elements import AXES, Combination, Component, Constant, Element, Point, Relative, Spatial, Vector, as_combination
@@ -70,7 +70,7 @@ def own(model: Contents, thing: object, kind: type[E], where: str) -> E:
     if not isinstance(thing, kind):
         raise ModelError(f"{where}: {shown(thing)} is not a {kind.word}; give one by itself or by its name")
     if not isinstance(thing, Constant) and model.elements.get(thing.name) is not thing:
-        raise ModelError(f"{where}: {thing!r} belongs to another model; use this model's own")
+        raise foreign(where, repr(thing))
     return thing
 
 
@@ -97,7 +97,7 @@ def value(model: Contents, given: object, where: str) -> Value:
     found = as_value(given, where)
     _refuse_inputs(model, found, where)
     if isinstance(found, Parameter) and model.parameters.get(found.name) is not found:
-        raise ModelError(f"{where}: parameter {found.name} belongs to another model; use this model's own")
+        raise foreign(where, f"parameter {found.name}")
     evaluate(found, model.parameters, where)
     if is_symbolic(found) and found.is_Symbol:
         (symbol,) = symbols_in(found)
@@ -161,7 +161,7 @@ def coordinate(model: Contents, thing: object, where: str) -> Component | Relati
         raise ModelError(f"{where}: {shown(thing)} is not a coordinate; give an angle, a length, or one such as B.x")
     bearer = model.bearer(thing.name)
     if not any(each is thing for each in (bearer, *getattr(bearer, "components", ()))):
-        raise ModelError(f"{where}: {thing.name} belongs to another model; use this model's own")
+        raise foreign(where, thing.name)
     return thing
 
 
@@ -174,7 +174,7 @@ def _body(model: Contents, thing: object, where: str) -> Body:
     if not isinstance(thing, Body):
         raise ModelError(f"{where}: {shown(thing)} is not a body; give one by itself or by its name")
     if thing is not model.ground and model.bodies.get(thing.name) is not thing:
-        raise ModelError(f"{where}: body {thing.name} belongs to another model; use this model's own")
+        raise foreign(where, f"body {thing.name}")
     return thing
 
 
@@ -201,10 +201,15 @@ def _text(model: Contents, given: object, where: str) -> str:
     return given
 
 
+def truth(value: object, what: str) -> bool:
+    """Return True or False. Raises ModelError for anything else."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ModelError(f"{what}: {shown(value)} given; give True or False")
+    return bool(value)
+
+
 def _truth(model: Contents, given: object, where: str) -> bool:
-    if not isinstance(given, (bool, np.bool_)):
-        raise ModelError(f"{where}: {shown(given)} given; give True or False")
-    return bool(given)
+    return truth(given, where)
 
 
 def _held(model: Contents, given: object, where: str) -> bool | str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ncgen.errors import ModelError, counted, shown
+from ncgen.errors import ModelError, counted, one_of, shown
 from ncgen.model import arithmetic, curves, measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import own_direction
@@ -279,6 +279,4 @@ def _measure(name: str, start: Combination, end: Combination, axis: Combination)
 
 
 def check_form(form: str) -> str:
-    if form not in ANGLE_FORMS:
-        raise ModelError(f"form {form!r} is unknown; choose one of {', '.join(ANGLE_FORMS)}")
-    return form
+    return one_of(form, "form", ANGLE_FORMS)

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ncgen.errors import ModelError, counted, shown
+from ncgen.errors import ModelError, counted, foreign, one_of, shown
 from ncgen.model.arguments import expression
 from ncgen.model.expressions import is_symbolic
 from ncgen.model.lookups import curves_in, looked_up
@@ -52,8 +52,7 @@ class Curve:
 def spline(name: str, knots: Numbers, values: Numbers, end: str) -> Curve:
     """A cubic spline with continuous second derivatives. Raises ModelError for an unknown end, and for what no spline goes through."""
     what, periodic = f"spline {name}", end == "periodic"
-    if end not in ENDS:
-        raise ModelError(f"{what}: the end {shown(end)} is unknown; choose one of {', '.join(ENDS)}")
+    one_of(end, f"{what}: end", ENDS)
     x, y = _checked(what, knots, values, ENDS[end], periodic)
     return _made(what, name, cubic(x, y, slopes_of(x, y, end), x[-1] - x[0] if periodic else 0.0))
 
@@ -112,7 +111,7 @@ def check_curves(model: Contents, word: str, arguments: Mapping[str, object]) ->
         for each in given if isinstance(given, (list, tuple)) else (given,):
             for curve in curves_in(each) if is_symbolic(each) else ():
                 if known.get(curve.name) != curve:
-                    raise ModelError(f"{word}, {key}: {curve!r} belongs to another model; use this model's own")
+                    raise foreign(f"{word}, {key}", repr(curve))
 
 
 def _checked(what: str, knots: Numbers, values: Numbers, least: int, periodic: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:

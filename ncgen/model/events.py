@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, one_of
 from ncgen.model.actions import Action, Call, Doing, Impact
 from ncgen.model.coordinates import Coordinates
 from ncgen.model.facts import fact
@@ -57,8 +57,7 @@ class Events(Coordinates):
         """
         if name in self.events:
             raise ModelError(f"event {name}: there is one of that name already; choose another")
-        if direction not in DIRECTIONS:
-            raise ModelError(f"event {name}: direction {shown(direction)} is unknown; choose one of {', '.join(DIRECTIONS)}")
+        one_of(direction, f"event {name}: direction", DIRECTIONS)
         actions: tuple[Action, ...] = do  # type: ignore[assignment]  # as READERS leave it
         event = Event(name, when, direction, () if do is None else actions)  # type: ignore[arg-type]
         if event.impact and direction != "falling":

@@ -114,13 +114,6 @@ def closing(tolerance: object) -> float:
     return float(tolerance)
 
 
-def truth(value: object, what: str) -> bool:
-    """True or False. Raises ModelError for anything else."""
-    if not isinstance(value, (bool, np.bool_)):
-        raise ModelError(f"{what}: {echo(value)} given; give True or False")
-    return bool(value)
-
-
 def values_by_name(given: Mapping[str, Value] | None, what: str) -> dict[str, Value]:
     """{name: value} whose names are texts, {} from None. Raises ModelError for anything else."""
     if given is not None and not isinstance(given, Mapping):
@@ -299,3 +292,9 @@ def echo(given: object) -> str:
     """What was given, shortened."""
     text = given if isinstance(given, str) and given.isprintable() and given else written(given)
     return text if len(text) <= ECHOED else text[: ECHOED - 1] + "…"
+
+
+def refuse_callbacks(kernels: Outline) -> None:
+    """Raise ModelError where a force is a Python function, which has no derivative."""
+    if kernels.model.callbacks:
+        raise ModelError(f"{kernels.name}: a force of a Python function has no derivative; write it as an expression")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ncgen.errors import ModelError, counted
+from ncgen.errors import ModelError, counted, one_of
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import count as whole
 from ncgen.solver.given import echo, finite, offer, positive
@@ -64,8 +64,7 @@ class Axis:
             raise ModelError(f"{where}: {echo(dict(given))} given; give a list of numbers, low and high, or mean and deviation")
         low, high = (finite(given[word], f"{where}: {word}") for word in RANGE)
         scale = given.get("scale", SCALES[0])
-        if scale not in SCALES:
-            raise ModelError(f"{where}: scale {echo(scale)} is unknown; choose one of {', '.join(SCALES)}")
+        one_of(scale, f"{where}: scale", SCALES)
         if not low < high or (scale == "log" and low <= 0):
             raise ModelError(f"{where}: from {low:g} to {high:g} given; low is below high{', and above 0' if scale == 'log' else ''}")
         axis = cls(name, kind=scale, ends=(low, high))
@@ -112,8 +111,7 @@ class Design:
         """From what the caller says. Raises ModelError with one sentence."""
         if not isinstance(vary, Mapping) or not vary:
             raise ModelError(f"vary: {echo(vary)} given; give {{name: numbers}} for at least one parameter or start")
-        if kind not in KINDS:
-            raise ModelError(f"design {echo(kind)} is unknown; choose one of {', '.join(KINDS)}")
+        one_of(kind, "design", KINDS)
         design = cls(tuple(Axis.of(str(name), given) for name, given in vary.items()), kind)
         design._check()
         if kind in LISTED:

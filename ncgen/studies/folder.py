@@ -85,8 +85,10 @@ class Folder:
         except OSError as error:
             raise NcgenError(f"{path / MANIFEST}: {error.strerror or error}; give the folder of a study") from error
         except (ValueError, RecursionError) as error:
-            raise NcgenError(f"{path / MANIFEST}: it is no manifest of a study ({error})") from error
-        if problem := _fault_of(said):
+            said, problem = None, str(error)
+        else:
+            problem = _fault_of(said)
+        if problem:
             raise NcgenError(f"{path / MANIFEST}: it is no manifest of a study ({problem})")
         if said["format"] != FORMAT:
             raise NcgenError(f"{path}: it has format {shown(said['format'])}; this ncgen reads {FORMAT}")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ncgen.compiler import compile
-from ncgen.errors import DomainError, ModelError, NcgenError, SingularError, counted
+from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.given import position
@@ -25,7 +25,7 @@ from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import Choice, States, closed
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.runs.run import EMITTED, Run
-from ncgen.solver.runs.start import begin
+from ncgen.solver.runs.start import begin, check_count, check_independent
 from ncgen.solver.trajectories.energy import drifts
 from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations
 from ncgen.studies.definition import Study
@@ -230,13 +230,9 @@ class Bench:
         names, given = self._choice.names, self._lanes_run[0].initial.zd
         found = np.zeros((count, len(names)))
         rates = given if isinstance(given, dict) else dict(zip(names, () if given is None else given, strict=False))
-        if not isinstance(given, dict) and given is not None and len(given) != len(names):
-            raise ModelError(
-                f"zd0: {counted(len(given), 'number')} given, {len(names)} needed for the independent coordinates {', '.join(names)}"
-            )
-        if unknown := [name for name in self._named_rates if name not in names]:
-            said = f"it is not independent; the independent coordinates are {', '.join(names)}"
-            raise ModelError(f"initial velocity of {unknown[0]}: {said}; others are chosen by z")
+        if not isinstance(given, dict) and given is not None:
+            check_count(given, names)
+        check_independent(self._named_rates, names)
         for name, value in {**rates, **varied}.items():
             found[:, names.index(name)] = value
         return found

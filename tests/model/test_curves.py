@@ -303,7 +303,7 @@ REFUSED = {
     "a spline of too few": (lambda m: m.spline("c", (0, 1, 2), (1, 2, 1), "periodic"), "spline c: 3 knots given; give 4 to 10000"),
     "one knot": (lambda m: m.table("c", (0,), (1,)), "table c: 1 knot given; give 2 to 10000"),
     "ends that differ": (lambda m: m.table("c", (0, 1, 2), (1, 2, 3), True), "table c: it begins with 1 and ends with 3; what repeats"),
-    "no end": (lambda m: m.spline("c", (0, 1), (1, 2), "soft"), "spline c: the end 'soft' is unknown; choose one of natural, clamped, "),
+    "no end": (lambda m: m.spline("c", (0, 1), (1, 2), "soft"), "spline c: end 'soft' is unknown; choose one of natural, clamped, "),
     "steep": (lambda m: m.spline("c", (0, 1e-300, 1), (1, 2e90, 2)), "spline c: knots are so close, or values so large, that its"),
     "a parameter": (lambda m: m.spline("c", (0, m.parameters["k"]), (1, 2)), "spline c, knots, 2: parameter k depends on parameters"),
     "a name twice": (lambda m: m.spline("law", (0, 1), (1, 2)), "curve law: the name is already used for curve law; choose another"),

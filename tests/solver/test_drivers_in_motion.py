@@ -212,7 +212,7 @@ def test_a_start_at_another_time(kernels, loop):
 
 
 def test_a_driven_coordinate_is_not_free(kernels):
-    with pytest.raises(ModelError, match="psi: psi is not independent"):
+    with pytest.raises(ModelError, match="psi: it is not independent"):
         ncgen.simulate(kernels, 0.1, zd0={"psi": 1.0})
 
 

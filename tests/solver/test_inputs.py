@@ -180,7 +180,7 @@ def test_joint_loads_feel_the_input(slider):
         ({"F": math.nan}, "inputs: F is nan; it must be a finite number"),
         ({"F": ([0, 1], [1])}, "inputs: F: 2 times and 1 value; give as many of both, 2 or more"),
         ({"F": ([0, 0], [1, 2])}, "inputs: F: time 1 is 0 s after 0 s; times must ascend"),
-        ({"F": ([0, 1], [1, 2], "wavy")}, "inputs: F: hold wavy is unknown; choose one of zero, linear, cubic"),
+        ({"F": ([0, 1], [1, 2], "wavy")}, "inputs: F: hold 'wavy' is unknown; choose one of zero, linear, cubic"),
         (3, "inputs: 3 given; give {name: number, function of time, or (times, values)}"),
     ],
 )

@@ -77,7 +77,7 @@ def test_distributions():
         ({"a": {"mean": 0, "deviation": -1}}, {}, "vary, a: deviation is -1; it must be positive"),
         ({"a": UNIT}, {}, "vary, a: in a grid it is a list of numbers, or low, high and count"),
         ({"a": UNIT}, {"kind": "sobol"}, "design 'sobol' needs count"),
-        ({"a": UNIT}, {"kind": "sobols", "count": 4}, "design sobols is unknown; choose one of grid, list"),
+        ({"a": UNIT}, {"kind": "sobols", "count": 4}, "design 'sobols' is unknown; choose one of grid, list"),
         ({"a": UNIT, "b": UNIT}, {"kind": "saltelli", "count": 100}, "a power of 2, such as 128"),
         ({"a": UNIT}, {"kind": "saltelli", "count": 64}, "a alone varies"),
         ({"a": UNIT}, {"kind": "random", "count": 4, "seed": -1}, "seed: -1 given"),

@@ -24,6 +24,7 @@ from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.finite import watched
 from ncgen.solver.formalisms.coordinate_partitioning import Start, dependent_position, motion_at
+from ncgen.solver.given import refuse_callbacks
 from ncgen.solver.positions.partition import Kinematics, determined, kinematics, quality
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals
@@ -392,7 +393,6 @@ class _Stage:
 
 
 def _check(kernels: Kernels) -> None:
-    if kernels.model.callbacks:
-        raise ModelError(f"{kernels.name}: a force of a Python function has no derivative here; write it as an expression")
+    refuse_callbacks(kernels)
     if len(kernels.holonomic) != kernels.m:
         raise ModelError(f"{kernels.name}: motions with rolling conditions are not differentiated")

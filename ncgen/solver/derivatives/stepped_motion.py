@@ -26,6 +26,7 @@ from ncgen.program.motions.step_equations import INPUTS, INSTANTS, StepEquations
 from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import rate_slope
+from ncgen.solver.given import refuse_callbacks
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import determined, kinematics
 from ncgen.solver.positions.rank import REMEMBERED
@@ -111,8 +112,7 @@ class SteppedMotion:
     ) -> None:  # fmt: skip
         """start_follows: whether the position at the start is the model's own, which may change with parameters; signals: what drives the
         run."""
-        if kernels.model.callbacks:
-            raise ModelError(f"{kernels.name}: a force of a Python function has no derivative here; write it as an expression")
+        refuse_callbacks(kernels)
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self._method, self.signals = kernels, begun.p, method, signals
         self.t, self.jumps = times, Jumps.of(kernels, begun.p, begun.q, times, signals)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ncgen.errors import ModelError
 from ncgen.program.initial import assemble_values
 from ncgen.program.ir.evaluate import evaluate_rows
 from ncgen.program.tree.regressor import ENTRIES, NAMES, Frame, frames_of
+from ncgen.solver.joints.joint_names import refuse_thin
 
 if TYPE_CHECKING:
     from ncgen.solver.joints.joint_dynamics import JointDynamics
@@ -62,8 +62,7 @@ class BaseParameters:
 
 def frames(space: JointDynamics) -> list[Frame]:
     """Of the bodies of the tree. Raises ModelError where a body with inertia is no part of it."""
-    if thin := [body.name for body in space.tree.loose if body.inertia]:
-        raise ModelError(f"{space.kernels.name}: {thin[0]} does not define its orientation; give the body another vector or point")
+    refuse_thin(space.kernels, space.tree)
     return frames_of(space.kernels.model, space.tree)
 
 

@@ -20,7 +20,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.tree.joint_space import Made
 from ncgen.solver import geometry, given
 from ncgen.solver.frames import transformation
-from ncgen.solver.joints.joint_names import carried
+from ncgen.solver.joints.joint_names import carried, refuse_thin
 from ncgen.solver.joints.link_frames import LinkFrame
 from ncgen.symbolic.tree import Tree, moving
 
@@ -224,8 +224,7 @@ class JointKinematics(ABC):
 
     def _momenta(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mass (…, 1), first moment about the origin (…, 3), momenta about the origin of the tree's rates (…, -, 6)."""
-        if thin := [body.name for body in self.tree.loose if body.inertia]:
-            raise ModelError(f"{self.kernels.name}: {thin[0]} does not define its orientation; give the body another vector or point")
+        refuse_thin(self.kernels, self.tree)
         found = self._of("joint_momenta", q)
         if not np.all(found[..., 0] > 0):
             raise ModelError(f"{self.kernels.name}: nothing has mass; give a body one")

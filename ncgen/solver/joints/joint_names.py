@@ -80,3 +80,9 @@ def names_of(kernels: Kernels, tree: Tree, followed: Mapping[int, tuple[int, flo
             name = coordinates.get(len(names), f"{link.body.name}.{letter + along[0] if along else word}")
             names.append(name)
     return tuple(names)
+
+
+def refuse_thin(kernels: Kernels, tree: Tree) -> None:
+    """Raise ModelError where a body has rotational inertia and no orientation, so that it is not part of the tree."""
+    if thin := [body.name for body in tree.loose if body.inertia]:
+        raise ModelError(f"{kernels.name}: {thin[0]} does not define its orientation; give the body another vector or point")

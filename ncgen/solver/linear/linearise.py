@@ -27,7 +27,7 @@ from ncgen.solver.formalisms.dynamics_jacobian import (
     multiplier_changes,
     partitioned_jacobian,
 )
-from ncgen.solver.given import checked_kernels, known_name, several
+from ncgen.solver.given import checked_kernels, known_name, refuse_callbacks, several
 from ncgen.solver.groups import StartArguments, takes
 from ncgen.solver.linear.poles import Pole, poles_of, response_of, zeros_of
 from ncgen.solver.linear.steady import drift
@@ -234,8 +234,7 @@ def linearise(kernels: Kernels, **arguments: Unpack[StartArguments]) -> Linearis
     if signals_of(kernels, inputs, initial.p):
         raise ModelError("inputs: linearise needs numbers, the values about which inputs change")
     t, p = initial.t, initial.p
-    if kernels.model.callbacks:
-        raise ModelError(f"{kernels.name}: forces of Python functions have no derivative; write them as expressions to linearise")
+    refuse_callbacks(kernels)
     q = solve_position(kernels, initial.q, t, p).q
     partitions = choose_partitions(kernels, q, t, p, initial.z or kernels.model.chosen_independent)
     velocities, positions = partitions.velocity.independent, partitions.position.independent

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, ModelError, counted
+from ncgen.errors import ConvergenceError, ModelError, counted, one_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import watched
@@ -86,8 +86,7 @@ def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Giv
         For rolling constraints and invalid arguments.
     """
     p = given.parameters(kernels, p)
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise ModelError(f"kind {given.echo(kind)!r} is unknown; choose one of {', '.join(KINDS)}")
+    one_of(kind, "kind", KINDS)
     if len(kernels.holonomic) < kernels.m:
         raise ModelError(f"{kernels.name}: an equilibrium with rolling conditions is one of many; hold the position instead")
     q = assemble(kernels, q, t, p)

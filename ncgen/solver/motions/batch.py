@@ -15,8 +15,9 @@ from ncgen.mechanism.break_times import break_times_of_each
 from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
+from ncgen.model.arguments import truth
 from ncgen.solver.engines.compiled import GROWTH
-from ncgen.solver.given import Given, checked_kernels, finite, names_of, refuse_events, truth
+from ncgen.solver.given import Given, checked_kernels, finite, names_of, refuse_events
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import Choice, States, those_in_lanes

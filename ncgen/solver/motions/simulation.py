@@ -240,8 +240,7 @@ class Simulation:
             raise ModelError(f"reset: the state is one of another mechanism than {self.kernels.name}; give a state that this one had")
         now = self._now
         numbers = [finite(getattr(state, name), f"reset: {name}") for name in ("t", "work", "next_step")]
-        if numbers[2] < 0:
-            raise ModelError(f"reset: next_step is {numbers[2]:g} s; it must be positive, or 0 for a step that is found")
+        check_next_step(numbers[2])
         arrays = [array_of(getattr(state, name), getattr(now, name).shape, f"reset: {name}") for name in ("q", "qd", "p")]
         if not np.array_equal(arrays[2], now.p):
             check_parameters(self.kernels, arrays[2])
@@ -290,7 +289,18 @@ class Simulation:
             return float(self._now.p[self._places[name]])
         if name in self.kernels.model.outputs:
             return self.outputs[name]
-        raise ModelError(f"{self.kernels.name} has no coordinate, rate, input or output {name!r}; {offer(name, tuple(index))}")
+        raise no_such_quantity(self.kernels, name)
+
+
+def no_such_quantity(kernels: Kernels, name: str) -> ModelError:
+    """Return the error about a name that a simulation does not know."""
+    return ModelError(f"{kernels.name} has no coordinate, rate, input or output {name!r}; {offer(name, tuple(kernels.index))}")
+
+
+def check_next_step(least: float) -> None:
+    """Raise ModelError for a step (s) of error control that is negative."""
+    if least < 0:
+        raise ModelError(f"reset: next_step is {least:g} s; it must be positive, or 0 for a step that is found")
 
 
 def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None, at: Initial) -> tuple[Callable[[], Stepping], Start]:

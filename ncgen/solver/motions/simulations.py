@@ -24,10 +24,19 @@ from ncgen.mechanism.library import STATUS
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines.compiled import checked_compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, offer, positive, refuse_events
+from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, positive, refuse_events
 from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.motions.alone import Alone
-from ncgen.solver.motions.simulation import NOT_STEPPED, explicit, known_text, outputs_at, prepared, stepped
+from ncgen.solver.motions.simulation import (
+    NOT_STEPPED,
+    check_next_step,
+    explicit,
+    known_text,
+    no_such_quantity,
+    outputs_at,
+    prepared,
+    stepped,
+)
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial
 from ncgen.solver.trajectories.outputs import uses_accelerations
@@ -220,8 +229,7 @@ class Simulations:
             raise ModelError(f"reset: the states are those of another mechanism than {self.kernels.name}; give states that this one had")
         names = ("t", "q", "qd", "work", "p", "next_step")
         values = {name: array_of(getattr(source, name), getattr(now, name).shape, f"reset: {name}") for name in names}
-        if np.any(values["next_step"] < 0):
-            raise ModelError(f"reset: next_step is {np.min(values['next_step']):g} s; it must be positive, or 0 for a step that is found")
+        check_next_step(float(np.min(values["next_step"])))
         if refused := {} if np.array_equal(values["p"], now.p) else refused_parameters(self.kernels, values["p"]):
             raise ModelError(f"reset: p of simulation {min(refused)}: {refused[min(refused)]}")
         with self._alone:
@@ -287,4 +295,4 @@ class Simulations:
             return self.p[:, self._places[name]].copy()
         if name in self.kernels.model.outputs:
             return self.outputs[name]
-        raise ModelError(f"{self.kernels.name} has no coordinate, rate, input or output {name!r}; {offer(name, tuple(index))}")
+        raise no_such_quantity(self.kernels, name)

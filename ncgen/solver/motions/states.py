@@ -22,7 +22,8 @@ from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import Partitions, partitions_for
 from ncgen.solver.positions.position import TOLERANCE, check_finite, check_mirror_roots
-from ncgen.solver.runs.start import given_velocity
+from ncgen.solver.runs.run import TWO_VELOCITIES
+from ncgen.solver.runs.start import check_independent, given_velocity
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneDynamics
@@ -121,7 +122,7 @@ class States:
         Raises ModelError where shapes do not fit or lanes cannot do it.
         """
         if zd is not None and qd is not None:
-            raise ModelError("zd0 and qd0 are both given; give the initial velocities once")
+            raise ModelError(TWO_VELOCITIES)
         p = _given(kernels, "p", p, kernels.parameters, kernels.p0)
         usual = kernels.start(p) if q is None or isinstance(q, Mapping) else kernels.q0  # rows that are given need none beside them
         q = _given(kernels, "q0", q, kernels.coordinates, usual)
@@ -144,7 +145,8 @@ class States:
             raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
         choice = choice or Choice.at_first(kernels, q, t, p, z, method, rates or ())
         if rates is not None and zd is not None:
-            zd = zd[..., [kernels.index[name] for name in all_independent(rates, choice.names)]]
+            check_independent(rates, choice.names)
+            zd = zd[..., [kernels.index[name] for name in choice.names]]
         nz = len(choice.names)
         if qd is not None:
             zd, unlike = _rates_given(choice, _rows(kernels, "qd0", qd, size, kernels.n), wanted, q, t, p)
@@ -219,13 +221,6 @@ def _rates_given(
     if warned:
         warn(f"{kernels.name}: qd0 of {len(warned)} of {len(q)} states is not what they start with; {warned[0]}")
     return found, faults
-
-
-def all_independent(rates: Mapping, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the independent coordinates. Raises ModelError if velocities of others are given."""
-    if unknown := [name for name in rates if name not in names]:
-        raise ModelError(f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}")
-    return names
 
 
 def _rows(

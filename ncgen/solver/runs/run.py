@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeAlias, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ModelError, shown, written
+from ncgen.errors import ModelError, one_of, shown, written
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import (
@@ -67,6 +67,8 @@ Form: TypeAlias = Literal[Partitioned, "tree"]
 NUMBERS = ("double", "float", "long double")
 """Number types of C."""
 
+TWO_VELOCITIES = "zd0 and qd0 are both given; give the initial velocities once"
+
 FINEST = 100 * np.finfo(float).eps
 """Instants nearer to each other than this, relative to the time, cannot be distinguished."""
 
@@ -115,7 +117,7 @@ class Initial:
         """From what the caller gives. Raises ModelError."""
         known = outline(subject)
         if zd0 is not None and qd0 is not None:
-            raise ModelError("zd0 and qd0 are both given; give the initial velocities once")
+            raise ModelError(TWO_VELOCITIES)
         values = parameters(known, p)
         return cls(
             values,
@@ -182,8 +184,8 @@ class Run:
             if max_step is None or (is_real(max_step) and max_step == np.inf)
             else positive(max_step, "max_step", "number of seconds"),
             stop_at(known, stop),
-            chosen(engine, "engine", ENGINES),
-            chosen(number, "number", NUMBERS),
+            one_of(engine, "engine", ENGINES),
+            one_of(number, "number", NUMBERS),
             signals_of(known, inputs, start.p),
         )
         run._check_steps()
@@ -300,13 +302,6 @@ def count(value: object, name: str, least: int, why: str) -> int:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, Integral) or value < least:
         raise ModelError(f"{name}: {echo(value)} given; {why}")
     return int(value)
-
-
-def chosen(value: object, name: str, known: tuple[str, ...]) -> str:
-    """One of some words. Raises ModelError listing them."""
-    if not isinstance(value, str) or value not in known:
-        raise ModelError(f"{name} {echo(value)} is unknown; choose one of {', '.join(known)}")
-    return value
 
 
 def echo(value: object) -> str:

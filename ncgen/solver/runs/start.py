@@ -6,6 +6,7 @@ constraints do not allow is projected, and said.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,17 +116,28 @@ def independent_rates(kernels: Kernels, partition: Partition, given: dict[str, f
     if given is None:
         return np.zeros(len(names))
     if isinstance(given, dict):
-        if unknown := [name for name in given if name not in names]:
-            raise ModelError(
-                f"initial velocity of {unknown[0]}: {unknown[0]} is not independent; give that of {', '.join(names)}, or choose others "
-                "by z, or give velocities of any coordinates by qd0"
-            )
+        check_independent(given, names)
         return np.array([given.get(name, 0.0) for name in names], dtype=float)
-    if len(given) != len(names):
+    return check_count(given, names)
+
+
+def check_independent(rates: Iterable[str], names: tuple[str, ...]) -> None:
+    """Raise ModelError where an initial velocity is given for a coordinate that is not among the independent ones, `names`."""
+    for name in rates:
+        if name not in names:
+            raise ModelError(
+                f"initial velocity of {name}: it is not independent; the independent coordinates are {', '.join(names)}; "
+                "choose others by z, or give velocities of any coordinates by qd0"
+            )
+
+
+def check_count(rates: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    """Return velocities, as many as there are independent coordinates. Raises ModelError for another number."""
+    if len(rates) != len(names):
         raise ModelError(
-            f"zd0: {counted(len(given), 'number')} given, {len(names)} needed for the independent coordinates {', '.join(names)}"
+            f"zd0: {counted(len(rates), 'number')} given, {len(names)} needed for the independent coordinates {', '.join(names)}"
         )
-    return given
+    return rates
 
 
 def velocity_from_rates(kernels: Kernels, partition: Partition, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:

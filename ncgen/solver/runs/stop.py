@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ncgen.errors import ModelError, shown
+from ncgen.errors import ModelError, one_of, shown
 from ncgen.mechanism.conditions import Conditions
 from ncgen.methods.table import is_real
 from ncgen.model.elements import coordinate_of
@@ -92,8 +92,7 @@ def stop_at(kernels: Outline, wanted: Mapping[str, Any] | None) -> Stop | None:
     if inner not in kernels.index:
         raise ModelError(f"stop at {name}: {kernels.name} has no free coordinate {inner}; it has {', '.join(kernels.coordinates)}")
     value, direction = condition if isinstance(condition, (tuple, list)) and len(condition) == 2 else (condition, "either")
-    if direction not in DIRECTIONS:
-        raise ModelError(f"stop at {name}: direction {direction!r} is unknown; choose one of {', '.join(DIRECTIONS)}")
+    one_of(direction, f"stop at {name}: direction", DIRECTIONS)
     if not (is_real(value) and abs(value) <= sys.float_info.max):
         raise ModelError(f'stop at {name}: {shown(value)} given; it must be a number, or a number and a direction, (0.5, "rising")')
     return Stop(kernels.index[inner] + (kernels.n if inner != name else 0), float(value), DIRECTIONS[direction])
