@@ -33,9 +33,10 @@ def now(path: str) -> str:
 def homes(read: Callable[[str], str]) -> dict[str, str]:
     """Return {public name: its module}."""
     for node in ast.parse(read("ncgen/__init__.py")).body:
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_HOMES":
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_HOMES" and isinstance(node.value, ast.Dict):
             return ast.literal_eval(node.value)
-    raise LookupError("ncgen/__init__.py has no _HOMES")
+    lines = [line.split() for line in read("ncgen/__init__.pyi").splitlines() if line.startswith("from ")]
+    return {words[5]: words[1] for words in lines}
 
 
 def signature(read: Callable[[str], str], module: str, name: str) -> str:

@@ -1,8 +1,11 @@
-"""Docstrings as lists: the house writes `name: meaning` on lines of their own, and indents what belongs to them."""
+"""Docstrings as tables and lists: sections in NumPy's style become tables, and lines `name: meaning` in other docstrings lists."""
 
 from __future__ import annotations
 
+import inspect
 import re
+from collections.abc import Iterator
+from importlib import import_module
 from typing import Any
 
 import griffe
@@ -12,12 +15,57 @@ NOTE = r" \([^)]*\)"
 ENTRY = re.compile(rf"(?P<indent> *)(?P<names>{NAME}(?:{NOTE})?(?:(?:, | and ){NAME}(?:{NOTE})?)*): (?P<text>.*)")
 
 
+SECTION = re.compile(r"^(Parameters|Returns|Raises|Warns|Notes)\n-+\n", re.MULTILINE)
+
+
 class Lists(griffe.Extension):
-    """Turns such lines into Markdown lists while a package is read."""
+    """Turns docstrings into Markdown while a package is read."""
 
     def on_instance(self, *, obj: griffe.Object, **kwargs: Any) -> None:
         if obj.docstring:
-            obj.docstring.value = listed(obj.docstring.value)
+            text = inspect.cleandoc(obj.docstring.value)
+            obj.docstring.value = tabled(whole(obj, text)) if SECTION.search(text) else listed(obj.docstring.value)
+
+
+def whole(obj: griffe.Object, text: str) -> str:
+    """Return a docstring with the arguments of a group in it, as `help()` shows it."""
+    if not re.search(r"^\*\*\w+ : ", text, re.MULTILINE) or obj.parent is None or not obj.parent.is_module:
+        return text
+    return inspect.getdoc(getattr(import_module(obj.parent.path), obj.name)) or text
+
+
+def tabled(text: str) -> str:
+    """Return the Markdown of a docstring in NumPy's style: a table for every section, paragraphs for notes.
+
+    Parameters
+    ----------
+    text : str
+        The docstring, without indentation.
+
+    Returns
+    -------
+    str
+        Its Markdown.
+    """
+    before, *sections = SECTION.split(text)
+    parts = [before.strip()]
+    for title, body in zip(sections[::2], sections[1::2], strict=True):
+        if title == "Notes":
+            parts.append(f"**{title}.** {body.strip()}")
+        else:
+            parts += [f"**{title}**", "\n".join(_rows(title, body))]
+    return "\n\n".join(parts)
+
+
+def _rows(title: str, body: str) -> Iterator[str]:
+    """Yield the rows of a section's table: name, type and meaning of parameters, type and meaning of what is returned or raised."""
+    named = title == "Parameters"
+    yield "| name | type | meaning |" if named else "| type | meaning |"
+    yield "|---|---|---|" if named else "|---|---|"
+    for entry in re.finditer(r"^(\S.*)\n((?:(?: +.*)?\n)*)", f"{body.strip()}\n", re.MULTILINE):
+        name, _, kind = entry[1].partition(" : ")
+        meaning = " ".join(entry[2].split()).replace("|", "\\|")
+        yield f"| `{name}` | {kind} | {meaning} |" if named else f"| {name} | {meaning} |"
 
 
 def listed(text: str) -> str:

@@ -124,3 +124,23 @@ def test_docstrings_become_lists():
     ]  # fmt: skip
     prose = "A run.\n\nIt has t and q,\nengine: what it was."
     assert docstrings.listed(prose) == prose
+
+
+def test_docstrings_in_numpys_style_become_tables():
+    """A group's arguments are in the table of the function that takes them."""
+    pytest.importorskip("griffe", reason="the site needs pip install '.[docs]'")
+    import docstrings
+    import griffe
+
+    module = griffe.load("ncgen.solver.linear.linearise")
+    text = docstrings.whole(module["linearise"], module["linearise"].docstring.value)
+    lines = docstrings.tabled(text).splitlines()
+    assert "| `t0` | float | Start time in s. |" in lines and "| SingularError | At a singular position. |" in lines
+    assert [line for line in lines if line.startswith("**")][:3] == ["**Parameters**", "**Returns**", "**Raises**"]
+    assert docstrings.tabled("Add.\n\nReturns\n-------\nint\n    The sum, a | b.\n").splitlines()[2:] == [
+        "**Returns**",
+        "",
+        "| type | meaning |",
+        "|---|---|",
+        "| int | The sum, a \\| b. |",
+    ]
