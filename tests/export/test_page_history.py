@@ -115,7 +115,7 @@ def test_a_link_opens_to_the_same_picture(browser, page_of, tmp_path):
     enter(browser, "psi", 14.5)
     browser.value("document.querySelectorAll('#traces input').forEach((box) => box.click())")
     click(browser, "names")
-    browser.value("{ const more = document.querySelector('#charts select'); more.value = 'C.y'; more.dispatchEvent(new Event('change')); }")
+    browser.value("{ const more = document.getElementById('more'); more.value = 'C.y'; more.dispatchEvent(new Event('change')); }")
     click(browser, "step", 25)
     browser.mouse("mousePressed", 860, 300)
     browser.mouse("mouseMoved", 830, 340)
