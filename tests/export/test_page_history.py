@@ -16,6 +16,7 @@ EVERYTHING = "[...living.mechanism.state, ...living.mechanism.p, living.drift(),
 
 
 def scrub(browser, index: int) -> None:
+    settled(browser)
     browser.value(f"{{ const bar = document.getElementById('scrub'); bar.value = {index}; bar.dispatchEvent(new Event('input')); }}")
 
 
