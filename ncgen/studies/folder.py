@@ -85,11 +85,9 @@ class Folder:
         except OSError as error:
             raise NcgenError(f"{path / MANIFEST}: {error.strerror or error}; give the folder of a study") from error
         except (ValueError, RecursionError) as error:
-            said, problem = None, str(error)
-        else:
-            problem = _fault_of(said)
-        if problem:
-            raise NcgenError(f"{path / MANIFEST}: it is no manifest of a study ({problem})")
+            raise _no_manifest(path, str(error)) from error
+        if problem := _fault_of(said):
+            raise _no_manifest(path, problem)
         if said["format"] != FORMAT:
             raise NcgenError(f"{path}: it has format {shown(said['format'])}; this ncgen reads {FORMAT}")
         return cls(path, said)
@@ -241,6 +239,10 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
     except OSError as error:
         raise NcgenError(f"{path}: it cannot be removed: {error.strerror or error}; remove it yourself, or give another folder") from error
+
+
+def _no_manifest(path: Path, problem: str) -> NcgenError:
+    return NcgenError(f"{path / MANIFEST}: it is no manifest of a study ({problem})")
 
 
 def _fault_of(said: Any) -> str:

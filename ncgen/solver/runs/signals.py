@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import DomainError, ModelError, counted, one_of
+from ncgen.errors import DomainError, ModelError, counted, unknown_word
 from ncgen.mechanism.driving import Function, Pieces
 from ncgen.solver.given import Outline, echo, finite, known_name, several
 
@@ -128,7 +128,8 @@ def _table(given: Sequence[object], where: str) -> Table:
         raise ModelError(f"{where}: {counted(len(given), 'thing')} given; give (times, values) or (times, values, hold)")
     times, values = several(given[0], f"{where}, times"), several(given[1], f"{where}, values")  # type: ignore[arg-type]
     hold = given[2] if len(given) == 3 else "linear"
-    one_of(hold, f"{where}: hold", HOLDS)
+    if hold not in HOLDS:
+        raise unknown_word(hold, f"{where}: hold", HOLDS)
     if len(times) != len(values) or len(times) < FEWEST:
         raise ModelError(f"{where}: {len(times)} times and {counted(len(values), 'value')}; give as many of both, {FEWEST} or more")
     if not np.all(np.diff(times) > 0):
