@@ -14,7 +14,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.newmark import newmark
 from ncgen.program.ir.derivatives import gradient
 from ncgen.program.lines import line
-from ncgen.program.motions.step_equations import INPUTS, INSTANTS, METHODS, Layout, _Step, extra
+from ncgen.program.motions.step_equations import INPUTS, INSTANTS, METHODS, StepLayout, _Step, extra
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.positions.rank import best_rows, freedom_at, scaled_jacobian
 
@@ -35,7 +35,7 @@ class Equations:
     def __init__(self, kernels: Kernels, method: str) -> None:
         step = _Step(kernels.programs)
         (F, G), graph = METHODS[method](step), step.graph
-        self.layout = Layout.of(method, step.n, step.m)
+        self.layout = StepLayout.of(method, step.n, step.m)
         unknowns = {graph.load("u", i): i for i in range(self.layout.unknowns)}
         entries = [(row, unknowns[v], slope) for row, f in enumerate(F) for v, slope in gradient(graph, f.place, unknowns).items()]
         self.places = np.array([entry[:2] for entry in entries]).T

@@ -60,19 +60,19 @@ ENGINES = {"emitted": "emitted C", "c": "C", "python": "Python"}
 
 
 @dataclass(frozen=True, eq=False)
-class Reference:
+class PrecisionReference:
     """q: end position; doubt: how far another method's end position is from it, relative to the mechanism's size."""
 
     q: np.ndarray
     doubt: float
 
 
-def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) -> Reference:
+def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) -> PrecisionReference:
     """The end of a run, found by two methods and kept in the cache folder. Raises NcgenError where neither succeeds."""
     facts = (kernels.fingerprint, duration, sorted(start.items()), TIGHT, __version__, np.__version__, scipy.__version__)
     key = hashlib.sha256(repr(facts).encode()).hexdigest()[:40]
     if found := kept("references", key):
-        return Reference(np.array(found["q"]), found["doubt"])
+        return PrecisionReference(np.array(found["q"]), found["doubt"])
     ends = []
     for method in (("lagrange", "dop853"), ("coordinate-partitioning", "dop853"), ("lagrange", "dopri5")):
         try:
@@ -85,7 +85,7 @@ def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) 
             break
     doubt = _distance(kernels, *ends) if len(ends) == 2 else np.inf
     keep("references", key, {"q": ends[0].tolist(), "doubt": doubt})
-    return Reference(ends[0], doubt)
+    return PrecisionReference(ends[0], doubt)
 
 
 def _distance(kernels: Kernels, one: np.ndarray, other: np.ndarray) -> float:
@@ -138,7 +138,7 @@ def _ways(formalism: str, integrator: str, kernels: Kernels, numpy: Kernels) -> 
 
 def _ladder(
     kernels: Kernels,
-    known: Reference,
+    known: PrecisionReference,
     duration: float,
     start: dict[str, Any],
     formalism: str,

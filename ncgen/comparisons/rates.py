@@ -45,7 +45,7 @@ def arithmetic_rate() -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class RatedPart:
     """What computes the accelerations of the independent coordinates: run; values after a run; operations, None where nobody knows."""
 
     run: Run
@@ -53,7 +53,7 @@ class Part:
     operations: int | None = None
 
 
-OtherParts: TypeAlias = Callable[[CompiledKernels, np.ndarray, np.ndarray], dict[str, Part]]
+OtherParts: TypeAlias = Callable[[CompiledKernels, np.ndarray, np.ndarray], dict[str, RatedPart]]
 """(kernels, q, zd) -> what else has the accelerations of this state, by name."""
 
 
@@ -83,7 +83,7 @@ def derivative_records(
     return [_record(name, spread, counts.get(name), rate, error.get(name), (worst or {}).get(name)) for name, spread in spent.items()]
 
 
-def _stage(kernels: CompiledKernels, q: np.ndarray, qd: np.ndarray, part: np.ndarray) -> dict[str, Part]:
+def _stage(kernels: CompiledKernels, q: np.ndarray, qd: np.ndarray, part: np.ndarray) -> dict[str, RatedPart]:
     """The derivative that default runs take, if they take one."""
     counts = motion(kernels)
     if counts is None or not is_written_out(kernels, Method.of("lagrange", "dop853")):
@@ -91,7 +91,7 @@ def _stage(kernels: CompiledKernels, q: np.ndarray, qd: np.ndarray, part: np.nda
     made = all_coordinates(kernels, form="emitted")
     call = Call(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made))
     run = runner(0.0, q, qd, made.with_prepared(kernels.p0), [], call)
-    return {STAGE: Part(run, lambda: call.out[kernels.n :][part], counts["derivative"])}
+    return {STAGE: RatedPart(run, lambda: call.out[kernels.n :][part], counts["derivative"])}
 
 
 def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, Call], dict[str, Program]]:
@@ -113,7 +113,7 @@ def _counts(programs: dict[str, Program]) -> dict[str, int | None]:
     }
 
 
-def _student(kernels: Kernels, q: np.ndarray, zd: np.ndarray) -> dict[str, Part]:
+def _student(kernels: Kernels, q: np.ndarray, zd: np.ndarray) -> dict[str, RatedPart]:
     """The hand-written derivative, started from the position itself."""
     module = handwritten(kernels)
     if module is None:
@@ -123,7 +123,7 @@ def _student(kernels: Kernels, q: np.ndarray, zd: np.ndarray) -> dict[str, Part]
     def rates() -> np.ndarray:
         return module.derivative(0.0, y, guess)
 
-    return {"hand-written NumPy": Part(repeated(rates), lambda: rates()[: len(zd)])}
+    return {"hand-written NumPy": RatedPart(repeated(rates), lambda: rates()[: len(zd)])}
 
 
 def _error(kernels: Kernels, q: np.ndarray, parts: dict[str, Call], expected: np.ndarray) -> dict[str, float]:

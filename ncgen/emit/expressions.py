@@ -39,14 +39,14 @@ class Assignment(NamedTuple):
     node: int
 
 
-class Written(NamedTuple):
+class WrittenExpression(NamedTuple):
     """A block in words: `values[k]` is the text of store k, to be written after `before[k]`."""
 
     before: list[list[Assignment]]
     values: list[str]
 
 
-def write(block: Block, dialect: Dialect, names: Names) -> Written:
+def write(block: Block, dialect: Dialect, names: Names) -> WrittenExpression:
     """The assignments and stored values of a block, in the order of its stores."""
     count = uses(block)
     text: dict[int, tuple[str, int]] = {}
@@ -70,7 +70,7 @@ def write(block: Block, dialect: Dialect, names: Names) -> Written:
             text[node] = (name, ATOM)
         before.append(lines)
         values.append(text[store.node][0])
-    return Written(before, values)
+    return WrittenExpression(before, values)
 
 
 def _needed_by(block: Block) -> list[list[int]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Place:
+class TablePlace:
     """Where run i reads or writes: `step*i + offset`, or `table[i] + offset`."""
 
     table: str | None
@@ -33,15 +33,15 @@ class Tables:
         self.indices: dict[tuple[int, ...], str] = {}
         self.numbers: dict[tuple[float, ...], str] = {}
 
-    def place(self, table: tuple[int, ...]) -> Place:
+    def place(self, table: tuple[int, ...]) -> TablePlace:
         steps = {b - a for a, b in zip(table, table[1:])}
         if len(steps) <= 1:
-            return Place(None, steps.pop() if steps else 0, table[0])
+            return TablePlace(None, steps.pop() if steps else 0, table[0])
         shape = tuple(i - table[0] for i in table)
         lowest = -min(shape)
         key = tuple(i + lowest for i in shape)
         name = self.indices.setdefault(key, f"{self.prefix}index_{len(self.indices) + 1}")
-        return Place(name, 0, table[0] - lowest)
+        return TablePlace(name, 0, table[0] - lowest)
 
     def number(self, table: tuple[float, ...]) -> str:
         return self.numbers.setdefault(table, f"{self.prefix}number_{len(self.numbers) + 1}")

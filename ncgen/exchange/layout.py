@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass
-class Table:
+class FileTable:
     """A table's word, the line of its header, and the lines of its keys, counted from 1."""
 
     word: str
@@ -30,11 +30,11 @@ _VALUE = re.compile(
 )
 
 
-def layout(text: str) -> list[Table]:
+def layout(text: str) -> list[FileTable]:
     """All tables of a TOML text in the order in which they stand; the first, without a word, is what stands above them."""
-    tables = [Table("", 1)]
-    latest: dict[str, Table] = {}
-    current: Table | None = tables[0]  # None within a table of a table, whose keys belong to one key
+    tables = [FileTable("", 1)]
+    latest: dict[str, FileTable] = {}
+    current: FileTable | None = tables[0]  # None within a table of a table, whose keys belong to one key
     place, line, counted = 0, 1, 0
     while True:
         if skipped := _SKIPPED.match(text, place):
@@ -53,7 +53,7 @@ def layout(text: str) -> list[Table]:
             place = _end_of_value(text, name.end() + 1)
             continue
         if inner is None or word not in latest:
-            latest[word] = Table(word, line)
+            latest[word] = FileTable(word, line)
             tables.append(latest[word])
         if inner is not None:
             latest[word].keys.setdefault(inner, line)

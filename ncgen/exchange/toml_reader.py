@@ -20,7 +20,7 @@ from pathlib import Path
 
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
 from ncgen.exchange.arguments import convert, shown
-from ncgen.exchange.layout import Table, layout
+from ncgen.exchange.layout import FileTable, layout
 from ncgen.exchange.text import NotToml, placed, text_of, toml
 from ncgen.exchange.words import head, is_required, signature_of, suggestion, words
 from ncgen.model import Model
@@ -88,7 +88,7 @@ def problems_of_run(path: Path, model: Model) -> list[Problem]:
 class _Reading:
     """One pass over a file: builds the model and collects problems."""
 
-    def __init__(self, tables: list[Table], data: dict) -> None:
+    def __init__(self, tables: list[FileTable], data: dict) -> None:
         self.problems: list[Problem] = []
         self.missing: set[str] = set()  # names whose definition failed: complaints about them are not repeated
         self.suggestions = 0
@@ -97,7 +97,7 @@ class _Reading:
         self.model = self._head(top, {key: value for key, value in data.items() if key not in with_header})
         self._tell_all(tables, data)
 
-    def _head(self, top: Table, data: dict) -> Model:
+    def _head(self, top: FileTable, data: dict) -> Model:
         known = head().parameters
         said = {key: value for key, value in data.items() if key in known}
         if "name" not in said:
@@ -109,10 +109,10 @@ class _Reading:
                 self.problems.append(Problem(top.line_of(key), f"{shown_key(key)}: unknown; {self._suggest(key, (*known, 'gravity'))}"))
         self.model = model = self._begun(top, said)
         if "gravity" in data:
-            self._gravity(Table("gravity", top.line_of("gravity")), data["gravity"])
+            self._gravity(FileTable("gravity", top.line_of("gravity")), data["gravity"])
         return model
 
-    def _begun(self, top: Table, said: dict) -> Model:
+    def _begun(self, top: FileTable, said: dict) -> Model:
         """An empty model; where its name or an option cannot be taken, one without, so that the rest of the file is checked as well."""
         arguments = self._arguments(None, "", top, head(), {"name": "model", **said})
         try:
@@ -122,14 +122,14 @@ class _Reading:
             self.problems.append(Problem(top.line_of("name"), str(error)))
         return Model("model")
 
-    def _gravity(self, table: Table, field: object) -> None:
+    def _gravity(self, table: FileTable, field: object) -> None:
         if not isinstance(field, list):
             shape = "write the field as a list, for example [0, -9.81] in the plane, [0, 0, -9.81] in space"
             self.problems.append(Problem(table.line, f"gravity: {shown(field)} given; {shape}"))
         else:
             self._tell("gravity", table, {"field": field})
 
-    def _tell_all(self, tables: list[Table], data: dict) -> None:
+    def _tell_all(self, tables: list[FileTable], data: dict) -> None:
         """Tables in the order in which their headers stand in the file, which TOML itself does not keep."""
         seen: Counter[str] = Counter()
         for table in tables:
@@ -138,7 +138,7 @@ class _Reading:
                 self._tell(table.word, table, found[seen[table.word]])
             seen[table.word] += 1
 
-    def _tell(self, word: str, table: Table, said: dict) -> None:
+    def _tell(self, word: str, table: FileTable, said: dict) -> None:
         if word not in words():
             self.problems.append(Problem(table.line, f"[[{shown_key(word)}]]: unknown; {self._suggest(word, words())}"))
             return
@@ -153,7 +153,7 @@ class _Reading:
             self.missing.add(normal(said["name"]))
 
     def _arguments(
-        self, model: Model | None, word: str, table: Table, signature: inspect.Signature, said: dict
+        self, model: Model | None, word: str, table: FileTable, signature: inspect.Signature, said: dict
     ) -> inspect.BoundArguments | None:
         """The arguments of a call, or None where they cannot be given: then that has been reported."""
         place = f"{word}." if word else ""

@@ -19,7 +19,7 @@ from ncgen.program.ir import passes
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Block, Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.finishing import finish
-from ncgen.program.ir.fused import Part, fuse
+from ncgen.program.ir.fused import FusedPart, fuse
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lower_value
 from ncgen.program.ir.verify import verify
@@ -84,7 +84,7 @@ def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Term
     """Φ, the values of Φ_q, and γ, one after the other."""
     rows = range(pattern.shape[0])
     of_values = tuple(r for r in rows for _ in range(pattern.indptr[r], pattern.indptr[r + 1]))
-    parts = [Part(programs[name], of_values if name == "phi_q" else tuple(rows)) for name in ALWAYS]
+    parts = [FusedPart(programs[name], of_values if name == "phi_q" else tuple(rows)) for name in ALWAYS]
     program = fuse("constraints", VELOCITY, parts)
     verify(program, input_lengths(equations))
     return program

@@ -48,7 +48,7 @@ LINES = 6
 
 
 @dataclass(frozen=True)
-class Table:
+class CardTable:
     """Rows of cells behind a title that opens them; numbers: cells but the first stand to the right."""
 
     title: str
@@ -70,10 +70,10 @@ class Card:
     name: str
     kind: str
     lines: list[str] = field(default_factory=list)
-    tables: list[Table] = field(default_factory=list)
+    tables: list[CardTable] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
 
-    def add(self, what: str, parts: Callable[[], Iterable[str | Table | Picture]]) -> None:
+    def add(self, what: str, parts: Callable[[], Iterable[str | CardTable | Picture]]) -> None:
         """Add what is found; what: what it is, for the line that says why it is not there."""
         try:
             with warnings.catch_warnings():
@@ -82,7 +82,7 @@ class Card:
         except Exception as error:  # a card is looked at while something is wrong
             found = [f"{what}: {shortened(str(error) or type(error).__name__)}"]
         for part in found:
-            kept: list = self.lines if isinstance(part, str) else self.tables if isinstance(part, Table) else self.pictures
+            kept: list = self.lines if isinstance(part, str) else self.tables if isinstance(part, CardTable) else self.pictures
             kept.append(part)
 
     def html(self) -> str:
@@ -164,27 +164,27 @@ def _freedoms(kernels: Kernels) -> list[str]:
     return lines
 
 
-def _rows(model: Model) -> list[str | Table]:
+def _rows(model: Model) -> list[str | CardTable]:
     if not model.rows:
         return ["no rows"]
     told = [(str(number), row.code or "", row.label, str(row.owner)) for number, row in enumerate(model.rows[:LISTED], 1)]
     more = [("…", "", f"{len(model.rows) - LISTED} more", "")] if len(model.rows) > LISTED else []
-    return [Table(counted(len(model.rows), "row"), [_cells(row) for row in [*told, *more]])]
+    return [CardTable(counted(len(model.rows), "row"), [_cells(row) for row in [*told, *more]])]
 
 
-def _numbers(model: Model) -> list[Table]:
+def _numbers(model: Model) -> list[CardTable]:
     told = [_cells((name, f"{number.default:g}", number.unit)) for name, number in [*model.numbers.items()][:LISTED]]
-    return [Table(f"parameters and inputs: {len(model.numbers)}", told)] if told else []
+    return [CardTable(f"parameters and inputs: {len(model.numbers)}", told)] if told else []
 
 
 # -- parts of the kernels' card ------------------------------------------------------------------------------------------------------------
 
 
-def _operations(kernels: Kernels) -> Table:
+def _operations(kernels: Kernels) -> CardTable:
     rows = [("kernel", "numbers", "operations", "sin, cos …")]
     for name, record in inspect(kernels)["kernels"].items():
         rows.append((name, str(record["nonzeros"]), str(record["operations"]), str(record["calls"] or "")))
-    return Table("operations", rows, numbers=True, open=True)
+    return CardTable("operations", rows, numbers=True, open=True)
 
 
 def _implied(kernels: Kernels, name: str) -> set[int]:
@@ -200,11 +200,11 @@ def _time(run: Trajectory) -> str:
     return f"{len(run.t)} instants from {run.t[0]:g} to {run.t[-1]:g} s{ended}; {run.integrator} on {run.formalism}"
 
 
-def _end(run: Trajectory) -> Table:
+def _end(run: Trajectory) -> CardTable:
     names = run.independent
     rows = [("", "end", "velocity")]
     rows += [_cells((name, f"{run[name][-1]:.9g}", f"{run[f'rate({name})'][-1]:.9g}")) for name in names[:LISTED]]
-    return Table("independent coordinates", rows, numbers=True, open=len(names) <= 2 * LINES)
+    return CardTable("independent coordinates", rows, numbers=True, open=len(names) <= 2 * LINES)
 
 
 def _cells(texts: Iterable[object]) -> tuple[str, ...]:

@@ -41,7 +41,7 @@ MOST_AT_ONCE = 50_000_000
 
 
 @dataclass(frozen=True)
-class Axis:
+class VariedAxis:
     """How one number varies: `values`, or a distribution ("linear" or "log" between `ends`, "normal" with `ends` = mean, deviation)."""
 
     name: str
@@ -50,7 +50,7 @@ class Axis:
     ends: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
-    def of(cls, name: str, given: object) -> Axis:
+    def of(cls, name: str, given: object) -> VariedAxis:
         """From what the caller says. Raises ModelError naming what varies."""
         where = f"vary, {name}"
         if not isinstance(given, Mapping):
@@ -100,7 +100,7 @@ def _numbers(given: object, where: str) -> tuple[float, ...]:
 class Design:
     """All variants: axes, and the kind of design, with its size and seed where it has them."""
 
-    axes: tuple[Axis, ...]
+    axes: tuple[VariedAxis, ...]
     kind: str = "grid"
     count: int | None = None
     seed: int = 0
@@ -112,7 +112,7 @@ class Design:
         if not isinstance(vary, Mapping) or not vary:
             raise ModelError(f"vary: {echo(vary)} given; give {{name: numbers}} for at least one parameter or start")
         one_of(kind, "design", KINDS)
-        design = cls(tuple(Axis.of(str(name), given) for name, given in vary.items()), kind)
+        design = cls(tuple(VariedAxis.of(str(name), given) for name, given in vary.items()), kind)
         design._check()
         if kind in LISTED:
             if count is not None:

@@ -20,7 +20,7 @@ from typing import Any
 
 from ncgen.errors import ModelError, NcgenError
 from ncgen.exchange.examples import load
-from ncgen.exchange.layout import Table, layout
+from ncgen.exchange.layout import FileTable, layout
 from ncgen.exchange.text import NotToml, placed, text_of, toml
 from ncgen.exchange.words import suggestion
 from ncgen.studies.definition import Study
@@ -59,7 +59,7 @@ def read_study(path: Path) -> Study:
         raise
 
 
-def _check(path: Path, data: dict[str, Any], tables: list[Table]) -> None:
+def _check(path: Path, data: dict[str, Any], tables: list[FileTable]) -> None:
     for key, value in data.items():
         if key not in KINDS:
             raise ModelError(placed(path.name, _key_line(tables, key), f"{key}: unknown; {suggestion(key, KINDS)}"))
@@ -82,12 +82,12 @@ def _told(path: Path, data: dict[str, Any]) -> Study:
     return Study.of(load(beside if beside.suffix else model), vary, keep=data["keep"], simulation=data.get("simulation", {}), **options)
 
 
-def _key_line(tables: list[Table], key: str) -> int:
+def _key_line(tables: list[FileTable], key: str) -> int:
     """The line of a key at the top, or of a table's header."""
     return next((table.line for table in tables if table.word == key), tables[0].line_of(key))
 
 
-def _line(tables: list[Table], message: str, data: dict[str, Any]) -> int | None:
+def _line(tables: list[FileTable], message: str, data: dict[str, Any]) -> int | None:
     """The line that a message speaks of: that of the longest key that it begins with, as far as that can be told."""
     for word in ("vary", "simulation"):
         inner = next((table for table in tables if table.word == word), None)

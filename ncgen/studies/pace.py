@@ -19,7 +19,7 @@ ROOM = 64_000_000
 
 
 @dataclass
-class Pace:
+class ChunkPace:
     """bytes_each: that a variant needs while it is computed; lanes: variants that should go together, at least."""
 
     bytes_each: int

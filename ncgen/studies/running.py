@@ -23,7 +23,7 @@ from ncgen.studies import engines
 from ncgen.studies.definition import Study
 from ncgen.studies.design import Varied
 from ncgen.studies.folder import Folder, manifest
-from ncgen.studies.pace import Pace
+from ncgen.studies.pace import ChunkPace
 from ncgen.studies.result import StudyResult
 from ncgen.studies.variants import Bench, Part
 
@@ -184,7 +184,7 @@ class _Work:
         self.study, self.missing, self.progress = study, list(reversed(missing)), progress
         self.left = sum(end - first for first, end in missing)
         n = sum(not c.fixed for c in study.model.components)
-        self.pace = Pace(16 * n * len(study.grid))
+        self.pace = ChunkPace(16 * n * len(study.grid))
 
     def next_chunk(self) -> tuple[int, int] | None:
         """(first, count) of the next variants."""

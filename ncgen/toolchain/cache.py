@@ -32,7 +32,7 @@ RECORD = "build.json"
 
 
 @dataclass(frozen=True)
-class Built:
+class BuiltLibrary:
     """A compiled library; seconds is the compile time, 0 if it came from the cache; spent: now or when it came into the cache."""
 
     library: Path
@@ -56,7 +56,7 @@ def compiled(
     libraries: tuple[str, ...] = LIBRARIES,
     patience: float = 0.0,
     siblings: Callable[[], Sequence[Sibling]] = tuple,
-) -> Built:
+) -> BuiltLibrary:
     """The library of some C sources, from the cache or compiled now by the first compiler that works.
 
     siblings: called where the library is not in the cache, for others whose objects are taken, of the first one that has them
@@ -113,7 +113,7 @@ def build(
     loads: bool = True,
     patience: float = 0.0,
     objects: Callable[[], Mapping[str, Path]] = dict,
-) -> Built:
+) -> BuiltLibrary:
     """The library of some C sources by one compiler, from the cache or compiled now.
 
     loads: whether it is for this process, which is then able to load it
@@ -123,7 +123,7 @@ def build(
     key = _key(files, compiler, flags, libraries)
     for folder in folders():
         if record := _record(folder / key, loads):
-            return Built(folder / key / LIBRARY, 0.0, record["seconds"])
+            return BuiltLibrary(folder / key / LIBRARY, 0.0, record["seconds"])
     try:
         return written(lambda folder: _build(folder / key, files, compiler, flags, libraries, loads, patience, objects()))
     except OSError as error:
@@ -152,7 +152,7 @@ def _build(
     loads: bool,
     patience: float,
     objects: Mapping[str, Path],
-) -> Built:
+) -> BuiltLibrary:
     """Compile and publish an entry. Raises OSError where its folder does not take it."""
     work = Path(tempfile.mkdtemp(prefix=TEMPORARY, dir=entry.parent))
     try:
@@ -168,7 +168,7 @@ def _build(
     finally:
         shutil.rmtree(work, ignore_errors=True)
         sweep()
-    return Built(entry / LIBRARY, seconds, seconds)
+    return BuiltLibrary(entry / LIBRARY, seconds, seconds)
 
 
 def _objects(siblings: Sequence[Sibling], compiler: Compiler, libraries: tuple[str, ...]) -> dict[str, Path]:
@@ -242,7 +242,7 @@ def _discard(entry: Path) -> None:
 
 
 @dataclass(frozen=True)
-class Entry:
+class CacheEntry:
     """One library in the cache."""
 
     key: str
@@ -251,7 +251,7 @@ class Entry:
     age: float
 
 
-def entries() -> list[Entry]:
+def entries() -> list[CacheEntry]:
     """What the cache holds, newest first; folders that are no entries are not listed."""
     found = []
     for folder in cache_folder().glob("*"):
@@ -260,7 +260,7 @@ def entries() -> list[Entry]:
                 files = [f for f in folder.iterdir() if f.is_file()]
                 size = sum(f.stat().st_size for f in files)
                 age = time.time() - (folder / RECORD).stat().st_mtime
-                found.append(Entry(folder.name, tuple(sorted(f.name for f in files if f.suffix == ".c")), size, age))
+                found.append(CacheEntry(folder.name, tuple(sorted(f.name for f in files if f.suffix == ".c")), size, age))
         except OSError:
             continue  # another process is clearing the cache, or it is not this user's
     return sorted(found, key=lambda e: e.age)

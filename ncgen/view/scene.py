@@ -17,7 +17,7 @@ from ncgen.errors import NcgenError, shown
 from ncgen.model import Model
 from ncgen.model.elements import Combination, Point, Vector
 from ncgen.view.carriers import Carrier, vectors_of
-from ncgen.view.surfaces import Strut, Surface, bodies_drawn, carriers_of, surfaces_of
+from ncgen.view.surfaces import StrutSurface, Surface, bodies_drawn, carriers_of, surfaces_of
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
@@ -69,7 +69,7 @@ class Scene:
     arrows: tuple[Arrow, ...]
     bodies: tuple[tuple[str, tuple[int, ...]], ...] = ()
     surfaces: tuple[Surface, ...] = ()
-    struts: tuple[Strut, ...] = ()
+    struts: tuple[StrutSurface, ...] = ()
     carriers: tuple[Carrier, ...] = ()
     axes: np.ndarray = field(default_factory=lambda: np.zeros((1, 0, 3, 3)))
     origins: np.ndarray = field(default_factory=lambda: np.zeros((1, 0, 3)))
@@ -183,12 +183,12 @@ def _shapes(
     }
 
 
-def _struts(model: Model, index: Mapping[Point, int]) -> Iterator[Strut]:
+def _struts(model: Model, index: Mapping[Point, int]) -> Iterator[StrutSurface]:
     """A bar has the colour of the body that it is a part of, and what is longer or shorter that of the ground."""
     bodies = bodies_drawn(model)
     for strut in model.drawing.struts:
         owner = next((k for k, body in enumerate(bodies) if strut.start in body.points and strut.end in body.points), -1)
-        yield Strut(index[strut.start], index[strut.end], strut.radius, strut.length, strut.colour or owner)
+        yield StrutSurface(index[strut.start], index[strut.end], strut.radius, strut.length, strut.colour or owner)
 
 
 def lines(model: Model) -> list[tuple[Point, Point]]:

@@ -46,7 +46,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Strut:
+class StrutSurface:
     """A round bar between two points, by their indices; length: of the barrel of a telescope (m), else None; colour: as of a surface."""
 
     start: int

@@ -18,7 +18,7 @@ from benchmarks.students import student_records
 from ncgen.comparisons import bench
 from ncgen.comparisons.batches import RUNS, STATES, batch_records
 from ncgen.comparisons.falls import fall_records
-from ncgen.comparisons.rates import Part, arithmetic_rate, derivative_records
+from ncgen.comparisons.rates import RatedPart, arithmetic_rate, derivative_records
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.compiler import compile
 from ncgen.exchange.examples import example_names
@@ -45,13 +45,13 @@ def everything(model: Model) -> Sections:
     yield bench.BATCH_TITLE.format(STATES, RUNS), list(batch_records(kernels))
 
 
-def by_articulated_bodies(kernels: CompiledKernels, q: np.ndarray, zd: np.ndarray) -> dict[str, Part]:
+def by_articulated_bodies(kernels: CompiledKernels, q: np.ndarray, zd: np.ndarray) -> dict[str, RatedPart]:
     """The accelerations of an arm by CasADi; nothing for other mechanisms, and where it is not installed."""
     found = articulated.rival(kernels, split_of(own_start(kernels)[1].velocity))
     if found is None:
         return {}
     call, operations, _ = found
-    return {ARTICULATED: Part(runner(0.0, q, zd, kernels.p0, [], call), call.out.copy, operations)}
+    return {ARTICULATED: RatedPart(runner(0.0, q, zd, kernels.p0, [], call), call.out.copy, operations)}
 
 
 def of_arms(seed: int) -> Sections:

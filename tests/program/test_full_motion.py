@@ -13,7 +13,7 @@ from ncgen.program.algebra.elimination import factor_symmetric, solve_symmetric
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import Graph
-from ncgen.program.motions.full_motion import SMALL, Sizes, assemble_full_motion, assemble_full_tangents
+from ncgen.program.motions.full_motion import SMALL, MotionSizes, assemble_full_motion, assemble_full_tangents
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.positions.rank import trial_positions
@@ -28,7 +28,7 @@ def kernels_of(name):
 def programs(name, assembled=assemble_full_motion):
     kernels = kernels_of(name)
     positions = trial_positions(kernels, kernels.q0, 0.0, None)
-    sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
+    sizes = MotionSizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     return assembled(kernels.programs.equations, sizes, kernels.holonomic)
 
 

@@ -14,7 +14,7 @@ import ncgen
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.motions.dynamics import accelerations, cheapest
-from ncgen.program.motions.state_functions import Function, closed_functions, open_functions, operations, with_derivatives
+from ncgen.program.motions.state_functions import StateFunction, closed_functions, open_functions, operations, with_derivatives
 from ncgen.solver.engines.compiled import samples, split_of
 from ncgen.solver.joints.joint_space import joint_space
 from ncgen.solver.positions.partition import choose_partitions
@@ -50,7 +50,7 @@ def loop() -> ncgen.Model:
 
 
 @cache
-def functions_of(name: str) -> tuple[ncgen.Kernels, list[Function]]:
+def functions_of(name: str) -> tuple[ncgen.Kernels, list[StateFunction]]:
     """The kernels of a model, and its functions."""
     kernels = ncgen.compile(rods() if name == "rods" else loop())
     equations = kernels.programs.equations
@@ -74,7 +74,7 @@ def state(kernels: ncgen.Kernels, name: str) -> tuple[ncgen.Simulation, dict[str
     return sim, {name: [float(x) for x in numbers] for name, numbers in given.items()}
 
 
-def numbers(function: Function, given: dict) -> list[list]:
+def numbers(function: StateFunction, given: dict) -> list[list]:
     """What each result of a function has in its places, in 60 digits; of derivatives by directions, from a run for each of them."""
     arrays: dict[str, Any] = {name: [mpmath.mpf(x) for x in values] for name, values in given.items()}
     arrays["t"] = arrays["t"][0]
@@ -93,7 +93,7 @@ def numbers(function: Function, given: dict) -> list[list]:
     return [[next(flat) for _ in result.places] for result in function.results]
 
 
-def slopes(function: Function, given: dict, by: str, k: int) -> list[list]:
+def slopes(function: StateFunction, given: dict, by: str, k: int) -> list[list]:
     """How all entries of a function change with one number, by a central difference."""
     ends = [{**given, by: [x + sign * STEP * (j == k) for j, x in enumerate(given[by])]} for sign in (1, -1)]
     ahead, behind = (numbers(function, end) for end in ends)
@@ -164,7 +164,7 @@ def test_arguments_are_those_of_casadi():
     assert shapes == {f"jac_{of}_{name}": (2, size) for of in ("sd", "vd") for name, size, _ in inputs}
 
 
-def _hold(function: Function, jacobian: Function, given: dict) -> None:
+def _hold(function: StateFunction, jacobian: StateFunction, given: dict) -> None:
     """A Jacobian to the slopes of its function."""
     blocks = dict(zip([result.name for result in jacobian.results], numbers(jacobian, given), strict=True))
     for by in function.inputs:

@@ -18,7 +18,7 @@ from ncgen.resources import folder
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import Partitions, partitions_for
 from ncgen.toolchain.abi import abi
-from ncgen.toolchain.cache import Built, compiled
+from ncgen.toolchain.cache import BuiltLibrary, compiled
 
 KERNELS = ("phi", "phi_q", "gamma")
 
@@ -61,7 +61,7 @@ class Rival:
     epsilon: float = float(np.finfo(float).eps)
 
 
-def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[dict[str, Call], Built]:
+def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[dict[str, Call], BuiltLibrary]:
     """{kernel: call} of C sources that ncgen did not write, whose functions have the arguments of kernels; and the library.
 
     sizes: how many numbers each kernel writes; symbol: its name in C, with {} for the kernel's

@@ -15,7 +15,14 @@ from ncgen.exchange.export.package import Package, without_runtime
 from ncgen.model.elements import rate_name
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.dynamics import accelerations, cheapest
-from ncgen.program.motions.state_functions import Argument, Function, Result, closed_functions, open_functions, with_derivatives
+from ncgen.program.motions.state_functions import (
+    StateArgument,
+    StateFunction,
+    StateResult,
+    closed_functions,
+    open_functions,
+    with_derivatives,
+)
 from ncgen.solver.engines.compiled import samples, split_of
 from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
 from ncgen.solver.positions.partition import choose_partitions
@@ -25,7 +32,7 @@ MOST = 60_000
 """Operations up to which derivatives are written out."""
 
 
-class State:
+class CasadiState:
     """What s and v are, where they start, and what follows from them.
 
     names, rates: of s and v; places: of those in s that v is the rate of, in the order of v
@@ -68,7 +75,7 @@ def files(package: Package) -> dict[str, str]:
     """{path in the folder: text}."""
     if uses_loads(package.kernels.model):
         raise ModelError(f"{package.kernels.name} cannot be exported to casadi: its outputs mention loads, and the motion there has none")
-    prefix, kernels, state = package.prefix, package.kernels, State(package)
+    prefix, kernels, state = package.prefix, package.kernels, CasadiState(package)
     functions = [each for function in state.functions for each in with_derivatives(function, MOST)]
     count = len(kernels.parameters) - len(kernels.inputs)
     start = {
@@ -93,7 +100,7 @@ def files(package: Package) -> dict[str, str]:
     return without_runtime("casadi", "functions", prefix, records, ("README.md", "Makefile"))
 
 
-def _names(package: Package, state: State, parameters: int) -> dict[str, list[Label]]:
+def _names(package: Package, state: CasadiState, parameters: int) -> dict[str, list[Label]]:
     """Names in C of what stands in every array."""
     kernels = package.kernels
     listed = {
@@ -110,7 +117,7 @@ def called(name: str, prefix: str) -> str:
     return re.sub(r"^((jac_|adj1_)*)", rf"\1{prefix}_", name)
 
 
-def _described(function: Function, prefix: str) -> dict[str, object]:
+def _described(function: StateFunction, prefix: str) -> dict[str, object]:
     """A function as the template writes it; offset: of a result among all numbers that the program writes."""
     results, offset = [], 0
     for result in function.results:
@@ -127,7 +134,7 @@ def _described(function: Function, prefix: str) -> dict[str, object]:
     }
 
 
-def _directions(function: Function) -> dict[str, object]:
+def _directions(function: StateFunction) -> dict[str, object]:
     """How a Jacobian is found by directions: how many numbers change, and where every change belongs, −1 for nowhere."""
     along, offset = function.along, 0
     assert along is not None, f"{function.name} is written out"
@@ -152,14 +159,14 @@ def _directions(function: Function) -> dict[str, object]:
     return {"variables": variables, "rows": rows, "table": table, "groups": groups}
 
 
-def sparsity(result: Result) -> list[int]:
+def sparsity(result: StateResult) -> list[int]:
     """In compressed columns as CasADi has them: rows, columns, where every column begins, row numbers."""
     rows, columns = result.shape
     begins = [sum(column < k for _, column in result.entries) for k in range(columns + 1)]
     return [rows, columns, *begins, *(row for row, _ in result.places)]
 
 
-def _vector(argument: Argument) -> list[int]:
+def _vector(argument: StateArgument) -> list[int]:
     """Sparsity of an argument: full, or empty where nobody reads it."""
     return _full(argument.size) if argument.is_read else [argument.size, 1, 0, 0]
 

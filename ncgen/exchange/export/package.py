@@ -31,7 +31,7 @@ from ncgen.program.algebra.quasidefinite import Elimination, plan
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.full_loads import assemble_loads
-from ncgen.program.motions.full_motion import FullMotion, Sizes, assemble_full_motion, assemble_full_tangents
+from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
 from ncgen.program.motions.outputs import assemble_outputs
 from ncgen.solver.engines.compiled import own_positions
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
@@ -63,7 +63,7 @@ class Package:
 
     sources: Sources
     kernels: Kernels
-    sizes: Sizes
+    sizes: MotionSizes
     q: np.ndarray
     qd: np.ndarray
     independent: tuple[str, ...]
@@ -220,7 +220,7 @@ def package(model: Model) -> Package:
     run = _simulation(kernels)
     start = begin(kernels, run.initial, partitioned=True)
     positions = trial_positions(kernels, start.q, 0.0, None)
-    sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
+    sizes = MotionSizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):
         raise ModelError(f"{model.name} cannot be exported: nothing has mass; give a body one")
     if uses_loads(model):

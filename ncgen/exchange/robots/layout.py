@@ -48,7 +48,7 @@ class Place:
 
 
 @dataclass(eq=False)
-class Solid:
+class RobotSolid:
     """A body and what describes it."""
 
     name: str
@@ -82,8 +82,8 @@ class Hold:
     """
 
     joint: Joint
-    parent: Solid
-    child: Solid
+    parent: RobotSolid
+    child: RobotSolid
     start: Place | None = None
     end: Place | None = None
     axis: Place | None = None
@@ -99,8 +99,8 @@ class Layout:
     size: of the robot (m)
     """
 
-    ground: Solid
-    solids: dict[str, Solid]
+    ground: RobotSolid
+    solids: dict[str, RobotSolid]
     holds: list[Hold]
     frames: dict[str, Placement]
     size: float
@@ -122,7 +122,7 @@ class Layer:
         hearts = np.array([self._heart(name) for name in self.frames])
         self.size = float(np.ptp(origins, axis=0).max()) or float(np.ptp([*origins, *hearts], axis=0).max()) or 1.0
         self.near, self.parallel = SAME * self.size, PARALLEL_IN_LOOPS if robot.loops else PARALLEL
-        self.solids = {name: Solid(name) for name in self.frames}
+        self.solids = {name: RobotSolid(name) for name in self.frames}
         self.holds: list[Hold] = []
 
     def layout(self) -> Layout:
@@ -133,7 +133,7 @@ class Layer:
         for joint in (*self.robot.joints, *self.robot.loops):
             self.holds.append(self._hold(joint))
         root = self.solids[self.robot.root]
-        ground = Solid("ground") if self.floating else self.solids.pop(self.robot.root)
+        ground = RobotSolid("ground") if self.floating else self.solids.pop(self.robot.root)
         for name, solid in self.solids.items():
             self._complete(solid, self._heart(name))
         return Layout(ground if self.floating else root, self.solids, self.holds, self.frames, self.size)
@@ -249,7 +249,7 @@ class Layer:
         mass = self.robot.links[name].mass
         return self.frames[name].at(mass.com) if mass else self.frames[name].position
 
-    def _complete(self, solid: Solid, heart: np.ndarray) -> None:
+    def _complete(self, solid: RobotSolid, heart: np.ndarray) -> None:
         """A point, and directions that span space."""
         if not solid.points:
             solid.take(Place(f"r_{solid.name}", heart, True, solid.name))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
+from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, RobotSolid
 from ncgen.exchange.robots.motors import AWAY_FROM_ZERO, EFFORTS, MOTORS, add_motors, away_from_zero
 from ncgen.exchange.robots.parameters import GEOMETRY, Parts, Shift, add_part, homes_of, parts_of, shifted, shifts_of
 from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
@@ -106,7 +106,7 @@ class _Builder:
         self.shifts: Mapping[str, Shift] = shifts_of(self.model, robot, asked) if asked else {}
         self.layout: Layout = Layer(self.robot, floating, bool(self.shifts)).layout()
         self.elements: dict[Place, Spatial] = {}
-        self.bodies: dict[Solid, Body] = {self.layout.ground: self.model.ground}
+        self.bodies: dict[RobotSolid, Body] = {self.layout.ground: self.model.ground}
         self.coordinates: dict[str, Relative] = {}
 
     def build(self) -> Model:
@@ -150,7 +150,7 @@ class _Builder:
         """A name that nothing has yet."""
         return self.model.free_name(word(name, "joint"))
 
-    def _body(self, solid: Solid) -> None:
+    def _body(self, solid: RobotSolid) -> None:
         link, frame, parts = self.robot.links[solid.name], self.layout.frames[solid.name], self.parts.get(solid.name)
         mass = parts.fixed if parts else link.mass.seen_from(frame) if link.mass else None
         elements = [self.elements[place] for place in solid.places]
@@ -178,7 +178,7 @@ class _Builder:
         """The argument that marks a link whose moments of inertia no body has; empty for others, of which a model's file says nothing."""
         return {"as_given": True} if link in self.robot.as_given else {}
 
-    def _show(self, solid: Solid, body: Body) -> None:
+    def _show(self, solid: RobotSolid, body: Body) -> None:
         """What a link looks like, on its body."""
         if self.floating and body is self.model.ground:
             return

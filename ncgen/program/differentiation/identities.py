@@ -42,7 +42,7 @@ def simplified(graph: Graph, outputs: Sequence[Sequence[int]], defaults: Sequenc
     return work.graph, [[new[node] for node in nodes] for nodes in outputs]
 
 
-class Result(NamedTuple):
+class IdentityResult(NamedTuple):
     """What an operation gives at the defaults, then with every other set of parameters, and bounds of its errors."""
 
     value: np.ndarray
@@ -61,7 +61,7 @@ class _Simplifying:
     def __init__(self, defaults: Sequence[float]) -> None:
         self.graph = Graph()
         self._defaults, self._generator = defaults, np.random.default_rng(1)
-        self._results: dict[int, Result] = {}
+        self._results: dict[int, IdentityResult] = {}
         self._same: list[int] = []
         self._alike: dict[tuple[str, ...], list[int]] = {}
 
@@ -94,18 +94,18 @@ class _Simplifying:
                 self._same[new] = self._identity(new) if op.args else new
         return self._same[node]
 
-    def _result(self, op: Op) -> Result:
+    def _result(self, op: Op) -> IdentityResult:
         drawn = self._generator.uniform(0.5, 2.0, 1 + DRAWN) * self._generator.choice([-1.0, 1.0], 1 + DRAWN)
         if op.code == "const":
-            return Result(np.full_like(drawn, op.value), np.full_like(drawn, UNIT * abs(op.value)))
+            return IdentityResult(np.full_like(drawn, op.value), np.full_like(drawn, UNIT * abs(op.value)))
         if op.code == "load":
             default = self._defaults[op.input.position]
-            return Result(np.array([default, *((abs(default) or 1.0) * drawn[1:])]), np.zeros_like(drawn))
+            return IdentityResult(np.array([default, *((abs(default) or 1.0) * drawn[1:])]), np.zeros_like(drawn))
         if op.code not in BELIEVED:
-            return Result(drawn, np.zeros_like(drawn))
+            return IdentityResult(drawn, np.zeros_like(drawn))
         with np.errstate(all="ignore"):
             value, error = BELIEVED[op.code](*(self._results[a] for a in op.args))
-            return Result(value, error + UNIT * np.abs(value))
+            return IdentityResult(value, error + UNIT * np.abs(value))
 
     def _identity(self, node: int) -> int:
         """A number, or the first of those that are the same but for the sign."""
@@ -128,16 +128,16 @@ class _Simplifying:
 Rule = Callable[..., tuple[np.ndarray, np.ndarray]]
 
 
-def _product(a: Result, b: Result) -> tuple[np.ndarray, np.ndarray]:
+def _product(a: IdentityResult, b: IdentityResult) -> tuple[np.ndarray, np.ndarray]:
     return a.value * b.value, np.abs(a.value) * b.error + np.abs(b.value) * a.error
 
 
-def _quotient(a: Result, b: Result) -> tuple[np.ndarray, np.ndarray]:
+def _quotient(a: IdentityResult, b: IdentityResult) -> tuple[np.ndarray, np.ndarray]:
     value = a.value / b.value
     return value, (a.error + np.abs(value) * b.error) / np.abs(b.value)
 
 
-def _root(a: Result) -> tuple[np.ndarray, np.ndarray]:
+def _root(a: IdentityResult) -> tuple[np.ndarray, np.ndarray]:
     value = np.sqrt(a.value)
     return value, a.error / value
 

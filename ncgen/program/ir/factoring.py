@@ -19,7 +19,7 @@ from ncgen.program.ir.blocks import Block
 from ncgen.program.ir.graph import Graph, Op
 from ncgen.program.ir.multiples import LARGEST, is_exact, is_known
 from ncgen.program.ir.passes import dead_code, operations, uses
-from ncgen.program.ir.sums import Form, Product, Sum, Term, added, factors, inside, outside, terms
+from ncgen.program.ir.sums import Form, Product, Sum, SumTerm, added, factors, inside, outside, terms
 
 B = TypeVar("B", bound=Block)
 
@@ -76,7 +76,7 @@ class _Factoring:
             if op.args:
                 forms.append(self._held(number, self._form(op, [forms[a] for a in op.args])))
             else:
-                forms.append(Term(False, self.graph.copied(op, ())))
+                forms.append(SumTerm(False, self.graph.copied(op, ())))
 
     def node(self, number: int) -> int:
         """An operation in the grown graph."""
@@ -92,8 +92,8 @@ class _Factoring:
             return arguments[0].negated()
         if op.code == "mul":
             a, b = map(self._term, arguments)
-            return Term(a.is_negative != b.is_negative, (a.product, b.product))
-        return Term(False, self.graph.copied(op, list(map(self._written, arguments))))
+            return SumTerm(a.is_negative != b.is_negative, (a.product, b.product))
+        return SumTerm(False, self.graph.copied(op, list(map(self._written, arguments))))
 
     def _held(self, number: int, form: Form) -> Form:
         """What stays unwritten of it: all in a sum, its factors in a product, nothing where others or several read it, or it is known."""
@@ -106,22 +106,22 @@ class _Factoring:
                 return term
             if number in self._shared:
                 return term._replace(shared=number)
-        return Term(term.is_negative, self._product(term.product))
+        return SumTerm(term.is_negative, self._product(term.product))
 
     # -- sums ----------------------------------------------------------------------------------
 
-    def _term(self, form: Form) -> Term:
+    def _term(self, form: Form) -> SumTerm:
         """A sum as one term, its common factors outside."""
         while isinstance(form, Sum) and (factor := self._common(form)) is not None:
             form = self._without(form, factor)
-        return form if isinstance(form, Term) else Term(*self._added(form))
+        return form if isinstance(form, SumTerm) else SumTerm(*self._added(form))
 
     def _without(self, form: Sum, factor: int) -> Form:
         """A sum whose terms with a factor are one, the factor times what was inside."""
         within = inside(form, factor)
         assert within is not None, "a common factor has something inside"
         inner = self._term(within)
-        changed = outside(form, factor, [Term(inner.is_negative, (factor, inner.product))])
+        changed = outside(form, factor, [SumTerm(inner.is_negative, (factor, inner.product))])
         assert changed is not None, "that is one of its terms"
         return changed
 
@@ -143,7 +143,7 @@ class _Factoring:
 
     def _added(self, form: Form) -> tuple[bool, int]:
         """A sum, written, and its sign: that of all terms, if they have the same."""
-        if isinstance(form, Term):
+        if isinstance(form, SumTerm):
             if form.shared is not None:
                 self.stayed.add(form.shared)
             return form.is_negative, self._product(form.product)

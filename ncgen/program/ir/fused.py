@@ -18,14 +18,14 @@ S = TypeVar("S", Store, TableStore)
 
 
 @dataclass(frozen=True)
-class Part:
+class FusedPart:
     """A program, and of which row of the mechanism every number of its output is."""
 
     program: Program
     rows: tuple[int, ...]
 
 
-def fuse(name: str, inputs: tuple[str, ...], parts: list[Part]) -> Program:
+def fuse(name: str, inputs: tuple[str, ...], parts: list[FusedPart]) -> Program:
     """One program that writes the outputs of several one after the other.
 
     Straight-line code is merged row by row, so that what a row's outputs share is used while it is at hand; loops stay

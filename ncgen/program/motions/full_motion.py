@@ -56,7 +56,7 @@ class FullMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class Sizes:
+class MotionSizes:
     """What H is scaled by: natural sizes of the coordinates (n,), and Φ_q (m, n) and M (n, n) in sample positions."""
 
     columns: np.ndarray
@@ -76,7 +76,7 @@ class Sizes:
         return np.max([np.sum(J**2 / self.W, axis=1) for J in self.jacobians], axis=0)
 
 
-def assemble_full_motion(equations: Terms, sizes: Sizes, holonomic: Iterable[int]) -> FullMotion:
+def assemble_full_motion(equations: Terms, sizes: MotionSizes, holonomic: Iterable[int]) -> FullMotion:
     """Both programs; holonomic: numbers of the rows that are equations of position. The mechanism must have mass."""
     closing, motion = _parts(equations, sizes, holonomic)
     built = FullMotion(closing.program(), motion.program())
@@ -85,13 +85,13 @@ def assemble_full_motion(equations: Terms, sizes: Sizes, holonomic: Iterable[int
     return _verified(built, equations)
 
 
-def assemble_full_tangents(equations: Terms, sizes: Sizes, holonomic: Iterable[int]) -> FullMotion:
+def assemble_full_tangents(equations: Terms, sizes: MotionSizes, holonomic: Iterable[int]) -> FullMotion:
     """The tangents of both programs, with the same arguments."""
     closing, motion = _parts(equations, sizes, holonomic)
     return _verified(FullMotion(closing.tangent(), motion.tangent()), equations)
 
 
-def _parts(equations: Terms, sizes: Sizes, holonomic: Iterable[int]) -> tuple[_Closing, _Motion]:
+def _parts(equations: Terms, sizes: MotionSizes, holonomic: Iterable[int]) -> tuple[_Closing, _Motion]:
     return _Closing(equations, sizes, list(map(int, holonomic))), _Motion(equations, sizes)
 
 
@@ -106,7 +106,7 @@ def _verified(built: FullMotion, equations: Terms) -> FullMotion:
 class Saddle:
     """H in a graph, rows numbered after coordinates; A is H without e."""
 
-    def __init__(self, lines: Lines, sizes: Sizes, rows: Iterable[int]) -> None:
+    def __init__(self, lines: Lines, sizes: MotionSizes, rows: Iterable[int]) -> None:
         self.lines, self.graph, self.n = lines, lines.graph, len(lines.equations.free)
         self.place = {r: self.n + k for k, r in enumerate(rows)}
         self.jacobian = {(r, c): node for (r, c), node in lines.matrix(KERNELS["phi_q"]).items() if r in self.place}
@@ -115,7 +115,7 @@ class Saddle:
             self.A[self.place[r], c] = self.A[c, self.place[r]] = node
         self.factors = self._factors(sizes)
 
-    def _factors(self, sizes: Sizes) -> SymmetricFactors:
+    def _factors(self, sizes: MotionSizes) -> SymmetricFactors:
         graph, e = self.graph, self.graph.load("e", 0)
         H = dict(self.A)
         for c in range(self.n):
@@ -127,7 +127,7 @@ class Saddle:
         return factor_symmetric(graph, H, self.n + len(self.place), samples)
 
     def _numbers(
-        self, pattern: Iterable[tuple[int, int]], sizes: Sizes, mass: np.ndarray, jacobian: np.ndarray
+        self, pattern: Iterable[tuple[int, int]], sizes: MotionSizes, mass: np.ndarray, jacobian: np.ndarray
     ) -> dict[tuple[int, int], float]:
         """H as numbers without units: masses and rows of size 1."""
         rows = list(self.place)
@@ -182,7 +182,7 @@ def _total(graph: Graph, a: int | None, b: int | None) -> int:
 class _Closing:
     """A Newton step towards the constraints, as nodes."""
 
-    def __init__(self, equations: Terms, sizes: Sizes, holonomic: list[int]) -> None:
+    def __init__(self, equations: Terms, sizes: MotionSizes, holonomic: list[int]) -> None:
         self.lines = Lines(equations)
         self.saddle = Saddle(self.lines, sizes, holonomic)
         place = self.saddle.place
@@ -207,7 +207,7 @@ class _Closing:
 class _Motion:
     """Velocities brought onto the constraints, accelerations, multipliers and energies, as nodes."""
 
-    def __init__(self, equations: Terms, sizes: Sizes) -> None:
+    def __init__(self, equations: Terms, sizes: MotionSizes) -> None:
         self.lines = lines = Lines(equations)
         graph, zero = lines.graph, lines.graph.const(0.0)
         self.n, self.m = n, m = len(equations.free), len(equations.rows)

@@ -52,7 +52,7 @@ SWEEPS = 3
 
 
 @dataclass(frozen=True)
-class Argument:
+class StateArgument:
     """What a function takes: an array of `size` numbers; those of an unread one are not even given."""
 
     name: str
@@ -61,7 +61,7 @@ class Argument:
 
 
 @dataclass(frozen=True)
-class Result:
+class StateResult:
     """A matrix that a function gives; only these entries can be other than 0."""
 
     name: str
@@ -75,7 +75,7 @@ class Result:
 
 
 @dataclass(frozen=True, eq=False)
-class Function:
+class StateFunction:
     """A function of arrays as nodes of a graph.
 
     along: None, or the function whose Jacobian this is, found one direction after the other: the program then takes a seed, one number
@@ -84,9 +84,9 @@ class Function:
 
     name: str
     graph: Graph
-    inputs: tuple[Argument, ...]
-    results: tuple[Result, ...]
-    along: Function | None = None
+    inputs: tuple[StateArgument, ...]
+    results: tuple[StateResult, ...]
+    along: StateFunction | None = None
 
     @cached_property
     def program(self) -> Program:
@@ -112,7 +112,7 @@ class Function:
         """{node: (argument, position)} of all numbers that are read."""
         return {self.graph.load(a.name, k): (a.name, k) for a in self.inputs if a.is_read for k in range(a.size)}
 
-    def jacobian(self, most: int) -> Function:
+    def jacobian(self, most: int) -> StateFunction:
         """Of vectors by all arguments; written out where that takes no more than so many operations."""
         variables = self.variables
         if operations(self.graph, self.nodes) * min(len(variables), len(self.nodes)) <= SWEEPS * most:
@@ -121,19 +121,19 @@ class Function:
                 return self._jacobian(slopes)
         return self._jacobian(_reached(self.graph, self.nodes, variables), self)
 
-    def _jacobian(self, slopes: Slopes, along: Function | None = None) -> Function:
+    def _jacobian(self, slopes: Slopes, along: StateFunction | None = None) -> StateFunction:
         blocks = tuple(self._block(result, a, slopes) for result in self.results for a in self.inputs)
-        return Function(f"jac_{self.name}", self.graph, (*self.inputs, *self._values()), blocks, along)
+        return StateFunction(f"jac_{self.name}", self.graph, (*self.inputs, *self._values()), blocks, along)
 
-    def _block(self, result: Result, by: Argument, slopes: Slopes) -> Result:
+    def _block(self, result: StateResult, by: StateArgument, slopes: Slopes) -> StateResult:
         entries: Entries = {}
         for (row, _), node in result.entries.items():
             entries |= {(row, k): slope for (name, k), slope in slopes[node].items() if name == by.name}
-        return Result(f"jac_{result.name}_{by.name}", (result.shape[0], by.size), entries)
+        return StateResult(f"jac_{result.name}_{by.name}", (result.shape[0], by.size), entries)
 
-    def adjoint(self) -> Function:
+    def adjoint(self) -> StateFunction:
         """The gradient by the arguments of the results' sum, each entry times a seed."""
-        graph, seeds = self.graph, tuple(Argument(f"adj_{r.name}", r.shape[0]) for r in self.results)
+        graph, seeds = self.graph, tuple(StateArgument(f"adj_{r.name}", r.shape[0]) for r in self.results)
         parts = [
             graph.mul(graph.load(seed.name, row), node)
             for seed, result in zip(seeds, self.results, strict=True)
@@ -142,14 +142,14 @@ class Function:
         loads = self.variables
         found = {loads[x]: node for x, node in gradient(graph, graph.sum(parts), loads).items()}
         results = [_vector(f"adj_{a.name}", [found.get((a.name, k), graph.const(0.0)) for k in range(a.size)]) for a in self.inputs]
-        return Function(f"adj1_{self.name}", graph, (*self.inputs, *self._values(), *seeds), tuple(results))
+        return StateFunction(f"adj1_{self.name}", graph, (*self.inputs, *self._values(), *seeds), tuple(results))
 
-    def _values(self) -> tuple[Argument, ...]:
-        return tuple(Argument(f"out_{r.name}", r.shape[0], is_read=False) for r in self.results)
+    def _values(self) -> tuple[StateArgument, ...]:
+        return tuple(StateArgument(f"out_{r.name}", r.shape[0], is_read=False) for r in self.results)
 
 
-def _vector(name: str, nodes: Sequence[int]) -> Result:
-    return Result(name, (len(nodes), 1), {(k, 0): node for k, node in enumerate(nodes)})
+def _vector(name: str, nodes: Sequence[int]) -> StateResult:
+    return StateResult(name, (len(nodes), 1), {(k, 0): node for k, node in enumerate(nodes)})
 
 
 def _slopes(graph: Graph, nodes: Iterable[int], loads: Mapping[int, tuple[str, int]]) -> Slopes:
@@ -181,7 +181,7 @@ def operations(graph: Graph, nodes: Iterable[int]) -> int:
     return sum(bool(graph.ops[node].args) for node in graph.below(nodes))
 
 
-def open_functions(equations: Terms, followed: Followed, joints: int) -> list[Function]:
+def open_functions(equations: Terms, followed: Followed, joints: int) -> list[StateFunction]:
     """Of an open tree over its joints; followed: as for `assemble_joint_space`."""
     work = _Work(equations, {"s": joints, "v": joints})
     graph, t, s, v, p = work.graph, *(work.given[name] for name in ("t", "s", "v", "p"))
@@ -200,7 +200,7 @@ def open_functions(equations: Terms, followed: Followed, joints: int) -> list[Fu
     return [*functions, work.function("position", {"q": q}, ("t", "s", "p"))]
 
 
-def closed_functions(equations: Terms, acceleration: Program, rows: Sequence[int], velocities: int) -> list[Function]:
+def closed_functions(equations: Terms, acceleration: Program, rows: Sequence[int], velocities: int) -> list[StateFunction]:
     """Of any mechanism over its natural coordinates. acceleration: q̇, z̈ from t, q, zd, p for so many velocities; rows: of Φ, which
     suffice."""
     n = len(equations.free)
@@ -232,7 +232,7 @@ class _Work:
         found = tangent(self.graph, nodes, dict(motion))
         return [found.get(node, self.graph.const(0.0)) for node in nodes]
 
-    def outputs(self, q: list[int], qd: list[int], qdd: list[int]) -> list[Function]:
+    def outputs(self, q: list[int], qd: list[int], qdd: list[int]) -> list[StateFunction]:
         """[] where the model has none. They mention no loads: there are no multipliers here."""
         if not self.equations.model.outputs:
             return []
@@ -240,12 +240,12 @@ class _Work:
         motion: Nodes = {"q": q, "qd": qd, "qdd": qdd, "lam": []}
         return [self.function("outputs", {"y": inlined(self.graph, program, self.given | motion)})]
 
-    def function(self, name: str, results: Nodes, inputs: Sequence[str] | None = None) -> Function:
-        taken = tuple(Argument(name, self.sizes[name]) for name in inputs or self.sizes)
-        return Function(name, self.graph, taken, tuple(_vector(result, nodes) for result, nodes in results.items()))
+    def function(self, name: str, results: Nodes, inputs: Sequence[str] | None = None) -> StateFunction:
+        taken = tuple(StateArgument(name, self.sizes[name]) for name in inputs or self.sizes)
+        return StateFunction(name, self.graph, taken, tuple(_vector(result, nodes) for result, nodes in results.items()))
 
 
-def with_derivatives(function: Function, most: int) -> list[Function]:
+def with_derivatives(function: StateFunction, most: int) -> list[StateFunction]:
     """The function, its Jacobian, its gradient, and second derivatives; those that take more operations than `most` by directions."""
     adjoint = function.adjoint()
     return [function, function.jacobian(most), adjoint, adjoint.jacobian(most)]

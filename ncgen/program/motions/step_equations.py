@@ -66,7 +66,7 @@ class Node:
 
 
 @dataclass(frozen=True)
-class Layout:
+class StepLayout:
     """unknowns, state: how many u and x has; multipliers: where, and how many, numbers of rows u has that need not be unique, with as many
     equations there; explicit: how many of the last unknowns their equations give from the others."""
 
@@ -76,7 +76,7 @@ class Layout:
     explicit: int = 0
 
     @classmethod
-    def of(cls, method: str, n: int, m: int) -> Layout:
+    def of(cls, method: str, n: int, m: int) -> StepLayout:
         """That of a method, for n coordinates and m rows."""
         if method == "rattle":
             return cls(2 * (n + m), 2 * n, ((n, m), (2 * n + m, m)))
@@ -93,7 +93,7 @@ class StepEquations:
     """
 
     program: Program
-    layout: Layout
+    layout: StepLayout
     pattern: Pattern
 
 
@@ -282,7 +282,7 @@ def assemble_step(programs: Programs, method: str) -> StepEquations:
     """The equations of a step of a method, one of `METHODS`."""
     step = _Step(programs)
     F, G = METHODS[method](step)
-    layout = Layout.of(method, step.n, step.m)
+    layout = StepLayout.of(method, step.n, step.m)
     assert len(F) == layout.unknowns
     lengths = {"u": layout.unknowns, "x": layout.state, "w": len(INSTANTS) * step.n_w, "p": step.n_p}
     columns = {leaf: k for k, leaf in enumerate((array, i) for array, length in lengths.items() for i in range(length))}

@@ -28,7 +28,7 @@ from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines, line
 from ncgen.program.tree.composite import needed_loads
 from ncgen.program.tree.joint_space import ACCELERATED, DIRECTION, MOVING, POSITION, Made, changes, gravity_of, momenta
-from ncgen.program.tree.rates import Row
+from ncgen.program.tree.rates import RateRow
 from ncgen.program.tree.recursion import Column, Recursion
 from ncgen.program.tree.regressor import NAMES, frames_of, regressor
 from ncgen.program.tree.tree_position import TreePosition
@@ -59,7 +59,7 @@ class JointLoops(Recursion):
             verify(program, lengths | dict.fromkeys(("v", "a", "dx", "dv"), len(self.R)))
         return found
 
-    def _choose(self, rows: list[Row]) -> None:
+    def _choose(self, rows: list[RateRow]) -> None:
         weights = dict.fromkeys(self.rates.measured, MEASURED)
         weights |= {self.rates.own[c]: WANTED for c in self.wanted if c in self.rates.own}
         self.rates.choose(rows, weights)
@@ -206,7 +206,7 @@ class _Closing:
         phi = lines.vector(KERNELS["phi"])
         return lines.program("phi", POSITION, [phi.get(number, lines.graph.const(0.0)) for number in self._numbers])
 
-    def _off(self, row: Row) -> int:
+    def _off(self, row: RateRow) -> int:
         """What a row is off."""
         graph = self.graph
         if isinstance(row.source, int):

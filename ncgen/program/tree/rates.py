@@ -54,7 +54,7 @@ def check_seen(equations: Terms, samples: Sequence[Sample]) -> None:
 
 
 @dataclass(frozen=True)
-class Row:
+class RateRow:
     """A row of the rates: {unknown: node}, and where its right-hand sides come from.
 
     source: the number of the row of Φ, or (element, link) whose component `axis` moves with a link; None where both sides are 0
@@ -104,13 +104,13 @@ class Rates:
         """1 of a rate that turns, else the length of the mechanism."""
         return 1.0 if any(self.graph.value(node) != 0.0 for node in axis) else self.length
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[RateRow]:
         """All that is not satisfied by the way bodies move."""
         rows = [self._constraint(r, entries) for r, entries in self.jacobian.items()]
         rows += [row for number, link in enumerate(self.tree.links) for e in link.body.elements for row in self._carried(e, number)]
         return [row for row in rows if row.entries]
 
-    def _constraint(self, number: int, entries: dict[int, int]) -> Row:
+    def _constraint(self, number: int, entries: dict[int, int]) -> RateRow:
         """A row of Φ over the rates: what it does to each body is a force and a moment, which add up along the tree."""
         loads: Loads = {}
         row: dict[int, int] = {}
@@ -123,13 +123,13 @@ class Rates:
         scale = max(float(np.max(np.abs(self.sampling[node]))) * self.natural[c] for c, node in entries.items())
         row = self._nonzero(row, scale)
         snapped = self._constant(row)
-        return Row(snapped, None) if snapped else Row(row, number)
+        return RateRow(snapped, None) if snapped else RateRow(row, number)
 
     def load(self, loads: Loads, c: int, node: int) -> None:
         """Add a generalised force along a coordinate to force and moment on its link."""
         add_force(self.place, loads, *self.where[c], node)
 
-    def _carried(self, element: Spatial, link: int) -> list[Row]:
+    def _carried(self, element: Spatial, link: int) -> list[RateRow]:
         """An element that a link shares with another one that carries it, or that is held, moves as that one says; and where a
         coordinate is independent, its rate is that of the element."""
         home = self.tree.home.get(element)
@@ -146,7 +146,7 @@ class Rates:
                 if c not in self.own:
                     continue
                 entries[self.own[c]] = self.graph.const(-1.0)
-            rows.append(Row(entries, (element, link), axis))
+            rows.append(RateRow(entries, (element, link), axis))
         return rows
 
     def _nonzero(self, entries: dict[int, int], scale: float) -> dict[int, int]:
@@ -186,7 +186,7 @@ class Rates:
         """{rate: node} without what is rounding in every sample."""
         return {k: node for k, node in column.items() if np.max(np.abs(self.sampling[node])) / self.sizes[k] > self.vanishing}
 
-    def _numbers(self, rows: list[Row]) -> np.ndarray:
+    def _numbers(self, rows: list[RateRow]) -> np.ndarray:
         """The rows without units in all samples (samples, rows, count); with numbers for parameters they would be as large."""
         matrices = np.zeros((self.sampling.count, len(rows), self.count))
         for i, row in enumerate(rows):
@@ -196,7 +196,7 @@ class Rates:
         own = np.max(largest[self.sampling.alike], axis=0)
         return matrices / np.where(own > 1e-300, own, np.max(largest, axis=0))[None, :, None]
 
-    def choose(self, rows: list[Row], weights: Mapping[int, float] | None = None) -> None:
+    def choose(self, rows: list[RateRow], weights: Mapping[int, float] | None = None) -> None:
         """Let those rates be free that determine the others best in the first sample.
 
         weights: of rates, 1 for others; the smaller, the sooner a rate is free; None for measured coordinates, whose rates are known
@@ -208,7 +208,7 @@ class Rates:
         _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(firmly(matrices[0] * scale), mode="r", pivoting=True))
         self.free = sorted(order[rank:].tolist())
 
-    def kept(self, rows: list[Row]) -> list[Row]:
+    def kept(self, rows: list[RateRow]) -> list[RateRow]:
         """As many rows as there are dependent rates, independent in every sample. Raises NoRecursion where there are none."""
         dependent, matrices = self.dependent, self._numbers(rows)
         if len(rows) < len(dependent):

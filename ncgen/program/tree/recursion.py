@@ -37,7 +37,7 @@ from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree import articulated
 from ncgen.program.tree.composite import Inertia, inertias_of, mass_matrix, massless, needed_loads
 from ncgen.program.tree.joint_rates import measured_rates
-from ncgen.program.tree.rates import NoRecursion, Rates, Row, check_seen
+from ncgen.program.tree.rates import NoRecursion, RateRow, Rates, check_seen
 from ncgen.program.tree.tree_motion import Loads, TreeVelocity
 from ncgen.symbolic.equations import build_equations
 from ncgen.symbolic.numbering import Terms
@@ -114,7 +114,7 @@ class Recursion:
         self.bias = self.particular(self._right_sides())
         self.loads = self._loads()
 
-    def _choose(self, rows: list[Row]) -> None:
+    def _choose(self, rows: list[RateRow]) -> None:
         """Say which rates are free, where no coordinates are."""
         self.rates.choose(rows)
 
@@ -201,7 +201,7 @@ class Recursion:
         gamma = self.lines.vector(KERNELS["gamma"])
         return {i: self._right_side(row, gamma) for i, row in enumerate(self.rows) if row.source is not None}
 
-    def _right_side(self, row: Row, gamma: dict[int, int]) -> int:
+    def _right_side(self, row: RateRow, gamma: dict[int, int]) -> int:
         graph, rates, bias = self.graph, self.rates, self.velocity.bias
         if isinstance(row.source, int):
             moved = {c: node for c, node in rates.jacobian[row.source].items() if c in rates.where}

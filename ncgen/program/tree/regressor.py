@@ -37,24 +37,24 @@ ROUNDING = 1e-15
 """Shares of directions in a frame's axes that are smaller are 0."""
 
 
-class Frame(NamedTuple):
+class RegressorFrame(NamedTuple):
     """A body's frame in the initial position. rotation (3, 3): its axes as columns; position (3,): its origin (m)."""
 
     rotation: np.ndarray
     position: np.ndarray
 
 
-def frames_of(model: Model, tree: Tree) -> list[Frame]:
+def frames_of(model: Model, tree: Tree) -> list[RegressorFrame]:
     """Of every link: the frame of its body in a robot's file, else its first point and the global axes."""
     found = []
     for link in tree.links:
         named = next((frame for frame in model.frames.values() if frame.body == link.body.name), None)
-        found.append(Frame(named.rotation, named.position) if named else Frame(np.eye(3), link.body.points[0].initial))
+        found.append(RegressorFrame(named.rotation, named.position) if named else RegressorFrame(np.eye(3), link.body.points[0].initial))
     return found
 
 
 def regressor(
-    place: TreePlace, velocity: TreeVelocity, gravity: Vector, accelerations: Sequence[int], frames: Sequence[Frame]
+    place: TreePlace, velocity: TreeVelocity, gravity: Vector, accelerations: Sequence[int], frames: Sequence[RegressorFrame]
 ) -> dict[int, dict[int, int]]:
     """{rate of the tree: {column: node}}, ten columns a link.
 
@@ -95,7 +95,7 @@ def _units(place: TreePlace) -> list[Inertia]:
     return found
 
 
-def _frame(place: TreePlace, number: int, frame: Frame) -> tuple[list[Vector], Vector]:
+def _frame(place: TreePlace, number: int, frame: RegressorFrame) -> tuple[list[Vector], Vector]:
     """The axes of a link's frame, and its origin, from the elements that the body has."""
     space, body = place.space, place.tree.links[number].body
     basis = body.basis if body.inertia else bodies.choose_basis(body)

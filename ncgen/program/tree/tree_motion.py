@@ -23,7 +23,7 @@ Loads: TypeAlias = dict[int, tuple[Vector, Vector]]
 
 
 @dataclass(frozen=True)
-class Column:
+class TreeColumn:
     """The screw of one rate: axis u (0 of a translation) and s, the velocity at the reference point."""
 
     axis: Vector
@@ -136,11 +136,11 @@ class TreePlace:
             return None
         return self.space.sub(self.reference[number], self.reference[parent])
 
-    def _column(self, screw: Screw, link: int) -> Column:
+    def _column(self, screw: Screw, link: int) -> TreeColumn:
         axis = self.combined(screw.axis)
         if screw.point is None:
-            return Column(self.space.zero, axis)
-        return Column(axis, self.space.cross(self.lever(screw.point, link), axis))
+            return TreeColumn(self.space.zero, axis)
+        return TreeColumn(axis, self.space.cross(self.lever(screw.point, link), axis))
 
 
 def add_force(place: TreePlace, loads: Loads, element: Spatial, axis: int, node: int) -> None:

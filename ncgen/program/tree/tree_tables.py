@@ -45,7 +45,7 @@ class NoTables(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class TreePlace:
     """A position q (n,), Φ there (m,) in natural sizes, and values of Φ_q and M."""
 
     q: np.ndarray
@@ -62,7 +62,7 @@ class Around:
     """
 
     q: np.ndarray
-    looks: Sequence[Callable[[np.ndarray], Place]]
+    looks: Sequence[Callable[[np.ndarray], TreePlace]]
     rows: np.ndarray
     columns: np.ndarray
 
@@ -136,7 +136,7 @@ class OpenTree:
 
     # -- masses --------------------------------------------------------------------------------
 
-    def _take_masses(self, pattern: Pattern, places: Sequence[Place]) -> None:
+    def _take_masses(self, pattern: Pattern, places: Sequence[TreePlace]) -> None:
         """Entries of M, each with a link that carries what it speaks of; as a pair where it is the same along all axes."""
         self._weigh(pattern, places[0])
         found: dict[tuple[int, int, int], dict[tuple[int, int], int]] = defaultdict(dict)
@@ -157,7 +157,7 @@ class OpenTree:
             else:
                 self.singles += [(link, a, x, b, y, value) for (x, y), value in sorted(entries.items())]
 
-    def _weigh(self, pattern: Pattern, place: Place) -> None:
+    def _weigh(self, pattern: Pattern, place: TreePlace) -> None:
         """How much the velocity of an element counts where the rates of a joint are found: its mass, or some of the heaviest one's."""
         diagonal = scipy.sparse.csr_array((place.mass, pattern.indices, pattern.indptr), shape=pattern.shape).diagonal()
         masses, size = np.zeros(len(self.elements)), np.ones(len(self.elements))
@@ -210,7 +210,7 @@ class OpenTree:
                     others[i] += value * step[c]
         return block, others
 
-    def _closed(self, q: np.ndarray, look: Callable[[np.ndarray], Place]) -> Place:
+    def _closed(self, q: np.ndarray, look: Callable[[np.ndarray], TreePlace]) -> TreePlace:
         """The closed position near q, each link brought to those before it by the smallest change."""
         for _ in range(MOST_STEPS):
             place = look(q)
@@ -224,7 +224,7 @@ class OpenTree:
             q = q + step
         raise NoTables("bodies do not close one after the other")
 
-    def _places(self) -> list[Place]:
+    def _places(self) -> list[TreePlace]:
         """Closed positions: where the mechanism is, and two around it, with other parameters where there are any."""
         first, *others = self.around.looks
         found = [self._closed(self.around.q, first)]
@@ -235,7 +235,7 @@ class OpenTree:
             found.append(self._closed(guess, others[k % len(others)] if others else first))
         return found
 
-    def _take_measured(self, places: Sequence[Place]) -> None:
+    def _take_measured(self, places: Sequence[TreePlace]) -> None:
         """Which joint every measured coordinate measures: they are those that no body carries."""
         tells: dict[int, int] = {}
         for r, row in enumerate(self.rows):
@@ -249,7 +249,7 @@ class OpenTree:
             rates = np.array([self._rate(c, tells[c], place, v) for place, _, v in trials])
             self.measured[c] = self._measures(self.own[self.group[c]], rates, np.array([x for _, x, _ in trials]))
 
-    def _rate(self, c: int, row: int, place: Place, v: np.ndarray) -> float:
+    def _rate(self, c: int, row: int, place: TreePlace, v: np.ndarray) -> float:
         """What a row says of a measured coordinate's rate at the others' velocities."""
         begin = self.pattern.indptr[row]
         entries = {j: place.phi_q[begin + k] for k, j in enumerate(self.rows[row])}
@@ -296,13 +296,13 @@ class OpenTree:
             found[c] = ratio * rates[k]
         return found
 
-    def _check(self, place: Place) -> None:
+    def _check(self, place: TreePlace) -> None:
         """Raise NoTables where a row does not allow what the joints do, or lets more move."""
         self._check_rows(place, range(len(self.rows)))
         if any(rank != freedom for rank, _, freedom in self._ranks(place)):
             raise NoTables("a body can move otherwise than by its joint")
 
-    def _check_rows(self, place: Place, rows: Sequence[int]) -> None:
+    def _check_rows(self, place: TreePlace, rows: Sequence[int]) -> None:
         """Raise NoTables where one of these rows, or a fixed component, does not allow what the joints do."""
         jacobian = scipy.sparse.csr_array((place.phi_q, self.pattern.indices, self.pattern.indptr), shape=self.pattern.shape)
         for x in self._random():
@@ -312,11 +312,11 @@ class OpenTree:
             if np.any(off[rows] > SAME * terms[rows]) or np.any(np.abs(held) > least):
                 raise NoTables("rows close loops")
 
-    def is_regular(self, place: Place) -> bool:
+    def is_regular(self, place: TreePlace) -> bool:
         """True where all rows are independent, link by link."""
         return all(rank == rows == freedom for rank, rows, freedom in self._ranks(place))
 
-    def _ranks(self, place: Place) -> Iterator[tuple[int, int, int]]:
+    def _ranks(self, place: TreePlace) -> Iterator[tuple[int, int, int]]:
         """Of every link the rank of the rows that close it, how many they are, and what their rank must be."""
         for link, unknowns in enumerate(self.unknowns):
             block, _ = self._block(link, place.phi_q, np.zeros(self.n))

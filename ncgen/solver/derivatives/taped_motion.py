@@ -49,7 +49,7 @@ class StartFrames:
     by_parameters: np.ndarray | None
 
 
-class Back(Protocol):
+class ReverseSweep(Protocol):
     """The way back through what a mechanism does at its start, one or many of them."""
 
     def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
@@ -58,7 +58,7 @@ class Back(Protocol):
 
 
 def start_back(
-    back: Back, partitions: Partitions, start: StartFrames, weights: np.ndarray, reads: bool = True
+    back: ReverseSweep, partitions: Partitions, start: StartFrames, weights: np.ndarray, reads: bool = True
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How a sum with these weights (…, 2 n) of q and q̇ at the start changes with p, z and ż: the transpose of what stands above.
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ncgen.program.initial import assemble_values
 from ncgen.program.ir.evaluate import evaluate_rows
-from ncgen.program.tree.regressor import ENTRIES, NAMES, Frame, frames_of
+from ncgen.program.tree.regressor import ENTRIES, NAMES, RegressorFrame, frames_of
 from ncgen.solver.joints.joint_names import refuse_thin
 
 if TYPE_CHECKING:
@@ -60,13 +60,13 @@ class BaseParameters:
         return " ".join(parts)
 
 
-def frames(space: JointDynamics) -> list[Frame]:
+def frames(space: JointDynamics) -> list[RegressorFrame]:
     """Of the bodies of the tree. Raises ModelError where a body with inertia is no part of it."""
     refuse_thin(space.kernels, space.tree)
     return frames_of(space.kernels.model, space.tree)
 
 
-def key_of(frames: list[Frame]) -> str:
+def key_of(frames: list[RegressorFrame]) -> str:
     """A word for these frames, of which programs of the same equations depend."""
     numbers = np.concatenate([np.concatenate([frame.rotation.ravel(), frame.position]) for frame in frames])
     return hashlib.sha256(numbers.tobytes()).hexdigest()[:16]

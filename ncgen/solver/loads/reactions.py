@@ -20,7 +20,7 @@ from ncgen.solver import geometry
 from ncgen.solver.given import finite, offer
 from ncgen.solver.loads.between import RowLoad, loads_between, row_loads
 from ncgen.solver.loads.sharing import Share, find_shared, kernels_of
-from ncgen.solver.loads.teeth import Mesh, meshes
+from ncgen.solver.loads.teeth import ToothMesh, meshes
 from ncgen.symbolic.equations import build_springs
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Reactions:
     determinate: dict[str, dict[str, bool]]
     shared: tuple[str, ...]
     changes: dict[int, np.ndarray]
-    meshes: tuple[Mesh, ...] = ()
+    meshes: tuple[ToothMesh, ...] = ()
     couples: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

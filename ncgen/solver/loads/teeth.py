@@ -33,7 +33,7 @@ SAME_WORK = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class ToothMesh:
     """Two sides on a carrier, by the names of bodies: at `point` (K, 3) in m the second pushes the first with `force` (K, 3) in N.
 
     row: the label of the gear's or the rack's row; slide: that of the row of the rack's coordinate, "" for two wheels
@@ -78,7 +78,7 @@ class _Contact:
     slide: str = ""
 
 
-def meshes(run: Trajectory, pressure_angle: float) -> tuple[tuple[Mesh, ...], tuple[str, ...]]:
+def meshes(run: Trajectory, pressure_angle: float) -> tuple[tuple[ToothMesh, ...], tuple[str, ...]]:
     """All pairs of sides along a run, and the labels of rows that stay couples; pressure_angle: rad."""
     found, couples = [], []
     for number, row in enumerate(run.kernels.rows):
@@ -92,7 +92,7 @@ def meshes(run: Trajectory, pressure_angle: float) -> tuple[tuple[Mesh, ...], tu
         load = -run.lam[:, number, None]
         size = np.abs(load) * np.linalg.norm(at.tangent, axis=1, keepdims=True)
         force = load * at.tangent + np.tan(pressure_angle) * size * at.radial
-        found.append(Mesh(row.label, at.first, at.second, at.carrier, at.point, force, at.slide))
+        found.append(ToothMesh(row.label, at.first, at.second, at.carrier, at.point, force, at.slide))
     return tuple(found), tuple(couples)
 
 

@@ -27,7 +27,7 @@ FEWEST = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Table(Pieces):
+class SignalTable(Pieces):
     """An input as values at instants, and what holds between them; polynomials are linear in the values."""
 
     hold: Hold
@@ -93,7 +93,7 @@ class Signals:
         """{name: how Σ weights · inputs changes with its values, (K,)} of the inputs that are tables.
 
         weights (…, inputs) at times t (…), inside steps that began at `begun`."""
-        tables = [(i, signal) for i, signal in enumerate(self.told) if isinstance(signal, Table)]
+        tables = [(i, signal) for i, signal in enumerate(self.told) if isinstance(signal, SignalTable)]
         return {self.names[i]: signal.by_values(t, begun, weights[..., i]) for i, signal in tables}
 
     def _watched(self, i: int, function: Function) -> Function:
@@ -122,7 +122,7 @@ def signals_of(kernels: Outline, inputs: Mapping[str, Signal] | None, p: np.ndar
     return Signals(kernels.name, names, tuple(told)) if any(told) else None
 
 
-def _table(given: Sequence[object], where: str) -> Table:
+def _table(given: Sequence[object], where: str) -> SignalTable:
     """A table as polynomials. Raises ModelError unless its instants are two or more, ascending, each with a value."""
     if len(given) not in (2, 3):
         raise ModelError(f"{where}: {counted(len(given), 'thing')} given; give (times, values) or (times, values, hold)")
@@ -135,7 +135,7 @@ def _table(given: Sequence[object], where: str) -> Table:
     if not np.all(np.diff(times) > 0):
         k = int(np.argmin(np.diff(times) > 0))
         raise ModelError(f"{where}: time {k + 1} is {times[k + 1]:.6g} s after {times[k]:.6g} s; times must ascend")
-    return Table(times, _coefficients(times, values, hold), hold)
+    return SignalTable(times, _coefficients(times, values, hold), hold)
 
 
 def _coefficients(times: np.ndarray, values: np.ndarray, hold: Hold) -> np.ndarray:

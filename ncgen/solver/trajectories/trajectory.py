@@ -40,7 +40,7 @@ CONDITION = 1e-3
 """Quality of a partition below which accelerations are computed with a better one."""
 
 
-class Page(Protocol):
+class PageLike(Protocol):
     """A page that `ncgen.view.page` makes: a notebook shows it, `save` writes it into a file."""
 
     text: str
@@ -426,13 +426,13 @@ class Trajectory:
         return figure if output is None else view.save(figure, path_of(output))
 
     @overload
-    def animate(self, output: None = None) -> Page: ...
+    def animate(self, output: None = None) -> PageLike: ...
 
     @overload
     def animate(self, output: str | os.PathLike[str]) -> Path: ...
 
     @output_was("path")
-    def animate(self, output: str | os.PathLike[str] | None = None) -> Page | Path:
+    def animate(self, output: str | os.PathLike[str] | None = None) -> PageLike | Path:
         """Show the motion on a self-contained HTML page, or as a film.
 
         Parameters

@@ -17,7 +17,7 @@ from benchmarks.rivals.articulated import Joint
 from ncgen.errors import NcgenError
 from ncgen.report.repeat import Call
 from ncgen.toolchain.abi import abi
-from ncgen.toolchain.cache import Built, compiled
+from ncgen.toolchain.cache import BuiltLibrary, compiled
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 
@@ -31,7 +31,7 @@ PATIENCE = 1800.0
 """Seconds that the compiler may take for its headers: two minutes where nothing else runs."""
 
 
-def compiled_cpp(source: Path, flags: tuple[str, ...]) -> Built:
+def compiled_cpp(source: Path, flags: tuple[str, ...]) -> BuiltLibrary:
     """A source in C++ with Pinocchio's library. Raises ImportError or StopIteration where that, NcgenError where a compiler is missing."""
     prefix = next(p for p in Path(import_module("pinocchio").__file__ or "").parents if p.name == "cmeel.prefix")
     libraries = ("-x", "none", f"-L{prefix}/lib", f"-Wl,-rpath,{prefix}/lib", "-lpinocchio_default", "-lstdc++", "-lm")
