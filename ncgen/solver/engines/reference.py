@@ -134,12 +134,12 @@ class Reference(ABC):
         """A solver at a state."""
         (velocities, positions), sizes, task = self.own, self.kernels.column_sizes, self.task
         q, qd, work = state
-        options = task.tolerances.for_scipy(sizes[velocities], sizes[positions])
+        options = task.tolerances.for_scipy(sizes[velocities], sizes[positions]) | {"first_step": first_step, "max_step": task.max_step}
         if takes_jacobian(task.method.integrator, self.kernels):
             options["jac"] = self._counted_jacobian
         make = sharing(ode_solver(task.method.integrator), task.tolerances.span, task.before)
         y = np.concatenate([qd[velocities], q[positions], [work]])
-        return make(self._counted_derivative, t, y, task.grid[-1], first_step=first_step, max_step=task.max_step, **options)
+        return make(self._counted_derivative, t, y, task.grid[-1], **options)
 
     def hand_over(self) -> None:
         """Give the path what was counted."""
