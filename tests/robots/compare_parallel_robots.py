@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,18 @@ def least_gap(model: pin.Model, pairs: list[list[str]], types: list[str], fixed:
     return best
 
 
+def following(model: pin.Model, urdf: Path) -> np.ndarray:
+    """A row for each joint that mimics another one, over Pinocchio's joint velocities."""
+    rows = []
+    for joint in ET.parse(urdf).iter("joint"):
+        if (mimic := joint.find("mimic")) is not None:
+            own, other = (model.joints[model.getJointId(name)].idx_v for name in (joint.get("name", ""), mimic.get("joint", "")))
+            row = np.zeros(model.nv)
+            row[own], row[other] = 1.0, -float(mimic.get("multiplier", "1"))
+            rows.append(row)
+    return np.reshape(rows, (-1, model.nv))
+
+
 def compare(table: Path) -> str:
     """The line of a robot."""
     import yaml
@@ -127,6 +140,7 @@ def compare(table: Path) -> str:
         elif model.nq == 1:
             q[model.idx_q] = joint.start
     gaps, J = closing(theirs, pairs, types, q, fixed)
+    J = np.concatenate([J, np.delete(following(theirs, urdf), fixed, axis=1)])
     values = np.linalg.svd(J, compute_uv=False)
     freedom = J.shape[1] - int(np.sum(values > 1e-6 * values[0]))
     return f"{ours} and {freedom} degrees of freedom, gap {np.abs(gaps).max():.1e}, {seconds:.2f} s"
