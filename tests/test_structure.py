@@ -20,7 +20,7 @@ LAYERS = (
 ROOMS = {
     "program": ("ir", "algebra", "", "differentiation", "tree", "motions"),
     "solver": (
-        "", "positions", "formalisms", "integrators", "trajectories", "loads", "runs", "steppers", "engines", "motions",
+        "", "positions", "formalisms", "integrators", "trajectories", "loads", "runs", "steppers", "engines", "events", "motions",
         "derivatives", "linear", "joints",
     ),
 }  # fmt: skip
@@ -146,6 +146,7 @@ OWN = {
     "report/machine.py": "/proc", "toolchain/compilers.py": "/proc, and folders that it has made",
     "toolchain/cache.py": "folders that it has made", "exchange/export/fmu.py": "libraries that were just compiled",
     "exchange/robots/mjcf_child.py": "a program that imports nothing of ncgen, in a folder that was made for it",
+    "toolchain/generic_wasm.py": "a file of the package, and a folder that it has made",
     "exchange/start.py": "takes a name, which follows no link",
 }  # fmt: skip
 """{module: what it opens by itself} of those that do."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections import Counter
+from collections.abc import Sequence
 from typing import SupportsFloat
 
 import numpy as np
@@ -12,8 +13,10 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.words import NOT_IN_FILES, kind_of, signature_of
 from ncgen.model import Model
+from ncgen.model.actions import STOP, Action, Call, Change, Impact, Stop
 from ncgen.model.bodies import WORDS_OF_INERTIA, Body
 from ncgen.model.elements import Combination, Component, Element
+from ncgen.model.facts import Fact
 from ncgen.model.kinks import without_kinks
 from ncgen.model.names import LAW, TIME, normal
 from ncgen.model.outputs import observable_loads
@@ -23,8 +26,10 @@ ONCE = ("gravity", "simulation")
 """Facts that a model has one of: a single table says so."""
 
 
-def to_toml(model: Model) -> str:
+def to_toml(model: Model, facts: Sequence[Fact] | None = None) -> str:
     """The text of a model file that `load` turns into the same model.
+
+    facts: others than the model's own, in which more numbers may be parameters
 
     Raises ModelError for what a file cannot say, such as a Python function.
     """
@@ -33,9 +38,10 @@ def to_toml(model: Model) -> str:
         head.append("scale = false")
     if model.form != "smooth":
         head.append(f"form = {_quoted(model.form, 'form')}")
-    counts = Counter(fact.word for fact in model.facts)
+    told = model.facts if facts is None else facts
+    counts = Counter(fact.word for fact in told)
     writer = _Writer(model)
-    tables = [writer.table(fact.word, fact.arguments, fact.word in ONCE and counts[fact.word] == 1) for fact in model.facts]
+    tables = [writer.table(fact.word, fact.arguments, fact.word in ONCE and counts[fact.word] == 1) for fact in told]
     return "\n".join(head) + "\n\n" + "\n".join(tables)
 
 
@@ -79,6 +85,8 @@ class _Writer:
             return _quoted(normal(value), where)
         if isinstance(value, (Element, Body, Parameter, Component)):
             return _quoted(value.name, where)
+        if isinstance(value, (Impact, Change, Stop, Call)):
+            return self.text(_told(value, where), where)
         if isinstance(value, Combination):
             return _quoted(_combination(value), where)
         if isinstance(value, dict):
@@ -103,6 +111,17 @@ class _Writer:
         if text is None:
             raise _refused(value, where)
         return text
+
+
+def _told(action: Action, where: str) -> object:
+    """An action as a file says it."""
+    if isinstance(action, Call):
+        raise ModelError(f"{where}: a Python function cannot be written into a model file; give values by name")
+    if isinstance(action, Stop):
+        return STOP
+    if isinstance(action, Change):
+        return dict(action.values)
+    return {"impact": {"restitution": action.restitution} | ({"order": action.order} if action.order else {})}
 
 
 def _refused(value: object, where: str) -> ModelError:

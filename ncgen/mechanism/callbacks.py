@@ -1,7 +1,9 @@
-"""Forces of a model's own Python functions, and their derivatives by differences, as the C runtime calls them."""
+"""Forces of a model's own Python functions, and their derivatives by differences, and parameters that Python chooses anew at every step,
+as the C runtime calls them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -65,3 +67,21 @@ class ExternalForces(InPython):
             moved[part][k] += step
             full[:, k] = (force(t, *moved) - at) / step
         return full
+
+
+class Choices(InPython):
+    """`ncgen_options.choose`: the parameters (n_p,) that follow from a position q (n,) and those there are.
+
+    function: for C
+    """
+
+    def __init__(self, kernels: Kernels, chosen: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> None:
+        super().__init__(kernels)
+        array, counts = self.array, self.counts
+
+        def choose(q: InC, p: InC) -> int:
+            values = array(p, counts["p"])
+            values[:] = chosen(array(q, counts["q"]), values)
+            return 0
+
+        self.function: InC = self.put(choose, "ncgen_parameter_rule *")

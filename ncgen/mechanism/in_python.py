@@ -12,12 +12,9 @@ import numpy as np
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.program.ir.blocks import Pattern, Program
-from ncgen.toolchain.abi import InC, Interface, runtime_abi
+from ncgen.toolchain.abi import InC, Interface, abi_version, runtime_abi
 
 INTERRUPTED = STATUS.index("interrupted")
-
-ABI_VERSION = 1
-"""NCGEN_ABI_VERSION of ncgen.h."""
 
 KINDS = {
     ("t", "q", "p"): "ncgen_position_kernel *",
@@ -98,12 +95,12 @@ class KernelsInPython(InPython):
         super().__init__(kernels)
         self._kernels, programs = kernels, kernels.programs.programs
         self.model: InC = self.ffi.new("ncgen_model *", {
-            "abi_version": ABI_VERSION, "struct_size": self.ffi.sizeof("ncgen_model"), "real_size": self.ffi.sizeof("ncgen_real"),
+            "abi_version": abi_version(), "struct_size": self.ffi.sizeof("ncgen_model"), "real_size": self.ffi.sizeof("ncgen_real"),
             "n_coordinates": kernels.n, "n_rows": kernels.m, "n_parameters": len(kernels.p0), "n_inputs": len(kernels.inputs),
             "mass_is_constant": "mass" in programs and programs["mass"].is_constant,
         })  # fmt: skip
         for name, pattern in (("phi_q_pattern", kernels.programs.phi_q), ("mass_pattern", kernels.programs.mass)):
-            if pattern.nonzeros:
+            if pattern.shape[0]:
                 setattr(self.model, name, self.pattern(pattern))
         for name, program in programs.items():
             setattr(self.model, name, self.kernel(program.inputs, program.size, self._of(name, program)))
@@ -117,7 +114,7 @@ class KernelsInPython(InPython):
     def tangents(self) -> InC:
         """An ncgen_tangents."""
         found = self._kernels.tangents
-        made = self.ffi.new("ncgen_tangents *", {"abi_version": ABI_VERSION, "struct_size": self.ffi.sizeof("ncgen_tangents")})
+        made = self.ffi.new("ncgen_tangents *", {"abi_version": abi_version(), "struct_size": self.ffi.sizeof("ncgen_tangents")})
         for name, program in found.programs.programs.items():
 
             def values(*given: Any, name: str = name, program: Program = program) -> np.ndarray:

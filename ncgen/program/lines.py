@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ncgen.model.values import Value, as_sympy, is_number
 from ncgen.program.algebra.elimination import Matrix
-from ncgen.program.assemble import Kernel, load_name, parts_of, place_of, told_of
+from ncgen.program.assemble import parts_of, place_of
 from ncgen.program.binding import Bound, Derived, Reference, bind
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Program, written
@@ -20,6 +20,8 @@ from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lower_value
 from ncgen.program.ir.passes import dead_code
+from ncgen.program.kernel_table import Kernel
+from ncgen.program.labels import labelled_errors, load_name
 from ncgen.symbolic.inertia import Exact
 from ncgen.symbolic.numbering import Terms
 
@@ -44,7 +46,7 @@ class Lines:
         """{place: node} of a kernel's output, contributions added up, structural zeros left out."""
         sums: dict[tuple[int, ...], list[int]] = defaultdict(list)
         for term in kernel.terms(self.equations):
-            with told_of(term.label):
+            with labelled_errors(term.label):
                 bound = bind(term, self.equations, self.derived)
             for place, node in parts_of(kernel, bound, self.graph, partial(self._read, bound)):
                 sums[place_of(place, bound, self.equations)].append(node)

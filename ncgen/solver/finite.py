@@ -21,7 +21,7 @@ from ncgen.model.values import Symbolic
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-    from ncgen.program.assemble import Kernel
+    from ncgen.program.kernel_table import Kernel
     from ncgen.symbolic.equations import Term
     from ncgen.symbolic.numbering import Terms
 
@@ -192,8 +192,8 @@ def _of_arguments(kernels: Kernels, given: dict[str, Any]) -> str | None:
 
 
 def _of_terms(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
-    from ncgen.program.assemble import KERNELS
     from ncgen.program.differentiation.tangents import TANGENTS
+    from ncgen.program.kernel_table import KERNELS
 
     definition = {**KERNELS, **TANGENTS}[kernel]
     equations = kernels.programs.equations

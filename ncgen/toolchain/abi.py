@@ -63,6 +63,12 @@ def declared(file: str, part: str = "cdef") -> str:
     return marked(runtime_text(file), part)
 
 
+@once
+def abi_version() -> int:
+    """NCGEN_ABI_VERSION of ncgen.h."""
+    return int(runtime_text("ncgen.h").split("#define NCGEN_ABI_VERSION ")[1].split()[0])
+
+
 def marked(text: str, part: str = "cdef") -> str:
     """What stands in a text between the marks "begin part" and "end part"."""
     return text.split(f"/* begin {part} */")[1].split(f"/* end {part} */")[0]

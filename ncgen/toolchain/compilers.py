@@ -48,8 +48,8 @@ STRAIGHT_FLAGS = tuple(part for flag in FLAGS for part in (("-O1", *LEAST, *NEED
 """For long straight lines. gcc takes three quarters of the time of -O3 for a humanoid's motion, whose programs run as fast and have as many
 instructions: there are no branches and no common subexpressions that it could find."""
 
-LONG_LINES = 300_000
-"""Characters of straight lines, which gcc takes 2 s for, above which it does what they need and no more."""
+LONG_LINES = 150_000
+"""Characters of straight lines, which gcc takes 1 s for, above which it does what they need and no more."""
 
 OPTIONAL = (
     "-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", *ALIGNED, *LEAST, *NEEDLESS, "-fno-math-errno", "-fopenmp",

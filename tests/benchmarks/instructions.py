@@ -23,9 +23,9 @@ from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
-from ncgen.program.assemble import EMISSIONS
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.dynamics import assemble_motion
+from ncgen.program.programs import EMISSIONS
 from ncgen.solver.engines.compiled import dynamics, is_emitted, own_positions
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS, find_compiler

@@ -8,7 +8,7 @@ from c_code import compile_object, compilers, run_consumer, run_numpy
 
 import ncgen
 from ncgen import Model
-from ncgen.program.assemble import EMISSIONS
+from ncgen.program.programs import EMISSIONS
 
 TYPES = {"double": (), "single": ("-DNCGEN_SINGLE",), "long double": ("-DNCGEN_LONG_DOUBLE",), "quad": ("-DNCGEN_QUAD",)}
 CLOSE = {"double": 1e-14, "single": 1e-5, "long double": 1e-14, "quad": 1e-14}

@@ -11,7 +11,7 @@ import scipy.linalg
 import ncgen
 from ncgen.exchange.examples import load
 from ncgen.model import arithmetic
-from ncgen.program.assemble import Programs
+from ncgen.program.programs import Programs
 from ncgen.resources import folder
 from ncgen.solver.engines import compiled
 

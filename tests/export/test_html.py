@@ -146,7 +146,7 @@ def test_a_number_that_cannot_be_is_told_and_taken_back(browser, page_of):
     browser.open(page_of(linkage()))
     enter(browser, "crank", 0)
     assert browser.value("document.getElementById('problem').textContent").startswith("Mechanism, t = 0 s: the loops cannot be closed")
-    assert browser.value("[...living.mechanism.p]") == [0.1, 0.4, 0.0] and browser.said == []
+    assert browser.value("[...living.mechanism.p].slice(0, 3)") == [0.1, 0.4, 0.0] and browser.said == []
 
 
 @shown

@@ -7,7 +7,8 @@ import random
 import pytest
 from hypothesis import settings
 
-from ncgen.program.assemble import EMISSIONS, assemble
+from ncgen.program.assemble import assemble
+from ncgen.program.programs import EMISSIONS
 from ncgen.symbolic.equations import build_equations
 
 # The same examples on every run and machine, however slow it is.

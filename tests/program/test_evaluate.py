@@ -14,11 +14,12 @@ import ncgen
 from ncgen import Model
 from ncgen.exchange.examples import example_names
 from ncgen.model.values import evaluate as number_of
-from ncgen.program.assemble import EMISSIONS, assemble
+from ncgen.program.assemble import assemble
 from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import Graph, Input, Op
+from ncgen.program.programs import EMISSIONS
 from ncgen.symbolic.equations import build_equations
 
 MPMATH = {name: getattr(mpmath, {"abs": "fabs", "pow": "power"}.get(name, name)) for name in FUNCTIONS}

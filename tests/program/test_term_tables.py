@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planar_models import Drawn
+from oracles.planar_models import Drawn
 
 import ncgen
 from ncgen.emit.c.generic import generic_files, types_source

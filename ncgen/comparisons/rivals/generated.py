@@ -17,8 +17,8 @@ from ncgen.emit.naming import prefix_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
-from ncgen.program.assemble import EMISSIONS
 from ncgen.program.ir.cost import cost
+from ncgen.program.programs import EMISSIONS
 from ncgen.report.clock import Run, repeated
 from ncgen.report.repeat import Call, runner, typed_runner
 from ncgen.toolchain import cache, compilers

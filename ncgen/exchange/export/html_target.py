@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import base64
+import re
 import zlib
 
 from ncgen.emit.environment import render
-from ncgen.exchange.export.package import Package
+from ncgen.exchange.export.package import Package, package
 from ncgen.exchange.export.wasm_target import assembled
+from ncgen.exchange.turnable import turnable
 from ncgen.model import Model
 from ncgen.model.elements import Combination, Component, Element, Point, Spatial, Vector
 from ncgen.model.rows import Row
+from ncgen.model.values import Parameter
 from ncgen.program.initial import assemble_described
 from ncgen.program.ir.blocks import Pattern
 from ncgen.view.chosen import MOST, telling
@@ -20,9 +23,16 @@ from ncgen.view.scene import Scene, scene_of
 USED = ("phi", "phi_q", "nu", "mass", "energy")
 """The kernels that the page calls, as far as the mechanism has them."""
 
+GROUPS = {"position": "places", "mass": "masses", "inertia": "masses"}
+"""{argument of a fact: group of sliders} of numbers that the model has no parameter for."""
 
-def files(package: Package) -> dict[str, str]:
-    """{file name: text}: the page alone."""
+
+def files_of(model: Model) -> dict[str, str]:
+    """{file name: text}: the page alone, in which the model's own parameters come first and its other numbers can be turned, too."""
+    return _files(package(turnable(model)), own=tuple(model.numbers))
+
+
+def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
     model, scene = package.kernels.model, scene_of(package.kernels.model)
     drawn = _drawn(model, scene)
     fixed = [c for element in drawn for c in element.components if c.fixed]
@@ -30,6 +40,8 @@ def files(package: Package) -> dict[str, str]:
     kernels = [*(programs[name] for name in USED if name in programs), assemble_described(equations, [*equations.free, *fixed])]
     binary, records = assembled(package, kernels, "Mechanism")
     data = _scene(scene, drawn) | _mechanism(package) | {"places": _places(package, drawn, fixed), "kernels": [k.name for k in kernels]}
+    data["rows"] = [_row(model, row, own) for row in package.kernels.rows]
+    data |= {"parameters": [_parameter(model, name, own) for name in model.numbers], "movable": _movable(model)}
     page = render(
         "package/html/page.html.jinja",
         name=model.name,
@@ -69,9 +81,7 @@ def _mechanism(package: Package) -> dict:
         "independent": list(package.independent),
         "shown": telling(model, kernels.coordinates, package.independent)[:MOST],  # at first
         "duration": package.duration,
-        "parameters": [{"unit": number.unit, "input": name in model.inputs} for name, number in model.numbers.items()],
         "outputs": [{"label": output.label, "unit": output.unit} for output in model.outputs.values()],
-        "rows": [_row(model, row) for row in kernels.rows],
         "rowSizes": kernels.row_sizes.tolist(),
         "phiQ": _pattern(kernels.phi_q_pattern),
         "mass": _pattern(kernels.mass_pattern),
@@ -80,12 +90,31 @@ def _mechanism(package: Package) -> dict:
     }
 
 
+def _parameter(model: Model, name: str, own: tuple[str, ...]) -> dict:
+    """Unit of a parameter, and the group of sliders that it belongs to."""
+    if name in own:
+        group = "inputs" if name in model.inputs else "parameters"
+    else:
+        group = GROUPS.get(next((part for part in name.split(".") if part in GROUPS), ""), "others")
+    return {"unit": model.numbers[name].unit, "group": group}
+
+
+def _movable(model: Model) -> list[list[int]]:
+    """For every point the places in p of the parameters that its coordinates are, −1 for one that is none."""
+    names = list(model.numbers)
+    points = [element for element in model.elements.values() if isinstance(element, Point)]
+    return [[names.index(c.value.name) if isinstance(c.value, Parameter) else -1 for c in point.components] for point in points]
+
+
 def _pattern(pattern: Pattern) -> dict:
     return {"indptr": pattern.indptr, "indices": pattern.indices}
 
 
-def _row(model: Model, row: Row) -> dict:
-    """A row in the user's words, the elements that it speaks of, and the bodies that it belongs to."""
+def _row(model: Model, row: Row, own: tuple[str, ...]) -> dict:
+    """A row in the user's words, the elements that it speaks of, and the bodies that it belongs to.
+
+    own: the model's own parameters; constants that follow from other ones are left out
+    """
     elements = _elements(model, row)
     bodies = list(model.bodies.values())
     owners = [i for i, body in enumerate(bodies) if row.owner.kind == "body" and row.owner.name == body.name]
@@ -93,11 +122,17 @@ def _row(model: Model, row: Row) -> dict:
     return {
         "label": row.label,
         "owner": str(row.owner),
-        "text": row.equation,
+        "text": _without(row.equation, [name for name in model.numbers if name not in own]),
         "elements": [element.name for element in elements],
         "bodies": [bodies[i].name for i in owners],
         "touched": [bodies[i].name for i in sharing],
     }
+
+
+def _without(equation: str, names: list[str]) -> str:
+    """A row's text without those of its constants, ", L = ...", that are written in some parameters."""
+    parts = re.split(r", (?=\w+ = )", equation)
+    return ", ".join(part for part in parts if not any(name in part for name in names))
 
 
 def _elements(model: Model, row: Row) -> list[Element]:

@@ -117,7 +117,7 @@ class _Builder:
         for solid, body in self.bodies.items():
             self._show(solid, body)
         for hold in self.layout.holds:
-            with _told_of(hold.joint.where):
+            with _labelled_errors(hold.joint.where):
                 self._join(hold)
         for hold in self.layout.holds:
             self._follow(hold)
@@ -142,7 +142,7 @@ class _Builder:
             for place in solid.places:
                 if place not in self.elements:
                     make = self.model.point if place.is_point else self.model.vector
-                    with _told_of(self.robot.links[solid.name].where):
+                    with _labelled_errors(self.robot.links[solid.name].where):
                         value = shifted(place.value, self.shifts.get(place.link)) if place.is_point else place.value.tolist()
                         self.elements[place] = make(self._free(place.name), value, fixed=place in fixed)
 
@@ -159,7 +159,7 @@ class _Builder:
         taken = {self.model.ground.name, *self.model.bodies}
         name = numbered(word(solid.name, "link"), taken.__contains__)
         tensor, as_given = _tensor(mass, self.layout.size).tolist() if mass else [], self._as_given(solid.name)
-        with _told_of(link.where):
+        with _labelled_errors(link.where):
             basis, shift = None, self.shifts.get(solid.name)
             if shift is not None:  # vectors span it: they stay numbers
                 body = self.bodies[solid] = self.model.body(name, points[:1], vectors)
@@ -316,7 +316,7 @@ class _Builder:
 
 
 @contextmanager
-def _told_of(where: str) -> Iterator[None]:
+def _labelled_errors(where: str) -> Iterator[None]:
     """What the model refuses is told with the place in the robot's file."""
     try:
         yield

@@ -25,12 +25,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from ncgen.program.assemble import EMISSIONS, ROW, Axis, Kernel, Nodes, Parts, Place, chain, programs_of, with_inertia
+from ncgen.program.assemble import programs_of
 from ncgen.program.binding import Places, Reference
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.program.ir.derivatives import gradient
+from ncgen.program.kernel_table import ROW, Axis, Kernel, Nodes, Parts, Place, chain, with_inertia
 from ncgen.program.lines import Lines
+from ncgen.program.programs import EMISSIONS
 from ncgen.symbolic.equations import Term
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import Output

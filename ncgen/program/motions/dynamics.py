@@ -32,7 +32,6 @@ from ncgen.program.algebra.elimination import (
     solve_transposed,
     times,
 )
-from ncgen.program.assemble import KERNELS
 from ncgen.program.differentiation.differentiated import adjoint_of, tangent_of
 from ncgen.program.differentiation.prepared import take_out
 from ncgen.program.ir.blocks import Program
@@ -40,6 +39,7 @@ from ncgen.program.ir.cost import cost
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.ir.verify import verify
+from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.motions.motion import assemble_motions
 from ncgen.program.programs import ENERGIES, Split

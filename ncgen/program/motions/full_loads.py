@@ -17,13 +17,13 @@ from ncgen.model.bodies import Body
 from ncgen.model.elements import Component, Spatial, Vector
 from ncgen.model.rows import Owner
 from ncgen.model.values import Parameter, is_number
-from ncgen.program.assemble import KERNELS
 from ncgen.program.binding import Bound, Reference
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lower_value
 from ncgen.program.ir.verify import verify
+from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.motions.full_motion import directions
 from ncgen.symbolic.equations import build_equations, build_springs

@@ -30,11 +30,11 @@ from typing import TypeAlias
 import numpy as np
 
 from ncgen.program.algebra.elimination import SymmetricFactors, factor_symmetric, solve_symmetric
-from ncgen.program.assemble import KERNELS
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.verify import verify
+from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES
 from ncgen.symbolic.numbering import Terms

@@ -21,11 +21,12 @@ from ncgen.model.expressions import symbols_in
 from ncgen.model.names import TIME
 from ncgen.model.outputs import Output
 from ncgen.model.values import as_sympy, is_number
-from ncgen.program.assemble import input_lengths, told_of
+from ncgen.program.assemble import input_lengths
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.lower import lower_value
 from ncgen.program.ir.verify import verify
+from ncgen.program.labels import labelled_errors
 from ncgen.program.lines import Lines
 from ncgen.program.motions.full_loads import load_nodes, loaded_elements
 from ncgen.symbolic.numbering import Terms
@@ -79,7 +80,7 @@ def _node(lines: Lines, output: Output, known: Known) -> int:
     for name in mentioned:
         if name not in known:
             raise ModelError(f"output {output.label}: {_refused(lines, name)}")
-    with told_of(f"output {output.label}"):
+    with labelled_errors(f"output {output.label}"):
         return lower_value(lines.graph, expression, {name: known[name]() for name in mentioned})
 
 
@@ -100,7 +101,7 @@ def _known(lines: Lines) -> Known:
     for component in lines.equations.model.components:
         rate = rate_name(component.name)
         for name, array in ((component.name, "q"), (rate, "qd"), (rate_name(rate), "qdd")):
-            found[name] = partial(_read, lines, array, component)
+            found[name] = partial(read_component, lines, array, component)
     return found | _loads(lines)
 
 
@@ -115,7 +116,7 @@ def _loads(lines: Lines) -> Known:
     return found
 
 
-def _read(lines: Lines, array: str, component: Component) -> int:
+def read_component(lines: Lines, array: str, component: Component) -> int:
     """A node: what is fixed has a value and does not move."""
     if component in lines.equations.index:
         return lines.graph.load(array, lines.equations.index[component])

@@ -25,7 +25,6 @@ from functools import cached_property
 from typing import TypeAlias
 
 from ncgen.program.algebra.elimination import solve_positive
-from ncgen.program.assemble import KERNELS
 from ncgen.program.ir.blocks import Program, written
 from ncgen.program.ir.cut import cut
 from ncgen.program.ir.derivatives import gradient, tangent
@@ -33,6 +32,7 @@ from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.inlined import inlined
 from ncgen.program.ir.verify import verify
+from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.motions.outputs import assemble_outputs
 from ncgen.program.tree.joint_space import Followed, assemble_joint_space

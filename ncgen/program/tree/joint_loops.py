@@ -18,13 +18,13 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.program.algebra.elimination import dot
-from ncgen.program.assemble import KERNELS
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.inlined import inlined
 from ncgen.program.ir.sampling import Sample
 from ncgen.program.ir.verify import verify
+from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines, line
 from ncgen.program.tree.composite import needed_loads
 from ncgen.program.tree.joint_space import ACCELERATED, DIRECTION, MOVING, POSITION, Made, changes, gravity_of, momenta

@@ -23,11 +23,11 @@ from typing import Literal, TypeAlias
 
 from ncgen.program.algebra.elimination import Matrix
 from ncgen.program.algebra.space import Vector
-from ncgen.program.assemble import KERNELS
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.verify import verify
+from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.tree.composite import inertias_of, mass_matrix, needed_loads, nothing
 from ncgen.program.tree.regressor import NAMES, frames_of, regressor

@@ -18,9 +18,9 @@ import scipy
 
 from ncgen.model.elements import Point, Relative, Spatial
 from ncgen.program.algebra.space import Vector
-from ncgen.program.assemble import KERNELS
 from ncgen.program.ir.graph import Input
 from ncgen.program.ir.sampling import Sample, Sampling, firmly
+from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
 from ncgen.program.tree.tree_motion import Loads, TreePlace, add_force

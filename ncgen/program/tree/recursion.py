@@ -29,9 +29,9 @@ from ncgen.program.algebra.elimination import (
     solve_transposed,
     times,
 )
-from ncgen.program.assemble import KERNELS
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.sampling import Sample
+from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree import articulated

@@ -60,13 +60,14 @@ static int begin(ncgen_run *r, parts *w, const ncgen_real *q, const ncgen_real *
         r->start_q[i] = q[i];
         r->start_qd[i] = 0;
     }
+    const int status = ncgen_choose(r);
     if (r->partitioning) {
         ncgen_partitioning_begin(r, velocities);
-        return NCGEN_OK;
+        return status;
     }
     r->settle = r->options->project ? ncgen_settle : NULL;
     r->state = ncgen_projected_state;
-    return ncgen_constrained_begin(r, velocities);
+    return status == NCGEN_OK ? ncgen_constrained_begin(r, velocities) : status;
 }
 
 int ncgen_dynamics_jacobian(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,

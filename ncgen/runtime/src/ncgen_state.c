@@ -113,7 +113,14 @@ void ncgen_state_layout(ncgen_run *r)
     r->external = r->dynamics->external ? ncgen_take(&r->space, r->n) : NULL;
     r->is_driven = r->options->signals && r->options->signals->inputs && r->model->n_inputs > 0;
     const int prepared = r->dynamics->motion ? r->dynamics->motion->n_prepared : 0;
-    r->own_p = r->is_driven || prepared ? ncgen_take(&r->space, r->model->n_parameters + prepared) : NULL;
+    r->own_p = r->is_driven || prepared || r->options->choose ? ncgen_take(&r->space, r->model->n_parameters + prepared) : NULL;
+}
+
+/* What depends on parameters alone. */
+static void prepare(ncgen_run *r)
+{
+    if (r->own_p && r->dynamics->motion && r->dynamics->motion->prepare)
+        r->dynamics->motion->prepare(r->p, r->own_p + r->model->n_parameters);
 }
 
 void ncgen_begin(ncgen_run *r)
@@ -135,8 +142,15 @@ void ncgen_begin(ncgen_run *r)
         ncgen_copy(r->model->n_parameters, r->p, r->own_p);
         r->p = r->own_p;
     }
-    if (r->own_p && r->dynamics->motion && r->dynamics->motion->prepare)
-        r->dynamics->motion->prepare(r->p, r->own_p + r->model->n_parameters);
+    prepare(r);
+}
+
+int ncgen_choose(ncgen_run *r)
+{
+    const int status = r->options->choose ? r->options->choose(r->start_q, r->own_p) : NCGEN_OK;
+    if (r->options->choose && status == NCGEN_OK)
+        prepare(r);
+    return status;
 }
 
 int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t)

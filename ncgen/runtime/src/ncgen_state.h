@@ -15,7 +15,7 @@ struct ncgen_run {
     const ncgen_dynamics *dynamics;
     const ncgen_options *options;
     const ncgen_real *p;
-    ncgen_real *own_p;              /* the same in memory of the run's own, where signals change the last of them, or what is prepared
+    ncgen_real *own_p;              /* the same in memory of the run's own, where signals or choices change them, or what is prepared
                                      * follows; else NULL */
     int is_driven;                  /* do signals change them? */
     ncgen_scalar from;              /* where the present step began */
@@ -69,6 +69,7 @@ void ncgen_state_layout(ncgen_run *r);
 void ncgen_begin(ncgen_run *r);
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y);
 int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t); /* what drives the run, before forces at time t */
+int ncgen_choose(ncgen_run *r); /* parameters that follow from the last accepted position */
 void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);
 ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span); /* 0: more than can be counted */
 int ncgen_listen(ncgen_run *r, ncgen_scalar t);       /* before whatever takes long, at time t; NCGEN_INTERRUPTED ends the run */

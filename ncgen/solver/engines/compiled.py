@@ -17,7 +17,7 @@ from ncgen.program.programs import Split
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.positions.assembly import assemble
-from ncgen.solver.positions.branches import refresh_branches
+from ncgen.solver.positions.branches import refresh_branches, rule_of
 from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.partition import (
     BETTER,
@@ -93,10 +93,8 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
         return f"the model calls a Python function, which computes with doubles, not {number}"
     if kernels.model.callbacks and engine in EMITTED:
         return "the model calls a Python function, whose forces are not in what is written out"
-    if kernels.model.branches:
-        return "the paper's sine-or-cosine rows choose anew between steps"
-    if kernels.m and not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
-        return "there are no constraint rows that move"
+    if kernels.model.branches and (engine in EMITTED or number != "double"):
+        return "the paper's sine-or-cosine rows choose anew between steps, in doubles and in C that is the same for all mechanisms"
     if number != "double" and uses_tangents(kernels, name):
         return f"{name} takes derivatives of the kernels, which are double"
     return None
@@ -155,7 +153,11 @@ def form_of(kernels: Kernels, method: Method) -> Form:
 
 def _may_recur(kernels: Kernels, method: Method) -> bool:
     """True where a recursion could give the accelerations of a method."""
-    if refusal(kernels, method, "c", "double") or not (method.formalism.name == "lagrange" and method.integrator.takes_recursion):
+    if (
+        kernels.model.branches
+        or refusal(kernels, method, "c", "double")
+        or not (method.formalism.name == "lagrange" and method.integrator.takes_recursion)
+    ):
         return False
     return method.options.get("stabilisation") == "projection"
 
@@ -215,10 +217,10 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=task.rank_at(kernels, q, times[0]), event=task.stop, max_step=task.step_in_c,
-        progress=Progress(task.progress, kernels.name, task.arrival),
+        rank=task.rank_at(kernels, q, times[0]), conditions=task.watched, max_step=task.step_in_c,
+        progress=Progress(task.progress, kernels.name, task.arrival), choose=rule_of(kernels),
         looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
-        **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
+        first_step=task.first_step, **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
     task.looked_at(begun, done.t)
     path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
@@ -227,6 +229,7 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     path.stiff += done.stiff
     path.projections += done.steps if projected else 0
     path.largest_projection = max(path.largest_projection, done.largest_projection)
+    path.crossed, path.next_step = done.crossed, done.next_step
     if done.stopped:
         path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
     reason = _ended(path, kernels, grid, done, work, p)
@@ -396,9 +399,9 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             progress(t)
             here = _for_next(kernels, partitions, form, len(seen), q, p, number)
             done = here.simulate(
-                method.integrator.name, times, q, zd, p, max_step=task.step_in_c, event=task.stop, tolerance=closeness(number),
+                method.integrator.name, times, q, zd, p, max_step=task.step_in_c, conditions=task.watched, tolerance=closeness(number),
                 growth=growth, progress=progress, looks=looks, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
-                breaks=task.breaks, **_in_c(task.tolerances, kernels, partitions),
+                breaks=task.breaks, choose=rule_of(kernels), **_in_c(task.tolerances, kernels, partitions),
             )  # fmt: skip
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
             counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
@@ -415,7 +418,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             reason = _ended(path, kernels, grid, done, work, p)
             if reason == STIFF or lost:
                 return reason
-            advanced = done.reached > t
+            advanced, p = done.reached > t, refresh_branches(kernels, done.last[0], p)
             t, q, qd, work, begun = done.reached, done.last[0], done.last[1], work + done.last[2], True
             before, partitions = partitions, _better(kernels, partitions, seen, q, t, p)
             path.partitions, changed = partitions, partitions is not before

@@ -18,7 +18,7 @@ from ncgen.program.ir.evaluate import evaluate_rows
 from ncgen.program.tree.regressor import ENTRIES, NAMES, Frame, frames_of
 
 if TYPE_CHECKING:
-    from ncgen.solver.joints.joint_space import JointSpace
+    from ncgen.solver.joints.joint_dynamics import JointDynamics
 
 DEPENDENT = 1e-8
 """A column of the regressor of which less is left next to those before it, relative to the largest column, is a combination of them."""
@@ -60,7 +60,7 @@ class BaseParameters:
         return " ".join(parts)
 
 
-def frames(space: JointSpace) -> list[Frame]:
+def frames(space: JointDynamics) -> list[Frame]:
     """Of the bodies of the tree. Raises ModelError where a body with inertia is no part of it."""
     if thin := [body.name for body in space.tree.loose if body.inertia]:
         raise ModelError(f"{space.kernels.name}: {thin[0]} does not define its orientation; give the body another vector or point")
@@ -73,12 +73,12 @@ def key_of(frames: list[Frame]) -> str:
     return hashlib.sha256(numbers.tobytes()).hexdigest()[:16]
 
 
-def names_of(space: JointSpace) -> tuple[str, ...]:
+def names_of(space: JointDynamics) -> tuple[str, ...]:
     """Of all inertial parameters."""
     return tuple(f"{link.body.name}.{name}" for link in space.tree.links for name in NAMES)
 
 
-def values_of(space: JointSpace) -> np.ndarray:
+def values_of(space: JointDynamics) -> np.ndarray:
     """The inertial parameters π at the parameters of the space (10 · bodies,): kg, kg m, kg m²."""
     model, found = space.kernels.model, np.zeros((len(space.tree.links), len(NAMES)))
     inertias = [link.body.inertia for link in space.tree.links]
@@ -96,7 +96,7 @@ def values_of(space: JointSpace) -> np.ndarray:
     return found.ravel()
 
 
-def base_parameters(space: JointSpace, tolerance: float = DEPENDENT, seed: int = 1) -> BaseParameters:
+def base_parameters(space: JointDynamics, tolerance: float = DEPENDENT, seed: int = 1) -> BaseParameters:
     """By a QR decomposition of the regressor at random states, column by column from the first body on.
 
     tolerance: `DEPENDENT`
@@ -121,7 +121,7 @@ def base_parameters(space: JointSpace, tolerance: float = DEPENDENT, seed: int =
     return BaseParameters(names, tuple(kept), combinations, float(np.min(left[kept]) / max(np.max(out, initial=0.0), 1e-300)))
 
 
-def _looked_at(space: JointSpace, seed: int) -> np.ndarray:
+def _looked_at(space: JointDynamics, seed: int) -> np.ndarray:
     """The regressor at random states, one below the other (states · n, parameters)."""
     draw = np.random.default_rng(seed)
     start = space.values(space.kernels.start(space.p))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeAlias
@@ -11,14 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from ncgen.errors import ConvergenceError, ModelError
+from ncgen.errors import ConvergenceError, ModelError, warn
 from ncgen.model.values import LARGEST
 from ncgen.solver import given
 from ncgen.solver.frames import transformation
 from ncgen.solver.given import array_of, rotation_of
 
 if TYPE_CHECKING:
-    from ncgen.solver.joints.joint_space import JointSpace
+    from ncgen.solver.joints.joint_kinematics import JointKinematics
 
 STARTS = 8
 """From how many joint values it is begun, within 1 rad or m of the start."""
@@ -64,7 +63,7 @@ class Carried(Protocol):
 class _PointOfBody:
     """A point with the rotation of its body since the initial position."""
 
-    def __init__(self, space: JointSpace, name: str, body: str | None) -> None:
+    def __init__(self, space: JointKinematics, name: str, body: str | None) -> None:
         self.space, self.name, self.body = space, name, body
         self._element, self._turns = space.point(name), space.tree.links[space.link(name, body)].body.name
 
@@ -86,7 +85,7 @@ class Aim:
 
 
 def aims_of(
-    space: JointSpace, point: str | Mapping[str, Target], place: ArrayLike | None, rotation: ArrayLike | None, body: str | None
+    space: JointKinematics, point: str | Mapping[str, Target], place: ArrayLike | None, rotation: ArrayLike | None, body: str | None
 ) -> list[Aim]:
     """As `JointSpace.inverse_kinematics` takes them. Raises ModelError for what is no point or frame, no place or no rotation."""
     if isinstance(point, Mapping):
@@ -99,7 +98,7 @@ def aims_of(
     return [Aim(thing, None if rotation is None else rotation_of(rotation, "rotation"), target)]
 
 
-def _aims_of_frames(space: JointSpace, targets: Mapping[str, Target]) -> list[Aim]:
+def _aims_of_frames(space: JointKinematics, targets: Mapping[str, Target]) -> list[Aim]:
     """Raises ModelError for what is no frame, or no target of one."""
     found = []
     for name, target in targets.items():
@@ -121,7 +120,7 @@ def _place(place: ArrayLike | None, what: str) -> np.ndarray:
     return found
 
 
-def values_for(space: JointSpace, aims: Sequence[Aim], start: np.ndarray, limits: bool = True) -> dict[str, float]:
+def values_for(space: JointKinematics, aims: Sequence[Aim], start: np.ndarray, limits: bool = True) -> dict[str, float]:
     """Values of the joints by name that reach all aims. start: values of all joints (n,); limits: of joints are kept.
 
     Warns of joints that are at a limit. Raises ConvergenceError with what is left of the aim that is missed most, and such joints.
@@ -136,7 +135,7 @@ def values_for(space: JointSpace, aims: Sequence[Aim], start: np.ndarray, limits
             if beyond := search.beyond(x):
                 continue
             if held := search.held(x):
-                warnings.warn(f"{space.kernels.name}: {held}", stacklevel=3)
+                warn(f"{space.kernels.name}: {held}")
             return dict(zip(space.rates, x.tolist(), strict=True))
         if best is None or left @ left < best[0]:
             best = float(left @ left), x
@@ -147,7 +146,7 @@ def values_for(space: JointSpace, aims: Sequence[Aim], start: np.ndarray, limits
     raise ConvergenceError(f"{space.kernels.name}: {search.missed(best[1])}{more}")
 
 
-def _balls(space: JointSpace) -> Iterator[tuple[list[int], list[int]]]:
+def _balls(space: JointKinematics) -> Iterator[tuple[list[int], list[int]]]:
     """Of every joint that turns about all axes, and whose values are all independent: their numbers, and the tree's rates of the parent."""
     from ncgen.solver.joints.joint_loops import JointsInLoops
 
@@ -161,7 +160,7 @@ def _balls(space: JointSpace) -> Iterator[tuple[list[int], list[int]]]:
 class _Search:
     """What is left of all aims, without units, and how it changes with the joints. limits: of joints are kept"""
 
-    def __init__(self, space: JointSpace, aims: Sequence[Aim], limits: bool = False) -> None:
+    def __init__(self, space: JointKinematics, aims: Sequence[Aim], limits: bool = False) -> None:
         self.space, self.aims = space, aims
         self.limits = dict(space.kernels.model.limits) if limits else {}
         for name, (low, high) in self.limits.items():

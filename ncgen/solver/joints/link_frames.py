@@ -19,7 +19,7 @@ from ncgen.solver.frames import transformation
 if TYPE_CHECKING:
     from ncgen.model import Model
     from ncgen.model.bodies import BodyFrame
-    from ncgen.solver.joints.joint_space import JointSpace
+    from ncgen.solver.joints.joint_kinematics import JointKinematics
 
 Reference: TypeAlias = Literal["world-aligned", "local", "world"]
 REFERENCES = ("world-aligned", "local", "world")
@@ -37,7 +37,7 @@ def frame_named(model: Model, name: str) -> BodyFrame:
 class LinkFrame:
     """A frame of a link. name: of the link in the robot's file; body: the body that it moves with, "ground" for what rests."""
 
-    def __init__(self, space: JointSpace, name: str) -> None:
+    def __init__(self, space: JointKinematics, name: str) -> None:
         self.space, self.name, self._initial = space, name, frame_named(space.kernels.model, name)
         self.body = self._initial.body
         links = space.tree.links

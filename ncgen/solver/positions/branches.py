@@ -7,6 +7,7 @@ and frozen inside them, so it is part of p: copyable, and nobody's hidden memory
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -23,6 +24,11 @@ DISAGREE = 1e-6
 def refresh_branches(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Parameters p with every paper row's choice made anew at q; p itself where there are none."""
     return _choose(kernels, q, p, lambda name: float(element(kernels, name, q, p)[0]))
+
+
+def rule_of(kernels: Kernels) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
+    """`refresh_branches` of q and p, None where no row has a choice."""
+    return partial(refresh_branches, kernels) if kernels.model.branches else None
 
 
 def one_kind(kernels: Kernels, q: np.ndarray, p: np.ndarray, kind: str) -> np.ndarray:

@@ -25,6 +25,7 @@ from ncgen.solver.given import echo, offer
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import Partitions, choose_partitions, determined, other_partitions, quality
 from ncgen.solver.trajectories.energy import drift, energies
+from ncgen.solver.trajectories.happening import Happening
 from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, uses_loads
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ class Trajectory:
     stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism; stopped: the
     run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid; number: the number
     type that it was computed with; made_with: the method and the engine in words, and why they were taken; impulses: what drivers did
-    where the velocity of one jumped, in the order of time.
+    where the velocity of one jumped, events: what happened at the model's events, both in the order of time.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity, `run["rate(rate(psi2))"]` its acceleration;
     like a dictionary a trajectory has the coordinates' names to go
     through, and `"psi2" in run`. Two trajectories are equal if they are the same one.
@@ -109,6 +110,7 @@ class Trajectory:
     number: str = "double"
     made_with: str = ""
     impulses: tuple[Impulse, ...] = ()
+    events: tuple[Happening, ...] = ()
 
     def __repr__(self) -> str:
         grid = f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no instant"

@@ -46,16 +46,24 @@ class Drawn:
             self.angles.append(m.angle(f"psi{len(m.bodies)}", self.x, new[0] - start, self.z))
         return body
 
+    def line_through(self, point: Point) -> tuple[Point, Point]:
+        """Two fixed points on a line through a point."""
+        along = self.random.uniform(-1, 1, 2)
+        ends = [self.model.point(f"L{len(self.model.elements)}", point.initial[:2] + k * along, fixed=True) for k in (-1, 2)]
+        return ends[0], ends[1]
+
     def add_extras(self) -> None:
         """A slot, a slider, a closing bar, springs, a gear, a drive: some of them."""
         m, chance = self.model, self.random.random(6)
         moving = [p for p in self.pins if not p.fixed]
         m.gravity((0, -9.81))
         if chance[0] < 0.4:
-            m.point_on_line(m.ground, moving[-1], self.pins[0], self.pins[1] - self.pins[0])
+            start, end = self.line_through(moving[-1])
+            m.point_on_line(m.ground, moving[-1], start, end - start)
         if chance[1] < 0.3:
             block = self.add_body()
-            m.slider(m.ground, block, self.pins[0], block.points[-1], self.pins[1] - self.pins[0])
+            start, end = self.line_through(block.points[-1])
+            m.slider(m.ground, block, start, block.points[-1], end - start)
         if chance[2] < 0.4:
             m.distance(self.pins[1], moving[-1])
         for _ in range(self.random.integers(0, 3)):

@@ -1,0 +1,116 @@
+"""The kernels of a mechanism: their inputs, the terms that enter, and how a term contributes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias
+
+from ncgen.program.binding import Places
+from ncgen.program.programs import ENERGIES
+from ncgen.symbolic.equations import Term
+from ncgen.symbolic.numbering import Terms
+from ncgen.symbolic.templates import Output
+
+
+class Axis(NamedTuple):
+    """Where a contribution goes along one axis of a kernel's output.
+
+    kind: the term's own row, its coordinate of a number, the energy or the parameter of a number
+    """
+
+    kind: Literal["row", "coordinate", "energy", "parameter"]
+    number: int = 0
+
+
+Place: TypeAlias = tuple[Axis, ...]
+"""What tells the contributions of a term apart: where each goes, along every axis of the output."""
+
+Nodes: TypeAlias = dict[Output, int]
+"""{output of a template: its node}."""
+
+Parts: TypeAlias = Callable[[Places, Nodes], Iterable[tuple[Place, int]]]
+"""(places, outputs) -> the contributions of a term: pairs (place, node)."""
+
+ROW = Axis("row")
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """What a kernel is: its inputs, which terms enter, and how a term contributes.
+
+    shape: the output's axes, "m" rows, "n" coordinates, "e" energies, "p" parameters; two axes make a sparse matrix
+    wants: names of the outputs of templates that contributions are made of
+    """
+
+    name: str
+    inputs: tuple[str, ...]
+    shape: str
+    terms: Callable[[Terms], tuple[Term, ...]]
+    wants: tuple[str, ...]
+    parts: Parts
+
+
+def _row(name: str) -> Parts:
+    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        yield (ROW,), outputs[Output(name)]
+
+    return parts
+
+
+def chain(name: str, order: int, by_row: bool) -> Parts:
+    """Contributions per coordinate (order 1) or pair of coordinates (order 2), by the chain rule."""
+
+    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        graph = places.graph
+        weights = [places.weights(c) for c in range(len(places.bound.coordinates))]
+        axes = [Axis("coordinate", c) for c in range(len(weights))]
+        head = (ROW,) if by_row else ()
+        made: dict[tuple[int, int], int] = {}
+        for i, first in enumerate(weights):
+            if order == 1:
+                pieces = [graph.mul(w, outputs[output]) for k, w in first if (output := Output(name, (k,))) in outputs]
+                yield (*head, axes[i]), graph.sum(pieces)
+                continue
+            for j, second in enumerate(weights):
+                if i <= j:  # of a symmetric matrix each pair is computed once, so that it is symmetric to the last bit
+                    made[i, j] = graph.sum(graph.mul(graph.mul(w, x), outputs[Output(name, (k, l))]) for k, w in first for l, x in second)
+                yield (*head, axes[i], axes[j]), made[min(i, j), max(i, j)]
+
+    return parts
+
+
+def _energies(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+    for k, name in enumerate(ENERGIES):
+        if Output(name) in outputs:
+            yield (Axis("energy", k),), outputs[Output(name)]
+
+
+POSITION, VELOCITY = ("t", "q", "p"), ("t", "q", "qd", "p")
+
+
+def _rows(equations: Terms) -> tuple[Term, ...]:
+    return equations.rows
+
+
+def _masses(equations: Terms) -> tuple[Term, ...]:
+    return equations.masses
+
+
+def with_inertia(equations: Terms) -> tuple[Term, ...]:
+    """Terms that carry forces and energies: bodies, too, by velocity-dependent inertia."""
+    return equations.masses + equations.forces
+
+
+KERNELS = {
+    kernel.name: kernel
+    for kernel in [
+        Kernel("phi", POSITION, "m", _rows, ("phi",), _row("phi")),
+        Kernel("phi_q", POSITION, "mn", _rows, ("phi_q",), chain("phi_q", 1, True)),
+        Kernel("nu", POSITION, "m", _rows, ("nu",), _row("nu")),
+        Kernel("gamma", VELOCITY, "m", _rows, ("gamma",), _row("gamma")),
+        Kernel("mass", POSITION, "nn", _masses, ("mass",), chain("mass", 2, False)),
+        Kernel("force", VELOCITY, "n", with_inertia, ("force",), chain("force", 1, False)),
+        Kernel("energy", VELOCITY, "e", with_inertia, ENERGIES, _energies),
+    ]
+}

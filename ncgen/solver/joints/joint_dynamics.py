@@ -1,0 +1,194 @@
+"""Momentum, energy, forces and accelerations over the joint velocities, and their derivatives."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import SingularError
+from ncgen.mechanism.functions import Functions
+from ncgen.solver import given
+from ncgen.solver.joints import identification
+from ncgen.solver.joints.joint_kinematics import JointKinematics
+
+if TYPE_CHECKING:
+    pass
+
+SLOPES = {
+    "joint_inverse_tangent": ("t", "q", "v", "a", "p", "dx", "dv"),
+    "joint_loads_tangent": ("t", "q", "v", "p", "dx", "dv"),
+}
+"""The programs of derivatives, and what they take."""
+
+
+class InverseSlopes(NamedTuple):
+    """How the forces of inverse dynamics change with positions, rates and accelerations of the joints, each (…, n, n): row by row."""
+
+    position: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+
+
+class ForwardSlopes(NamedTuple):
+    """How the accelerations of forward dynamics change with positions and rates of the joints and with forces, each (…, n, n)."""
+
+    position: np.ndarray
+    rate: np.ndarray
+    force: np.ndarray
+
+
+class JointDynamics(JointKinematics):
+    """Momentum, energy, forces and accelerations: what `JointSpace` answers about loads."""
+
+    # -- momentum and energy -------------------------------------------------------------------
+
+    def momentum_matrix(self, q: ArrayLike, about: ArrayLike | None = None) -> np.ndarray:
+        """Linear momentum (N s), and angular momentum (N m s) about a point, for rate 1 of every joint, shape (…, 6, n).
+
+        about: (3,) in m; None for the centre of mass: the centroidal momentum matrix. Rotors (`m.rotor`) have none.
+        """
+        return np.einsum("...ki,...kn->...in", self._about(q, about), self._spread(self._array(q))[0])
+
+    def momentum(self, q: ArrayLike, v: ArrayLike, about: ArrayLike | None = None) -> np.ndarray:
+        """Linear and angular momentum of all bodies (…, 6); `about` as for `momentum_matrix`."""
+        spread, drift = self._spread(self._array(q))
+        rates = np.einsum("...kn,...n->...k", spread, self._over_rates(v, "v")) + drift
+        return np.einsum("...ki,...k->...i", self._about(q, about), rates)
+
+    def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
+        """In J (…,), rotors included."""
+        return self.kernels.energy(self._array(q), self.velocities(q, v), p=self.p)[..., 0]
+
+    def potential_energy(self, q: ArrayLike) -> np.ndarray:
+        """Of weight, springs and whatever else has a potential, in J (…,)."""
+        q = self._array(q)
+        return self.kernels.energy(q, np.zeros_like(q), p=self.p)[..., 1]
+
+    def _about(self, q: ArrayLike, about: ArrayLike | None) -> np.ndarray:
+        """Momenta of the tree's rates about a point (…, -, 6)."""
+        mass, first, matrix = self._momenta(q)
+        point = first / mass if about is None else given.array_of(about, (3,), "about")
+        linear = matrix[..., :3]
+        return np.concatenate([linear, matrix[..., 3:] - np.cross(point[..., None, :], linear)], axis=-1)
+
+    # -- forces --------------------------------------------------------------------------------
+
+    def mass_matrix(self, q: ArrayLike) -> np.ndarray:
+        """Symmetric and positive, shape (…, n, n)."""
+        lower = self._of("joint_mass", q)
+        found = np.zeros((*lower.shape[:-1], self.n, self.n))
+        i, j = np.tril_indices(self.n)
+        found[..., i, j] = found[..., j, i] = lower
+        return found
+
+    def inverse_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> np.ndarray:
+        """Forces along the joints (…, n) that rates v and accelerations a (…, n; None: zero) need against inertia and gravity.
+
+        Springs, dampers and other forces of the model are not in them: `loads`.
+        """
+        return self._functions("joint_inverse", 0.0, self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"), self.p)
+
+    def gravity(self, q: ArrayLike) -> np.ndarray:
+        """The forces that hold the mechanism against gravity (…, n)."""
+        return self.inverse_dynamics(q)
+
+    def coriolis(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
+        """The forces that rates v need without accelerations and gravity (…, n): Coriolis' and centrifugal ones."""
+        return self.inverse_dynamics(q, v) - self.gravity(q)
+
+    def loads(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
+        """What springs, dampers and other forces of the model do along the joints (…, n), at a time t (s)."""
+        return self._functions("joint_loads", given.finite(t, "t"), self._array(q), self._over_rates(v, "v"), self.p)
+
+    def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
+        """Accelerations of the joints (…, n) with forces along them beside those of the model (…, n; None: zero).
+
+        Raises SingularError where a joint moves nothing that has inertia.
+        """
+        q = self._array(q)
+        right = self.loads(q, v, t) - self.inverse_dynamics(q, v) + self._over_rates(forces, "forces")
+        return self._solved(q, right[..., None])[..., 0]
+
+    def _solved(self, q: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """M⁻¹ right, right (…, n, k). With a diagonal of 1 exchanges of rows cost a light link no digits beside a heavy one."""
+        mass = self.mass_matrix(q)
+        sizes = np.sqrt(np.maximum(np.diagonal(mass, axis1=-2, axis2=-1), 0.0))[..., None]
+        try:
+            if not np.all(sizes > 0):
+                raise np.linalg.LinAlgError
+            factors = np.linalg.cholesky(mass / (sizes * np.swapaxes(sizes, -1, -2)))
+        except np.linalg.LinAlgError:
+            raise SingularError(f"{self.kernels.name}: a joint moves nothing that has inertia; give its bodies mass") from None
+        return np.linalg.solve(np.swapaxes(factors, -1, -2), np.linalg.solve(factors, right / sizes)) / sizes
+
+    def regressor(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> np.ndarray:
+        """Y (…, n, 10 · bodies) with Y π = `inverse_dynamics`, without rotors, for the inertial parameters π of the bodies.
+
+        Their names and order: `inertial_names`. It depends on lengths alone.
+        """
+        functions, state = self._regressor_functions, (self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"))
+        found = functions("joint_regressor", 0.0, *state, self.p)
+        return found.reshape(*found.shape[:-1], self.n, 10 * len(self.tree.links))
+
+    @property
+    def inertial_names(self) -> tuple[str, ...]:
+        """Of the inertial parameters of the bodies, ten each, about the origin of the body's frame: BODY.m, .mx, .my, .mz, .Ixx, .Ixy,
+        .Iyy, .Ixz, .Iyz, .Izz."""
+        return identification.names_of(self)
+
+    def inertial_values(self) -> np.ndarray:
+        """π (10 · bodies,) at the parameters of this space, in kg, kg m and kg m²."""
+        return identification.values_of(self)
+
+    def base_parameters(self, tolerance: float = identification.DEPENDENT) -> identification.BaseParameters:
+        """The combinations of inertial parameters that forces along the joints depend on, by the rank of the regressor at random states.
+
+        tolerance: what is left of a column next to those before it, over the largest column, to count as independent
+        """
+        return identification.base_parameters(self, tolerance)
+
+    def inverse_dynamics_slopes(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseSlopes:
+        """Exact derivatives of `inverse_dynamics` by positions, rates and accelerations of the joints.
+
+        That by a position is along the motion of a joint at rate 1; rates and accelerations keep their numbers.
+        """
+        q, v, a = self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a")
+        return InverseSlopes(*self._slopes("joint_inverse_tangent", 0.0, q, v, a), self.mass_matrix(q))
+
+    def forward_dynamics_slopes(
+        self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0
+    ) -> ForwardSlopes:
+        """Exact derivatives of `forward_dynamics`, those of the model's own forces included, by positions and rates of the joints and by
+        forces. Positions as for `inverse_dynamics_slopes`."""
+        q, v = self._array(q), self._over_rates(v, "v")
+        a = self.forward_dynamics(q, v, forces, t)
+        needed, applied = (
+            self._slopes("joint_inverse_tangent", 0.0, q, v, a),
+            self._slopes("joint_loads_tangent", given.finite(t, "t"), q, v),
+        )
+        unit = np.broadcast_to(np.eye(self.n), needed[0].shape)
+        solved = self._solved(q, np.concatenate([*(b - a for a, b in zip(needed, applied, strict=True)), unit], axis=-1))
+        return ForwardSlopes(*(np.array(part) for part in np.split(solved, 3, axis=-1)))
+
+    def _slopes(self, name: str, t: float, *state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """By positions and by rates (…, n, n), one direction after the other."""
+        spread = [array[..., None, :] for array in state]
+        unit, none = np.eye(self.n), np.zeros((self.n, self.n))
+        parts = (self._slope_functions(name, t, *spread, self.p, *along) for along in ((unit, none), (none, unit)))
+        by_position, by_rate = (np.swapaxes(part, -1, -2) for part in parts)
+        return by_position, by_rate
+
+    @cached_property
+    def _slope_functions(self) -> Functions:
+        """Made when they are first asked for: they are longer than all others together."""
+        return self._functions_of("slopes", SLOPES, lambda: dict.fromkeys(SLOPES, self.n))
+
+    @cached_property
+    def _regressor_functions(self) -> Functions:
+        """Likewise; they depend on where the frames of links are."""
+        own = identification.frames(self)
+        inputs, size = {"joint_regressor": self.inputs["joint_inverse"]}, 10 * len(own) * self.n
+        return self._functions_of("regressor", inputs, lambda: {"joint_regressor": size}, f"regressor_{identification.key_of(own)}")

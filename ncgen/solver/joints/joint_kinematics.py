@@ -1,0 +1,310 @@
+"""Positions, velocities and Jacobians over the joint velocities."""
+
+from __future__ import annotations
+
+import copy
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import ModelError
+from ncgen.mechanism.functions import Functions, functions
+from ncgen.mechanism.kernels import Kernels
+from ncgen.model.elements import Component, Point, Spatial
+from ncgen.model.values import is_number
+from ncgen.program.ir.blocks import Program
+from ncgen.program.tree.joint_space import Made
+from ncgen.solver import geometry, given
+from ncgen.solver.frames import transformation
+from ncgen.solver.joints.joint_names import carried
+from ncgen.solver.joints.link_frames import LinkFrame
+from ncgen.symbolic.tree import Tree, moving
+
+if TYPE_CHECKING:
+    from ncgen.solver.joints.inverse_kinematics import Target
+
+FRAMES = ("global", "local", "spatial")
+"""How a Jacobian may be told."""
+
+INPUTS = {
+    "joint_position": ("t", "x", "p"),
+    "joint_screws": ("t", "q", "p"),
+    "joint_mass": ("t", "q", "p"),
+    "joint_inverse": ("t", "q", "v", "a", "p"),
+    "joint_loads": ("t", "q", "v", "p"),
+    "joint_momenta": ("t", "q", "p"),
+}
+"""The programs of `ncgen.program.tree.joint_space`, and what they take."""
+
+
+class JointKinematics(ABC):
+    """Positions, velocities and Jacobians: what `JointSpace` answers without forces."""
+
+    kind: str
+    """A word for the functions that are made for it."""
+
+    inputs: Mapping[str, tuple[str, ...]] = INPUTS
+    """What these functions take, but slopes."""
+
+    why: str = ""
+    """Why it is no open tree, where it is none."""
+
+    def __init__(self, kernels: Kernels, tree: Tree, rates: tuple[str, ...]) -> None:
+        self.kernels, self.tree, self.p = kernels, tree, kernels.p0
+        self.rates, self.n = rates, len(rates)
+        self.coordinates = tuple(name for name in rates if name in kernels.index)
+
+    def __repr__(self) -> str:
+        return f"<JointSpace {self.kernels.name}: {self.n} rates>"
+
+    def at(self, p: given.Given) -> Self:
+        """The same at parameters p, numbers (n_p,) or {name: number}; others have their defaults. Nothing is compiled for it.
+
+        Raises ModelError for what is no parameter, and for what the model refuses as a number in its place, such as a negative mass.
+        """
+        found = copy.copy(self)
+        found.p = given.parameters(self.kernels, p)
+        return found
+
+    # -- positions -----------------------------------------------------------------------------
+
+    def position(self, values: Mapping[str, float] | None = None, base: tuple[ArrayLike, ArrayLike] | None = None) -> np.ndarray:
+        """Natural coordinates (n_q,) where joints have these values (m, rad), by the names of their rates; others keep their initial ones.
+
+        A joint without a coordinate has as its value how far it has turned or slid since the initial position. Loops are closed on the
+        way from the initial position.
+        base: displacement of the one body that moves freely from where it is initially: rotation (3, 3) about the origin, and
+            translation (3,) in m
+        Raises ModelError for what is no joint, or for a base where no body, or more than one, moves freely; ConvergenceError where loops
+        do not close.
+        """
+        q = self.placed(self._joint_values(values, "values"))
+        if base is None:
+            return q
+        if not (isinstance(base, (tuple, list)) and len(base) == 2):
+            raise ModelError(f"base: {given.echo(base)} given; give (rotation (3, 3), translation (3,) in m)")
+        return self._displaced(q, given.rotation_of(base[0], "base: rotation"), given.array_of(base[1], (3,), "base: translation"))
+
+    @abstractmethod
+    def placed(self, x: np.ndarray) -> np.ndarray:
+        """The same for values of all joints in their order (…, n)."""
+
+    def _joint_values(self, values: Mapping[str, float] | None, what: str) -> np.ndarray:
+        """Values of all joints (n,): those given by name, else the initial ones."""
+        found = self.values(self.kernels.start(self.p))
+        for name, value in given.numbers_by_name({} if values is None else values, self.rates, what, "joint").items():
+            found[self.rates.index(name)] = value
+        return found
+
+    def values(self, q: ArrayLike) -> np.ndarray:
+        """Values of the joints that have a coordinate (…, n), 0 for the others."""
+        q = self._array(q)
+        found = np.zeros((*q.shape[:-1], self.n))
+        for name in self.coordinates:
+            found[..., self.rates.index(name)] = q[..., self.kernels.index[name]]
+        return found
+
+    def _displaced(self, q: np.ndarray, rotation: np.ndarray, shift: np.ndarray) -> np.ndarray:
+        """The one body that moves freely, and all that it carries, turned about the origin and shifted."""
+        links = self.tree.links
+        free = [number for number, link in enumerate(links) if len(link.screws) == 6]
+        if len(free) != 1:
+            raise ModelError(f"{self.kernels.name}: base given, but {len(free)} bodies move freely; it needs one")
+        together = set(free)
+        for number, link in enumerate(links):
+            together |= {number} if link.parent in together else set()
+        found = q.copy()
+        for c, (element, axis) in self._where.items():
+            if self.tree.home[element] in together:
+                found[c] = (rotation @ self.element(element, q) + (shift if isinstance(element, Point) else 0.0))[axis]
+        return found
+
+    def inverse_kinematics(
+        self,
+        point: str | Mapping[str, Target],
+        place: ArrayLike | None = None,
+        rotation: ArrayLike | None = None,
+        body: str | None = None,
+        start: Mapping[str, float] | None = None,
+        limits: bool = True,
+    ) -> dict[str, float]:
+        """Values of the joints that bring frames to poses, or a point to a place, by least squares from a start, and from some next to it.
+
+        point: {frame: (rotation (3, 3), position (3,) in m)} as `LinkFrame.pose` gives them, all of which are reached at once, None for
+            any rotation or position; or the name of a point, which has what follows
+        place: where the point shall be (3,) in m
+        rotation: what the body shall have turned by since the initial position (3, 3); None for any
+        body: the one that the point is taken with, by default that nearest to the ground
+        start: values of joints to begin with, others are those of the initial position
+        limits: keep to those of the robot's file (`model.limits`), also from a start beyond them; False ignores them
+        Warns of joints that are at a limit there. Raises ConvergenceError with what is left, and which joints are at limits, where it
+        cannot get there, or not from this start.
+        """
+        from ncgen.solver.joints.inverse_kinematics import aims_of, values_for
+
+        return values_for(self, aims_of(self, point, place, rotation, body), self._joint_values(start, "start"), limits)
+
+    def centre_of_mass(self, q: ArrayLike) -> np.ndarray:
+        """Of all bodies that move (…, 3), in m."""
+        mass, first, _ = self._momenta(q)
+        return first / mass
+
+    # -- velocities ----------------------------------------------------------------------------
+
+    @abstractmethod
+    def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """R (…, rates of the tree, n) and what its rates are where those of the joints are 0 (…, rates of the tree)."""
+
+    @abstractmethod
+    def _spread_rate(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """How R changes with time at rates v of the joints (…, rates of the tree, n)."""
+
+    @abstractmethod
+    def _own(self) -> Mapping[int, int]:
+        """{coordinate of no body: number of its rate among the tree's}."""
+
+    def screws(self, q: ArrayLike) -> np.ndarray:
+        """For every rate of the tree of bodies the angular velocity, and the velocity at the origin, of what it moves, shape (…, -, 6).
+
+        Without loops these are the joints' rates."""
+        found = self._of("joint_screws", q)
+        return found.reshape(*found.shape[:-1], -1, 6)
+
+    def velocities(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
+        """Rates of all natural coordinates (…, n_q) for rates v (…, n) of the joints."""
+        q, v = self._array(q), self._over_rates(v, "v")
+        spread, drift = self._spread(q)
+        rates = np.einsum("...kn,...n->...k", spread, v) + drift
+        screws = self.screws(q)
+        twists = [np.einsum("...k,...ki->...i", rates[..., path], screws[..., path, :]) for path in self.tree.paths]
+        found = np.empty(np.broadcast_shapes(q.shape[:-1], v.shape[:-1]) + q.shape[-1:])
+        for c, (element, axis) in self._where.items():
+            twist = twists[self.tree.home[element]]
+            found[..., c] = carried(twist, self.element(element, q), isinstance(element, Point))[..., axis]
+        for c, k in self._own().items():
+            found[..., c] = rates[..., k]
+        return found
+
+    def jacobian(
+        self, point: str, q: ArrayLike, body: str | None = None, frame: Literal["global", "local", "spatial"] = "global"
+    ) -> np.ndarray:
+        """Velocity of a point, and angular velocity of the body it is taken with, for rate 1 of every joint, shape (…, 6, n).
+
+        point: the name of a point of the model; body: by default the one nearest to the ground that has it
+        frame: "global": of the point, along the global axes; "local": along axes that turn with the body and are the global ones
+            initially; "spatial": of what of the body is at the origin, along the global axes
+        """
+        if not (isinstance(frame, str) and frame in FRAMES):
+            raise ModelError(f"frame: {given.echo(frame)!r} is none of {', '.join(FRAMES)}")
+        q, element, link = self._array(q), self.point(point), self.link(point, body)
+        path = self.tree.paths[link]
+        screws, spread = self.screws(q)[..., path, :], self._spread(q)[0][..., path, :]
+        turning, along = screws[..., :3], screws[..., 3:]
+        if frame != "spatial":
+            along = along + np.cross(turning, self.element(element, q)[..., None, :])
+        halves = [np.einsum("...ki,...kn->...in", half, spread) for half in (along, turning)]
+        if frame == "local":
+            back = np.swapaxes(transformation(self.kernels, self.tree.links[link].body.name, q, self.p), -1, -2)
+            halves = [back @ half for half in halves]
+        return np.concatenate(halves, axis=-2)
+
+    def frame(self, name: str) -> LinkFrame:
+        """The frame of a link of the robot's file, also of one that is fixed to another: pose, velocity, Jacobian. Raises ModelError for a
+        name that the file does not have."""
+        return LinkFrame(self, name)
+
+    def centre_of_mass_jacobian(self, q: ArrayLike) -> np.ndarray:
+        """Velocity of the centre of mass for rate 1 of every joint (…, 3, n)."""
+        mass, _, matrix = self._momenta(q)
+        return np.einsum("...ki,...kn->...in", matrix[..., :3], self._spread(self._array(q))[0]) / mass[..., None]
+
+    def _momenta(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mass (…, 1), first moment about the origin (…, 3), momenta about the origin of the tree's rates (…, -, 6)."""
+        if thin := [body.name for body in self.tree.loose if body.inertia]:
+            raise ModelError(f"{self.kernels.name}: {thin[0]} does not define its orientation; give the body another vector or point")
+        found = self._of("joint_momenta", q)
+        if not np.all(found[..., 0] > 0):
+            raise ModelError(f"{self.kernels.name}: nothing has mass; give a body one")
+        return found[..., :1], found[..., 1:4], found[..., 4:].reshape(*found.shape[:-1], -1, 6)
+
+    # -- helpers -------------------------------------------------------------------------------
+
+    @cached_property
+    def _functions(self) -> Functions:
+        return self._functions_of("basics", self.inputs, self._sizes)
+
+    def _functions_of(
+        self, what: Made, inputs: Mapping[str, tuple[str, ...]], sizes: Callable[[], dict[str, int]], kind: str = ""
+    ) -> Functions:
+        """Functions that are the same at all parameters. kind: a word for them, where they depend on more than the equations"""
+
+        def make() -> Functions:
+            return functions(self.kernels, f"{self.kind}_{kind or what}", inputs, sizes(), self._counts(), partial(self.made, what))
+
+        return self.kernels.remember("joint space functions", what, make)
+
+    def _counts(self) -> dict[str, int]:
+        """{input of a function: how many numbers it has}."""
+        return dict.fromkeys(("x", "v", "a", "dx", "dv"), self.n) | {"q": self.kernels.n, "p": len(self.p)}
+
+    def _sizes(self) -> dict[str, int]:
+        """Of the outputs of all functions but slopes."""
+        n, joints = self.n, self.tree.freedoms
+        found = {"inverse": n, "loads": n, "position": self.kernels.n, "screws": 6 * joints, "mass": n * (n + 1) // 2}
+        return {f"joint_{name}": size for name, size in (found | {"momenta": 4 + 6 * joints}).items()}
+
+    @abstractmethod
+    def made(self, what: Made) -> dict[str, Program]:
+        """The programs by name, assembled now."""
+
+    def _of(self, name: str, q: ArrayLike) -> np.ndarray:
+        return self._functions(name, 0.0, self._array(q), self.p)
+
+    def _array(self, q: ArrayLike) -> np.ndarray:
+        return self._checked(q, self.kernels.n, "q", "coordinates")
+
+    def _over_rates(self, values: ArrayLike | None, name: str) -> np.ndarray:
+        """Numbers over the rates; zero for None."""
+        return np.zeros(self.n) if values is None else self._checked(values, self.n, name, "rates")
+
+    def _checked(self, values: ArrayLike, count: int, name: str, what: str) -> np.ndarray:
+        found = given.numbers_of(values, name)
+        if found.shape[-1:] != (count,):
+            raise ModelError(f"{name}: its shape is {found.shape}, and {self.kernels.name} has {count} {what}; give (…, {count})")
+        return found
+
+    @cached_property
+    def _where(self) -> dict[int, tuple[Spatial, int]]:
+        """{coordinate: (element, axis)} of what moves with a link."""
+        return moving(self.kernels.programs.equations, self.tree)
+
+    def element(self, element: Spatial, q: np.ndarray) -> np.ndarray:
+        index = self.kernels.index
+        parts = [self._fixed(c, q) if c.fixed else q[..., index[c.name]] for c in element.components]
+        return np.stack(parts, axis=-1)
+
+    def _fixed(self, component: Component, q: np.ndarray) -> np.ndarray:
+        if is_number(component.value):
+            return np.broadcast_to(component.initial, q.shape[:-1])
+        return geometry.component(self.kernels, component, q, self.p)
+
+    def point(self, name: str) -> Point:
+        found = self.kernels.model.elements.get(name) if isinstance(name, str) else None
+        if not isinstance(found, Point):
+            points = [e.name for e in self.kernels.model.elements.values() if isinstance(e, Point)]
+            raise ModelError(f"point: there is no {given.echo(name)}; {given.offer(name, points, 'the points are')}")
+        return found
+
+    def link(self, point: str, body: str | None) -> int:
+        """The number of the link that a point is taken with."""
+        element = self.point(point)
+        if not isinstance(body, str | None):
+            raise ModelError(f"body: {given.echo(body)} is no name; give that of a body")
+        for number, link in enumerate(self.tree.links):
+            if element in link.body.elements and body in (None, link.body.name):
+                return number
+        raise ModelError(f"point {point}: {'no body that moves has it' if body is None else f'body {body} does not have it'}")
