@@ -8,9 +8,10 @@ from typing import Literal, TypeAlias, get_args
 
 from ncgen.errors import ModelError, shown
 from ncgen.model.actions import Action, Call, Doing, Impact
-from ncgen.model.coordinates import Coordinates
+from ncgen.model.elements import Component, Point, Relative
 from ncgen.model.facts import fact
-from ncgen.model.values import Driven, Scalar
+from ncgen.model.loads import Loads
+from ncgen.model.values import Driven, Number, Scalar, Value, as_sympy
 
 Direction: TypeAlias = Literal["falling", "either", "rising"]
 
@@ -37,12 +38,24 @@ class Event:
         return any(isinstance(action, Call) for action in self.do)
 
 
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Dry friction along a coordinate, by its name. static: N or N m; slip, held: names of the input that says in which direction it slips,
+    and of the parameter that says where it sticks"""
+
+    name: str
+    coordinate: str
+    static: Value
+    slip: str
+    held: str
+
+
 def called_by(events: Iterable[Event]) -> Iterator[Callable[..., object]]:
     """The Python functions that events call."""
     return (action.function for event in events for action in event.do if isinstance(action, Call))
 
 
-class Events(Coordinates):
+class Events(Loads):
     """The part of a model that owns events."""
 
     @fact
@@ -65,3 +78,84 @@ class Events(Coordinates):
             raise ModelError(f"event {name}: an impact happens where a gap closes; its direction is falling")
         self.events[name] = event
         return event
+
+    @fact
+    def stop(
+        self,
+        coordinate: Component | Relative,
+        lower: Value | None = None,
+        upper: Value | None = None,
+        restitution: Value = 0.0,
+        stiffness: Value | None = None,
+        damping: Value = 0.0,
+        exponent: Number = 1.0,
+        name: str = "",
+    ) -> None:
+        """End stops of a coordinate, rigid with a restitution, or compliant where a stiffness is given.
+
+        lower, upper: m or rad; None where there is no stop
+        restitution: of rigid ones; a coordinate that comes to rest at its stop is held as long as it is pushed
+        stiffness k, damping d, exponent n: of compliant ones, whose force on a coordinate that is δ beyond them is k δⁿ (1 + d δ̇)
+            (Hunt and Crossley): N/mⁿ or N m/radⁿ, and s/m or s/rad
+        name: of its events, with .lower and .upper behind it; default: the coordinate with .stop
+        """
+        where, x = name or f"{coordinate.name}.stop", as_sympy(coordinate)
+        if lower is None and upper is None:
+            raise ModelError(f"{where}: neither lower nor upper is given; give one of them")
+        gaps = (("lower", lower, lambda v: x - v, 1.0), ("upper", upper, lambda v: v - x, -1.0))
+        for side, limit, gap, way in gaps:
+            if limit is None:
+                continue
+            if stiffness is None:
+                self.event(f"{where}.{side}", gap(as_sympy(limit)), "falling", Impact(restitution))
+                continue
+            touches, depth, rate = self.input(f"{where}.{side}.touches"), -gap(as_sympy(limit)), -way * coordinate.rate
+            push = as_sympy(touches) * as_sympy(stiffness) * abs(depth) ** exponent * (1 + as_sympy(damping) * rate)
+            self._apply(f"{where}, {side}", [(_component(coordinate), way * push)])
+            self.event(f"{where}.{side}", gap(as_sympy(limit)), "falling", {touches.name: 1.0})
+            self.event(f"{where}.{side}.left", gap(as_sympy(limit)), "rising", {touches.name: 0.0})
+
+    @fact
+    def rope(self, start: Point, end: Point, length: Value, restitution: Value = 0.0, name: str = "") -> Event:
+        """A rope between two points that only pulls; taut it is a constraint, until it would push.
+
+        length: m; restitution: where it becomes taut, u⁺ = −e u⁻
+        """
+        square = sum((as_sympy(b) - as_sympy(a)) ** 2 for a, b in zip(start.components, end.components, strict=True))
+        return self.event(name or f"rope.{start.name}.{end.name}", as_sympy(length) ** 2 - square, "falling", Impact(restitution))
+
+    @fact
+    def friction(
+        self,
+        coordinate: Component | Relative,
+        coulomb: Value,
+        static: Value | None = None,
+        viscous: Value = 0.0,
+        stribeck: Value | None = None,
+        name: str = "",
+    ) -> Friction:
+        """Dry friction along a coordinate, which sticks exactly: as a constraint, until its force exceeds static friction.
+
+        coulomb: of sliding, N, or N m about an angle; static: default coulomb; viscous: N s/m, or N m s
+        stribeck: the velocity (m/s, or rad/s) over which sliding friction falls from static to coulomb, by exp(−|v|/stribeck); without it,
+            at once
+        name: default: the coordinate with .friction
+        """
+        from sympy import exp
+
+        where = name or f"{coordinate.name}.friction"
+        if where in self.frictions:
+            raise ModelError(f"friction {where}: there is one of that name already; give another name")
+        most = coulomb if static is None else static
+        slip, held = self.input(f"{where}.slip"), self.parameter(f"{where}.held", 0.0)
+        sliding = as_sympy(coulomb)
+        if stribeck is not None:
+            sliding += (as_sympy(most) - as_sympy(coulomb)) * exp(-as_sympy(slip) * coordinate.rate / as_sympy(stribeck))
+        component = _component(coordinate)
+        self._apply(where, [(component, -as_sympy(slip) * sliding - as_sympy(viscous) * coordinate.rate)])
+        self.frictions[where] = Friction(where, component.name, most, slip.name, held.name)
+        return self.frictions[where]
+
+
+def _component(coordinate: Component | Relative) -> Component:
+    return coordinate if isinstance(coordinate, Component) else coordinate.components[0]

@@ -20,7 +20,8 @@ class Happening:
     q, before, after (n,): position, and velocities before and after it (m, rad, and per second)
     impulse: of an impact, along the gap: N s, or N m s where the gap is an angle; 0 for others
     energy_lost: kinetic and potential energy before less that after it (J)
-    limit: s, where bounces accumulate at this time and the event rests from here on; None for others
+    limit: s, where bounces accumulate at this time and the gap is at rest from here on; None for others
+    what: of modes: "rests" and "leaves" of a gap, "sticks", "slips" and "turns" of a friction; empty for others
     """
 
     t: float
@@ -32,7 +33,9 @@ class Happening:
     impulse: float = 0.0
     energy_lost: float = 0.0
     limit: float | None = None
+    what: str = ""
 
     def __repr__(self) -> str:
+        name = f"{self.name} {self.what}" if self.what else self.name
         rest = "" if self.limit is None else f", at rest from {self.limit:.9g} s"
-        return f"<{self.name} at {self.t:.9g} s, {self.search}, {self.energy_lost:.6g} J lost{rest}>"
+        return f"<{name} at {self.t:.9g} s, {self.search}, {self.energy_lost:.6g} J lost{rest}>"
