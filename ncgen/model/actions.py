@@ -73,7 +73,7 @@ def impact(restitution: Value = 0.0, order: str = "", rest: str = "hold") -> Imp
         raise ModelError(f"impact: rest {shown(rest)} is unknown; choose one of {', '.join(AT_REST)}")
     if order and order not in ORDERS:
         raise ModelError(f"impact: order {shown(order)} is unknown; choose one of {', '.join(ORDERS)}")
-    return Impact(restitution, order)
+    return Impact(restitution, order, rest)
 
 
 def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]:

@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias, get_args
 from ncgen.errors import ModelError, shown
 from ncgen.model.actions import Action, Call, Doing, Impact
 from ncgen.model.elements import Component, Point, Relative
+from ncgen.model.expressions import is_symbolic, symbols_in
 from ncgen.model.facts import fact
 from ncgen.model.loads import Loads
 from ncgen.model.values import Driven, Number, Scalar, Value, as_sympy
@@ -76,8 +77,15 @@ class Events(Loads):
         event = Event(name, when, direction, () if do is None else actions)  # type: ignore[arg-type]
         if event.impact and direction != "falling":
             raise ModelError(f"event {name}: an impact happens where a gap closes; its direction is falling")
+        if event.impact and (found := self._no_position(event.when)):
+            raise ModelError(f"event {name}: {found} stands in the gap of an impact, which is one of positions, time and parameters")
         self.events[name] = event
         return event
+
+    def _no_position(self, when: Scalar) -> str:
+        """The name of a velocity or an input in an expression, or nothing."""
+        names = sorted(s.name for s in symbols_in(when)) if is_symbolic(when) else []
+        return next((name for name in names if name.startswith("rate(") or name in self.inputs), "")
 
     @fact
     def stop(

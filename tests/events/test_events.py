@@ -225,6 +225,10 @@ REFUSED = [
     (lambda m, s: m.event("a", when=s, do={"c": 1.0}), "event a, do: 'c' cannot be changed"),
     (lambda m, s: m.event("a", when=s, do=ncgen.impact(1.5)), "event a, do: restitution 1.5; give a number from 0 to 1"),
     (lambda m, s: m.event("a", when=s, direction="rising", do=ncgen.impact(1)), "event a: an impact happens where a gap closes"),
+    (lambda m, s: m.event("a", when=s - s.rate, do=ncgen.impact(1)), "event a: rate(s) stands in the gap of an impact"),
+    (lambda m, s: ncgen.impact(1, rest="no"), "impact: rest 'no' is unknown; choose one of hold, end"),
+    (lambda m, s: m.stop(s), "s.stop: neither lower nor upper is given"),
+    (lambda m, s: [m.friction(s, 1.0) for _ in range(2)], "friction s.friction: there is one of that name already"),
     (lambda m, s: ncgen.impact(1, order="both"), "impact: order 'both' is unknown"),
 ]
 

@@ -51,7 +51,7 @@ class EventFunctions:
     def rows(self) -> tuple[Held, ...]:
         """The constraints that modes can have."""
         contacts = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
-        held = [Held(k, event.name, event.when) for k, event in contacts if self._is_position(event)]
+        held = [Held(k, event.name, event.when) for k, event in contacts]
         sticking = [Held(k, f.name, symbol_of(f.coordinate) - symbol_of(f.held)) for k, f in self.frictions.items()]
         return (*held, *sticking)
 
@@ -60,14 +60,6 @@ class EventFunctions:
         """True where the mechanism has modes."""
         return bool(self.rows)
 
-    def _is_position(self, event: Event) -> bool:
-        """True where a condition is an equation of position."""
-        from ncgen.model.expressions import is_symbolic, symbols_in
-
-        rates = {rate_name(name) for name in self.kernels.coordinates} | set(self.kernels.inputs)
-        return is_symbolic(event.when) and not {s.name for s in symbols_in(event.when)} & rates
-
-    @cached_property
     def degree(self) -> int:
         """Of the polynomials in time that conditions are within a step."""
         return QUADRATIC if any(self._degree(event) == 2 for event in self.events) else LINEAR

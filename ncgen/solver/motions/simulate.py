@@ -368,5 +368,6 @@ class _Motion:
             kernels, times[wanted], path.q[wanted], path.qd[wanted], path.work[wanted], self.start.p, path.partitions,
             spent, method.formalism.name, method.integrator.name, self.engine,
             run.initial.z or self.kernels.model.chosen_independent, kernels, method.options, path.stopped is not None, run.number,
-            f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses), tuple(self.passage.happened), tuple(self.passage.modes), bool(self.passage.changes),
+            f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses), tuple(self.passage.happened),
+            tuple(self.passage.modes), bool(self.passage.changes),
         )  # fmt: skip
