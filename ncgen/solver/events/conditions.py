@@ -60,6 +60,7 @@ class EventFunctions:
         """True where the mechanism has modes."""
         return bool(self.rows)
 
+    @cached_property
     def degree(self) -> int:
         """Of the polynomials in time that conditions are within a step."""
         return QUADRATIC if any(self._degree(event) == 2 for event in self.events) else LINEAR
