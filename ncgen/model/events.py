@@ -99,13 +99,26 @@ class Events(Loads):
         exponent: Number = 1.0,
         name: str = "",
     ) -> None:
-        """End stops of a coordinate, rigid with a restitution, or compliant where a stiffness is given.
+        """Add end stops of a coordinate, rigid, or compliant where a stiffness is given.
 
-        lower, upper: m or rad; None where there is no stop
-        restitution: of rigid ones; a coordinate that comes to rest at its stop is held as long as it is pushed
-        stiffness k, damping d, exponent n: of compliant ones, whose force on a coordinate that is δ beyond them is k δⁿ (1 + d δ̇)
-            (Hunt and Crossley): N/mⁿ or N m/radⁿ, and s/m or s/rad
-        name: of its events, with .lower and .upper behind it; default: the coordinate with .stop
+        Parameters
+        ----------
+        coordinate : Component or Relative
+            The coordinate, a length or an angle.
+        lower, upper : float or expression of parameters, optional
+            Where the stops are, in m or rad.
+        restitution : float or expression of parameters
+            Of rigid stops. A coordinate that comes to rest at its stop is held as long as it is pushed.
+        stiffness, damping, exponent : float
+            k, d and n of compliant stops, whose force is k δⁿ (1 + d δ̇) where the coordinate is δ beyond them (Hunt and Crossley): N/mⁿ or
+            N m/radⁿ, and s/m or s/rad.
+        name : str, optional
+            Its events have .lower and .upper behind it. Default: the coordinate with .stop.
+
+        Raises
+        ------
+        ModelError
+            Without a stop, and for names that the model has already.
         """
         where, x = name or f"{coordinate.name}.stop", as_sympy(coordinate)
         if lower is None and upper is None:
@@ -125,9 +138,23 @@ class Events(Loads):
 
     @fact
     def rope(self, start: Point, end: Point, length: Value, restitution: Value = 0.0, name: str = "") -> Event:
-        """A rope between two points that only pulls; taut it is a constraint, until it would push.
+        """Add a rope between two points, which only pulls: taut it is a constraint, until it would push.
 
-        length: m; restitution: where it becomes taut, u⁺ = −e u⁻
+        Parameters
+        ----------
+        start, end : Point
+            Its ends.
+        length : float or expression of parameters
+            Length in m.
+        restitution : float or expression of parameters
+            e of the impact where it becomes taut, u⁺ = −e u⁻.
+        name : str, optional
+            Name of its event. Default: rope with both points.
+
+        Returns
+        -------
+        Event
+            The event at which it becomes taut.
         """
         square = sum((as_sympy(b) - as_sympy(a)) ** 2 for a, b in zip(start.components, end.components, strict=True))
         return self.event(name or f"rope.{start.name}.{end.name}", as_sympy(length) ** 2 - square, "falling", Impact(restitution))
@@ -142,12 +169,28 @@ class Events(Loads):
         stribeck: Value | None = None,
         name: str = "",
     ) -> Friction:
-        """Dry friction along a coordinate, which sticks exactly: as a constraint, until its force exceeds static friction.
+        """Add dry friction along a coordinate, which sticks exactly: as a constraint, until its force exceeds static friction.
 
-        coulomb: of sliding, N, or N m about an angle; static: default coulomb; viscous: N s/m, or N m s
-        stribeck: the velocity (m/s, or rad/s) over which sliding friction falls from static to coulomb, by exp(−|v|/stribeck); without it,
-            at once
-        name: default: the coordinate with .friction
+        Parameters
+        ----------
+        coordinate : Component or Relative
+            The coordinate, a length or an angle.
+        coulomb : float or expression of parameters
+            Sliding friction in N, or N m about an angle.
+        static : float or expression of parameters, optional
+            Static friction. Default: coulomb.
+        viscous : float or expression of parameters
+            Viscous friction in N s/m, or N m s.
+        stribeck : float or expression of parameters, optional
+            Velocity in m/s or rad/s over which sliding friction falls from static to coulomb, by exp(−|v|/stribeck). Without it it falls at
+            once.
+        name : str, optional
+            Default: the coordinate with .friction.
+
+        Returns
+        -------
+        Friction
+            The friction, whose name run.events has.
         """
         from sympy import exp
 

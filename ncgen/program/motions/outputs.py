@@ -12,8 +12,6 @@ from collections.abc import Callable
 from functools import cache, partial
 from typing import TypeAlias
 
-import sympy
-
 from ncgen.errors import ModelError, shortened
 from ncgen.model.bodies import load_names
 from ncgen.model.elements import Component, driver_name, rate_name
@@ -75,6 +73,8 @@ def _load_words(equations: Terms) -> list[str]:
 
 
 def _node(lines: Lines, output: Output, known: Known) -> int:
+    import sympy
+
     expression = sympy.sympify(output.expression)
     mentioned = sorted(s.name for s in symbols_in(expression))
     for name in mentioned:

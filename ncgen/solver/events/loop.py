@@ -185,7 +185,8 @@ class _Loop:
         for k in range(len(functions.events), functions.count):
             self.signs[k] = 0 if ways[k] == OFF else -int(ways[k])
         for k in self.settling.left:
-            self.signs[k] = 1
+            if k < len(functions.events):
+                self.signs[k] = 1
 
     def _resting(self, due: dict[int, Search]) -> dict[int, tuple[str, float]]:
         """{number: (name, limit time in s)} of gaps that closed and whose next bounce cannot be told from none."""
