@@ -20,7 +20,7 @@ from ncgen.mechanism.library import STATUS
 from ncgen.model.values import Scalar
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.positions.rank import freedom_at
-from ncgen.toolchain.abi import InC, runtime_abi
+from ncgen.toolchain.abi import InC, Interface, runtime_abi
 
 if TYPE_CHECKING:
     from ncgen.solver.events.conditions import EventFunctions
@@ -90,7 +90,7 @@ class LoadConditions:
     def __init__(
         self, functions: EventFunctions, kernels: Kernels, count: int, left: Callable[[np.ndarray, np.ndarray], list[tuple[float, float]]]
     ) -> None:
-        ffi = self._ffi = runtime_abi("double")
+        ffi: Interface = runtime_abi("double")
         self.raised: BaseException | None = None
         n, n_p, conditions = kernels.n, len(kernels.p0), functions.count
         plain, own = kernels.driven_by(None), functions.raw("conditions")
