@@ -69,10 +69,13 @@ def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     return made
 
 
-def loads_of(kernels: Kernels, count: int, at: State) -> np.ndarray:
-    """The generalised forces (count,) of the last constraints of a variant: N along the gap or coordinate of each, N m about an angle."""
+def loads_of(kernels: Kernels, count: int, at: State) -> tuple[np.ndarray, float]:
+    """The generalised forces (count,) of the last constraints of a variant: N along the gap or coordinate of each, N m about an angle.
+
+    And the largest multiplier of all constraints, with which they are compared.
+    """
     found = accelerations_by("lagrange").motion(kernels, at.q, at.qd, at.t, kernels.present(at.t, at.p), {})
-    return -found.lam[kernels.m - count :]
+    return -found.lam[kernels.m - count :], float(np.max(np.abs(found.lam)))
 
 
 def rank_of(kernels: Kernels, at: State) -> int:
