@@ -100,7 +100,7 @@ class LoadConditions:
 
         def evaluate(t: float, q: InC, qd: InC, p: InC, out: InC) -> int:
             own(t, q, qd, p, out)
-            state = [np.frombuffer(ffi.buffer(a, 8 * size), dtype=float).copy() for a, size in ((q, n), (qd, n), (p, n_p))]
+            state = [np.array(ffi.unpack(a, size) if size else [], dtype=float) for a, size in ((q, n), (qd, n), (p, n_p))]
             lam = accelerations_by("lagrange").motion(plain, state[0], state[1], t, state[2], {}).lam
             for k, (value, size) in enumerate(left(-lam[kernels.m - count :], state[2])):
                 out[2 * (conditions + k)], out[2 * (conditions + k) + 1] = value, size
