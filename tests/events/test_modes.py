@@ -117,6 +117,20 @@ def test_a_mechanism_that_begins_at_rest_on_friction():
     assert run["s"][-1] == pytest.approx(1 / 6 + 1 / 2, rel=1e-9)
 
 
+def test_an_archive_keeps_events(tmp_path):
+    """A run that is read again has the events, the accelerations of its modes, and no joint reactions."""
+    m, s = sliding_block("kept")
+    m.torque(s, 2 - m.time)
+    m.stop(s, upper=0.5)
+    run = ncgen.simulate(ncgen.compile(m), 3.0)
+    again = ncgen.read(run.to_npz(tmp_path / "trajectory.npz"), run.kernels)
+    assert [repr(each) for each in again.events] == [repr(each) for each in run.events]
+    assert np.array_equal(again.qdd, run.qdd) and np.max(np.abs(run["rate(rate(s))"][50:60])) < 1e-12
+    for each in (run, again):
+        with pytest.raises(ncgen.ModelError, match="kept: joint reactions need a motion of one mechanism"):
+            each.reactions()
+
+
 def test_files_say_elements():
     m, s = sliding_block("all")
     m.stop(s, upper=0.5, restitution=0.2)

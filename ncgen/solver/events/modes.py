@@ -69,10 +69,13 @@ def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     return made
 
 
-def loads_of(kernels: Kernels, count: int, at: State) -> np.ndarray:
-    """The generalised forces (count,) of the last constraints of a variant: N along the gap or coordinate of each, N m about an angle."""
+def loads_of(kernels: Kernels, count: int, at: State) -> tuple[np.ndarray, float]:
+    """The generalised forces (count,) of the last constraints of a variant: N along the gap or coordinate of each, N m about an angle.
+
+    And the largest multiplier of all constraints, with which they are compared.
+    """
     found = accelerations_by("lagrange").motion(kernels, at.q, at.qd, at.t, kernels.present(at.t, at.p), {})
-    return -found.lam[kernels.m - count :]
+    return -found.lam[kernels.m - count :], float(np.max(np.abs(found.lam)))
 
 
 def rank_of(kernels: Kernels, at: State) -> int:
@@ -97,7 +100,7 @@ class LoadConditions:
 
         def evaluate(t: float, q: InC, qd: InC, p: InC, out: InC) -> int:
             own(t, q, qd, p, out)
-            state = [np.frombuffer(ffi.buffer(a, 8 * size), dtype=float).copy() for a, size in ((q, n), (qd, n), (p, n_p))]
+            state = [np.array(ffi.unpack(a, size) if size else [], dtype=float) for a, size in ((q, n), (qd, n), (p, n_p))]
             lam = accelerations_by("lagrange").motion(plain, state[0], state[1], t, state[2], {}).lam
             for k, (value, size) in enumerate(left(-lam[kernels.m - count :], state[2])):
                 out[2 * (conditions + k)], out[2 * (conditions + k) + 1] = value, size

@@ -100,7 +100,7 @@ class Settling:
                 p[self._place(functions.frictions[k].held)] = at.q[self.kernels.index[functions.frictions[k].coordinate]]
         at = replace(at, p=p)
         for _ in range(len(self.rows) + 1):
-            at, worst = self._tried(at, start, tuple(wanted))
+            at, worst = self._tried(at, start, tuple(wanted), held)
             if worst is None:
                 break
             released[worst[0]] = worst[1]
@@ -144,21 +144,23 @@ class Settling:
     def _column(self, k: int) -> int:
         return self.kernels.index[self.functions.frictions[k].coordinate]
 
-    def _tried(self, at: State, start: State, held: tuple[int, ...]) -> tuple[State, tuple[int, float] | None]:
-        """The state on the constraints of a mode, and the one that must be released with its side, or None."""
+    def _tried(self, at: State, start: State, held: tuple[int, ...], before: tuple[int, ...]) -> tuple[State, tuple[int, float] | None]:
+        """The state on the constraints of a mode, and the one that must be released with its side, or None. before: what was held; a gap
+        that was not is held only if it is pushed."""
         if not held:
             return replace(at, q=start.q, qd=start.qd), None
         kernels = variant(self.kernels, tuple(self.rows[k] for k in held))
         q, _ = project_position(kernels, start.q, at.t, at.p)
         at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
-        loads = loads_of(kernels, len(held), at)
-        largest, worst, excess = float(np.max(np.abs(loads))), None, SLACK
+        loads, largest = loads_of(kernels, len(held), at)
+        worst, excess = None, SLACK
         for k, load in zip(held, loads.tolist(), strict=True):
             if k in self.functions.frictions:
                 most = self._static(k, at.p)
                 over, side = (abs(load) - most) / max(most, largest), -float(np.sign(load))
             else:
-                over, side = (-load / largest if largest else 0.0), 1.0
+                pushed = load / largest if largest else 0.0
+                over, side = -pushed if k in before else 2 * SLACK - pushed, 1.0
             if over > excess:
                 worst, excess = (k, side), over
         return at, worst
