@@ -137,3 +137,20 @@ def test_files_say_elements():
     m.friction(s, coulomb=1.0)
     text = to_toml(m)
     assert "[[stop]]" in text and "[[friction]]" in text and "[[event]]" not in text
+
+
+def test_a_follower_leaves_its_cam():
+    """A cam of 5 mm lifts a follower that its weight holds down; above ω = √(g/A) it leaves, here at 1.2 times that, and lands again."""
+    import sympy
+
+    lift, omega = 0.005, 1.2 * math.sqrt(G / 0.005)
+    m = ncgen.Model("follower")
+    P = m.point("P", (0, 0), fixed="x")
+    m.body("follower", [P], mass=1.0)
+    m.gravity((0, -G))
+    m.event("cam", when=P.y - lift * (1 - sympy.cos(omega * m.time)), do=ncgen.impact())
+    run = ncgen.simulate(ncgen.compile(m), 0.11, rtol=1e-11)
+    leaves, lands = (each for each in run.events if each.t > 0 and each.what != "rests")
+    assert (leaves.what, lands.what) == ("leaves", "")
+    assert [leaves.t, lands.t] == pytest.approx([0.0439942783575529, 0.1076599719173969], rel=1e-10)
+    assert lands.before[0] - lift * omega * math.sin(omega * lands.t) == pytest.approx(-0.2920006281060264, rel=1e-8)
