@@ -7,6 +7,8 @@ The command line prints the message alone and leaves with `exit_code`.
 from __future__ import annotations
 
 import math
+import sys
+import warnings
 from typing import Any
 
 LONGEST_LINE = 300
@@ -46,6 +48,14 @@ def counted(count: int, one: str) -> str:
     noun, of, rest = one.partition(" of ")
     many = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
     return f"{count} {noun if count == 1 else many}{of}{rest}"
+
+
+def warn(message: str) -> None:
+    """Warn at the line of the user's code that called ncgen."""
+    frame, depth = sys._getframe(), 1
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("ncgen."):
+        frame, depth = frame.f_back, depth + 1
+    warnings.warn(message, stacklevel=depth)
 
 
 class NcgenError(Exception):

@@ -60,7 +60,7 @@ class Pendulum:
     def moved(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The state a period later, and its derivative by x (4, 4)."""
         q0 = {"psi": x[0], "theta": x[1]} | dict(zip(("B.x", "B.y", "C.x", "C.y"), corners(x[:2]), strict=True))
-        found = ncgen.sensitivities(self.kernels, PERIOD, STEPS, "dop853", q0=q0, zd0=x[2:], z=COORDINATES)
+        found = ncgen.sensitivities(self.kernels, PERIOD, STEPS, integrator="dop853", q0=q0, zd0=x[2:], z=COORDINATES)
         state = np.concatenate([found.q[-1, self.places], found.qd[-1, self.places]])
         return state, np.vstack([found.q_by[-1, self.places], found.qd_by[-1, self.places]])
 

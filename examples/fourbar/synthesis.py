@@ -77,7 +77,7 @@ class Linkage:
         if not np.array_equal(p, self.last.p):
             self.evaluations += 1
             near = self.last.foreseen(p) if self.foresees else self.last.q
-            self.last = ncgen.driven_positions(self.kernels, self.last.t, p, near)
+            self.last = ncgen.driven_positions(self.kernels, self.last.t, p=p, q0=near)
         return self.last
 
     def misses(self, p: np.ndarray) -> np.ndarray:
@@ -122,7 +122,7 @@ def plot(p: np.ndarray, file: str) -> None:
 
     linkage = Linkage()
     kernels, q = linkage.kernels, linkage.positions(p).q[0]
-    back, on = (ncgen.driven_positions(kernels, np.linspace(0.0, end, 71), p, q).q[:, linkage.point] for end in (-0.6, 2.2))
+    back, on = (ncgen.driven_positions(kernels, np.linspace(0.0, end, 71), p=p, q0=q).q[:, linkage.point] for end in (-0.6, 2.2))
     curve = np.concatenate([back[::-1], on])
     places = {name: [q[kernels.index[f"{name}.{axis}"]] for axis in "xy"] for name in "BCP"}
     places |= {"A": [0.0, 0.0], "D": [q[kernels.index["D.x"]], 0.0]}

@@ -70,14 +70,14 @@ class Leg:
     def turned(self, p: np.ndarray) -> DrivenPositions:
         """At the angles, from one to the next in small turns."""
         turns = np.linspace(0.0, 2 * np.pi, len(ANGLES) * BETWEEN, endpoint=False)
-        return ncgen.driven_positions(self.kernels, ANGLES, p, ncgen.driven_positions(self.kernels, turns, p).q[::BETWEEN])
+        return ncgen.driven_positions(self.kernels, ANGLES, p=p, q0=ncgen.driven_positions(self.kernels, turns, p=p).q[::BETWEEN])
 
     def positions(self, p: np.ndarray) -> DrivenPositions:
         """At the angles; kept for whoever asks for the same numbers again."""
         if not np.array_equal(p, self.last.p):
             self.evaluations += 1
             near = self.last.foreseen(p) if self.foresees else self.last.q
-            self.last = ncgen.driven_positions(self.kernels, ANGLES, p, near)
+            self.last = ncgen.driven_positions(self.kernels, ANGLES, p=p, q0=near)
         return self.last
 
     def misses(self, x: np.ndarray) -> np.ndarray:
@@ -137,7 +137,7 @@ def plot(leg: Leg, p: np.ndarray, file: str) -> None:
     chart = Figure(figsize=(6, 3.6), layout="constrained")
     axes = chart.add_subplot()
     for numbers, label, style in ((whole(guess()), "start", "--"), (p, "found", "-")):
-        path = ncgen.driven_positions(leg.kernels, np.linspace(0, 2 * np.pi, 121), numbers).q[:, leg.toe]
+        path = ncgen.driven_positions(leg.kernels, np.linspace(0, 2 * np.pi, 121), p=numbers).q[:, leg.toe]
         axes.plot(*path.T, style, label=label)
     axes.plot(*leg.points.T, "x", color="tab:red", label="points")
     axes.set_xlabel("x of T (m)")

@@ -15,8 +15,8 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.report.methods import Tolerances
 from ncgen.solver.engines.compiled import is_emitted
+from ncgen.solver.groups import StartArguments
 from ncgen.solver.motions.simulate import simulate
-from ncgen.solver.runs.run import InitialArguments
 from ncgen.solver.runs.simulation_options import simulation_of
 from ncgen.solver.trajectories.trajectory import Trajectory
 
@@ -72,7 +72,7 @@ def fall_records(kernels: Kernels, others: Others = lambda *given: iter(())) -> 
 def own_run(kernels: Kernels) -> tuple[float, dict[str, Any]]:
     """Duration (s) and beginning of the model's own simulation, as arguments of `simulate`."""
     options = simulation_of(kernels.model)
-    return float(options["duration"]), {k: options[k] for k in InitialArguments.__annotations__ if k in options}
+    return float(options["duration"]), {k: options[k] for k in StartArguments.__annotations__ if k in options}
 
 
 def _settings(duration: float) -> Iterator[tuple[str, str, Mapping[str, Any]]]:

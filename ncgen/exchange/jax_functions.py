@@ -20,8 +20,9 @@ from ncgen.errors import ModelError
 from ncgen.exchange.motion_functions import MotionFunction, rates_of
 from ncgen.exchange.xla import operation
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.derivatives.sensitivity import NOT_DIFFERENTIATED
 from ncgen.solver.given import checked_kernels
-from ncgen.solver.runs.run import InitialArguments
+from ncgen.solver.groups import MotionArguments, takes
 
 Array: TypeAlias = Any
 """An array of JAX, or what JAX takes for one."""
@@ -44,20 +45,20 @@ class JaxFunctions:
             raise ModelError("ncgen.jax: JAX computes with 32 bits; say jax.config.update('jax_enable_x64', True) before")
         self.kernels = kernels
 
-    def motion(
-        self, duration: float, steps: int, integrator: str = "rk4", **start: Unpack[InitialArguments]
-    ) -> Callable[[Array, Array], tuple[Array, Array]]:
+    @takes(MotionArguments, unused=NOT_DIFFERENTIATED)
+    def motion(self, duration: float, steps: int, **arguments: Unpack[MotionArguments]) -> Callable[[Array, Array], tuple[Array, Array]]:
         """A function (p, rates) -> (q, q̇), (steps + 1, n) each: the motion with parameters p, (n_p,), and initial rates of the independent
         coordinates, (nz,), in the order of `rates_of`.
 
-        duration (s), steps, integrator, start: as of `ncgen.sensitivities`, with its errors; p and zd0 are what the function is given
+        duration (s), steps, arguments: as of `ncgen.sensitivities`, with its errors; p and zd0 are what the function is given
         Reverse mode: jax.grad, jax.jacrev, jax.vjp. Raises ModelError for arrays of other shapes, and for numbers that are not real.
         """
-        return _in_jax(MotionFunction(self.kernels, "ncgen.jax", (duration, steps, integrator), dict(start)))
+        return _in_jax(MotionFunction(self.kernels, "ncgen.jax", (duration, steps), dict(arguments)))
 
-    def rates_of(self, **start: Unpack[InitialArguments]) -> tuple[str, ...]:
+    @takes(MotionArguments, unused=NOT_DIFFERENTIATED)
+    def rates_of(self, **arguments: Unpack[MotionArguments]) -> tuple[str, ...]:
         """The independent coordinates whose rates a motion takes."""
-        return rates_of(self.kernels, dict(start))
+        return rates_of(self.kernels, dict(arguments))
 
 
 def _in_jax(function: MotionFunction) -> Callable[[Array, Array], tuple[Array, Array]]:

@@ -19,14 +19,14 @@ from ncgen.solver.derivatives.gradients import taped_batch
 from ncgen.solver.derivatives.sensitivity import Motion, motion_of
 from ncgen.solver.derivatives.taped_batch import Swept, TapedBatch
 
-IN_LANES = {"q0", "t0", "z"}
+IN_LANES = {"integrator", "q0", "t0", "z"}
 """What motions that run side by side can be asked for besides their parameters and rates."""
 
 
 def rates_of(kernels: Kernels, start: dict[str, Any]) -> tuple[str, ...]:
     """The independent coordinates whose rates a motion takes; start: as of `ncgen.sensitivities`."""
-    initial = {name: value for name, value in start.items() if name not in ("rtol", "options", "inputs")}
-    names = motion_of(kernels, 1e-9, 1, "rk4", **initial).names
+    initial = {name: value for name, value in start.items() if name not in ("integrator", "rtol", "options", "inputs")}
+    names = motion_of(kernels, 1e-9, 1, **initial).names
     return tuple(coordinate for name in names if (coordinate := coordinate_of(name)) != name)
 
 
@@ -56,8 +56,8 @@ class MotionFunction:
         from how it does with q and q̇. Both raise as `ncgen.sensitivities` does, NcgenError for one motion of many
     """
 
-    def __init__(self, kernels: Kernels, door: str, asked: tuple[float, int, str], start: dict[str, Any]) -> None:
-        """door: what the user calls it; asked: duration (s), steps and integrator; start: other arguments of `ncgen.sensitivities`.
+    def __init__(self, kernels: Kernels, door: str, asked: tuple[float, int], start: dict[str, Any]) -> None:
+        """door: what the user calls it; asked: duration (s) and steps; start: other arguments of `ncgen.sensitivities`.
 
         Raises as that does, and ModelError where p or initial rates are among them.
         """
@@ -80,7 +80,7 @@ class MotionFunction:
     @property
     def _is_for_lanes(self) -> bool:
         """True where many motions run side by side; motions with anything else that was asked for run one after the other."""
-        return bool(INTEGRATORS[self._asked[2]].tableau) and self._start.keys() <= IN_LANES
+        return bool(INTEGRATORS[self._start.get("integrator", "rk4")].tableau) and self._start.keys() <= IN_LANES
 
     def _forward(self, p: np.ndarray, rates: np.ndarray, q: np.ndarray, qd: np.ndarray) -> None:
         if q.ndim == 2:

@@ -20,8 +20,9 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.exchange.motion_functions import ArrayFunction, MotionFunction, rates_of
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.derivatives.sensitivity import NOT_DIFFERENTIATED
 from ncgen.solver.given import checked_kernels
-from ncgen.solver.runs.run import InitialArguments
+from ncgen.solver.groups import MotionArguments, takes
 
 Tensor: TypeAlias = Any
 """A tensor of PyTorch, on the processor, or what it takes for one."""
@@ -42,20 +43,22 @@ class TorchFunctions:
             raise ModelError("ncgen.torch needs PyTorch; pip install 'ncgen[torch]'") from None
         self.kernels = kernels
 
+    @takes(MotionArguments, unused=NOT_DIFFERENTIATED)
     def motion(
-        self, duration: float, steps: int, integrator: str = "rk4", **start: Unpack[InitialArguments]
+        self, duration: float, steps: int, **arguments: Unpack[MotionArguments]
     ) -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]:
         """A function (p, rates) -> (q, q̇), (…, steps + 1, n) each: the motion with parameters p, (…, n_p), and initial rates of the
         independent coordinates, (…, nz), in the order of `rates_of`, in doubles. Leading axes are those of many motions, and broadcast.
 
-        duration (s), steps, integrator, start: as of `ncgen.sensitivities`, with its errors; p and zd0 are what the function is given
+        duration (s), steps, arguments: as of `ncgen.sensitivities`, with its errors; p and zd0 are what the function is given
         First derivatives, by autograd and torch.func. Raises ModelError for tensors of other shapes or types.
         """
-        return _in_torch(MotionFunction(self.kernels, "ncgen.torch", (duration, steps, integrator), dict(start)))
+        return _in_torch(MotionFunction(self.kernels, "ncgen.torch", (duration, steps), dict(arguments)))
 
-    def rates_of(self, **start: Unpack[InitialArguments]) -> tuple[str, ...]:
+    @takes(MotionArguments, unused=NOT_DIFFERENTIATED)
+    def rates_of(self, **arguments: Unpack[MotionArguments]) -> tuple[str, ...]:
         """The independent coordinates whose rates a motion takes."""
-        return rates_of(self.kernels, dict(start))
+        return rates_of(self.kernels, dict(arguments))
 
 
 def _in_torch(function: MotionFunction) -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]:

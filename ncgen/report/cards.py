@@ -17,9 +17,10 @@ from ncgen.mechanism import recall
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.inspection import inspect
+from ncgen.solver.given import CONSISTENT_RESIDUAL
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.positions.position import CONSISTENT, residual
+from ncgen.solver.positions.position import residual
 from ncgen.solver.positions.rank import freedom
 from ncgen.view.curves_of_motion import curves_of_motion
 from ncgen.view.scene import scene_of
@@ -149,7 +150,7 @@ def _freedoms_of_model(model: Model) -> list[str]:
 def _freedoms(kernels: Kernels) -> list[str]:
     """Degrees of freedom and the rows that others imply. Raises NcgenError where the mechanism does not close."""
     q = kernels.q0
-    if residual(kernels, q, 0.0, refresh_branches(kernels, q, kernels.p0)) > CONSISTENT:
+    if residual(kernels, q, 0.0, refresh_branches(kernels, q, kernels.p0)) > CONSISTENT_RESIDUAL:
         q = assemble(kernels, q)
     found = freedom(kernels, q)
     lines = [counted(found.dof, "degree of freedom")]

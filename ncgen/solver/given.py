@@ -20,8 +20,8 @@ from ncgen.methods.table import is_real
 from ncgen.model import Model
 from ncgen.solver.parameter_checks import check_parameters
 
-Given: TypeAlias = "ArrayLike | Mapping[str, float]"
-"""In signatures: numbers in their order, or some of them by name."""
+Given: TypeAlias = "ArrayLike | Mapping[str, ArrayLike]"
+"""In signatures: numbers in their order, or some of them by name; of a batch rows of numbers, or by name a number or one a state."""
 
 
 class Outline(Protocol):
@@ -61,6 +61,9 @@ Value = TypeVar("Value")
 
 ORTHOGONAL = 1e-6
 """How far an entry of Rᵀ R of a rotation may be off the unit matrix: rotations written with seven digits pass, sheared ones do not."""
+
+CONSISTENT_RESIDUAL = 1e-9
+"""Relative residual of the constraints up to which a position is consistent: larger than rounding, smaller than usual tolerances."""
 
 LISTED = 100
 """Characters that a list of names may take in a message."""
@@ -241,7 +244,7 @@ def rotation_of(values: ArrayLike, what: str) -> np.ndarray:
     return array
 
 
-def numbers_by_name(given: Mapping[str, float], known: Collection[str], what: str, kind: str = "free coordinate") -> dict[str, float]:
+def numbers_by_name(given: Mapping[str, Any], known: Collection[str], what: str, kind: str = "free coordinate") -> dict[str, float]:
     """{name: number} with names that are known. Raises ModelError for another name, and for what is no finite number."""
     if not isinstance(given, Mapping):
         raise ModelError(f"{what}: {echo(given)} given; give {{name: number}}")

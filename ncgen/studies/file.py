@@ -92,7 +92,7 @@ def _line(tables: list[Table], message: str, data: dict[str, Any]) -> int | None
     for word in ("vary", "simulation"):
         inner = next((table for table in tables if table.word == word), None)
         for key in sorted(inner.keys if inner else (), key=len, reverse=True):
-            if message.startswith((f"{key}:", f"{word}, {key}", f"m.simulation({key}=")) or f" {key};" in message:
+            if message.startswith((f"{key}:", f"{word}, {key}", f"m.simulation: there is no argument {key!r}")) or f" {key};" in message:
                 return inner.line_of(key) if inner else None
     for key in data:
         if message.startswith((f"{key}:", f"{key} ")):

@@ -18,7 +18,7 @@ from ncgen.methods.table import INTEGRATORS
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.derivatives.sensitivity import Motion, motion_of
 from ncgen.solver.engines.compiled import is_written_out
-from ncgen.solver.runs.run import InitialArguments
+from ncgen.solver.groups import StartArguments
 from ncgen.solver.trajectories.outputs import output_slopes, outputs_of
 from ncgen.studies import extremes
 from ncgen.studies.definition import Study
@@ -63,7 +63,7 @@ class Slopes:
         end: where its motion ends otherwise (n,)
         """
         study, options = self.study, self.study.options(row)
-        start: dict[str, Any] = {name: options[name] for name in InitialArguments.__annotations__ if name in options}
+        start: dict[str, Any] = {name: options[name] for name in StartArguments.__annotations__ if name in options}
         if self.independent:
             start["z"] = self.independent
         assert study.steps is not None

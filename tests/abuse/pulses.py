@@ -250,8 +250,8 @@ def by_gradient(pulses: Sequence[Pulse], rtol: float) -> Iterator[End]:
             return ends[0], by_q, None
 
         given = {"p": pulse.parameters, "zd0": {"x": pulse.speed}, "inputs": pulse.inputs or None}
-        steps = (1, "dop853", rtol) if pulse.speed else (100, "dop853")
-        found = ncgen.gradient(kernels, DURATION, steps[0], end, *steps[1:], **given)
+        steps, tolerance = (1, {"rtol": rtol}) if pulse.speed else (100, {})
+        found = ncgen.gradient(kernels, DURATION, steps, end, integrator="dop853", **tolerance, **given)
         assert all(map(math.isfinite, found.slopes.values()))
         yield ends[0], ends[1]
 

@@ -35,7 +35,7 @@ ENDS = [
     ("def build():\n    return build()\n", "own.py, line 2: RecursionError"),
     (
         "from ncgen import Model\n\ndef build():\n    m = Model('m')\n    m.simulation(duraton=3)\n    return m\n",
-        "duraton=…): simulate has no such option; did you mean duration?",
+        "m.simulation: there is no argument 'duraton'; did you mean duration?",
     ),
 ]
 """Files that end otherwise than by returning a model that can be run."""

@@ -34,7 +34,7 @@ def kernels():
 ])  # fmt: skip
 def test_many_are_what_each_is_alone(kernels, integrator, asked):
     """Values and the way back; the reference is `ncgen.sensitivities` of each motion."""
-    function = MotionFunction(kernels, "ncgen.jax", (0.4, STEPS, integrator), dict(asked))
+    function = MotionFunction(kernels, "ncgen.jax", (0.4, STEPS), {"integrator": integrator, **asked})
     parameters = np.tile(kernels.p0, (3, 1))
     parameters[:, [kernels.parameters.index("length"), kernels.parameters.index("mass")]] = P
     q, qd = function.forward(parameters, RATES)
@@ -42,7 +42,7 @@ def test_many_are_what_each_is_alone(kernels, integrator, asked):
     by_q[-1, 0], by_qd[3, 1] = 1.0, 2.0
     by_p, by_rates = function.backward(parameters, RATES, by_q, by_qd)
     for k in range(3):
-        alone = ncgen.sensitivities(kernels, 0.4, STEPS, integrator, p=parameters[k], zd0=RATES[k], **asked)
+        alone = ncgen.sensitivities(kernels, 0.4, STEPS, integrator=integrator, p=parameters[k], zd0=RATES[k], **asked)
         assert q[k] == pytest.approx(alone.q, abs=1e-13) and qd[k] == pytest.approx(alone.qd, abs=1e-12)
         slopes = alone.q_by[-1, 0] + 2 * alone.qd_by[3, 1]
         assert by_p[k] == pytest.approx(slopes[: len(kernels.p0)], rel=1e-9, abs=1e-12)
@@ -50,7 +50,7 @@ def test_many_are_what_each_is_alone(kernels, integrator, asked):
 
 
 def test_a_motion_that_fails_is_named(kernels):
-    function = MotionFunction(kernels, "ncgen.jax", (0.4, STEPS, "rk4"), {"inputs": {"F": 3.0}})
+    function = MotionFunction(kernels, "ncgen.jax", (0.4, STEPS), {"inputs": {"F": 3.0}})
     parameters = np.tile(kernels.p0, (3, 1))
     parameters[1, kernels.parameters.index("length")] = np.nan
     with pytest.raises(NcgenError, match="motion 1 of 3: "):

@@ -151,7 +151,7 @@ def test_results():
     there, same = travelled((kernels, found))
     again = ncgen.accelerations_batch(there, states, np.ones((4, dof)), out=same)
     assert np.array_equal(again.zdd, found.zdd) and again.independent == found.independent
-    linear = ncgen.linearise(kernels, q)
+    linear = ncgen.linearise(kernels, q0=q)
     assert np.array_equal(travelled(linear).eigenvalues, linear.eigenvalues)
     assert travelled(ncgen.freedom(kernels, q)).dof == dof
     run = ncgen.simulate(kernels, 0.05, points=3)

@@ -176,7 +176,7 @@ def test_linearised():
 def test_sensitivities():
     """Along a motion, by a parameter that a spline is multiplied with: beside the variational equation, integrated by SciPy."""
     kernels = ncgen.compile(slider(lambda m, s, profile, law, k: k * profile(s)))
-    found = ncgen.sensitivities(kernels, 0.5, 2, "dop853", rtol=1e-10)
+    found = ncgen.sensitivities(kernels, 0.5, 2, integrator="dop853", rtol=1e-10)
     spline = CubicSpline(KNOTS, VALUES, bc_type="periodic")
 
     def rates(t, y):

@@ -130,7 +130,7 @@ def test_eigenvalues_of_a_bicycle(speed, z):
     bottom = -np.linalg.solve(mass, np.hstack([G * weight + speed**2 * centrifugal, speed * damping]))
     known = np.linalg.eigvals(np.vstack([top, bottom]))
     kernels = bicycle()
-    small = ncgen.linearise(kernels, qd=given_velocity(kernels, straight(speed), kernels.q0, 0.0, kernels.p0), z=z)
+    small = ncgen.linearise(kernels, qd0=given_velocity(kernels, straight(speed), kernels.q0, 0.0, kernels.p0), z=z)
     assert small.steady
     assert small.stable == (speed == 5.0)  # between 4.292 and 6.024 m/s
     found = small.eigenvalues

@@ -40,7 +40,7 @@ def slider(r, L, turned):
 def test_a_slider_crank(backend, twice):
     kernels = ncgen.compile(slider_crank(twice=twice), backend=backend)
     t, lengths = np.linspace(0.0, 6.0, 25), {"r": 0.25, "L": 0.7}
-    found = ncgen.driven_positions(kernels, t, lengths)
+    found = ncgen.driven_positions(kernels, t, p=lengths)
     at = kernels.index["B.x"]
     assert found.q.shape == (25, kernels.n) and found.q_by.shape == (25, kernels.n, 2)
     np.testing.assert_allclose(found.q[:, at], slider(0.25, 0.7, t), atol=1e-14)
@@ -61,9 +61,9 @@ def test_near_other_positions():
     kernels = ncgen.compile(slider_crank())
     t = np.array([0.2, 2.2, 4.1])
     first = ncgen.driven_positions(kernels, t)
-    again = ncgen.driven_positions(kernels, t, (0.35, 0.75), near=first.q)
+    again = ncgen.driven_positions(kernels, t, p=(0.35, 0.75), q0=first.q)
     np.testing.assert_allclose(again.q[:, kernels.index["B.x"]], slider(0.35, 0.75, t), atol=1e-14)
-    last = ncgen.driven_positions(kernels, t[2:], near=again.q[2])
+    last = ncgen.driven_positions(kernels, t[2:], q0=again.q[2])
     np.testing.assert_allclose(last.q[0, kernels.index["B.x"]], slider(CRANK, ROD, t[2]), atol=1e-14)
 
 
@@ -75,9 +75,9 @@ def test_near_what_is_none():
     far, turned = found.q.copy(), found.q.copy()
     far[1] += 0.4
     turned[1, crank] *= -1
-    np.testing.assert_allclose(ncgen.driven_positions(kernels, t, near=far).q, found.q, atol=1e-14)
+    np.testing.assert_allclose(ncgen.driven_positions(kernels, t, q0=far).q, found.q, atol=1e-14)
     with pytest.raises(ncgen.ConvergenceError, match="^angle psi: the position found is the mirror root, 180.0 degrees off"):
-        ncgen.driven_positions(kernels, t, near=turned)
+        ncgen.driven_positions(kernels, t, q0=turned)
 
 
 def test_what_derivatives_foresee():
@@ -88,7 +88,7 @@ def test_what_derivatives_foresee():
     near = first.foreseen({"r": 0.35, "L": 0.75})
     along = slider(CRANK + 1e-30j * (0.35 - CRANK), ROD + 1e-30j * (0.75 - ROD), t).imag / 1e-30
     np.testing.assert_allclose(near[:, at], slider(CRANK, ROD, t) + along, atol=1e-13)
-    np.testing.assert_allclose(ncgen.driven_positions(kernels, t, lengths, near).q[:, at], slider(0.35, 0.75, t), atol=1e-14)
+    np.testing.assert_allclose(ncgen.driven_positions(kernels, t, p=lengths, q0=near).q[:, at], slider(0.35, 0.75, t), atol=1e-14)
 
 
 def test_no_instants():
@@ -99,8 +99,8 @@ def test_no_instants():
 
 def test_refusals():
     kernels = ncgen.compile(slider_crank(), backend="numpy")
-    with pytest.raises(ncgen.ModelError, match=r"near has shape \(2, 3\); it must be \(4,\) or \(1, 4\)"):
-        ncgen.driven_positions(kernels, [0.0], near=np.zeros((2, 3)))
+    with pytest.raises(ncgen.ModelError, match=r"q0 has shape \(2, 3\); it must be \(4,\) or \(1, 4\)"):
+        ncgen.driven_positions(kernels, [0.0], q0=np.zeros((2, 3)))
     with pytest.raises(ncgen.ModelError, match=r"t\[1\]"):
         ncgen.driven_positions(kernels, [0.0, np.nan])
     with pytest.raises(ncgen.ModelError, match="slidercrank: 1 freedom is not driven"):
@@ -114,9 +114,9 @@ def test_where_the_mechanism_cannot_go():
     kernels = ncgen.compile(slider_crank(), backend="numpy")
     ends = np.arcsin(0.2 / CRANK)
     with pytest.raises(ncgen.ConvergenceError):
-        ncgen.driven_positions(kernels, [0.0, 0.9 * ends, 1.1 * ends], {"L": 0.2}, near=(CRANK, 0.0, CRANK + 0.2, 0.0))
+        ncgen.driven_positions(kernels, [0.0, 0.9 * ends, 1.1 * ends], p={"L": 0.2}, q0=(CRANK, 0.0, CRANK + 0.2, 0.0))
     beside = ends - 1e-4
-    there = ncgen.driven_positions(kernels, [0.0, beside], {"L": 0.2}, near=(CRANK, 0.0, CRANK + 0.2, 0.0))
+    there = ncgen.driven_positions(kernels, [0.0, beside], p={"L": 0.2}, q0=(CRANK, 0.0, CRANK + 0.2, 0.0))
     expected = slider(CRANK + 1e-30j, 0.2, beside).imag / 1e-30, slider(CRANK, 0.2 + 1e-30j, beside).imag / 1e-30
     np.testing.assert_allclose(there.q_by[-1, kernels.index["B.x"]], expected, rtol=1e-9)
 
@@ -124,7 +124,7 @@ def test_where_the_mechanism_cannot_go():
 def test_a_singular_position_has_no_derivative():
     """A crank and a rod of one length: at a right angle the slider is at the crank's own point, where two branches meet."""
     kernels = ncgen.compile(slider_crank(), backend="numpy")
-    found = ncgen.driven_positions(kernels, [0.0, 1.0], {"L": CRANK}, near=(CRANK, 0.0, 2 * CRANK, 0.0))
+    found = ncgen.driven_positions(kernels, [0.0, 1.0], p={"L": CRANK}, q0=(CRANK, 0.0, 2 * CRANK, 0.0))
     found.t[1], found.q[1] = np.pi / 2, (0.0, CRANK, 0.0, np.pi / 2)
     with pytest.raises(ncgen.SingularError, match=r"the position at t = 1\.5708 s is singular"):
         found.q_by  # noqa: B018

@@ -38,7 +38,7 @@ def variants(kernels, count):
 
 
 def alone(kernels, p, zd0, integrator="rk4"):
-    found = ncgen.gradient(kernels, DURATION, STEPS, objective, integrator, p=p, zd0=zd0, z="psi")
+    found = ncgen.gradient(kernels, DURATION, STEPS, objective, integrator=integrator, p=p, zd0=zd0, z="psi")
     return found.value, np.array(list(found.slopes.values())), tuple(found.slopes)
 
 
@@ -46,7 +46,7 @@ def alone(kernels, p, zd0, integrator="rk4"):
 def test_each_is_its_own(kernels, integrator):
     """Values and slopes of 19 variants with their own lengths, which is no number of full vectors, to rounding."""
     p, zd0 = variants(kernels, 19)
-    found = ncgen.gradient_batch(kernels, DURATION, STEPS, objective, integrator, p=p, zd0=zd0, z="psi")
+    found = ncgen.gradient_batch(kernels, DURATION, STEPS, objective, integrator=integrator, p=p, zd0=zd0, z="psi")
     assert found.ok.all() and not found.alone.any() and found.slopes.shape == (19, len(kernels.p0) + 2)
     for i in range(19):
         value, slopes, names = alone(kernels, p[i], zd0[i], integrator)
@@ -133,7 +133,7 @@ def test_refusals(kernels):
         return str(caught.value)
 
     assert refused(kernels, 0.1, 0, objective) == "steps: 0 given; a motion has at least 1"
-    assert refused(kernels, 0.1, 2, objective, "radau").startswith("integrator: 'radau' given; derivatives go through steps of")
+    assert refused(kernels, 0.1, 2, objective, integrator="radau").startswith("integrator: 'radau' given; derivatives go through steps of")
     assert refused(kernels, -1, 2, objective).startswith("duration: ")
     assert refused(kernels, 0.1, 2, objective, zd0={"C.x": [1.0]}).startswith("initial velocity of C.x: it is not independent")
     assert "rows; a batch has one number of them" in refused(kernels, 0.1, 2, objective, p=np.ones((2, len(kernels.p0))))
@@ -200,7 +200,9 @@ def test_lanes_stay_within_their_memory(kernels, monkeypatch, steps):
         monkeypatch.setattr(module, "aligned", guarded)
     p, zd0 = variants(kernels, 9)
     for integrator in ("rk4", "dop853"):
-        found = ncgen.gradient_batch(kernels, 0.01 * steps, steps, lambda q, qd: (0.0, q, qd), integrator, p=p, zd0=zd0, z="psi", threads=1)
+        found = ncgen.gradient_batch(
+            kernels, 0.01 * steps, steps, lambda q, qd: (0.0, q, qd), integrator=integrator, p=p, zd0=zd0, z="psi", threads=1
+        )
         assert found.ok.all()
     ncgen.simulate_batch(kernels, 0.1, p=p, zd0=zd0, z="psi", points=3, threads=1)
     q = np.tile(kernels.q0, (9, 1))

@@ -132,8 +132,8 @@ WAYS = [
 def test_a_parameter_that_moves_a_break(law, integrator, steps, backend, close):
     """Of jumps, corners and what is smooth: back and forth, against 40 digits, to the error of the steps."""
     kernels, wanted = block(LAWS[law][0], backend), expected(law)
-    found = ncgen.gradient(kernels, T, steps, end_of, integrator)
-    forward = ncgen.sensitivities(kernels, T, steps, integrator)
+    found = ncgen.gradient(kernels, T, steps, end_of, integrator=integrator)
+    forward = ncgen.sensitivities(kernels, T, steps, integrator=integrator)
     assert found.value == pytest.approx(wanted["x"], abs=close)
     for name in AT:
         assert found.slopes[name] == pytest.approx(wanted[name], rel=0, abs=close), name
@@ -148,7 +148,7 @@ def test_errors_of_implicit_steps_fall_with_their_square(law, integrator, backen
     """Whatever lies between the instants of the grid."""
     kernels, wanted, off = block(LAWS[law][0], backend), expected(law), []
     for steps in (150, 600):
-        found = ncgen.gradient(kernels, T, steps, end_of, integrator).slopes
+        found = ncgen.gradient(kernels, T, steps, end_of, integrator=integrator).slopes
         off.append(max(abs(found[name] - wanted[name]) for name in AT))
     assert off[1] < off[0] / 10
 
@@ -157,9 +157,9 @@ def test_many_motions():
     """One after the other where a law has breaks in the run, side by side where none has; a state without a derivative says why."""
     kernels = block(LAWS["Heaviside"][0])
     t1 = np.array([T1, 1.2, 0.0])
-    found = ncgen.gradient_batch(kernels, T, 20, end_of, "dop853", p={"t1": t1})
+    found = ncgen.gradient_batch(kernels, T, 20, end_of, integrator="dop853", p={"t1": t1})
     for k in (0, 1):
-        alone = ncgen.gradient(kernels, T, 20, end_of, "dop853", p={"t1": t1[k]})
+        alone = ncgen.gradient(kernels, T, 20, end_of, integrator="dop853", p={"t1": t1[k]})
         assert found.values[k] == alone.value
         assert found.slopes[k].tolist() == list(alone.slopes.values())
     assert found.by("t1")[0] == pytest.approx(expected("Heaviside")["t1"], abs=1e-9)
@@ -179,7 +179,7 @@ def test_a_long_run_in_segments_feels_jumps(monkeypatch):
 
 
 def test_steps_by_tolerance_feel_jumps():
-    found, wanted = ncgen.gradient(block(LAWS["Heaviside"][0]), T, 2, end_of, "dop853", 1e-11), expected("Heaviside")
+    found, wanted = ncgen.gradient(block(LAWS["Heaviside"][0]), T, 2, end_of, integrator="dop853", rtol=1e-11), expected("Heaviside")
     assert [found.value, *found.slopes.values()][:4] == pytest.approx(list(wanted.values()), abs=1e-9)
 
 
@@ -202,15 +202,15 @@ def test_what_is_not_known_is_refused_by_name(case, integrator):
     inputs = {"F": ([0.0, T], [0.0, 4.0])} if kernels.inputs else None
 
     def calls(**more):
-        ncgen.gradient(kernels, T, 20, end_of, integrator, p=p, inputs=inputs, **more)
-        ncgen.sensitivities(kernels, T, 20, integrator, p=p, inputs=inputs, **more)
+        ncgen.gradient(kernels, T, 20, end_of, integrator=integrator, p=p, inputs=inputs, **more)
+        ncgen.sensitivities(kernels, T, 20, integrator=integrator, p=p, inputs=inputs, **more)
 
     for name in names:
         said = f"^block: there is no derivative by {name}, which moves .*; give {name} another value or leave"
         with pytest.raises(ModelError, match=said):
-            ncgen.gradient(kernels, T, 20, end_of, integrator, by=name, p=p, inputs=inputs)
+            ncgen.gradient(kernels, T, 20, end_of, integrator=integrator, by=name, p=p, inputs=inputs)
         with pytest.raises(ModelError, match=said):
-            ncgen.sensitivities(kernels, T, 20, integrator, by=name, p=p, inputs=inputs)
+            ncgen.sensitivities(kernels, T, 20, integrator=integrator, by=name, p=p, inputs=inputs)
     with pytest.raises(ModelError, match="there is no derivative by"):
         calls()
     calls(by=[name for name in (*AT, "s") if name not in names])
@@ -228,7 +228,7 @@ def test_a_study_is_refused_what_it_asks_for_alone():
 
 def test_a_corner_at_the_start_is_no_jump():
     """Of a mechanism at rest, where all accelerations are rounding: Max(0, t − t₁) Min(w, t₂² − t) by t₁ is −Min(w, t₂² − t)."""
-    found = ncgen.gradient(block(LAWS["Max"][0]), T, 20, end_of, "dop853", p={"t1": 0.0})
+    found = ncgen.gradient(block(LAWS["Max"][0]), T, 20, end_of, integrator="dop853", p={"t1": 0.0})
     wanted = -mpmath.quad(lambda s: mpmath.sin(OMEGA * (T - s)) / OMEGA * min(W, T2**2 - s), [0, T2**2 - W, T])
     assert found.slopes["t1"] == pytest.approx(float(wanted), abs=1e-9)
 
@@ -261,7 +261,7 @@ def pushed_by_an_input():
 def test_no_sample_is_passed_over(integrator, hold):
     """Steps five times as long as what lies between samples."""
     times = np.linspace(0.0, T, 101)
-    found = ncgen.gradient(pushed_by_an_input(), T, 20, end_of, integrator, inputs={"F": (times, np.cos(5 * times), hold)})
+    found = ncgen.gradient(pushed_by_an_input(), T, 20, end_of, integrator=integrator, inputs={"F": (times, np.cos(5 * times), hold)})
     slopes = found.by_inputs["F"]
     wanted = np.sin(OMEGA * (T - times)) / OMEGA * 0.03
     if hold == "zero":

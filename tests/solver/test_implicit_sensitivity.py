@@ -211,11 +211,11 @@ def test_gradients_of_a_stiff_governor_are_of_order_two(method):
     """Springs of 8e5 N/m, on which rk4 does not get on by 5 ms: against fine explicit steps, a sixteenth of the error by a quarter,
     once steps are short enough for that."""
     kernels = ncgen.compile(ncgen.load("flyball"))
-    truth = ncgen.gradient(kernels, 0.1, 4000, height, "dop853").slopes
+    truth = ncgen.gradient(kernels, 0.1, 4000, height, integrator="dop853").slopes
     with pytest.raises(ConvergenceError):
-        ncgen.gradient(kernels, 0.1, 20, height, "rk4")
+        ncgen.gradient(kernels, 0.1, 20, height, integrator="rk4")
     coarse, fine = (
-        max(abs(slope - truth[name]) for name, slope in ncgen.gradient(kernels, 0.1, steps, height, method).slopes.items())
+        max(abs(slope - truth[name]) for name, slope in ncgen.gradient(kernels, 0.1, steps, height, integrator=method).slopes.items())
         for steps in (80, 320)
     )
     assert coarse < 1e-4
@@ -245,8 +245,8 @@ def test_a_rolling_disc_by_its_rates(method):
 def test_what_implicit_steps_refuse():
     kernels = ncgen.compile(fourbar(), "numpy")
     with pytest.raises(ModelError, match="^by: the mechanism has no parameter or initial value weight; it has crank, coupler"):
-        ncgen.sensitivities(kernels, 0.1, 2, "rattle", by="weight")
+        ncgen.sensitivities(kernels, 0.1, 2, integrator="rattle", by="weight")
     with pytest.raises(ModelError, match="^options: rk4 has none"):
         ncgen.sensitivities(kernels, 0.1, 2, options={"rho": 0.5})
     with pytest.raises(ModelError, match="^option rho: lagrange with rattle has no such option"):
-        ncgen.sensitivities(kernels, 0.1, 2, "rattle", options={"rho": 0.5})
+        ncgen.sensitivities(kernels, 0.1, 2, integrator="rattle", options={"rho": 0.5})

@@ -61,7 +61,7 @@ def answers(hold: str) -> np.ndarray:
 @pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
 def test_an_oscillator_by_every_sample(hold, integrator, close):
     """Against the convolution with its own response: to the error of the steps."""
-    found = ncgen.gradient(oscillator(), END, STEPS, end_of, integrator, inputs={"F": (TIMES, VALUES, hold)})
+    found = ncgen.gradient(oscillator(), END, STEPS, end_of, integrator=integrator, inputs={"F": (TIMES, VALUES, hold)})
     np.testing.assert_allclose(found.by_inputs["F"], answers(hold), rtol=0, atol=close * np.max(np.abs(answers(hold))))
     assert found.slopes["F"] == pytest.approx(found.by_inputs["F"].sum(), rel=1e-12)
     lift = (1 - np.cos(OMEGA * END)) / (MASS * OMEGA**2)
@@ -77,7 +77,7 @@ def test_a_linear_motion_is_its_derivatives_times_the_samples(integrator, backen
         return
 
     def end(values, hold):
-        return ncgen.gradient(kernels, END, 10, end_of, integrator, inputs={"F": (times, values, hold)})
+        return ncgen.gradient(kernels, END, 10, end_of, integrator=integrator, inputs={"F": (times, values, hold)})
 
     for hold in ("zero", "linear", "cubic"):
         found = end(VALUES, hold)
@@ -91,12 +91,12 @@ def test_a_nonlinear_motion_by_samples_and_by_functions():
     values, at = np.array([1.0, -2.0, 4.0, 0.5]), {"zd0": {"psi": 0.3}}
 
     def run(values, **more):
-        return ncgen.gradient(kernels, END, 20, end_of, "dop853", inputs={"tau": (TIMES[::2], values, "linear")}, **at, **more)
+        return ncgen.gradient(kernels, END, 20, end_of, integrator="dop853", inputs={"tau": (TIMES[::2], values, "linear")}, **at, **more)
 
     found = run(values)
     ends = [(run(values + 1e-5 * e).value - run(values - 1e-5 * e).value) / 2e-5 for e in np.eye(4)]
     np.testing.assert_allclose(found.by_inputs["tau"], ends, rtol=0, atol=1e-9)
-    forward = ncgen.sensitivities(kernels, END, 20, "dop853", inputs={"tau": (TIMES[::2], values)}, **at)
+    forward = ncgen.sensitivities(kernels, END, 20, integrator="dop853", inputs={"tau": (TIMES[::2], values)}, **at)
     assert forward.q_by[-1, 0, forward.names.index("tau")] == pytest.approx(found.by_inputs["tau"].sum(), rel=1e-12)
     for method in ("rk4", "rattle"):
         told = {"integrator": method, "inputs": {"tau": lambda t: 3 * np.sin(5 * t)}, **at}
@@ -130,7 +130,7 @@ def test_second_derivatives_of_a_driven_motion():
 
 
 def test_steps_by_tolerance_end_where_a_table_jumps():
-    found = ncgen.gradient(oscillator(), END, 1, end_of, "dop853", 1e-11, inputs={"F": (TIMES, VALUES, "zero")})
+    found = ncgen.gradient(oscillator(), END, 1, end_of, integrator="dop853", rtol=1e-11, inputs={"F": (TIMES, VALUES, "zero")})
     np.testing.assert_allclose(found.by_inputs["F"], answers("zero"), rtol=0, atol=1e-10)
 
 
@@ -147,7 +147,7 @@ def test_a_stiffness_that_is_an_input_beside_parameters():
     closed = F / K + (sympy.Rational(2, 5) - F / K) * sympy.cos(sympy.sqrt(K / m) * t)
     at = {K: MASS * OMEGA**2, F: 5.0, m: MASS, t: END}
     inputs = {name: (TIMES, np.full(len(TIMES), at[symbol])) for name, symbol in (("F", F), ("K", K))}
-    found = ncgen.gradient(ncgen.compile(model), END, 40, end_of, "dop853", inputs=inputs)
+    found = ncgen.gradient(ncgen.compile(model), END, 40, end_of, integrator="dop853", inputs=inputs)
     assert found.value == pytest.approx(float(closed.subs(at)), rel=1e-11)
     slopes = [found.by_inputs["F"].sum(), found.by_inputs["K"].sum(), found.slopes["m"]]
     assert slopes == pytest.approx([float(closed.diff(symbol).subs(at)) for symbol in (F, K, m)], rel=1e-10)

@@ -76,7 +76,7 @@ def test_the_state_space_of_a_pin():
     """Held at ψ₀ by τ = m g l sin ψ₀: the pull along changes by −m g sin ψ₀ with ψ, by nothing with ω; across by 1/l with τ."""
     held, m = 0.4, pendulum()
     tau = MASS * GRAVITY * LENGTH * np.sin(held)
-    near = ncgen.linearise(ncgen.compile(m), q=_position(held), p={"tau": tau})
+    near = ncgen.linearise(ncgen.compile(m), q0=_position(held), p={"tau": tau})
     assert (near.outputs, near.states) == (("pin", "along", "across"), ("psi", "rate(psi)"))
     assert near.C[1] == pytest.approx([-MASS * GRAVITY * np.sin(held), 0.0], abs=1e-9)
     assert near.C[2] == pytest.approx([0.0, 0.0], abs=1e-9)
@@ -245,7 +245,7 @@ def test_state_spaces_are_differences(name):
         return np.array(list(sim.outputs.values()))
 
     moving = ncgen.start(kernels, zd0=rates, z=z)
-    found = ncgen.linearise(kernels, q=moving.q.copy(), qd=moving.qd.copy(), z=z)
+    found = ncgen.linearise(kernels, q0=moving.q.copy(), qd0=moving.qd.copy(), z=z)
     columns, h = [], 1e-4
     for at in (start, rates):
         for c in z:

@@ -140,8 +140,8 @@ def test_implicit_methods_with_error_control_are_refused_at_every_door(method):
         f"^integrator: {method!r} given; .*derivatives go through steps of .*rk4.*dop853.*; {method} ends its iterations at the tolerance"
     )
     with pytest.raises(ModelError, match=told):
-        ncgen.sensitivities(kernels, 0.1, 2, method)
+        ncgen.sensitivities(kernels, 0.1, 2, integrator=method)
     with pytest.raises(ModelError, match=told):
-        ncgen.gradient(kernels, 0.1, 2, lambda q, qd: (0.0, None, None), method)
+        ncgen.gradient(kernels, 0.1, 2, lambda q, qd: (0.0, None, None), integrator=method)
     with pytest.raises(ModelError, match=told):
         ncgen.hessian(kernels, 0.1, 2, lambda q, qd: (0.0, None, None, None), integrator=method)

@@ -177,7 +177,7 @@ def case(request):
 def test_forward_against_complex_steps(case):
     """Every coordinate and velocity at every instant, by every parameter and initial value, to 1e-10 of the largest."""
     kernels, rates, columns, method = case
-    found = ncgen.sensitivities(kernels, DURATION, STEPS, method, zd0=rates, z=tuple(rates))
+    found = ncgen.sensitivities(kernels, DURATION, STEPS, integrator=method, zd0=rates, z=tuple(rates))
     assert found.names == tuple(columns)
     q, qd = next(iter(columns.values())).real
     np.testing.assert_allclose(found.q, q, rtol=0, atol=1e-12)
@@ -198,7 +198,7 @@ def test_adjoint_against_complex_steps(case):
     kernels, rates, columns, method = case
     a, b = weights(kernels)
     found = ncgen.gradient(
-        kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q**2 / 2 + b * qd), a * q, b), method, zd0=rates, z=tuple(rates)
+        kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q**2 / 2 + b * qd), a * q, b), integrator=method, zd0=rates, z=tuple(rates)
     )
     assert tuple(found.slopes) == tuple(columns)
     for name, (q, qd) in columns.items():
@@ -212,7 +212,7 @@ def test_many_against_complex_steps(case):
     a, b = weights(kernels)
     others = {name: rate * np.array([0.5, 1.0, 1.2]) for name, rate in rates.items()}
     found = ncgen.gradient_batch(
-        kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q**2 / 2 + b * qd), a * q, b), method, zd0=others, z=tuple(rates)
+        kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q**2 / 2 + b * qd), a * q, b), integrator=method, zd0=others, z=tuple(rates)
     )
     assert found.names == tuple(columns) and found.ok.all() and found.alone.all() == (method == "rk4")
     q, qd = next(iter(columns.values())).real
@@ -261,8 +261,8 @@ def test_a_long_run_is_taped_in_segments(build, monkeypatch):
     a, b = weights(kernels)
 
     def found():
-        forward = ncgen.sensitivities(kernels, DURATION, STEPS, method, **at)
-        back = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q + b * qd), a, b), method, **at)
+        forward = ncgen.sensitivities(kernels, DURATION, STEPS, integrator=method, **at)
+        back = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q + b * qd), a, b), integrator=method, **at)
         return forward, list(back.slopes.values())
 
     whole, back = found()
@@ -282,15 +282,15 @@ def test_steps_with_error_control(case):
     at = {"zd0": rates, "z": tuple(rates)}
     if method == "rk4":
         with pytest.raises(ModelError, match="its motion is not written out in C"):
-            ncgen.sensitivities(kernels, DURATION, 2, "dopri5", 1e-10, **at)
+            ncgen.sensitivities(kernels, DURATION, 2, integrator="dopri5", rtol=1e-10, **at)
         return
-    found = ncgen.sensitivities(kernels, DURATION, 2, "dopri5", 1e-11, **at)
+    found = ncgen.sensitivities(kernels, DURATION, 2, integrator="dopri5", rtol=1e-11, **at)
     for k, wanted in enumerate(columns.values()):
         by_q, by_qd = wanted.imag[:, :: STEPS // 2] / STEP
         assert np.max(np.abs(found.q_by[:, :, k] - by_q)) <= 1e-8 * max(1.0, np.max(np.abs(by_q)))
         assert np.max(np.abs(found.qd_by[:, :, k] - by_qd)) <= 1e-8 * max(1.0, np.max(np.abs(by_qd)))
     a, b = (w[:3] for w in weights(kernels))
-    back = ncgen.gradient(kernels, DURATION, 2, lambda q, qd: (np.sum(a * q + b * qd), a, b), "dopri5", 1e-11, **at)
+    back = ncgen.gradient(kernels, DURATION, 2, lambda q, qd: (np.sum(a * q + b * qd), a, b), integrator="dopri5", rtol=1e-11, **at)
     wanted = np.einsum("kn,knd->d", a, found.q_by) + np.einsum("kn,knd->d", b, found.qd_by)
     assert list(back.slopes.values()) == pytest.approx(wanted, rel=1e-11)
     with pytest.raises(ModelError, match="rtol: rk4 does not estimate its error; leave rtol out, or take .*dopri5"):
@@ -303,23 +303,23 @@ def test_a_tolerance_is_that_of_the_whole_motion(case, monkeypatch):
     asked, promised = [], Tolerances.promised
     monkeypatch.setattr(Tolerances, "promised", lambda *given: asked.append(given) or promised(*given))
     for steps in (1, 3) if method != "rk4" else ():
-        ncgen.sensitivities(kernels, DURATION, steps, "dopri5", 1e-6, zd0=rates, z=tuple(rates))
+        ncgen.sensitivities(kernels, DURATION, steps, integrator="dopri5", rtol=1e-6, zd0=rates, z=tuple(rates))
     assert asked == ([] if method == "rk4" else [(1e-6, DURATION)] * 2)
 
 
 def test_a_singular_position_is_refused():
     """Jansen's linkage stands still where its start is singular but for rounding: the time is said."""
     with pytest.raises(ModelError, match="jansen: the motion is next to a singular position at t = .*; end the motion before"):
-        ncgen.gradient(ncgen.compile(ncgen.load("jansen")), 0.2, 100, lambda q, qd: (0.0, None, None), "dop853")
+        ncgen.gradient(ncgen.compile(ncgen.load("jansen")), 0.2, 100, lambda q, qd: (0.0, None, None), integrator="dop853")
 
 
 def test_integrators(case):
     kernels, rates, _, method = case
     with pytest.raises(ModelError, match="integrator: 'radau' given; derivatives go through steps of"):
-        ncgen.sensitivities(kernels, 0.1, 2, "radau", z=tuple(rates))
+        ncgen.sensitivities(kernels, 0.1, 2, integrator="radau", z=tuple(rates))
     if method == "rk4":
         with pytest.raises(ModelError, match=f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4"):
-            ncgen.sensitivities(kernels, 0.1, 2, "dop853", z=tuple(rates))
+            ncgen.sensitivities(kernels, 0.1, 2, integrator="dop853", z=tuple(rates))
 
 
 def test_a_motion_on_bad_coordinates_is_refused(monkeypatch):

@@ -108,7 +108,7 @@ def test_what_is_refused(rod):
         (
             lambda: ncgen.start(rod, q=sim.q),
             ModelError,
-            "q: there is no such argument; a start is given by q0, zd0, qd0",
+            "start: there is no argument 'q'; did you mean q0?",
         ),
     ):
         with pytest.raises(kind) as refused:

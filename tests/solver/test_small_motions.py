@@ -81,7 +81,7 @@ def test_a_hilltop_is_kept_and_said():
     assert top.q == pytest.approx([0, 0.7], abs=0)
     assert not top.stable
     assert ncgen.equilibrium(kernels, q=[0.1, np.sqrt(0.48)], kind="nearest").q == pytest.approx([0, 0.7], abs=1e-12)
-    assert not ncgen.linearise(kernels, q=[0.0, 0.7]).stable
+    assert not ncgen.linearise(kernels, q0=[0.0, 0.7]).stable
 
 
 def test_pulled_aside():

@@ -59,7 +59,7 @@ def test_an_upright_disc(speed, across, z):
     spin = speed / RADIUS
     square = (MASS * G * RADIUS - ALONG * (ALONG + MOMENT) * spin**2 / ACROSS) / (ACROSS + MOMENT)
     kernels = disc(across)
-    small = ncgen.linearise(kernels, qd=moving(kernels, [0, spin, 0], [speed, 0, 0], kernels.model.elements["C"].initial), z=z)
+    small = ncgen.linearise(kernels, qd0=moving(kernels, [0, spin, 0], [speed, 0, 0], kernels.model.elements["C"].initial), z=z)
     root = np.emath.sqrt(square)
     assert small.steady
     assert largest(small) == pytest.approx(np.sort_complex([-root, root]), rel=1e-9)
@@ -83,7 +83,7 @@ def test_a_disc_that_rolls_in_a_circle(z):
     kernels = disc(lean=lean)
     omega = spin * np.array([0, c, -s]) + turning * np.array([0, s, c]) * c  # turning about the vertical, less what spin has of it
     centre = kernels.model.elements["C"].initial
-    small = ncgen.linearise(kernels, qd=moving(kernels, omega, np.cross(omega, centre), centre), z=z)
+    small = ncgen.linearise(kernels, qd0=moving(kernels, omega, np.cross(omega, centre), centre), z=z)
     roots = np.linalg.eigvals(known)
     roots = roots[np.argsort(-np.abs(roots))][:2]
     # In the frame that goes round with the disc, places on the plane and headings go round at the rate −turning.
@@ -105,7 +105,7 @@ def test_a_conical_pendulum(z):
     model.gravity((0, 0, -G))
     kernels = ncgen.compile(model, backend="numpy")
     rate = np.sqrt(G / (length * np.cos(angle)))
-    small = ncgen.linearise(kernels, qd=np.cross([0, 0, rate], place), z=z)
+    small = ncgen.linearise(kernels, qd0=np.cross([0, 0, rate], place), z=z)
     assert small.steady and small.stable
     root = 1j * rate * np.sqrt(1 + 3 * np.cos(angle) ** 2)
     assert largest(small) == pytest.approx([-root, root], rel=1e-9)
@@ -140,7 +140,7 @@ def test_a_top_that_precesses(z):
     potential = (a - b * sympy.cos(x)) ** 2 / (2 * across * sympy.sin(x) ** 2) + weight * sympy.cos(x)
     assert abs(potential.diff(x).subs(x, angle)) < 1e-12 * weight
     root = 1j * np.sqrt(float(potential.diff(x, 2).subs(x, angle)) / across)
-    small = ncgen.linearise(kernels, qd=moving(kernels, omega, np.zeros(3), np.zeros(3)), z=z)
+    small = ncgen.linearise(kernels, qd0=moving(kernels, omega, np.zeros(3), np.zeros(3)), z=z)
     assert small.steady and small.stable
     assert largest(small) == pytest.approx([-root, root], rel=1e-9)
 
@@ -149,7 +149,7 @@ def test_a_top_that_precesses(z):
 def test_a_sleeping_top(spin, stable):
     """λ² − i (C/I) n λ − m g h/I = 0 and its conjugate, in a frame that does not turn."""
     kernels, axis, weight, across, along = top(0.0)
-    small = ncgen.linearise(kernels, qd=moving(kernels, spin * axis, np.zeros(3), np.zeros(3)))
+    small = ncgen.linearise(kernels, qd0=moving(kernels, spin * axis, np.zeros(3), np.zeros(3)))
     slow = np.roots([across, -1j * along * spin, -weight])
     found = largest(small, count=4)
     for root in (*slow, *slow.conj()):
@@ -180,7 +180,7 @@ def test_a_driven_governor(z, driven):
     kernels = ncgen.compile(model, backend="numpy")
     assert shaft.vectors
     qd = given_velocity(kernels, {"B.z": 0.0}, kernels.q0, 0.0, kernels.p0)
-    small = ncgen.linearise(kernels, qd=qd, z=z)
+    small = ncgen.linearise(kernels, qd0=qd, z=z)
     root = 1j * rate * np.sin(angle)
     assert small.steady
     assert small.eigenvalues == pytest.approx([-root, root], rel=1e-7)
@@ -212,10 +212,10 @@ def test_a_swing_is_not_steady_in_any_units(length, rate):
     model.gravity((0, 0, -length * rate**2))
     kernels = ncgen.compile(model, backend="numpy")
     with pytest.warns(UserWarning, match="neither rest in equilibrium nor steady"):
-        assert not ncgen.linearise(kernels, qd=[1.2 * rate * length, 0, 0]).steady
+        assert not ncgen.linearise(kernels, qd0=[1.2 * rate * length, 0, 0]).steady
     place = length * np.array([0.6, 0, -0.8])
     around = np.cross([0, 0, rate / np.sqrt(0.8)], place)
-    cone = ncgen.linearise(kernels, q=place, qd=around)
+    cone = ncgen.linearise(kernels, q0=place, qd0=around)
     assert cone.steady
     root = 1j * rate / np.sqrt(0.8) * np.sqrt(1 + 3 * 0.8**2)
     assert largest(cone) == pytest.approx([-root, root], rel=1e-9)

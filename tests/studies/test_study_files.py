@@ -82,7 +82,7 @@ def test_a_table_of_variants(place, found):
         ("length =", "lenght =", "bad.toml, line 5: vary: the mechanism has no parameter lenght"),
         ("[0.9, 1.0, 1.1]", '"long"', "bad.toml, line 5: vary, length: long given; give a list of numbers"),
         ("duration = 0.5", "duration = -1", "bad.toml, line 9: duration: -1 given"),
-        ("duration = 0.5", "durations = 1", "bad.toml, line 9: .*simulate has no such option"),
+        ("duration = 0.5", "durations = 1", "bad.toml, line 9: .*there is no argument 'durations'; did you mean duration"),
         ("keep = ", "kept = ", "bad.toml, line 2: kept: unknown; did you mean keep"),
         ('keep = ["psi"', 'keep = ["phi"', "bad.toml, line 2: keep: swing has no coordinate or output phi"),
         ('model = "swing.toml"', 'model = "swing.py"', "bad.toml, line 1: model: swing.py is a program, which a study file does not run"),

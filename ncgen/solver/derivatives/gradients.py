@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from threading import Lock
+from typing import Any, Unpack
 
 import numpy as np
 
 from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.derivatives.objective import check_objective, of_objective
-from ncgen.solver.derivatives.sensitivity import instants, is_taped
+from ncgen.solver.derivatives.sensitivity import NOT_DIFFERENTIATED, instants, is_taped
 from ncgen.solver.derivatives.taped_batch import TapedBatch
-from ncgen.solver.given import checked_kernels, finite, names_of
+from ncgen.solver.given import Given, checked_kernels, finite, names_of
+from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.motions.batch import asked_threads
-from ncgen.solver.motions.states import BatchGiven, States
+from ncgen.solver.motions.states import States
 from ncgen.solver.runs.telling import Told, check_told, telling
 
 
@@ -49,32 +51,51 @@ class BatchGradients:
         return self.slopes[:, self.names.index(name)]
 
 
+@takes(MotionArguments, unused=(*NOT_DIFFERENTIATED, "rtol", "options", "inputs", "qd0", "closing"), integrator="rk4", rtol=None)
 def gradient_batch(
     kernels: Kernels,
     duration: float,
     steps: int,
     objective: Callable[[np.ndarray, np.ndarray], tuple],
-    integrator: str = "rk4",
     *,
-    q0: BatchGiven | None = None,
-    zd0: BatchGiven | None = None,
-    p: BatchGiven | None = None,
-    t0: float = 0.0,
-    z: str | Iterable[str] | None = None,
     threads: int | None = None,
     progress: Told = None,
+    **arguments: Unpack[MotionArguments],
 ) -> BatchGradients:
-    """Gradients of one number of each of many motions, each by one sweep back through it.
+    """Compute gradients of one number of each of many motions, each by one reverse sweep.
 
-    objective, integrator: as of `gradient`; the objective is called once a state, in any order, and not by two threads at a time
-    q0, zd0, p, t0, z, threads: as of `simulate_batch`; the independent coordinates are chosen at the first regular state, and are those of
-        all, since a derivative by a parameter is one at the same start of these
-    progress: as of `simulate_batch`; what it raises ends the call, and so does Ctrl-C
-    Everything else, and ModelError, as of `gradient`; a state that has none costs nothing but itself: its status says why.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    duration : float
+        Length of the motions in s.
+    steps : int
+        Number of equal steps, K = steps + 1 times.
+    objective : callable
+        As of `gradient`; called once a state, in any order, and not by two threads at a time.
+    threads : int, optional
+        Number of threads. Default: one on every processor that this process may use.
+    progress : callable or bool, optional
+        Called with the fraction of the states that are done; True for a bar. What it raises ends the call, and so does Ctrl-C.
+    **arguments : MotionArguments
+        The start, with rows as of `simulate_batch`, and the integrator as of `gradient`. The independent coordinates are chosen at the
+        first regular state, and are those of all: a derivative by a parameter is one at the same start of these.
+
+    Returns
+    -------
+    BatchGradients
+        Values and derivatives; a state that has none costs nothing but itself, and its status says why.
+
+    Raises
+    ------
+    ModelError
+        As `gradient`.
     """
     checked_kernels(kernels)
     check_objective(objective)
-    batch = taped_batch(kernels, duration, steps, integrator, q0, zd0, p, t0, z, threads)
+    given: dict[str, Any] = {**arguments}
+    batch = taped_batch(kernels, duration, steps, threads=threads, **given)
     values, one_at_a_time = np.full(len(batch.states.q), np.nan), Lock()
 
     def weigh(rows: np.ndarray, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -95,10 +116,11 @@ def taped_batch(
     kernels: Kernels,
     duration: float,
     steps: int,
-    integrator: str,
-    q0: BatchGiven | None = None,
-    zd0: BatchGiven | None = None,
-    p: BatchGiven | None = None,
+    integrator: str = "rk4",
+    *,
+    q0: Given | None = None,
+    zd0: Given | None = None,
+    p: Given | None = None,
     t0: float = 0.0,
     z: str | Iterable[str] | None = None,
     threads: int | None = None,

@@ -23,11 +23,15 @@ from ncgen.solver.derivatives.stepped_motion import SteppedMotion
 from ncgen.solver.derivatives.taped_motion import TapedMotion
 from ncgen.solver.engines.compiled import checked_compiled, is_written_out
 from ncgen.solver.given import checked_kernels, echo, names_of, numbers_of, values_by_name
+from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate_steps
-from ncgen.solver.runs.run import MOST_NUMBERS, Initial, InitialArguments, count, positive, relative_tolerance
-from ncgen.solver.runs.signals import Signal, Signals, signals_of
+from ncgen.solver.runs.run import MOST_NUMBERS, Initial, count, positive, relative_tolerance
+from ncgen.solver.runs.signals import Signals, signals_of
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.trajectory import Trajectory
+
+NOT_DIFFERENTIATED = ("formalism", "engine", "number", "atol", "max_step")
+"""Arguments of a method that make no difference where its steps are differentiated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,61 +82,94 @@ class Hessian:
         return f"<Hessian of {self.value:.6g} by {shortened(', '.join(self.names), SHOWN)}: {self.products.shape[1]} directions>"
 
 
+@takes(MotionArguments, unused=NOT_DIFFERENTIATED, integrator="rk4", rtol=None)
 def sensitivities(
     kernels: Kernels,
     duration: float,
     steps: int,
-    integrator: str = "rk4",
-    rtol: float | None = None,
-    options: dict[str, Any] | None = None,
-    inputs: Mapping[str, Signal] | None = None,
+    *,
     by: str | Iterable[str] | None = None,
-    **start: Unpack[InitialArguments],
+    **arguments: Unpack[MotionArguments],
 ) -> Sensitivities:
-    """Derivatives of the whole motion, carried along with it.
+    """Differentiate a whole motion, with derivatives carried along with it.
 
-    steps: of equal length; the motion is given at all K = steps + 1 instants
-    integrator: an explicit Runge-Kutta method, or rattle, energy-momentum, generalized-alpha or trapezoidal, as of `simulate`, trapezoidal
-        on independent coordinates
-    rtol: None, or for methods that estimate their error: every step is taken in as many as that takes for the whole motion, as `simulate`
-        does by itself. Derivatives are those of the steps that were taken, whose lengths count as given
-    options: of methods that step the constraints, as of `simulate`
-    inputs: what drives the motion, as of `simulate`; the derivative by an input that changes with time says what adding a number to it at
-        all times does
-    by: names of the columns that are wanted, None for all; each costs as much
-    start: q0, zd0 or qd0, z, p, t0, as for `simulate`; derivatives by a parameter are taken at the same z of the start, unless the model's
-        own initial position has parameters and no q0 is given: then z starts where they put it
-    Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    duration : float
+        Length of the motion in s.
+    steps : int
+        Number of equal steps; the motion is returned at all K = steps + 1 times.
+    by : str or iterable of str, optional
+        Names of the columns: parameters, independent coordinates z, and rate(z). Default: all. Each costs as much.
+    **arguments : MotionArguments
+        The start and the method. `integrator` (default rk4) is an explicit Runge-Kutta method, or rattle, energy-momentum,
+        generalized-alpha or trapezoidal, the last on independent coordinates. `rtol` (default: one step each) is for methods that
+        estimate their error: every step is divided into as many as the whole motion takes, as `simulate` does, and the derivatives are
+        those of these steps with fixed lengths. `options` are those of methods that discretise the constrained equations. `inputs`: the
+        derivative by an input that changes with time is that by a number added to it at all times.
+
+    Returns
+    -------
+    Sensitivities
+        The motion and its derivatives. Those by a parameter are taken at the same z of the start, unless the model's own initial
+        position has parameters and `q0` is not given: then z starts where they put it.
+
+    Raises
+    ------
+    ModelError
+        For invalid arguments, and where the motion cannot be differentiated.
+    ConvergenceError, SingularError
+        As `simulate`.
     """
-    motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
+    motion = motion_of(kernels, duration, steps, **arguments)
     names = motion.names if by is None else names_of(by, "by", motion.names, "parameter or initial value")
     every = np.eye(len(motion.names))
     q_by, qd_by = motion.along(every[:, [motion.names.index(name) for name in names]])
     return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, names)
 
 
+@takes(MotionArguments, unused=NOT_DIFFERENTIATED, integrator="rk4", rtol=None)
 def gradient(
     kernels: Kernels,
     duration: float,
     steps: int,
     objective: Callable[[np.ndarray, np.ndarray], tuple],
-    integrator: str = "rk4",
-    rtol: float | None = None,
-    options: dict[str, Any] | None = None,
-    inputs: Mapping[str, Signal] | None = None,
+    *,
     by: str | Iterable[str] | None = None,
-    **start: Unpack[InitialArguments],
+    **arguments: Unpack[MotionArguments],
 ) -> Gradient:
-    """The gradient of one number that depends on a motion, by one sweep back through it.
+    """Compute the gradient of a number that depends on a motion, by one reverse sweep.
 
-    objective: from q and qd (K, n) at the instants of the motion to (value, its derivatives by q and by qd, each (K, n));
-        None stands for a derivative that is zero
-    by: names of the slopes that are wanted, None for all
-    steps, integrator, rtol, options, inputs, start: as for `sensitivities`, with the same errors
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    duration : float
+        Length of the motion in s.
+    steps : int
+        Number of equal steps, K = steps + 1 times.
+    objective : callable
+        Function (q, qd), each (K, n), to (value, its derivative by q, its derivative by qd), each (K, n); None is a derivative of zero.
+    by : str or iterable of str, optional
+        Names of the derivatives. Default: all.
+    **arguments : MotionArguments
+        The start and the method, as of `sensitivities`.
+
+    Returns
+    -------
+    Gradient
+        The value and its derivatives by name.
+
+    Raises
+    ------
+    ModelError, ConvergenceError, SingularError
+        As `sensitivities`.
     """
     checked_kernels(kernels)
     check_objective(objective)
-    motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
+    motion = motion_of(kernels, duration, steps, **arguments)
     names = motion.names if by is None else names_of(by, "by", motion.names, "parameter or initial value")
     value, by_q, by_qd = of_objective(objective, motion.q, motion.qd)
     slopes, driven = motion.backward(by_q, by_qd, names)
@@ -140,29 +177,49 @@ def gradient(
     return Gradient(value, {name: float(slopes[motion.names.index(name)]) for name in names}, by_inputs)
 
 
+@takes(MotionArguments, unused=(*NOT_DIFFERENTIATED, "options"), integrator="rk4", rtol=None)
 def hessian(
     kernels: Kernels,
     duration: float,
     steps: int,
     objective: Callable[[np.ndarray, np.ndarray], tuple],
     directions: np.ndarray | None = None,
-    integrator: str = "rk4",
-    rtol: float | None = None,
-    inputs: Mapping[str, Signal] | None = None,
-    **start: Unpack[InitialArguments],
+    **arguments: Unpack[MotionArguments],
 ) -> Hessian:
-    """Second derivatives of one number that depends on a motion: how its gradient changes along directions, exact like the gradient.
+    """Compute how the gradient of a number that depends on a motion changes along directions: exact second derivatives.
 
-    objective: from q and qd (K, n) to (value, its derivatives by q and by qd, each (K, n), change), where change(dq, dqd) says how these
-        two derivatives change with q and qd; None stands for what is zero, such as the change where the number is a weighted sum
-    directions: changes of parameters, z and rates at the start, in the order of `names`, (columns, D); None for all, one by one
-    integrator: an explicit Runge-Kutta method
-    steps, rtol, inputs, start: as for `sensitivities`, with the same errors; ModelError, too, where the motion is not written out in C
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    duration : float
+        Length of the motion in s.
+    steps : int
+        Number of equal steps, K = steps + 1 times.
+    objective : callable
+        Function (q, qd), each (K, n), to (value, its derivatives by q and by qd, change), where change(dq, dqd) returns how these two
+        derivatives change with q and qd; None is zero, such as the change of a weighted sum.
+    directions : array, shape (columns, D), optional
+        Changes of parameters, z and rates at the start, in the order of `names` of the result. Default: all, one by one.
+    **arguments : MotionArguments
+        The start and the method, as of `sensitivities`; `integrator` is an explicit Runge-Kutta method.
+
+    Returns
+    -------
+    Hessian
+        The value, its derivatives, and their changes along the directions.
+
+    Raises
+    ------
+    ModelError
+        As `sensitivities`, and where the motion is not computed by code that is generated for it.
+    ConvergenceError, SingularError
+        As `sensitivities`.
     """
-    _differentiable(integrator, twice=True)
+    _differentiable(arguments.get("integrator", "rk4"), twice=True)
     checked_kernels(kernels)
     check_objective(objective)
-    motion = motion_of(kernels, duration, steps, integrator, rtol, None, inputs, **start)
+    motion = motion_of(kernels, duration, steps, **arguments)
     if not isinstance(motion, TapedMotion):
         raise ModelError(
             f"{kernels.name}: its motion is not written out in C, so it has no second derivatives; take differences of gradient"
@@ -189,11 +246,10 @@ Motion: TypeAlias = TapedMotion | PartitionedMotion | SteppedMotion
 """A motion that can be differentiated."""
 
 
-def motion_of(
-    kernels: Kernels, duration: float, steps: int, integrator: str, rtol: float | None = None, options: dict[str, Any] | None = None,
-    inputs: Mapping[str, Signal] | None = None, **start: Unpack[InitialArguments],
-) -> Motion:  # fmt: skip
+def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "rk4", **arguments: Any) -> Motion:
     """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
+    start: dict[str, Any] = {name: arguments[name] for name in StartArguments.__annotations__ if name in arguments and name != "inputs"}
+    rtol, options, inputs = arguments.get("rtol"), arguments.get("options"), arguments.get("inputs")
     since_start, entry = instants(checked_kernels(kernels), duration, steps), _differentiable(integrator)
     tolerances = None if rtol is None else Tolerances.promised(relative_tolerance(rtol), since_start[-1])
     if tolerances and not (entry.tableau and entry.coefficients.errors):
@@ -254,7 +310,7 @@ def _differentiable(integrator: str, twice: bool = False) -> Integrator:
 
 def _implicit_motion(
     kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, entry: Integrator, options: dict[str, Any] | None,
-    inputs: Mapping[str, Signal] | None, start: InitialArguments,
+    inputs: Mapping[str, Any] | None, start: dict[str, Any],
 ) -> SteppedMotion | TrapezoidalMotion:  # fmt: skip
     """By steps of `simulate`."""
     signals = signals_of(kernels, inputs, initial.p)

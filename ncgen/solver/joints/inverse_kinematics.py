@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeAlias
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from ncgen.errors import ConvergenceError, ModelError
+from ncgen.errors import ConvergenceError, ModelError, warn
 from ncgen.model.values import LARGEST
 from ncgen.solver import given
 from ncgen.solver.frames import transformation
@@ -136,7 +135,7 @@ def values_for(space: JointKinematics, aims: Sequence[Aim], start: np.ndarray, l
             if beyond := search.beyond(x):
                 continue
             if held := search.held(x):
-                warnings.warn(f"{space.kernels.name}: {held}", stacklevel=3)
+                warn(f"{space.kernels.name}: {held}")
             return dict(zip(space.rates, x.tolist(), strict=True))
         if best is None or left @ left < best[0]:
             best = float(left @ left), x

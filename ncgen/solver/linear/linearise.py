@@ -4,18 +4,17 @@ outputs see of them."""
 from __future__ import annotations
 
 import os
-import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.emit.c.linear import linear_header
-from ncgen.errors import ModelError, counted
+from ncgen.errors import ModelError, counted, warn
 from ncgen.files import path_of, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import rate_name
@@ -28,13 +27,15 @@ from ncgen.solver.formalisms.dynamics_jacobian import (
     multiplier_changes,
     partitioned_jacobian,
 )
-from ncgen.solver.given import Given, checked_kernels, known_name, several
+from ncgen.solver.given import checked_kernels, known_name, several
+from ncgen.solver.groups import StartArguments, takes
 from ncgen.solver.linear.poles import Pole, poles_of, response_of, zeros_of
 from ncgen.solver.linear.steady import drift
 from ncgen.solver.positions.partition import Partition, Partitions, choose_partitions
 from ncgen.solver.positions.position import solve_position
 from ncgen.solver.runs.run import Initial
-from ncgen.solver.runs.start import given_velocity
+from ncgen.solver.runs.signals import signals_of
+from ncgen.solver.runs.start import given_velocity, independent_rates
 from ncgen.solver.trajectories.outputs import output_slopes, uses_loads
 
 if TYPE_CHECKING:
@@ -185,37 +186,53 @@ class Linearisation:
         return bool(np.max(growing, initial=0.0) <= 1e-8 * np.max(np.abs(values), initial=0.0))
 
 
-def linearise(
-    kernels: Kernels,
-    q: Given | None = None,
-    qd: Given | None = None,
-    t: float = 0.0,
-    p: Given | None = None,
-    z: str | Iterable[str] | None = (),
-) -> Linearisation:
-    """Linearise at a position (default: the initial one) and a velocity (n,) (default: rest), which the constraints allow.
+@takes(StartArguments, unused=("closing",), former={"q": "q0", "qd": "qd0", "t": "t0"})
+def linearise(kernels: Kernels, **arguments: Unpack[StartArguments]) -> Linearisation:
+    """Linearise a mechanism about a position and a velocity, exactly, from the tangent kernels.
 
-    z: names of the independent coordinates (default: the model's, else found by pivoting)
-    p: parameters, and inputs at the values about which they change
-    Beside a motion that is not `steady` the matrix is that of this instant, with a warning. Exact, from the tangent kernels.
-    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; qd likewise, per second, and p (n_p,); t: s
-    Raises SingularError at a singular position, ModelError where a force of a Python function has no derivative and for what cannot be
-    asked, DomainError naming what is not a number or has a derivative that is none.
+    A motion that is not `steady` has the matrix of this instant, with a warning.
+
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    **arguments : StartArguments
+        The position and the velocity, by default the initial position at rest; what the constraints do not allow is projected. `p` and
+        `inputs` are the values about which inputs change; signals in `inputs` are numbers.
+
+    Returns
+    -------
+    Linearisation
+        State matrix, inputs, outputs, and mode shapes.
+
+    Raises
+    ------
+    SingularError
+        At a singular position.
+    ModelError
+        For invalid arguments, and where a force of a Python function has no derivative.
+    DomainError
+        Where a value or a derivative is NaN or infinite, with the name of its term.
     """
-    initial = Initial.asked(checked_kernels(kernels), q0=q, qd0=qd, z=z, p=p, t0=t, names=("q", "zd", "qd", "t"))
+    start: dict[str, Any] = {**arguments}
+    inputs = start.pop("inputs", None)
+    initial = Initial.asked(checked_kernels(kernels), **start)
+    if signals_of(kernels, inputs, initial.p):
+        raise ModelError("inputs: linearise needs numbers, the values about which inputs change")
     t, p = initial.t, initial.p
     if kernels.model.callbacks:
         raise ModelError(f"{kernels.name}: forces of Python functions have no derivative; write them as expressions to linearise")
     q = solve_position(kernels, initial.q, t, p).q
     partitions = choose_partitions(kernels, q, t, p, initial.z or kernels.model.chosen_independent)
     velocities, positions = partitions.velocity.independent, partitions.position.independent
-    rates = np.zeros(len(velocities)) if initial.qd is None else given_velocity(kernels, initial.qd, q, t, p)[velocities]
+    given = None if initial.qd is None else given_velocity(kernels, initial.qd, q, t, p)[velocities]
+    rates = independent_rates(kernels, partitions.velocity, initial.zd) if given is None else given
     kernels = watched(kernels)
     now = motion_at(kernels, partitions.velocity, t, q, rates, p)
     swapped = partitioned_jacobian(kernels, partitions, now, p)[:-1, :-1]
     moving = drift(kernels, partitions, now, swapped, p)
     if moving is None:
-        warnings.warn(f"{kernels.name}: {UNSTEADY}", stacklevel=2)
+        warn(f"{kernels.name}: {UNSTEADY}")
     else:
         swapped = swapped - moving
     order = np.roll(np.arange(len(swapped)), len(positions))

@@ -7,13 +7,12 @@ so that its force along the coordinate is −λ.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.errors import ModelError, SingularError, counted
+from ncgen.errors import ModelError, SingularError, counted, warn
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.given import echo, names_of, offer, shortened
 from ncgen.solver.positions.branches import refresh_branches
@@ -98,9 +97,7 @@ def driver_forces(run: Trajectory) -> dict[str, np.ndarray]:
     for row, name in driven.items():
         forces[name] = forces.get(name, np.zeros(len(run.t))) - run.lam[:, row]
     if shared := shared_drivers(run):
-        warnings.warn(
-            f"{kernels.name}: the driver of {shared[0]} does what other rows do as well; how they share it is arbitrary", stacklevel=2
-        )
+        warn(f"{kernels.name}: the driver of {shared[0]} does what other rows do as well; how they share it is arbitrary")
     return forces
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 
 import numpy as np
 
+from ncgen.errors import warn
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.bodies import load_names
 from ncgen.model.elements import driver_name
@@ -39,14 +39,10 @@ def warn_of_shared(run: Trajectory) -> None:
     for label, output in run.model.outputs.items():
         names = mentioned(output)
         if found := sorted(names & drivers):
-            _warn(f"{run.name}: output {label}: other rows do what {found[0]} does; one of many shares is given")
+            warn(f"{run.name}: output {label}: other rows do what {found[0]} does; one of many shares is given")
         elif changes[label]:
             name, words = next(each for each in _shared(reactions) if each[0] in names)
-            _warn(f"{run.name}: output {label}: {name} is not unique ({words}); one of many shares is given")
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, stacklevel=4)
+            warn(f"{run.name}: output {label}: {name} is not unique ({words}); one of many shares is given")
 
 
 def _changes(reactions: Reactions) -> np.ndarray:

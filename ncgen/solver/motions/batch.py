@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ModelError, NcgenError
+from ncgen.errors import ModelError, NcgenError, warn
 from ncgen.mechanism.break_times import break_times_of_each
 from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.engines.compiled import GROWTH
-from ncgen.solver.given import checked_kernels, finite, names_of, truth
+from ncgen.solver.given import Given, checked_kernels, finite, names_of, truth
+from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate
-from ncgen.solver.motions.states import BatchGiven, Choice, States, those_in_lanes
+from ncgen.solver.motions.states import Choice, States, those_in_lanes
 from ncgen.solver.positions.position import TOLERANCE
 from ncgen.solver.runs.run import COMPILED, Run, count
 from ncgen.solver.runs.signals import Signal
@@ -102,30 +103,50 @@ class BatchAccelerations:
         return self.choice.names
 
 
+@takes(StartArguments, unused=("q0", "zd0", "qd0", "closing"), former={"t": "t0"})
 def accelerations_batch(
     kernels: Kernels,
-    q: BatchGiven,
-    zd: BatchGiven,
+    q: Given,
+    zd: Given,
     *,
-    p: BatchGiven | None = None,
-    t: float = 0.0,
-    z: str | Iterable[str] | None = None,
     velocities: bool = False,
     threads: int | None = 1,
     out: BatchAccelerations | None = None,
+    **arguments: Unpack[StartArguments],
 ) -> BatchAccelerations:
-    """The state derivative of many states at a time, for an integrator, an optimiser or a sampler of one's own.
+    """Compute the state derivative of many states, for an integrator, an optimiser or a sampler of your own.
 
-    q: (B, n) in m and rad, nearly closed: the dependent coordinates are brought onto the constraints by Newton's method; zd: (B, nz) in
-    the same per second, in the order of z, or {name: number, or one a state}; p: (B, n_p), (n_p,) or by name, too; t: s; z: names of
-    the independent coordinates, chosen at the first regular state if not given
-    velocities: whether all velocities are wanted, too; threads: None for one on every processor that this process may use
-    out: results of before, whose arrays are filled again and whose independent coordinates stay. Positions may stay where
-    they are (q = out.q): with less to move through memory all is found the faster
-    Raises ModelError as `simulate_batch` does.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    q : array_like, shape (B, n), or {name: values}
+        Positions in m and rad, nearly assembled: dependent coordinates are projected onto the constraints by Newton's method.
+    zd : array_like, shape (B, nz), or {name: values}
+        Velocities of the independent coordinates in m/s and rad/s, in the order of `z`.
+    velocities : bool
+        Whether to return all velocities.
+    threads : int, optional
+        Number of threads; None for one on every processor that this process may use.
+    out : BatchAccelerations, optional
+        Earlier results, whose arrays are filled again and whose independent coordinates stay. With q = out.q positions stay in place,
+        which is faster.
+    **arguments : StartArguments
+        `p`, the time `t0`, `inputs` as numbers, and `z`, chosen at the first regular state if not given.
+
+    Returns
+    -------
+    BatchAccelerations
+        Assembled positions, accelerations, and the status of every state.
+
+    Raises
+    ------
+    ModelError
+        As `simulate_batch`.
     """
+    p, t, z = arguments.get("p"), arguments.get("t0", 0.0), arguments.get("z")
     checked_kernels(kernels)
-    t, z, threads = finite(t, "t"), names_of(z, "z", kernels.coordinates), asked_threads(threads)
+    t, z, threads = finite(t, "t0"), names_of(z, "z", kernels.coordinates), asked_threads(threads)
     velocities = truth(velocities, "velocities")
     if out is not None and (z or out.choice.kernels is not kernels):
         raise ModelError(f"{kernels.name}: out has results of {out.choice.kernels.name} with its own z; leave z or out out")
@@ -156,46 +177,58 @@ def _places(kernels: Kernels, out: BatchAccelerations, states: States) -> tuple[
     return out.q, out.qd, out.zdd
 
 
+@takes(MotionArguments, unused=("formalism", "engine", "number", "options", "closing"), integrator="dopri5")
 def simulate_batch(
     kernels: Kernels,
     duration: float,
     *,
-    q0: BatchGiven | None = None,
-    zd0: BatchGiven | None = None,
-    qd0: BatchGiven | None = None,
-    p: BatchGiven | None = None,
-    t0: float = 0.0,
-    z: str | Iterable[str] | None = None,
-    integrator: str = "dopri5",
-    rtol: float = 1e-8,
-    atol: float | None = None,
-    max_step: float = np.inf,
     points: int | ArrayLike = 2,
-    inputs: Mapping[str, Signal] | None = None,
     threads: int | None = None,
     progress: Told = None,
+    **arguments: Unpack[MotionArguments],
 ) -> BatchTrajectory:
     """Simulate a mechanism from many states, with many parameter sets, or both.
 
-    q0: (B, n) or (n,) for all, in m and rad, assembled where open; zd0: (B, nz) or (nz,), in the same per second, in the order of z;
-        qd0: instead of zd0, (B, n) or (n,) of all coordinates, or by name of any; p: (B, n_p) or (n_p,). Or each of them by name,
-        {name: number, or an array with one for every state}; those not named have their defaults, velocities of qd0 least kinetic energy
-    integrator: dopri5 or dop853 (each state with its own steps) or rk4 (fixed step max_step)
-    inputs: what drives all states alike, as in `simulate`; a number for each state stands in p. Where one changes with time the states are
-        simulated one after the other by `simulate` in C
-    threads: None for one on every processor that this process may use
-    progress: called now and then with the share of the states that are done, from 0 to 1; True for a bar. What it raises ends the batch,
-        and so does Ctrl-C: it is raised again, with what was found in its `trajectory`, where the other states are "interrupted"
-    Everything else as in `simulate`, of which each state is one run with coordinate partitioning. The independent
-    coordinates are chosen at the first regular state; where they become bad, that state is simulated by `simulate` in C. A state
-    that cannot go on, or takes a million steps, costs nothing but itself: its status says why.
-    Raises ModelError where the mechanism cannot be simulated so, shapes do not fit, or no state has a start. One warning sums
-    up what `simulate` warned of.
+    Each state is a run of `simulate` with coordinate partitioning. The independent coordinates are chosen at the first regular state;
+    where they become ill-conditioned, that state is simulated by `simulate` in C.
+
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    duration : float
+        Length of the motions in s.
+    points : int or array_like, shape (points,)
+        Number of output times, or the output times in s.
+    threads : int, optional
+        Number of threads. Default: one on every processor that this process may use.
+    progress : callable or bool, optional
+        Called now and then with the fraction of the states that are done; True for a bar. What it raises ends the batch, and so does
+        Ctrl-C: it is raised again, with the results in its `trajectory`, where the other states are "interrupted".
+    **arguments : MotionArguments
+        The start, with rows or arrays of one value a state in `q0`, `zd0`, `qd0` and `p`, and the method. `integrator` is dopri5
+        (default) or dop853, each state with its own steps, or rk4 with the fixed step `max_step`. `inputs` drive all states alike; a
+        number for each state is in `p`. Where one changes with time the states are simulated in a loop by `simulate` in C.
+
+    Returns
+    -------
+    BatchTrajectory
+        The motions; a state that fails, or takes a million steps, costs nothing but itself, and its status says why.
+
+    Raises
+    ------
+    ModelError
+        For invalid arguments, and where no state has a start.
+
+    Warns
+    -----
+    UserWarning
+        Once for all that `simulate` warned of.
     """
-    run = Run.asked(
-        checked_kernels(kernels), duration, formalism="coordinate-partitioning", integrator=integrator, rtol=rtol, atol=atol, points=points,
-        max_step=max_step, inputs=inputs, progress=progress, t0=t0, z=z,
-    )  # fmt: skip
+    inputs = arguments.get("inputs")
+    in_common: dict[str, Any] = {"integrator": "dopri5", **arguments, "formalism": "coordinate-partitioning"}
+    q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
+    run = Run.asked(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
     threads, method = asked_threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
     if inputs:
@@ -331,7 +364,7 @@ class _Batch:
             self.progress(1.0)
         if warned:
             said = f"{len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}"
-            warnings.warn(f"{self.kernels.name}: {said}", stacklevel=4)
+            warn(f"{self.kernels.name}: {said}")
 
     def _simulate(self, i: int, duration: float, options: dict[str, Any]) -> str:
         """Simulate one state; its status."""

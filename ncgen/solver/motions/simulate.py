@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import time
-import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError, counted
+from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError, counted, warn
 from ncgen.mechanism.break_times import beside, break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
-from ncgen.solver.given import Given, checked_kernels
+from ncgen.solver.given import checked_kernels
+from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
-from ncgen.solver.positions.position import CONSISTENT
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.alarms import doubts, looks
 from ncgen.solver.runs.choice import IMPLICIT, Choice, choose, stiff_choice
 from ncgen.solver.runs.divergence import divergence
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.run import COMPILED, EMITTED, Form, Run
-from ncgen.solver.runs.signals import Signal
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.telling import Told, telling
@@ -43,91 +41,63 @@ MANY = 100
 """Degrees of freedom from which coordinate partitioning, whose matrices are dense, is worth a warning."""
 
 
+@takes(MotionArguments)
 def simulate(
     kernels: Kernels,
     duration: float,
     *,
-    formalism: str = "auto",
-    integrator: str = "auto",
-    rtol: float = 1e-8,
-    atol: float | None = None,
-    q0: Given | None = None,
-    zd0: Given | None = None,
-    qd0: Given | None = None,
-    z: str | Iterable[str] | None = None,
-    p: Given | None = None,
-    inputs: Mapping[str, Signal] | None = None,
-    t0: float = 0.0,
-    closing: float = CONSISTENT,
     points: int | ArrayLike = 101,
-    max_step: float = np.inf,
-    engine: str = "auto",
-    number: str = "double",
-    options: dict[str, Any] | None = None,
     stop: Mapping[str, Any] | None = None,
     progress: Told = None,
+    **arguments: Unpack[MotionArguments],
 ) -> Trajectory:
     """Simulate a mechanism and return its trajectory on a time grid.
 
-    duration: s; t0: start time
-    formalism: what the accelerations come from
-        "auto": ncgen's choice; the trajectory's `made_with` says which and why
-        "coordinate-partitioning" (the paper's Table 8): the independent coordinates alone are integrated
-        "lagrange" (index 1), "null-space", "augmented-lagrangian" (index 1), "udwadia-phohomsiri", "penalty": all
-        coordinates are integrated, and after every step projected onto the constraints (penalty: Baumgarte's terms)
-        "ali3p": index-3 augmented Lagrangian with mass-orthogonal projections, by the trapezoidal rule
-    integrator: "auto", dopri5, dop853, rk23, adams, bdf, radau, lsoda, or with the fixed step max_step rk4 and trapezoidal, or
-        Matlab's and SciPy's names (ode45, RK45, ode113 …); with SUNDIALS (`pip install 'ncgen[sundials]'`) cvode-adams and
-        cvode-bdf, on coordinate-partitioning
-        on "lagrange" also those that discretise the constrained equations, with the fixed step max_step: rattle
-        (symplectic), energy-momentum (exact energy), generalized-alpha (numerical damping)
-    options: {name: value} for formalism and integrator: stabilisation ("projection", "baumgarte", "none"), omega (1/s) and
-        xi of Baumgarte's terms, alpha, the penalty over the largest inertia (ali3p: times h²/4, over that of its tangent);
-        project_velocities of energy-momentum; rho, ρ∞ of generalized-alpha, or hht, α of HHT in its place
-    rtol, atol: with a named integrator the tolerances of every step, as is usual. Where the integrator is ncgen's choice, many steps
-        share rtol, so that it speaks of the whole run: well-behaved motions end within about 100 rtol of their natural size
-        atol: absolute (m, rad, and per second); default: a hundredth of rtol in the natural size of every coordinate
-    q0: initial position, shape (n,) or {name: value} (default: the model's); if it is only approximate it is assembled first
-    zd0: initial independent velocities by name, {"psi2": 1.0}, or as an array in the order of z (default: rest)
-    qd0: initial velocities of any coordinates by name (the others follow with the least kinetic energy), or of all as an
-        array; what the constraints do not allow is projected, with a warning
-    z: names of the independent coordinates (default: the model's choice, else found by pivoting)
-    p: parameters as an array or {name: value} (default: the model's)
-    inputs: {name: signal} for the model's inputs: a number; a function of time (s) that returns one; or a table (times, values) or
-        (times, values, hold), where hold is "zero" (the value before holds), "linear" (the default) or "cubic" (a spline). Before and after
-        a table its ends hold. Those not named keep their values in p. Steps end where a table jumps or has a corner
-    closing: the relative residual up to which the start passes as closed; larger for overconstrained mechanisms with rounded dimensions
-    points: how many even instants the trajectory holds, or the instants themselves (s), from t0 to the end
-    max_step: the longest step (s)
-    engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out for this mechanism and its
-        independent coordinates, and compiled, which takes a second or so), "refined" (emitted, with a step of
-        iterative refinement, which keeps digits where the fixed order of pivots is unlucky), "python" (the reference), or
-        "auto": C where it can be, and where the formalism is lagrange accelerations by a recursion over the tree of bodies: written out for
-        this mechanism ("emitted") up to 60 joints, in loops over tables ("tree") for longer trees without loops; the trajectory's `engine`
-        says which it was and why; "compiled": as "auto", and an error where it cannot be in C
-    number: what C computes with: "double", "float" (as a small controller would) or "long double"; tolerances finer than
-        its rounding are raised to that, and the trajectory has doubles in any case
-    stop: {coordinate: value} to end where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction,
-        {"psi": (1.2, "rising")} or "falling". The last instant of the trajectory is that one, and its `stopped` is True. Within
-        a step the interpolant is a polynomial, and its first such passage is found by bounds, not by samples, however short it is; with
-        coordinate partitioning a coordinate that is not independent is a polynomial of degree 8 through nine states of the step
-    progress: called with the time reached, again and again while the run goes on; True for a bar in a terminal or a notebook
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism, from `ncgen.compile`.
+    duration : float
+        Length of the motion in s.
+    points : int or array_like, shape (points,)
+        Number of equidistant output times, or the output times themselves in s, from `t0` to the end.
+    stop : {coordinate: value}, optional
+        End where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction, {"psi": (1.2, "rising")} or
+        "falling". The last output time is the time of the event, and `stopped` of the trajectory is True. Within a step the first
+        passage of the interpolant is found by bounds, not by samples, however short it is. With coordinate partitioning a dependent
+        coordinate is interpolated by a polynomial of degree 8 through nine states of the step.
+    progress : callable or bool, optional
+        Called again and again with the time reached, in s; True for a bar in a terminal or a notebook.
+    **arguments : MotionArguments
+        The start and the method.
 
-    Raises ModelError for what cannot be asked, ConvergenceError naming the rows where the start does not close, SingularError for a
-    singular one, ConvergenceError naming the time where the motion cannot go on. Ctrl-C raises `ncgen.Interrupted`, a
-    KeyboardInterrupt whose `run` holds the motion up to there. Warns where the energy of what was found says that it cannot be right, and
-    where another formalism would be many times faster.
+    Returns
+    -------
+    Trajectory
+        Positions, velocities and work at the output times; accelerations and reactions on demand.
+
+    Raises
+    ------
+    ModelError
+        For invalid arguments.
+    ConvergenceError
+        Where the start cannot be assembled, with the names of the constraints, or the motion cannot continue, with the time.
+    SingularError
+        Where the start is singular.
+    Interrupted
+        At Ctrl-C; it is a KeyboardInterrupt, and its `run` is the trajectory up to there.
+
+    Warns
+    -----
+    UserWarning
+        Where the energy of the result says that it cannot be right, and where another formalism would be many times faster.
     """
-    run = Run.asked(
-        checked_kernels(kernels), duration, formalism=formalism, integrator=integrator, rtol=rtol, atol=atol, points=points,
-        max_step=max_step, engine=engine, number=number, options=options, stop=stop, progress=progress, q0=q0, zd0=zd0, qd0=qd0, z=z,
-        p=p, t0=t0, closing=closing, inputs=inputs,
-    )  # fmt: skip
+    run = Run.asked(checked_kernels(kernels), duration, points=points, stop=stop, progress=progress, **arguments)
     kernels = kernels.driven_by(run.signals)
     choice = choose(run)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
     if not choice.method.is_constrained and (freedom := kernels.n - kernels.m) > MANY:
-        _warn(
+        warn(
             f"{kernels.name}: coordinate partitioning solves densely for {counted(freedom, 'degree of freedom')} in every evaluation; "
             "formalism='lagrange' solves sparsely, many times faster"
         )
@@ -170,11 +140,11 @@ def _carry_out(
         raise
     found = motion.trajectory(clock)
     if choice.method.is_constrained and (here := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
-        _warn(singular_message(kernels, here))
+        warn(singular_message(kernels, here))
     if negative := negative_instant(kernels, found.t, found.q, start.p):
-        _warn(f"{kernels.name}: {negative}")
+        warn(f"{kernels.name}: {negative}")
     for doubt in doubts(motion.seen(found), motion.tolerances.rtol, choice.method):
-        _warn(f"{kernels.name}: {doubt}")
+        warn(f"{kernels.name}: {doubt}")
     return found
 
 
@@ -385,18 +355,3 @@ class _Motion:
             run.initial.z or self.kernels.model.chosen_independent, self.kernels, method.options, path.stopped is not None, run.number,
             f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses),
         )  # fmt: skip
-
-
-def _warn(message: str) -> None:
-    """A warning at the caller of `simulate`."""
-    warnings.warn(message, stacklevel=_depth())
-
-
-def _depth() -> int:
-    """Frames of this package above the caller's own."""
-    import sys
-
-    frame, depth = sys._getframe(1), 1
-    while frame and frame.f_globals.get("__name__", "").startswith("ncgen."):
-        frame, depth = frame.f_back, depth + 1
-    return depth

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -24,12 +24,13 @@ from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse, cross
 from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, values_by_name
+from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments, takes
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.parameter_checks import check_parameters
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.choice import ALL, EXPLICIT
-from ncgen.solver.runs.run import Initial, InitialArguments, relative_tolerance
+from ncgen.solver.runs.run import Initial, relative_tolerance
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.tolerances import NEAR_ZERO, Tolerances
 from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, uses_loads
@@ -47,6 +48,9 @@ REPLACED = {
     "qdd": "an input or a state: accelerations follow from them",
 }
 """{member of a simulation: what to write in place of an assignment to it}."""
+
+NOT_STEPPED = ("formalism", "engine", "number", "options", "max_step")
+"""Arguments of a method that make no difference where a simulation is moved step by step."""
 
 UNCOPIED = "a simulation is not copied: C works on its memory; start another one with ncgen.start and reset it to sim.state"
 
@@ -71,26 +75,40 @@ class State:
         return f"<State of {len(self.q)} coordinates at t = {self.t:g} s>"
 
 
-def start(
-    kernels: Kernels,
-    *,
-    integrator: str = AUTO,
-    rtol: float = 1e-8,
-    atol: float | None = None,
-    inputs: Mapping[str, float] | None = None,
-    **initial: Unpack[InitialArguments],
-) -> Simulation:
-    """A simulation that waits for its first step.
+@takes(MotionArguments, unused=NOT_STEPPED)
+def start(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
+    """Start a simulation that waits for its first step.
 
-    integrator: an explicit one in C. "auto" takes as many steps within a step as rtol asks for; with rk4 a step is one of this method, so
-        that its cost is the same always
-    rtol, atol: tolerances of every step, as of `simulate` with a named integrator
-    inputs: {name: value} at the start; each keeps its value until a step gives it another
-    initial: where it starts, as of `simulate`: q0, zd0, qd0, z, p, t0, closing
-    Raises ModelError where the mechanism cannot move in C alone, and what `simulate` raises of a start.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    **arguments : MotionArguments
+        The start and the method. `inputs` are numbers, {name: value}; each keeps its value until a step gives it another. `integrator`
+        is an explicit one in C: "auto" takes as many steps within a step as `rtol` asks for; with rk4 a step is one of this method, so
+        that its cost is always the same. `rtol` and `atol` are tolerances of every step.
+
+    Returns
+    -------
+    Simulation
+        The mechanism at `t0`.
+
+    Raises
+    ------
+    ModelError
+        For invalid arguments, and where C alone cannot move the mechanism.
+    ConvergenceError, SingularError
+        As `simulate` does for a start.
     """
-    driven, given = checked_kernels(kernels).driven_by(None), values_by_name(inputs, "inputs")
-    return Simulation(driven, integrator, relative_tolerance(rtol), atol, given, Initial.asked(kernels, **initial))
+    return Simulation(checked_kernels(kernels).driven_by(None), *stepped(kernels, arguments))
+
+
+def stepped(kernels: Kernels, arguments: MotionArguments) -> tuple[str, float, float | None, dict[str, Any], Initial]:
+    """Return integrator, tolerances, inputs and start of a simulation that is moved step by step. Raises ModelError."""
+    asked = {**DEFAULTS, **arguments}
+    method = asked["integrator"], relative_tolerance(asked["rtol"]), asked["atol"]
+    at = Initial.asked(kernels, **{name: asked[name] for name in StartArguments.__annotations__ if name != "inputs"})
+    return *method, values_by_name(asked["inputs"], "inputs"), at
 
 
 class Simulation:

@@ -21,15 +21,15 @@ from ncgen.errors import ConvergenceError, ModelError, NcgenError, shown
 from ncgen.mechanism.arguments import numbers
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
-from ncgen.methods.table import AUTO
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines.compiled import checked_compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, offer, positive, values_by_name
+from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, offer, positive
+from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.motions.alone import Alone
-from ncgen.solver.motions.simulation import explicit, known_text, outputs_at, prepared
+from ncgen.solver.motions.simulation import NOT_STEPPED, explicit, known_text, outputs_at, prepared, stepped
 from ncgen.solver.parameter_checks import refused_parameters
-from ncgen.solver.runs.run import MOST_NUMBERS, Initial, InitialArguments, relative_tolerance
+from ncgen.solver.runs.run import MOST_NUMBERS, Initial
 from ncgen.solver.trajectories.outputs import uses_accelerations
 
 HELD = ("t", "work", "q", "qd", "p")
@@ -52,21 +52,30 @@ class States:
         return f"<States of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
 
 
-def start_batch(
-    kernels: Kernels,
-    variants: int,
-    *,
-    integrator: str = AUTO,
-    rtol: float = 1e-8,
-    atol: float | None = None,
-    inputs: Mapping[str, ArrayLike] | None = None,
-    threads: int | None = 1,
-    **initial: Unpack[InitialArguments],
-) -> Simulations:
-    """So many simulations that wait for their first step, all at the same start.
+@takes(MotionArguments, unused=NOT_STEPPED)
+def start_batch(kernels: Kernels, variants: int, *, threads: int | None = 1, **arguments: Unpack[MotionArguments]) -> Simulations:
+    """Start simulations that wait for their first step, all at the same start.
 
-    inputs: {name: one value, or one a simulation}; threads: that share them, None for one on every processor. Else as of `start`, with its
-    errors.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    variants : int
+        Number N of simulations.
+    threads : int, optional
+        Number of threads that share them; None for one on every processor.
+    **arguments : MotionArguments
+        The start and the method, as of `start`; `inputs` are {name: one value, or one a simulation (N,)}.
+
+    Returns
+    -------
+    Simulations
+        N mechanisms at `t0`.
+
+    Raises
+    ------
+    ModelError, ConvergenceError, SingularError
+        As `start`.
     """
     from ncgen.mechanism.batch import thread_count
 
@@ -77,8 +86,7 @@ def start_batch(
             f"variants: {size} simulations of {driven.n} coordinates take more than {MOST_NUMBERS * 8 / 2**30:.3g} GiB; ask for fewer"
         )
     workers = min(thread_count(threads, "start_batch"), size)
-    rtol, given = relative_tolerance(rtol), values_by_name(inputs, "inputs")
-    return Simulations(driven, size, workers, integrator, rtol, atol, given, Initial.asked(kernels, **initial))
+    return Simulations(driven, size, workers, *stepped(kernels, arguments))
 
 
 class Simulations:

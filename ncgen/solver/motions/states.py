@@ -6,18 +6,18 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
+from ncgen.errors import DomainError, ModelError, NcgenError, SingularError, warn
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.engines.compiled import checked_compiled, dynamics, refusal, refusal_of_size
 from ncgen.solver.geometry import angles, arms_have_parameters, measured_angles
-from ncgen.solver.given import known_name
+from ncgen.solver.given import Given, known_name
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import Partitions, partitions_for
@@ -26,9 +26,6 @@ from ncgen.solver.runs.start import given_velocity
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneDynamics
-
-BatchGiven: TypeAlias = "ArrayLike | Mapping[str, ArrayLike]"
-"""In signatures: rows of numbers, one row for all states, or by name a number or one a state."""
 
 NEAR_HALF_A_TURN = 0.5
 """Cosine of an angle's error below which its own parameters decide whether it is on its mirror root."""
@@ -107,15 +104,15 @@ class States:
     def of(
         cls,
         kernels: Kernels,
-        q: BatchGiven | None,
-        zd: BatchGiven | None,
-        p: BatchGiven | None,
+        q: Given | None,
+        zd: Given | None,
+        p: Given | None,
         t: float,
         z: tuple[str, ...],
         method: Method | None,
         choice: Choice | None = None,
         assembled: bool = False,
-        qd: BatchGiven | None = None,
+        qd: Given | None = None,
     ) -> States:
         """From rows, one row for all, or {name: number, or one a state}; assembled: after positions that are open have been closed.
 
@@ -166,7 +163,7 @@ def those_in_lanes() -> str:
     return ", ".join(name for name, entry in INTEGRATORS.items() if entry.in_lanes)
 
 
-def _given(kernels: Kernels, what: str, given: BatchGiven | None, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
+def _given(kernels: Kernels, what: str, given: Given | None, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
     """Rows, one row for all, or {name: number, or one a state} in place of the defaults, as an array.
 
     Raises ModelError for other things.
@@ -220,7 +217,7 @@ def _rates_given(
             warned += [f"state {i}: {caught[0].message}"] if caught else []
         found[i] = known[here]
     if warned:
-        warnings.warn(f"{kernels.name}: qd0 of {len(warned)} of {len(q)} states is not what they start with; {warned[0]}", stacklevel=4)
+        warn(f"{kernels.name}: qd0 of {len(warned)} of {len(q)} states is not what they start with; {warned[0]}")
     return found, faults
 
 

@@ -15,8 +15,8 @@ from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import is_finite, watched
-from ncgen.solver.given import Given
-from ncgen.solver.positions.position import CONSISTENT, TOLERANCE, check_finite, residual
+from ncgen.solver.given import CONSISTENT_RESIDUAL, Given
+from ncgen.solver.positions.position import TOLERANCE, check_finite, residual
 from ncgen.solver.positions.sparse_rows import DENSE, least_damped, scaled
 
 LIMIT = 100
@@ -36,13 +36,13 @@ def assemble(
     t: float = 0.0,
     p: Given | None = None,
     weights: Mapping[str, float] | None = None,
-    tolerance: float = CONSISTENT,
+    tolerance: float = CONSISTENT_RESIDUAL,
 ) -> np.ndarray:
     """A consistent position near q (default: the model's at the parameters p), shape (n,) in m and rad, at time t (s).
 
     q: numbers (n,) in the order of the coordinates or {name: number}; p likewise for parameters, (n_p,)
     weights: {coordinate: how much dearer than others it is to move it}; 1 is the default
-    tolerance: the relative residual up to which a position passes as closed. One that is open beyond CONSISTENT is closed as far as
+    tolerance: the relative residual up to which a position passes as closed. One that is open beyond 1e-9 is closed as far as
         its rows allow: those of an overconstrained mechanism contradict each other by as much as its dimensions are rounded
     Raises ConvergenceError naming the rows that do not close, DomainError naming one that is not a number, ModelError for
     arguments that do not fit.
@@ -52,7 +52,7 @@ def assemble(
     dearer = given.numbers_by_name(weights or {}, kernels.index, "weights")
     for name, weight in dearer.items():
         given.positive(weight, f"weights: {name}")
-    if residual(kernels, q, t, p) <= min(tolerance, CONSISTENT):
+    if residual(kernels, q, t, p) <= min(tolerance, CONSISTENT_RESIDUAL):
         return q
     sizes = kernels.column_sizes / np.array([dearer.get(name, 1.0) for name in kernels.coordinates])
     rows = kernels.holonomic
@@ -89,7 +89,7 @@ def _damped_step(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, sizes
 
 
 def _open_rows(kernels: Kernels, value: np.ndarray, tolerance: float) -> str:
-    worst = [i for i in np.argsort(-np.abs(value)) if not abs(value[i]) <= min(tolerance, CONSISTENT)][:NAMED] or [
+    worst = [i for i in np.argsort(-np.abs(value)) if not abs(value[i]) <= min(tolerance, CONSISTENT_RESIDUAL)][:NAMED] or [
         int(np.argmax(np.abs(value)))
     ]
     rows = [(kernels.holonomic[i], value[i]) for i in worst]

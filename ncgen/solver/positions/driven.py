@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +16,7 @@ from ncgen.errors import ConvergenceError, DeadCentreError, ModelError, Singular
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.given import Given, checked_kernels
+from ncgen.solver.groups import StartArguments, takes
 from ncgen.solver.positions.dead_centres import approached, is_dead_centre
 from ncgen.solver.positions.position import EASY, TOLERANCE, check_finite, check_mirror_roots, solve_position
 from ncgen.solver.positions.rank import freedom_at
@@ -67,27 +69,52 @@ class DrivenPositions:
         return self.q + self.q_by @ (given.parameters(self.kernels, p) - self.p)
 
 
-def driven_positions(kernels: Kernels, t: ArrayLike, p: Given | None = None, near: ArrayLike | None = None) -> DrivenPositions:
-    """Positions at instants t (K,) in s of a mechanism that is driven altogether, with their exact derivatives by parameters.
+@takes(StartArguments, unused=("zd0", "qd0", "z", "t0", "closing"), former={"near": "q0"})
+def driven_positions(kernels: Kernels, t: ArrayLike, **arguments: Unpack[StartArguments]) -> DrivenPositions:
+    """Compute the positions over time of a mechanism without free degrees of freedom, with exact derivatives by its parameters.
 
-    p: numbers (n_p,) or {name: number}; near: a position (n,) in m and rad near that at the first instant, each of the others being closed
-        from the one before, or rows (K, n) of one near each; default: the initial position
-    Raises ModelError where drivers leave a freedom or rows are no equations of position, SingularError where the first position is
-    singular, ConvergenceError where the mechanism cannot go, DeadCentreError where its drivers bring it to a dead centre; `positions` of
-    both are those found before and the one at which it stopped.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    t : array_like, shape (K,)
+        Times in s.
+    **arguments : StartArguments
+        `p`, `inputs` as numbers, and in `q0` a position near that at the first time; each position is found from the one before. With
+        rows (K, n) in `q0` each position is found from its row.
+
+    Returns
+    -------
+    DrivenPositions
+        Positions, and their derivatives on demand.
+
+    Raises
+    ------
+    ModelError
+        Where drivers leave a degree of freedom, or constraints are not on positions.
+    SingularError
+        Where the first position is singular.
+    ConvergenceError, DeadCentreError
+        Where the mechanism cannot move on, or its drivers bring it to a dead centre; `positions` of the error are those found so far and
+        the one at which it stopped.
     """
+    near, p = arguments.get("q0"), arguments.get("p")
     checked_kernels(kernels)
     t, p = given.several(t, "t"), given.parameters(kernels, p)
+    from ncgen.solver.runs.signals import signals_of
+
+    if signals_of(kernels, arguments.get("inputs"), p):
+        raise ModelError("inputs: driven_positions needs numbers; let a driver's law depend on the time instead")
     if len(kernels.holonomic) < kernels.m:
         raise ModelError(f"{kernels.name}: what rolls has positions that depend on its way, not on the time alone; take ncgen.simulate")
-    given_near = None if near is None or isinstance(near, Mapping) else given.numbers_of(near, "near")
+    given_near = None if near is None or isinstance(near, Mapping) else given.numbers_of(near, "q0")
     rows = None if given_near is None or given_near.ndim < 2 else given_near
     if rows is not None and rows.shape != (len(t), kernels.n):
-        raise ModelError(f"{kernels.name}: near has shape {rows.shape}; it must be ({kernels.n},) or ({len(t)}, {kernels.n})")
+        raise ModelError(f"{kernels.name}: q0 has shape {rows.shape}; it must be ({kernels.n},) or ({len(t)}, {kernels.n})")
     if not len(t):
         return DrivenPositions(kernels, t, p, np.empty((0, kernels.n)), ())
     motion = _Followed(kernels, p, tuple(range(kernels.m)) if kernels.m == kernels.n else ())
-    q = [motion.begun(given.position(kernels, near if rows is None else rows[0], p), float(t[0]))]
+    q = [motion.begun(given.position(kernels, near if rows is None else rows[0], p, "q0"), float(t[0]))]
     if rows is None:
         for before, now in pairwise(t.tolist()):
             try:

@@ -28,9 +28,6 @@ MOST_STEPS = 100_000
 """Steps of a finite displacement; more take minutes, and a step is halved where it fails."""
 """Newton steps within which a part of a displacement must close; else it is cut in half, since it may have changed its branch."""
 
-CONSISTENT = 1e-9
-"""A relative residual up to this passes as a consistent initial position."""
-
 
 @dataclass(frozen=True, eq=False)
 class Position:

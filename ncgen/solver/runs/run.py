@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from numbers import Integral
-from typing import Any, Literal, TypeAlias, TypedDict, Unpack
+from typing import Any, Literal, TypeAlias, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +35,7 @@ from ncgen.model import Model
 from ncgen.model.elements import Component
 from ncgen.solver import given
 from ncgen.solver.given import (
+    CONSISTENT_RESIDUAL,
     ECHOED,
     Given,
     Outline,
@@ -47,8 +48,8 @@ from ncgen.solver.given import (
     real_numbers,
     several,
 )
-from ncgen.solver.positions.position import CONSISTENT
-from ncgen.solver.runs.signals import Signal, Signals, signals_of
+from ncgen.solver.groups import DEFAULTS, MotionArguments, check_names
+from ncgen.solver.runs.signals import Signals, signals_of
 from ncgen.solver.runs.stop import Stop, stop_at
 from ncgen.solver.runs.telling import Told, check_told
 
@@ -79,18 +80,6 @@ MOST_NUMBERS = 2**31
 """Numbers in a trajectory's positions, velocities and accelerations: 16 GiB."""
 
 
-class InitialArguments(TypedDict, total=False):
-    """What a caller may say of where a mechanism begins, as for `ncgen.simulate`."""
-
-    q0: Given | None
-    zd0: Given | None
-    qd0: Given | None
-    z: str | Iterable[str] | None
-    p: Given | None
-    t0: float
-    closing: float
-
-
 @dataclass(frozen=True, eq=False)
 class Initial:
     """Where a mechanism begins, as it was asked for: nothing is closed or solved yet.
@@ -108,7 +97,7 @@ class Initial:
     z: tuple[str, ...] = ()
     zd: dict[str, float] | np.ndarray | None = None
     qd: dict[str, float] | np.ndarray | None = None
-    closing: float = CONSISTENT
+    closing: float = CONSISTENT_RESIDUAL
 
     @classmethod
     def asked(
@@ -121,25 +110,20 @@ class Initial:
         z: str | Iterable[str] | None = None,
         p: Given | None = None,
         t0: float = 0.0,
-        closing: float = CONSISTENT,
-        names: tuple[str, str, str, str] = ("q0", "zd0", "qd0", "t0"),
-        **unknown: object,
+        closing: float = CONSISTENT_RESIDUAL,
     ) -> Initial:
-        """From what the caller gives; names: of the arguments q0, zd0, qd0 and t0 in messages. Raises ModelError, also for unknown ones."""
+        """From what the caller gives. Raises ModelError."""
         known = outline(subject)
-        if unknown:
-            there = ", ".join(InitialArguments.__annotations__)
-            raise ModelError(f"{next(iter(unknown))}: there is no such argument; a start is given by {there}")
         if zd0 is not None and qd0 is not None:
-            raise ModelError(f"{names[1]} and {names[2]} are both given; give the initial velocities once")
+            raise ModelError("zd0 and qd0 are both given; give the initial velocities once")
         values = parameters(known, p)
         return cls(
             values,
-            position(known, q0, values, names[0]),
-            finite(t0, names[3]),
+            position(known, q0, values, "q0"),
+            finite(t0, "t0"),
             names_of(z, "z", known.coordinates),
-            _rates(known, zd0, names[1], whole=False),
-            _rates(known, qd0, names[2], whole=True),
+            _rates(known, zd0, "zd0", whole=False),
+            _rates(known, qd0, "qd0", whole=True),
             given.closing(closing),
         )
 
@@ -172,24 +156,19 @@ class Run:
         subject: Kernels | Model,
         duration: float,
         *,
-        formalism: str = AUTO,
-        integrator: str = AUTO,
-        rtol: float = 1e-8,
-        atol: float | None = None,
         points: int | ArrayLike = 101,
-        max_step: float = np.inf,
-        engine: str = AUTO,
-        number: str = "double",
-        options: dict[str, Any] | None = None,
         stop: Mapping[str, Any] | None = None,
-        inputs: Mapping[str, Signal] | None = None,
         progress: Told = None,
-        **initial: Unpack[InitialArguments],
+        **arguments: Unpack[MotionArguments],
     ) -> Run:
-        """From the arguments of `ncgen.simulate`; initial: those of `Initial.asked`. Raises ModelError with one sentence."""
+        """From the arguments of `ncgen.simulate`. Raises ModelError with one sentence."""
+        check_names("simulate", arguments, DEFAULTS)
+        asked = {**DEFAULTS, **arguments}
+        inputs, formalism, integrator, options = (asked.pop(name) for name in ("inputs", "formalism", "integrator", "options"))
+        rtol, atol, max_step, engine, number = (asked.pop(name) for name in ("rtol", "atol", "max_step", "engine", "number"))
         known = outline(subject)
         length = positive(duration, "duration", "number of seconds")
-        start = Initial.asked(subject, **initial)
+        start = Initial.asked(subject, **asked)
         pair = _entries(formalism, integrator, options)
         check_told(progress)
         run = cls(

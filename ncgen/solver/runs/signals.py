@@ -19,8 +19,8 @@ Hold: TypeAlias = Literal["zero", "linear", "cubic"]
 HOLDS: tuple[Hold, ...] = get_args(Hold)
 """Between the instants of a table: the value before holds; straight lines; a cubic spline."""
 
-Signal: TypeAlias = "float | Callable[[float], float] | tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, Hold]"
-"""An input over time, as `simulate` takes it."""
+Signal: TypeAlias = "ArrayLike | Callable[[float], float] | tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, Hold]"
+"""An input over time, as `simulate` takes it, or numbers of many simulations, as `start_batch` takes them."""
 
 FEWEST = 2
 """Instants of a table."""

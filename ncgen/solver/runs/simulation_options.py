@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from inspect import signature
 from typing import Any
 
 from ncgen.errors import ModelError
 from ncgen.model import Model
-from ncgen.solver.given import offer
-from ncgen.solver.runs.run import Initial, Run
+from ncgen.solver.groups import DEFAULTS, check_names
+from ncgen.solver.runs.run import Run
 
 DURATION = 1.0
 """Seconds that a run takes unless its model or its caller says something else."""
 
-GIVEN = ("subject", "initial", "names", "progress")
-"""Arguments of a run that are no options of it."""
-
-OPTIONS = tuple(name for name in {**signature(Run.asked).parameters, **signature(Initial.asked).parameters} if name not in GIVEN)
+OPTIONS = ("duration", "points", "stop", *DEFAULTS)
 """What a model's own `simulation` can say."""
 
 
@@ -60,9 +56,7 @@ def _refusal(model: Model, options: dict[str, Any]) -> str:
 
 def check_options(options: Iterable[str]) -> None:
     """Raise ModelError for a name that is no option of a run."""
-    for name in options:
-        if name not in OPTIONS:
-            raise ModelError(f"m.simulation({name[:40]}=…): simulate has no such option; {offer(name, sorted(OPTIONS))}")
+    check_names("m.simulation", options, OPTIONS)
 
 
 def simulation_of(model: Model, **more: Any) -> dict[str, Any]:

@@ -6,13 +6,12 @@ constraints do not allow is projected, and said.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
-from ncgen.errors import ModelError, SingularError, counted
+from ncgen.errors import ModelError, SingularError, counted, warn
 from ncgen.mechanism.driver_jumps import after_jump, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.projection import least_energy, project_velocity
@@ -81,10 +80,9 @@ def _tell_moved(kernels: Kernels, given: np.ndarray, closed: np.ndarray) -> None
     moved = np.abs(closed - given)
     if np.any(moved > 0):
         most = int(np.argmax(moved))
-        warnings.warn(
+        warn(
             f"{kernels.name}: the initial position was open and has been assembled; {kernels.coordinates[most]} moved most, "
-            f"by {moved[most]:.3g}",
-            stacklevel=3,
+            f"by {moved[most]:.3g}"
         )
 
 
@@ -106,12 +104,12 @@ def _velocity(kernels: Kernels, partitions: Partitions | None, initial: Initial,
         return given_velocity(kernels, initial.qd, q, initial.t, p)
     if partitions is not None:
         return velocity_from_rates(
-            kernels, partitions.velocity, _independent_rates(kernels, partitions.velocity, initial.zd), q, initial.t, p
+            kernels, partitions.velocity, independent_rates(kernels, partitions.velocity, initial.zd), q, initial.t, p
         )
     return given_velocity(kernels, {}, q, initial.t, p) if driven else np.zeros(kernels.n)
 
 
-def _independent_rates(kernels: Kernels, partition: Partition, given: dict[str, float] | np.ndarray | None) -> np.ndarray:
+def independent_rates(kernels: Kernels, partition: Partition, given: dict[str, float] | np.ndarray | None) -> np.ndarray:
     """Rates of the independent coordinates in their order. Raises ModelError for others, or where their number is another."""
     names = partition.names(kernels)
     if given is None:
@@ -153,10 +151,9 @@ def given_velocity(kernels: Kernels, qd0: dict[str, float] | np.ndarray, q: np.n
     changed = np.abs(allowed[where] - rates) / kernels.column_sizes[where]
     if np.max(changed, initial=0.0) > NOTICEABLE * np.max(np.abs(allowed / kernels.column_sizes), initial=0.0):
         most = where[int(np.argmax(changed))]
-        warnings.warn(
+        warn(
             f"{kernels.name}: the initial velocities contradict the constraints and have been projected; "
-            f"rate({kernels.coordinates[most]}) changed most, from {wanted[most]:.6g} to {allowed[most]:.6g}",
-            stacklevel=3,
+            f"rate({kernels.coordinates[most]}) changed most, from {wanted[most]:.6g} to {allowed[most]:.6g}"
         )
     return allowed
 
