@@ -8,7 +8,6 @@ import zlib
 
 from ncgen.emit.environment import render
 from ncgen.program.term_tables import types
-from ncgen.resources import folder
 from ncgen.toolchain.generic_wasm import binary
 from ncgen.view.page import Page, lean, script_text
 
@@ -37,7 +36,7 @@ ICONS = {
 
 def editor_page() -> Page:
     """The page: `save` writes it into a file, a notebook shows it."""
-    script = "\n".join((folder("templates") / "editor" / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS)
+    script = "\n".join(render(f"editor/{name}.js") for name in SCRIPTS)
     text = render(
         "editor/page.html.jinja",
         script=script_text(lean(script.replace('"use strict";\n', ""))),

@@ -15,6 +15,8 @@ const TOOLS = {
 const LONGEST_TRACE = 4000;
 const UNDO = 200;
 const SHORTEST = 1 / 20; // s: what a picture advances at most
+const SMOOTH = 1 / 100; // s between the places of a trace
+const MOST_PIECES = 8; // of what a picture advances, so that no picture waits for a trace
 
 class Editor {
   constructor(picture, motion, types, page) {
@@ -108,19 +110,25 @@ class Editor {
   }
 
   advance(dt) {
-    if (!(dt > 0) || !this.terms) return;
+    const pieces = Math.min(MOST_PIECES, Math.ceil(dt / SMOOTH));
+    for (let k = 0; k < pieces && this.terms; ++k) if (!this.step(dt / pieces)) return;
+  }
+
+  step(dt) {
     try {
       this.motion.goOn(this.motion.t + dt);
     } catch (error) {
       this.playing = false;
       this.message = `It stops at ${this.motion.t.toFixed(2)} s: ${error.message}.`;
       this.page.show(this);
+      return false;
     }
     for (const p of this.drawing.points) if (p.traced) {
       const trace = this.traces.get(p.name) ?? [];
       trace.push(this.at(p));
       this.traces.set(p.name, trace.slice(-LONGEST_TRACE));
     }
+    return true;
   }
 
   // Where a point is now.

@@ -25,7 +25,8 @@ function callsOf(drawing) {
   for (const spring of drawing.springs) calls.push(["spring", springCall(spring)]);
   if (drawing.gravity) calls.push(["gravity", { field: numbers([0, -GRAVITY, 0]) }]);
   for (const body of drawing.bodies) calls.push(["line", { points: listed(outline(drawing, body).map(quoted)) }]);
-  const starts = drawing.motors.filter((motor) => motor.mode === "start").map((motor) => [motor.name, motor.value]);
+  const moving = drawing.motors.filter((motor) => ["start", "drive"].includes(motor.mode)); // the others with the least kinetic energy
+  const starts = moving.map((motor) => [motor.name, motor.value]);
   calls.push(["simulation", { duration: "5.0", ...(starts.length ? { qd0: starts } : {}) }]);
   return calls;
 }

@@ -16,10 +16,10 @@ const FIELDS = {
   body: [["mass", "mass", "size", "kg"]],
   slider: [["mass", "mass of the block", "number", "kg"], ["turns", "the body may turn on it", "tick"]],
   spring: [["stiffness", "stiffness", "number", "N/m"], ["damping", "damping", "number", "N s/m"], ["free", "free length", "size", "m"]],
-  motor: [["mode", "what it does", "choice"], ["value", "value", "number", ""]],
+  motor: [["mode", "drives by", "choice"], ["value", "value", "number", ""]],
   gear: [["radii.0", "first radius", "number", "m"], ["radii.1", "second radius", "number", "m"]],
 };
-const MODES = { drive: "turns at a constant speed", start: "begins with a speed", torque: "pushes with a torque", measure: "measures the angle" };
+const MODES = { drive: "constant speed", start: "speed at the start", torque: "torque", measure: "only an angle" };
 const UNITS = { drive: "rad/s", start: "rad/s", torque: "N m", measure: "" };
 const POSITIVE = ["body.mass", "spring.stiffness", "gear.radii.0"];
 
@@ -153,6 +153,8 @@ class Page {
     byId("text-body").value = written(this.editor.drawing);
     byId("copy").textContent = "Copy";
     byId("text").showModal();
+    byId("text-body").setSelectionRange(0, 0);
+    byId("text-body").scrollTop = 0;
   }
 
   async copy() {

@@ -31,7 +31,7 @@ class Picture {
 
   // The whole drawing in view.
   fit(drawing, margin = 0.4) {
-    const places = drawing.points.length ? drawing.points.map((p) => [p.x, p.y]) : [[-0.1, -0.1], [0.6, 0.5]];
+    const places = drawing.points.length ? [...drawing.points.map((p) => [p.x, p.y]), ...wheels(drawing)] : [[-0.1, -0.1], [0.6, 0.5]];
     const [low, high] = [Math.min, Math.max].map((f) => [0, 1].map((axis) => f(...places.map((p) => p[axis]))));
     const size = Math.max(high[0] - low[0], high[1] - low[1], 0.05);
     this.centre = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2];
@@ -88,6 +88,12 @@ class Picture {
     return this.context.isPointInPath(path, x * ratio, y * ratio);
   }
 }
+
+// The four outermost places of every wheel.
+const wheels = (drawing) => drawing.gears.flatMap((gear) => [gear.first, gear.second].flatMap((name, i) => {
+  const [x, y] = place(drawing, named(drawing.motors, name).start), r = gear.radii[i];
+  return [[x - r, y], [x + r, y], [x, y - r], [x, y + r]];
+}));
 
 function distanceTo(a, b, p) {
   const e = minus(b, a), share = Math.max(0, Math.min(1, along(e, minus(p, a)) / (along(e, e) || 1)));

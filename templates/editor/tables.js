@@ -253,14 +253,15 @@ function sizesOf(drawing, terms) {
   return terms.lengths.map((isLength) => isLength ? extent : 1);
 }
 
-// Lets a motion begin with a drawing; returns its terms. Throws an Error that says why it cannot.
-function begin(motion, drawing, types) {
+// Lets a motion begin with a drawing; returns its terms. Throws an Error that says why it cannot. Motors have their speeds at the start,
+// all else moves with the least kinetic energy.
+function begin(motion, drawing, types, ...tolerances) {
   const terms = termsOf(drawing, types), sizes = sizesOf(drawing, terms), still = terms.start.map(() => 0);
   let qd = still;
   if (drawing.motors.some((motor) => motor.mode === "start" && motor.value)) {
-    motion.begin(termsOf(drawing, types, true).table(), terms.start, still, sizes);
+    motion.begin(termsOf(drawing, types, true).table(), terms.start, still, sizes, 0, ...tolerances);
     qd = Array.from(motion.qd.slice(0, still.length));
   }
-  motion.begin(terms.table(), terms.start, qd, sizes);
+  motion.begin(terms.table(), terms.start, qd, sizes, 0, ...tolerances);
   return terms;
 }
