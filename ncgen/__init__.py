@@ -22,6 +22,7 @@ _HOMES = {
     "simulate": "ncgen.solver.motions.simulate",
     "start": "ncgen.solver.motions.simulation",
     "smooth_step": "ncgen.model.curves",
+    "impact": "ncgen.model.actions",
     "start_batch": "ncgen.solver.motions.simulations",
     "simulate_batch": "ncgen.solver.motions.batch",
     "accelerations_batch": "ncgen.solver.motions.batch",
@@ -77,6 +78,7 @@ __all__ = [
     "gradient",
     "gradient_batch",
     "hessian",
+    "impact",
     "inspect",
     "inverse_dynamics",
     "jax",
@@ -114,6 +116,7 @@ if TYPE_CHECKING:
     from ncgen.exchange.jax_functions import jax
     from ncgen.exchange.torch_functions import torch
     from ncgen.model import Model
+    from ncgen.model.actions import impact
     from ncgen.model.curves import smooth_step
     from ncgen.report.inspection import inspect
     from ncgen.solver.derivatives.gradients import gradient_batch

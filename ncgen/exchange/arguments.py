@@ -168,6 +168,19 @@ def _expression_of(raw: object, known: Collection[str], model: Model) -> int | f
     return raw
 
 
+def _doing(model: Model | None, raw: object) -> object:
+    """The word "stop", a table of an impact or of values by name, or a list of these."""
+    if isinstance(raw, list):
+        return [_doing(model, item) for item in raw]
+    if isinstance(raw, str):
+        return raw.strip()
+    if not isinstance(raw, dict):
+        raise ModelError(f'{shown(raw)} is no action; write "stop", {{ impact = {{ restitution = 0.5 }} }} or {{ name = value }}')
+    if set(raw) == {"impact"} and isinstance(raw["impact"], dict):
+        return {"impact": {key: item if key == "order" else _value(model, item) for key, item in raw["impact"].items()}}
+    return {key: _driven(model, item) for key, item in raw.items()}
+
+
 def _direction(model: Model | None, raw: object) -> Spatial | Combination:
     """The name of a vector, or a segment such as "B - A"."""
     return parse_direction(_text(model, raw), {name: e for name, e in _there(model).elements.items() if isinstance(e, Spatial)})
@@ -213,6 +226,7 @@ CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "Tensor": _tensor,
     "Expression": _expression,
     "Driven": _driven,
+    "Doing": _doing,
     "Expressions": _expressions,
     "Moment": _moment,
     "Law": _law,

@@ -91,6 +91,10 @@ class CompiledFunctions(Functions):
         self._ffi, self._library = load(files | runtime_files(*HEADERS), "\n".join(declared), abi())
         self._functions = {name: getattr(self._library, f"{prefix}_{name}") for name in inputs}
 
+    def address(self, name: str) -> int:
+        """Where a function is, for a caller in C."""
+        return int(self._ffi.cast("uintptr_t", self._functions[name]))
+
     def _evaluate(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
         shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
         if not shape:

@@ -22,7 +22,7 @@ from ncgen.model.digest import digest
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.graph import Input, Op
-from ncgen.program.programs import Programs
+from ncgen.program.programs import Programs, TangentPrograms
 from ncgen.resources import package_files
 from ncgen.symbolic.numbering import Deferred
 from ncgen.toolchain.folder import Json, keep, kept
@@ -81,6 +81,21 @@ def derived(programs: Programs, told: str, make: Callable[[], Files]) -> Files:
     own = _key_of(programs)
     with undisturbed():
         return make() if own is None else shared(f"{own}\n{told}", make)
+
+
+def derived_tangents(programs: Programs, kind: str, make: Callable[[], TangentPrograms]) -> TangentPrograms:
+    """Tangent programs of a mechanism, from the cache or made now; kind: as theirs."""
+    own = _key_of(programs)
+    with undisturbed():
+        if own is None:
+            return make()
+        named = hashlib.sha256(f"{own}\n{kind}".encode()).hexdigest()[:40]
+        found = kept(KIND, named)
+        if found is not None:
+            return TangentPrograms(kind, *_restored(found))
+        made = make()
+        keep(KIND, named, _plain((made.programs, made.patterns)), LARGEST)
+    return made
 
 
 def _key_of(programs: Programs) -> str | None:

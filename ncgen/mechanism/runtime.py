@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from threading import Thread
-from typing import Literal, Protocol, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from cffi import FFI
@@ -37,6 +37,7 @@ from ncgen.emit.runtime import (
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.callbacks import Choices, ExternalForces
+from ncgen.mechanism.conditions import Conditions, Watched
 from ncgen.mechanism.driving import Driver, Function, Pieces
 from ncgen.mechanism.in_python import in_python, model_of, tangents_of
 from ncgen.mechanism.kernels import Kernels
@@ -170,32 +171,14 @@ def prepare(kernels: Kernels, number: str = "double") -> None:
     kernels.tangents  # noqa: B018
 
 
-class Event(Protocol):
-    """Where a run stops, in the words of `ncgen_event`."""
-
-    @property
-    def coordinate(self) -> int:
-        """Position in q, or n + position in q̇."""
-        ...
-
-    @property
-    def value(self) -> float:
-        """What the coordinate or its rate passes."""
-        ...
-
-    @property
-    def direction(self) -> int:
-        """1 where it rises, −1 where it falls, 0 for both."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
 
     t (rows,) in s: their times, those asked for but for looks; q, qd (rows, n); work (rows,); status "ok" or the reason
     reached: time (s) of the state `last` = (q, qd, work); tried: time of the last stage; stiff: how often it was found stiff
-    raised: what ended the run from outside, or None
+    raised: what ended the run from outside, or None; crossed: numbers of the conditions at which it stopped
+    next_step (s): what an explicit method with error control would try next
     """
 
     t: np.ndarray
@@ -220,6 +203,8 @@ class Outcome:
     tried: float = 0.0
     stiff: int = 0
     raised: BaseException | None = None
+    crossed: tuple[int, ...] = ()
+    next_step: float = 0.0
 
     def completed(self) -> Outcome:
         """This outcome, unless something was raised while the run went on: that is raised now."""
@@ -283,7 +268,7 @@ class Dynamics:
         p: ArrayLike,
         *,
         max_step: float = np.inf,
-        event: Event | None = None,
+        conditions: Conditions | None = None,
         newton: bool = False,
         sizes: ArrayLike | None = None,
         looks: np.ndarray | None = None,
@@ -297,7 +282,7 @@ class Dynamics:
 
         q (n,): where it starts (m, rad); p (n_p,): the parameters
         velocities: independent ones (nz,) with coordinate partitioning, all of them (n,) with other formalisms, in m/s and rad/s
-        event: at which to stop
+        conditions: at the first of which to stop
         newton: with tangents, also where a method can do without them
         sizes: what atol is multiplied by, one a velocity, position and the work; None for 1
         looks: a mask over the times of rows that may have the end of the step around them, which saves the stages of an interpolant
@@ -334,9 +319,9 @@ class Dynamics:
         called = [*self.called, *([Choices(self.kernels, choose)] if choose else [])]
         if choose:
             settings.choose = called[-1].function
-        if event:
-            stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
-            settings.event = stop
+        watched = Watched(conditions, ffi, self.number) if conditions else None
+        if watched:
+            settings.event = watched.struct
         if newton or self._uses_tangents(method, options):
             self._take_tangents()
         else:
@@ -362,6 +347,8 @@ class Dynamics:
             reached=float(s.t),
             last=(out_q[-1].astype(float), out_qd[-1].astype(float), out_work[-1].astype(float)),
             stopped=bool(s.stopped),
+            crossed=watched.crossed if watched else (),
+            next_step=float(s.next_step),
             largest_projection=float(s.largest_projection),
             tried=float(s.tried),
             raised=raised,

@@ -17,14 +17,16 @@ from ncgen.emit.naming import prefix_of
 from ncgen.emit.numpy import files as in_numpy
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
+from ncgen.mechanism import recall
 from ncgen.mechanism.arguments import pointer
+from ncgen.mechanism.recall import Files
 from ncgen.program.ir.blocks import Program
-from ncgen.program.programs import Programs
+from ncgen.program.programs import Programs, TangentPrograms
 from ncgen.toolchain.abi import InC, abi
+from ncgen.toolchain.compilers import flags_for
 from ncgen.toolchain.loader import executed, load
 
 if TYPE_CHECKING:
-    from ncgen.program.differentiation.tangents import TangentPrograms
     from ncgen.symbolic.numbering import Terms
 
 
@@ -45,16 +47,29 @@ class Tangents(ABC):
     @classmethod
     def by_state(cls, programs: Programs) -> Self:
         """stiffness, damping, phidd_q and phidd_qd."""
-        from ncgen.program.differentiation.tangents import assemble_tangents
 
-        return cls(assemble_tangents(programs.equations, programs.emission), programs.equations)
+        def made() -> TangentPrograms:
+            from ncgen.program.differentiation.tangents import assemble_tangents
+
+            return assemble_tangents(programs.equations, programs.emission)
+
+        return cls._of(recall.derived_tangents(programs, "tangents", made), programs)
 
     @classmethod
     def by_parameters(cls, programs: Programs) -> Self:
         """phi_p, phid_p, phidd_p and balance_p."""
-        from ncgen.program.differentiation.tangents import assemble_parameter_tangents
 
-        return cls(assemble_parameter_tangents(programs.equations), programs.equations)
+        def made() -> TangentPrograms:
+            from ncgen.program.differentiation.tangents import assemble_parameter_tangents
+
+            return assemble_parameter_tangents(programs.equations)
+
+        return cls._of(recall.derived_tangents(programs, "parameter_tangents", made), programs)
+
+    @classmethod
+    def _of(cls, tangents: TangentPrograms, programs: Programs) -> Self:
+        """Those of a mechanism; programs: its own."""
+        return cls(tangents, programs.equations)
 
     def values(self, name: str, given: dict[str, Any]) -> np.ndarray:
         """The nonzeros of one matrix; given: t, q, qd, qdd, lam, p by name."""
@@ -83,15 +98,21 @@ class NumPyTangents(Tangents):
 class CompiledTangents(Tangents):
     """Through a compiled library, whose `descriptor` the C runtime takes."""
 
-    def __init__(self, programs: TangentPrograms, equations: Terms) -> None:
+    def __init__(self, programs: TangentPrograms, equations: Terms, files: Files | None = None) -> None:
+        """files: the C source, where it is known"""
         super().__init__(programs, equations)
-        files = in_c.tangent_files(self.programs, self.equations) | runtime_files(*HEADERS)
-        kind = programs.kind
+        files = files or in_c.tangent_files(programs, equations)
+        kind, flags = programs.kind, flags_for(files)
         getter = f"{prefix_of(equations.model.name)}_{kind}"
-        self._ffi, self._library = load(files, f"const ncgen_{kind} *{getter}(void);", abi())
+        self._ffi, self._library = load(files | runtime_files(*HEADERS), f"const ncgen_{kind} *{getter}(void);", abi(), flags)
         self.descriptor: InC = getattr(self._library, getter)()
         n, rows, parameters = len(equations.free), len(equations.model.rows), len(equations.parameters)
         self._counts = {"q": n, "qd": n, "qdd": n, "lam": rows, "p": parameters}
+
+    @classmethod
+    def _of(cls, tangents: TangentPrograms, programs: Programs) -> Self:
+        files = recall.derived(programs, f"{tangents.kind} in C", lambda: in_c.tangent_files(tangents, programs.equations))
+        return cls(tangents, programs.equations, files)
 
     def _call(self, name: str, program: Program, inputs: list[Any]) -> np.ndarray:
         out = np.empty(program.size)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 import numpy as np
 
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened, shown
+from ncgen.model.actions import actions_of
 from ncgen.model.bodies import Body
 from ncgen.model.elements import AXES, Combination, Component, Constant, Element, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.expressions import check_expression, is_symbolic, symbols_in
@@ -257,6 +258,7 @@ READERS: dict[str, Reader[object]] = {
     "bool | str": _held,
     "Number": _number,
     "Numbers": _numbers,
+    "Doing": actions_of,
     "Sequence[Numbers]": _rows,
 }
 """{annotation: reader(model, what was given, where)}."""

@@ -191,3 +191,7 @@ class Rotor:
 
     coordinate: Relative
     inertia: Value
+
+
+FORCE_TYPES = (Spring.kind, Spring.to_nothing, TorsionSpring.kind, Couple.kind, Couple.on_pair, Couple.in_plane)
+"""The force types of the catalogue."""

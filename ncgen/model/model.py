@@ -16,6 +16,7 @@ from __future__ import annotations
 import copy
 import pickle
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Unpack
 
@@ -23,6 +24,7 @@ from ncgen.errors import ModelError, counted, shown
 from ncgen.model.bodies import Body
 from ncgen.model.coordinates import check_form
 from ncgen.model.drawing import Drawing
+from ncgen.model.events import Events, called_by
 from ncgen.model.facts import fact
 from ncgen.model.joints import Joints
 from ncgen.model.loads import Loads
@@ -32,20 +34,24 @@ from ncgen.model.rigid import Frame
 from ncgen.model.rows import Owner
 
 if TYPE_CHECKING:
-    from ncgen.model.forces import Callback
     from ncgen.model.tables import Table, TableOptions
 
 LONGEST_NAME = 100
 """Characters of a model's name, which becomes a file name."""
 
 
-class Model(Joints, Loads, Pictures):
-    """A mechanism in natural coordinates.
+class Model(Joints, Loads, Events, Pictures):
+    """Describe a mechanism in natural coordinates.
 
-    name: becomes the prefix of the generated code
-    scale: True divides every row by its natural length, so that metres and millimetres converge alike;
-        False gives the paper's raw rows
-    form: how relative angles are tied to points and vectors, see `angle`
+    Parameters
+    ----------
+    name : str
+        Prefix of the generated code.
+    scale : bool
+        Whether every constraint is divided by its characteristic length, so that metres and millimetres converge alike; False gives the
+        paper's constraints.
+    form : str
+        How relative angles are tied to points and vectors, see `angle`.
     """
 
     def __init__(self, name: str, *, scale: bool = True, form: str = "smooth") -> None:
@@ -71,6 +77,7 @@ class Model(Joints, Loads, Pictures):
         self.rotors = []
         self.callbacks = []
         self.conditions = []
+        self.events = {}
         self.gravity_field = (0.0, 0.0, 0.0)
         self.branches = {}
         self.chosen_independent = ()
@@ -98,7 +105,7 @@ class Model(Joints, Loads, Pictures):
 
     def __getstate__(self) -> dict[str, object]:
         """What pickle takes along. Raises ModelError naming a callback that pickle cannot find again."""
-        for function in self.callbacks:
+        for function in (*self.callbacks, *called_by(self.events.values())):
             _check_travels(function, self.name)
         return vars(self)
 
@@ -141,7 +148,7 @@ BY_VALUE = ("cloudpickle", "dill")
 """Packages that can pickle any function."""
 
 
-def _check_travels(function: Callback, model: str) -> None:
+def _check_travels(function: Callable[..., object], model: str) -> None:
     """Refuse a function that pickle, which takes only names along, could not find on the other side."""
     if any(module.rpartition(".")[2] in BY_VALUE for module in sys.modules):
         return  # whether it can travel is theirs to say

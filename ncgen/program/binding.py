@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 from ncgen.errors import ModelError
 from ncgen.model.elements import Component, rate_name
+from ncgen.model.names import TIME
 from ncgen.model.values import Parameter, Value, is_number
 from ncgen.program.ir.graph import Graph, Input
 from ncgen.program.ir.lower import LoweredTemplate, lowered
 from ncgen.symbolic.equations import Term
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.templates import TIME, Template
+from ncgen.symbolic.templates import Template
 
 if TYPE_CHECKING:
     import sympy
@@ -159,7 +160,7 @@ class Places:
         if name in self.rates:
             moving = [(w, c.k) for w, c in self.rates[name] if isinstance(c, Reference) and c.kind == "q"]
             return self.graph.sum(self.graph.mul(self.node(w), self.read(Reference("qd", k))) for w, k in moving)
-        if name == TIME.name:
+        if name == TIME:
             return self.graph.load("t", 0)
         return self.node(self.bound.data[name])
 

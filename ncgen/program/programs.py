@@ -43,6 +43,18 @@ class Programs:
 
 
 @dataclass(frozen=True)
+class TangentPrograms:
+    """programs, patterns: by kernel name; what a mechanism does not need has a pattern without nonzeros and no program.
+
+    kind: "tangents" or "parameter_tangents", as in ncgen.h
+    """
+
+    kind: str
+    programs: dict[str, Program]
+    patterns: dict[str, Pattern]
+
+
+@dataclass(frozen=True)
 class Split:
     """rows: kept rows; dependent, independent: positions in q."""
 

@@ -16,22 +16,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.model import forces
 from ncgen.model.catalogue import ROW_TYPES
 from ncgen.model.elements import Component
+from ncgen.model.forces import FORCE_TYPES
 from ncgen.model.values import Parameter, Value, is_number
 from ncgen.model.values import evaluate as evaluated
 from ncgen.symbolic import templates
 from ncgen.symbolic.equations import Equations, LinearForm, Term
-from ncgen.symbolic.templates import SCALE, TIME, Template
+from ncgen.symbolic.templates import SCALE, Template
 
 if TYPE_CHECKING:
     import sympy
-
-FORCES = (
-    forces.Spring.kind, forces.Spring.to_nothing, forces.TorsionSpring.kind, forces.Couple.kind, forces.Couple.on_pair,
-    forces.Couple.in_plane,
-)  # fmt: skip
 
 PRODUCTS = 3
 """How many products of two scalars one term of the type `slide`, a.n - s, holds."""
@@ -43,7 +38,7 @@ def drive() -> Template:
     import sympy
 
     x, c0, c1, A, w, h, scale = templates.symbols(["x", "c0", "c1", "A", "w", "h", SCALE])
-    law = c0 + c1 * TIME + A * sympy.sin(w * TIME + h)
+    law = c0 + c1 * templates.time() + A * sympy.sin(w * templates.time() + h)
     return templates.expression_row_template("drive", scale * (x - law), ("x",), ("c0", "c1", "A", "w", "h", SCALE))
 
 
@@ -59,7 +54,7 @@ def types() -> tuple[Template, ...]:
     """The types of terms, in the order of their numbers."""
     rows = tuple(map(templates.row_template, ROW_TYPES))
     masses = (templates.mass_diagonal(), templates.mass_pair(), templates.cross_product_body())
-    return (*rows, drive(), *masses, templates.weight(), templates.energy_offset(), *map(templates.force_template, FORCES), push())
+    return (*rows, drive(), *masses, templates.weight(), templates.energy_offset(), *map(templates.force_template, FORCE_TYPES), push())
 
 
 class Placed(NamedTuple):
@@ -143,7 +138,7 @@ def _polynomial(equations: Equations, term: Term) -> list[Placed]:
     written = term.template.outputs[templates.Output("phi")].subs({sympy.Symbol(k, real=True): v for k, v in values.items()})
     free = [sympy.Symbol(name, real=True) for name in names if name not in values]
     try:
-        found = sympy.Poly(written, *free, TIME)
+        found = sympy.Poly(written, *free, templates.time())
     except sympy.PolynomialError:
         found = None
     if found is None or term.template.outputs[templates.Output("nu")].has(*free):

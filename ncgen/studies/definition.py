@@ -20,7 +20,7 @@ from ncgen.model.digest import digest
 from ncgen.model.elements import coordinate_of
 from ncgen.model.model import checked_model
 from ncgen.solver.given import count as whole
-from ncgen.solver.given import known_name, several
+from ncgen.solver.given import known_name, refuse_events, several
 from ncgen.solver.runs.run import Run, outline
 from ncgen.solver.runs.simulation_options import check_options, simulation_of
 from ncgen.solver.trajectories.outputs import uses_accelerations
@@ -75,6 +75,7 @@ class Study:
         run, known = Run.asked(model, **options), outline(model)
         if model.callbacks:
             raise ModelError(f"{model.name}: a force is a Python function, which is no data; a study needs a model that can travel")
+        refuse_events(model, "ncgen.study")
         for name, signal in (options.get("inputs") or {}).items():
             if callable(signal):
                 raise ModelError(f"inputs, {name}: a Python function is no data; give a number or a table of times and values")

@@ -10,9 +10,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TypeAlias
-
-import sympy
+from typing import TYPE_CHECKING, TypeAlias
 
 from ncgen.errors import SHOWN, ModelError, shortened, shown
 from ncgen.model import Model
@@ -21,19 +19,22 @@ from ncgen.model.catalogue import RowType
 from ncgen.model.elements import Combination, Component, rate_name
 from ncgen.model.expressions import symbols_in
 from ncgen.model.forces import Couple, Force, Load, Potential, Rotor
-from ncgen.model.names import LAW
+from ncgen.model.names import LAW, TIME
 from ncgen.model.rows import Owner, Row, describe
 from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, told
 from ncgen.symbolic import templates
 from ncgen.symbolic.inertia import Exact, StandardInertia, centre_weights, standard_inertia
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.omissions import Pairs, angle_row_type, perpendicular_pairs
-from ncgen.symbolic.templates import TIME, Template
+from ncgen.symbolic.templates import Template
+
+if TYPE_CHECKING:
+    import sympy
 
 LinearForm: TypeAlias = tuple[tuple[Scalar, Component], ...]
 """Pairs (weight, coordinate); a weight is a value."""
 
-Amount: TypeAlias = Exact | float
+Amount: TypeAlias = "Exact | float"
 """What is added up before it is rounded."""
 
 
@@ -125,6 +126,8 @@ def _released(model: Model, owner: Owner | None) -> frozenset[Component]:
 
 def _row(names: Names, number: int, row: Row, perpendicular: Pairs, omitted: list[str]) -> Term:
     if row.type is None:
+        import sympy
+
         where = f"row {number + 1} ({row.label})"
         scalars, data = names.mentioned(row.written, where)
         if row.level == "position":
@@ -180,8 +183,10 @@ class Names:
 
     def mentioned(self, expression: Scalar | sympy.Tuple, where: str) -> tuple[list[Component], list[Parameter]]:
         """The coordinates (by themselves or by their rates) and parameters an expression mentions, in model order."""
+        import sympy
+
         names = {s.name for s in symbols_in(sympy.sympify(expression))}
-        if unknown := sorted(names - self._coordinates.keys() - self._numbers.keys() - {TIME.name}):
+        if unknown := sorted(names - self._coordinates.keys() - self._numbers.keys() - {TIME}):
             raise ModelError(
                 f"{where}: {shortened(unknown[0], SHOWN)} is neither a coordinate, a rate, a parameter, an input nor m.time; correct the "
                 "expression"
@@ -193,6 +198,8 @@ class Names:
 
 def _refuse_rates(expression: Scalar, coordinates: Iterable[Component], what: str, remedy: str) -> None:
     """Raise ModelError where an expression of positions mentions a velocity."""
+    import sympy
+
     mentioned = {s.name for s in symbols_in(sympy.sympify(expression))}
     rates = [rate_name(c.name) for c in coordinates if rate_name(c.name) in mentioned]
     if rates:
@@ -208,20 +215,29 @@ def _load(names: Names, load: Load) -> Term:
     kind, make = load.type, templates.force_template
     arguments, data = load.given()
     if load.law is not None:
-        used = {s.name for s in symbols_in(load.law)} - {*LAW, TIME.name}
+        used = {s.name for s in symbols_in(load.law)} - {*LAW, TIME}
         data = [p for p in names.model.parameters.values() if p.name in used]
         if used - set(_words(data)):
             raise ModelError(f"{load.label}: {sorted(used)[0]} is not a parameter; a law is made of length, rate, m.time and parameters")
         kind, make = templates.law_type(kind, load.label, load.law, _words(data)), templates.derived_force
-    written = sympy.Tuple(*map(as_sympy, data))
-    if names.mentioned(written, load.label)[0] or TIME in written.free_symbols:
+    if not all(map(is_number, data)) and _varies(names, load, data):
         return _varying(names, load, arguments, data)
     equation = describe(kind.equation, dict(zip((*kind.vectors, *kind.scalars, *kind.data), (*arguments, *data), strict=True)))
     return Term(make(kind), _forms(arguments), tuple(data), Owner("user", load.label), load.label, equation=equation)
 
 
+def _varies(names: Names, load: Load, data: Sequence[Value]) -> bool:
+    """Whether coordinates or time occur in the constants of a force type."""
+    import sympy
+
+    written = sympy.Tuple(*map(as_sympy, data))
+    return bool(names.mentioned(written, load.label)[0]) or templates.time() in written.free_symbols
+
+
 def _varying(names: Names, load: Load, arguments: Sequence[Combination | Component], data: Sequence[Value]) -> Term:
     """A force type of the catalogue whose constants are expressions of time, coordinates and rates, such as a couple's components."""
+    import sympy
+
     kind, written = load.type, [sympy.sympify(as_sympy(x)) for x in data]
     coordinates, numbers = names.mentioned(sympy.Tuple(*written), load.label)
     template = templates.varying_force(kind, load.label, written, _words(coordinates), _words(numbers))
@@ -231,6 +247,8 @@ def _varying(names: Names, load: Load, arguments: Sequence[Combination | Compone
 
 
 def _force(names: Names, force: Force, released: Collection[Component]) -> Term:
+    import sympy
+
     components = {c: sympy.sympify(e) for c, e in force.components if not c.fixed or c in released}
     scalars, data = names.mentioned(sympy.Tuple(*components.values()), force.label)
     scalars = list(dict.fromkeys([*scalars, *components]))
@@ -273,6 +291,8 @@ def _borne_by(model: Model, owner: Owner) -> list[Force | Couple]:
 
 
 def _potential(names: Names, potential: Potential) -> Term:
+    import sympy
+
     scalars, data = names.mentioned(potential.expression, potential.label)
     _refuse_rates(potential.expression, scalars, f"{potential.label}: a potential", "use m.force or m.torque")
     expression = sympy.sympify(potential.expression)

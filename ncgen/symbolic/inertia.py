@@ -15,11 +15,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import sympy
 
 from ncgen.errors import ModelError
 from ncgen.model.bodies import Body, Inertia
@@ -29,6 +28,9 @@ from ncgen.model.expressions import is_symbolic
 from ncgen.model.rigid import NORMAL
 from ncgen.model.values import Parameter, Value, as_sympy, evaluate, is_number, vanishes
 
+if TYPE_CHECKING:
+    import sympy
+
 ROUNDING = 1e-14
 """Relative weights below this are rounding of the user's decimal numbers (a centre meant to be on a line) and count as zero."""
 
@@ -36,7 +38,7 @@ OFF_AXIS = 1e-9
 """How far (relative to the bar's length) a bar's centre of mass may be from its line."""
 
 
-Exact: TypeAlias = Fraction | sympy.Expr
+Exact: TypeAlias = "Fraction | sympy.Expr"
 """A number as the fraction that it is, or an expression where parameters have a say."""
 
 Form: TypeAlias = tuple[tuple[float, tuple[Component, ...]], ...]
@@ -138,7 +140,7 @@ def _standard(
 
 def _combined(shares: Sequence[Exact], values: Sequence[Exact], size: float) -> Exact:
     """Σ share · value, of shares that are numbers, with each term of the values once and none whose share is rounding next to `size`."""
-    number, found = Fraction(0), defaultdict[sympy.Expr, Fraction](Fraction)
+    number, found = Fraction(0), defaultdict["sympy.Expr", Fraction](Fraction)
     for share, value in zip(shares, values, strict=True):
         assert isinstance(share, Fraction | int)
         if isinstance(value, Fraction):
@@ -149,6 +151,10 @@ def _combined(shares: Sequence[Exact], values: Sequence[Exact], size: float) -> 
                 number += share * Fraction(float(factor))
             else:
                 found[term] += share * Fraction(float(factor))
+    if not found:
+        return number
+    import sympy
+
     terms = [sympy.Float(float(share)) * term if share != 1 else term for term, share in found.items() if abs(share) > ROUNDING * size]
     return sympy.Add(*terms, *([sympy.Float(float(number))] if number else [])) if terms else number
 
@@ -249,10 +255,14 @@ def _times(mass: Exact, factor: Exact) -> Exact:
     """mass·factor: exact for numbers, a sympy expression for parameters."""
     if isinstance(mass, Fraction):
         return mass * factor
+    import sympy
+
     return mass * (sympy.Float(float(factor)) if isinstance(factor, Fraction) else factor) if factor else Fraction(0)
 
 
 def _plus(number: Exact, term: Exact) -> Exact:
     if isinstance(term, Fraction) or not isinstance(number, Fraction):
         return number + term
+    import sympy
+
     return term + sympy.Float(float(number)) if number else term

@@ -19,16 +19,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from itertools import chain
-from typing import NamedTuple, TypeAlias, cast
-
-import sympy
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, cast
 
 from ncgen.model.catalogue import ROW_TYPES, RowType
 from ncgen.model.elements import AXES, rate_name
-from ncgen.model.forces import ForceType
-from ncgen.model.names import LAW
+from ncgen.model.forces import FORCE_TYPES, ForceType
+from ncgen.model.names import LAW, TIME
 
-TIME = sympy.Symbol("t", real=True)
+if TYPE_CHECKING:
+    import sympy
+
 SCALE = "scale"
 USER_FORCE = "user force"
 
@@ -40,10 +40,10 @@ class Output(NamedTuple):
     scalars: tuple[int, ...] = ()
 
 
-Outputs: TypeAlias = dict[Output, sympy.Expr]
+Outputs: TypeAlias = "dict[Output, sympy.Expr]"
 
 
-class Deferred(Mapping[Output, sympy.Expr]):
+class Deferred(Mapping[Output, "sympy.Expr"]):
     """Outputs that sympy derives when something asks for one of them."""
 
     def __init__(self, derive: Callable[[], Outputs]) -> None:
@@ -79,7 +79,14 @@ class Template:
 
 
 def symbols(names: Iterable[str]) -> list[sympy.Symbol]:
+    import sympy
+
     return [sympy.Symbol(name, real=True) for name in names]
+
+
+def time() -> sympy.Symbol:
+    """The symbol of time."""
+    return symbols([TIME])[0]
 
 
 def rates(names: Iterable[str]) -> list[sympy.Symbol]:
@@ -93,7 +100,7 @@ def vector(name: str) -> tuple[str, ...]:
 
 def replaced(expression: sympy.Expr, rules: Mapping[sympy.Symbol, sympy.Expr]) -> sympy.Expr:
     """The expression with others in place of symbols."""
-    return cast(sympy.Expr, expression.xreplace(rules))  # sympy says no more than Basic
+    return cast("sympy.Expr", expression.xreplace(rules))  # sympy says no more than Basic
 
 
 def differentiate(phi: sympy.Expr, scalars: tuple[str, ...]) -> Outputs:
@@ -102,12 +109,14 @@ def differentiate(phi: sympy.Expr, scalars: tuple[str, ...]) -> Outputs:
     γ is the second derivative along the motion that goes on straight: −d²/dε² Φ(q + ε q̇, t + ε) at ε = 0.
     Taken so, the products of Φ stay products; building the Hessian first costs twice the operations.
     """
+    import sympy
+
     x, v = symbols(scalars), rates(scalars)
     smooth, whole = _beside_kinks(phi)
     step = sympy.Dummy("step", real=True)
-    moved = {s: s + step * rate for s, rate in zip(x, v, strict=True)} | {TIME: TIME + step}
+    moved = {s: s + step * rate for s, rate in zip(x, v, strict=True)} | {time(): time() + step}
     curvature = replaced(replaced(smooth, moved).diff(step, 2), {step: sympy.Integer(0)})
-    outputs: Outputs = {Output("nu"): -smooth.diff(TIME), Output("gamma"): -curvature}
+    outputs: Outputs = {Output("nu"): -smooth.diff(time()), Output("gamma"): -curvature}
     outputs.update({Output("phi_q", (k,)): smooth.diff(s) for k, s in enumerate(x)})
     return {Output("phi"): phi, **{key: whole(value) for key, value in outputs.items()}}
 
@@ -117,6 +126,8 @@ def _beside_kinks(expression: sympy.Expr) -> tuple[sympy.Expr, Callable[[sympy.E
 
     Its derivatives are those beside the kinks, where they are used; sympy's own have Dirac impulses, and derivatives of these.
     """
+    import sympy
+
     signs: dict[sympy.Symbol, sympy.Expr] = {}
 
     def constant(u: sympy.Expr) -> sympy.Dummy:
@@ -129,7 +140,7 @@ def _beside_kinks(expression: sympy.Expr) -> tuple[sympy.Expr, Callable[[sympy.E
         return derived
 
     smooth = expression.replace(sympy.Abs, lambda u: constant(u) * u).replace(sympy.sign, constant)
-    return (cast(sympy.Expr, smooth), whole) if signs else (expression, lambda derived: derived)  # sympy says no more than Basic
+    return (cast("sympy.Expr", smooth), whole) if signs else (expression, lambda derived: derived)  # sympy says no more than Basic
 
 
 @cache
@@ -142,6 +153,8 @@ def row_template(key: str) -> Template:
 
 def _derived_row(row: RowType, scalars: tuple[str, ...]) -> Outputs:
     """The outputs of a row type over its scalars, times its scale."""
+    import sympy
+
     arguments: dict[str, sympy.Symbol | tuple[sympy.Symbol, ...]] = {name: tuple(symbols(vector(name))) for name in row.vectors}
     arguments |= {name: sympy.Symbol(name, real=True) for name in row.scalars + row.data}
     raw: sympy.Expr = row.formula(sympy, **arguments)
@@ -159,13 +172,15 @@ def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], d
 
     γ = −Ḃ q̇ + ν̇. Raises ValueError if the expression is not linear in the rates.
     """
+    import sympy
+
     x, v = symbols(scalars), rates(scalars)
     smooth, whole = _beside_kinks(psi)
     still = dict.fromkeys(v, sympy.Integer(0))
     B = [psi.diff(rate) for rate in v]
     if any(slope.has(*v) for slope in B if v):
         raise ValueError("it is not linear in the rates")
-    change = sympy.Add(smooth.diff(TIME), *(smooth.diff(s) * rate for s, rate in zip(x, v, strict=True)))
+    change = sympy.Add(smooth.diff(time()), *(smooth.diff(s) * rate for s, rate in zip(x, v, strict=True)))
     outputs: Outputs = {Output("phi"): sympy.Integer(0), Output("nu"): -replaced(psi, still), Output("gamma"): whole(-change)}
     outputs.update({Output("phi_q", (k,)): slope for k, slope in enumerate(B)})
     return Template(key, f"{psi}", scalars, data, outputs)
@@ -173,6 +188,8 @@ def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], d
 
 def derived_force(kind: ForceType) -> Template:
     """Generalised forces, energy and power of a force type, a user's own among them."""
+    import sympy
+
     scalars = sum(map(vector, kind.vectors), ()) + kind.scalars
     data = {name: sympy.Symbol(name, real=True) for name in kind.data}
     if kind.forces is not None:
@@ -196,6 +213,8 @@ def varying_force(
 
     The scalars are those of the type, then the coordinates; a coordinate and a number may be called like an argument of the type.
     """
+    import sympy
+
     assert kind.forces is not None, f"{kind.key} has a tension"
     mine, data = tuple(f"law.{name}" for name in coordinates), tuple(f"law.{name}" for name in numbers)
     old = [*symbols(coordinates), *rates(coordinates), *symbols(numbers)]
@@ -206,12 +225,22 @@ def varying_force(
     return Template(key, kind.equation, scalars, data, _working(dict(enumerate(chain.from_iterable(found))), scalars))
 
 
-force_template = cache(derived_force)
-"""The derivation of one force type of the catalogue, once."""
+@cache
+def force_template(kind: ForceType) -> Template:
+    """The derivation of one force type of the catalogue."""
+    scalars = sum(map(vector, kind.vectors), ()) + kind.scalars
+    derived = Deferred(partial(_derived_force, kind))
+    return Template(kind.key, kind.equation, scalars, kind.data, derived, is_catalogued=True)
+
+
+def _derived_force(kind: ForceType) -> Outputs:
+    return dict(derived_force(kind).outputs)
 
 
 def _stretch(scalars: tuple[str, ...]) -> tuple[sympy.Expr, sympy.Expr, list[sympy.Expr]]:
     """What a tension pulls along, the length of a vector or one scalar: its value, its rate and its gradient."""
+    import sympy
+
     s, ds = symbols(scalars), rates(scalars)
     if len(s) == 1:
         return s[0], ds[0], [sympy.Integer(1)]
@@ -231,6 +260,8 @@ def law_type(kind: ForceType, key: str, law: sympy.Expr, names: tuple[str, ...])
 
 def _working(components: dict[int, sympy.Expr], scalars: tuple[str, ...]) -> Outputs:
     """Forces by the numbers of their scalars, and their power, which is counted as work."""
+    import sympy
+
     speeds = rates(scalars)
     outputs: Outputs = {Output("force", (k,)): expression for k, expression in components.items()}
     return outputs | {Output("power"): sympy.Add(*(expression * speeds[k] for k, expression in components.items()))}
@@ -254,8 +285,8 @@ def user_potential(key: str, scalars: tuple[str, ...], data: tuple[str, ...], po
     smooth, whole = _beside_kinks(potential)
     outputs: Outputs = {Output("force", (k,)): whole(-smooth.diff(s)) for k, s in enumerate(symbols(scalars))}
     outputs[Output("potential")] = potential
-    if TIME in potential.free_symbols:
-        outputs[Output("power")] = whole(smooth.diff(TIME))
+    if time() in potential.free_symbols:
+        outputs[Output("power")] = whole(smooth.diff(time()))
     return Template(key, "user potential", scalars, data, outputs)
 
 
@@ -270,39 +301,54 @@ def _inertia(scalars: tuple[str, ...], kinetic: sympy.Expr, more: Outputs | None
     return outputs
 
 
+def _derived_mass_diagonal() -> Outputs:
+    (v,), (m,) = rates(["x"]), symbols(["m"])
+    return _inertia(("x",), m * v**2 / 2)
+
+
 @cache
 def mass_diagonal() -> Template:
     """A constant entry on the diagonal of M."""
-    (v,), (m,) = rates(["x"]), symbols(["m"])
-    derived = Deferred(partial(_inertia, ("x",), m * v**2 / 2))
-    return Template("mass-diagonal", "m v^2 / 2", ("x",), ("m",), derived, is_catalogued=True)
+    return Template("mass-diagonal", "m v^2 / 2", ("x",), ("m",), Deferred(_derived_mass_diagonal), is_catalogued=True)
+
+
+def _derived_mass_pair() -> Outputs:
+    (v, w), (m,) = rates(["x", "y"]), symbols(["m"])
+    return _inertia(("x", "y"), m * v * w)
 
 
 @cache
 def mass_pair() -> Template:
     """A pair of equal constant entries off the diagonal of M."""
-    (v, w), (m,) = rates(["x", "y"]), symbols(["m"])
-    derived = Deferred(partial(_inertia, ("x", "y"), m * v * w))
-    return Template("mass-pair", "m v w", ("x", "y"), ("m",), derived, is_catalogued=True)
+    return Template("mass-pair", "m v w", ("x", "y"), ("m",), Deferred(_derived_mass_pair), is_catalogued=True)
 
 
 def catalogue() -> tuple[Template, ...]:
     """The templates that are the same in all mechanisms and that sympy derives."""
-    return (*map(row_template, ROW_TYPES), mass_diagonal(), mass_pair(), cross_product_body())
+    masses = mass_diagonal(), mass_pair(), weight(), energy_offset(), cross_product_body()
+    return (*map(row_template, ROW_TYPES), *masses, *map(force_template, FORCE_TYPES))
+
+
+def _derived_weight() -> Outputs:
+    (x,), (f,) = symbols(["x"]), symbols(["f"])
+    return {Output("force", (0,)): f, Output("potential"): -f * x}
 
 
 @cache
 def weight() -> Template:
     """A constant force along one coordinate, such as gravity: V = −f x."""
-    (x,), (f,) = symbols(["x"]), symbols(["f"])
-    return Template("weight", "-f x", ("x",), ("f",), {Output("force", (0,)): f, Output("potential"): -f * x})
+    return Template("weight", "-f x", ("x",), ("f",), Deferred(_derived_weight), is_catalogued=True)
+
+
+def _derived_energy_offset() -> Outputs:
+    (v,) = symbols(["V"])
+    return {Output("potential"): v}
 
 
 @cache
 def energy_offset() -> Template:
     """The potential energy of what is fixed."""
-    (v,) = symbols(["V"])
-    return Template("energy-offset", "V", (), ("V",), {Output("potential"): v})
+    return Template("energy-offset", "V", (), ("V",), Deferred(_derived_energy_offset), is_catalogued=True)
 
 
 @cache
@@ -320,12 +366,14 @@ def cross_product_body() -> Template:
 
 def _derived_cross_product_body(names: tuple[str, ...]) -> Outputs:
     """Its outputs over the scalars of r, a and u."""
+    import sympy
+
     a, u = (sympy.Matrix(symbols(vector(n))) for n in "au")
     dr, da, du = (sympy.Matrix(rates(vector(n))) for n in "rau")
     mr, ma, mu, mw = symbols(["mr", "ma", "mu", "mw"])
     g = sympy.Matrix(symbols(["gx", "gy", "gz"]))
     dw = da.cross(u) + a.cross(du)
-    momentum = cast(sympy.Matrix, mr * dr + ma * da + mu * du)  # sympy takes it for a number
+    momentum = cast("sympy.Matrix", mr * dr + ma * da + mu * du)  # sympy takes it for a number
     kinetic = momentum.dot(dw) + mw * dw.dot(dw) / 2
     kappa = 2 * da.cross(du)
     pull = g - mw * kappa

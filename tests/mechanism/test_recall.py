@@ -160,3 +160,19 @@ def test_a_run_at_the_shell_needs_no_sympy_again(runtime, tmp_path):
     text += "try:\n    main()\nexcept SystemExit:\n    pass\nprint('sympy' in sys.modules, file=sys.stderr)"
     said = [subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True).stderr.split()[-1] for _ in range(2)]
     assert said == ["True", "False"]
+
+
+def test_tangents_are_derived_once(monkeypatch):
+    """A second start derives no tangents, and they give the same numbers."""
+    from ncgen.program.differentiation import tangents as derivation
+
+    q, qd, qdd, lam = np.array([0.6, -0.8]), np.array([1.6, 1.2]), np.array([0.3, -0.5]), np.array([2.0])
+    given = {"t": 0.0, "q": q, "qd": qd, "qdd": qdd, "lam": lam, "p": None}
+    first = ncgen.compile(pendulum(), "c")
+    wanted = first.dense_tangent("stiffness", **given)
+    assert np.any(wanted)
+    for name in ("assemble_tangents", "assemble_parameter_tangents"):
+        monkeypatch.setattr(derivation, name, lambda *_: pytest.fail("it was derived again"))
+    again = ncgen.compile(pendulum(), "c")
+    assert np.array_equal(again.dense_tangent("stiffness", **given), wanted)
+    assert again.tangents.programs == first.tangents.programs

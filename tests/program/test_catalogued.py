@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 
@@ -44,3 +45,27 @@ def test_a_row_of_the_user_is_derived_whatever_it_is_called():
 def test_a_mechanism_of_the_catalogue_needs_no_derivative():
     for example in ("robot", "heavytop"):
         subprocess.run([sys.executable, "-c", WITHOUT_DERIVATIVES, example], check=True)
+
+
+def test_templates_travel():
+    """Also those that are derived when they are asked for."""
+    for template in catalogue():
+        assert dict(pickle.loads(pickle.dumps(template)).outputs) == dict(template.outputs), template.key
+
+
+WITHOUT_SYMPY = """
+import sys
+import ncgen
+
+model = ncgen.Model("pendulum")
+origin, end = model.point("O", (0, 0), fixed=True), model.point("A", (1, 0))
+model.body("rod", points=[origin, end], mass=1.0, inertia=0.1)
+model.spring(end, model.point("B", (0, 2), fixed=True), stiffness=10.0, damping=0.1, free_length=1.0)
+model.gravity((0, -9.81, 0))
+ncgen.generate(model).c
+assert "sympy" not in sys.modules, "sympy is imported"
+"""
+
+
+def test_numbers_need_no_sympy():
+    subprocess.run([sys.executable, "-c", WITHOUT_SYMPY], check=True)

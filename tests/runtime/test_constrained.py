@@ -161,14 +161,14 @@ def test_stop_at_a_position(integrator):
     if integrator == "rk4":
         options["max_step"] = 1e-3
     dynamics = ConstrainedDynamics(kernels)
-    rising, falling = Stop(0, 0.0, 1), Stop(0, 0.0, -1)
-    done = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, event=rising, **options)
+    rising, falling = Stop(0, 0.0, 1).conditions, Stop(0, 0.0, -1).conditions
+    done = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, conditions=rising, **options)
     quarter = ellipk(0.5) / np.sqrt(9.81)
     assert done.stopped
     assert abs(done.reached - quarter) < 1e-9
     assert abs(done.last[0][0]) < 1e-9
     assert len(done.q) == np.sum(grid < quarter)
-    later = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, event=falling, **options)
+    later = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, conditions=falling, **options)
     assert later.stopped and abs(later.reached - 3 * quarter) < 1e-9
 
 

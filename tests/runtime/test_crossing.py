@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 from cffi import FFI
 
+from ncgen.mechanism.conditions import LINEAR, QUADRATIC, basis
 from ncgen.solver.runs.crossing import SAMPLES, first_crossing
 
 NOISE = 1000 * float(np.finfo(float).eps)
 
-DECLARED = "int ncgen_first_crossing(const double *values, double noise, int direction, double *low, double *high);"
+NOISES = {LINEAR: NOISE, QUADRATIC: 20 * NOISE}
+
+DECLARED = """
+typedef struct ncgen_basis { int degree; const double *nodes, *inverse; } ncgen_basis;
+int ncgen_first_crossing(const ncgen_basis *basis, const double *values, int stride, double noise, int direction, int *sign, double *low,
+                         double *high);
+"""
 
 
 @pytest.fixture(scope="module")
@@ -26,26 +33,29 @@ def in_c():
     names = ("ncgen.h", "ncgen_math.h", "ncgen_vectors.h", "ncgen_crossing.h", "ncgen_crossing.c")
     library = ffi.dlopen(str(build(runtime_files(*names), find_compiler()).library))
 
-    def call(values, noise, direction):
-        ends = ffi.new("double[2]")
-        found = library.ncgen_first_crossing(ffi.from_buffer("double[]", values), noise, direction, ends, ends + 1)
+    def call(values, noise, direction, sign=0):
+        ends, last, (nodes, inverse) = ffi.new("double[2]"), ffi.new("int *", sign), basis(len(values) - 1)
+        arrays = [ffi.from_buffer("double[]", a) for a in (nodes, inverse, values)]
+        found = library.ncgen_first_crossing(
+            ffi.new("ncgen_basis *", (len(values) - 1, *arrays[:2])), arrays[2], 1, noise, direction, last, ends, ends + 1
+        )
         return (ends[0], ends[1]) if found else None
 
     return call
 
 
-def polynomials(seed, count):
+def polynomials(seed, count, degree=LINEAR):
     """(values at the samples, crossings [(root, direction)], how clearly the sign is seen between and beside them, relative to NOISE).
 
-    Roots in (0, 1), half of them in pairs 1e-6 to 1e-2 apart, some double, a factor without roots; degree 8 at most; exact fractions.
+    Roots in (0, 1), half of them in pairs 1e-6 to 1e-2 apart, some double, a factor without roots; exact fractions.
     """
     random = np.random.default_rng(seed)
     for _ in range(count):
         roots: list[float] = []
-        while len(roots) < random.integers(0, 7):
+        while len(roots) < random.integers(0, degree - 1):
             root = float(random.uniform(0, 1))
             roots += [root] if random.random() < 0.5 else [root, min(root + 10.0 ** float(random.uniform(-6, -2)), 1.0)]
-        roots = sorted(roots[:6])  # and two more: degree 8
+        roots = sorted(roots[: degree - 2])  # and two more
         scale, lift = Fraction(float(random.choice([-1, 1]) * 10.0 ** random.uniform(-3, 3))), Fraction(float(random.uniform(0.01, 1)))
         middle = Fraction(float(random.uniform(-0.5, 1.5)))
         exact = [Fraction(root) for root in roots]
@@ -56,23 +66,23 @@ def polynomials(seed, count):
                 product *= s - root
             return product
 
-        values = np.array([float(value(Fraction(k, 8))) for k in range(9)])
+        values = np.array([float(value(Fraction(s))) for s in basis(degree)[0].tolist()])
         places = [Fraction(0), *exact, Fraction(1)]
         between = [float(value((a + b) / 2)) for a, b in zip(places[:-1], places[1:], strict=True)]
         clear = min(abs(v) for v in between) / float(np.max(np.abs(values)))
         crossings = [(root, int(np.sign(after))) for root, after in zip(roots, between[1:], strict=True)]
-        yield values, crossings, clear / NOISE
+        yield values, crossings, clear / NOISES[degree]
 
 
-def compare(find, seed, count):
+def compare(find, seed, count, degree=LINEAR):
     """How many were compared, and how many of these have a pair of roots; the others are nearer to each other than rounding tells."""
     compared = pairs = 0
-    for values, crossings, clear in polynomials(seed, count):
+    for values, crossings, clear in polynomials(seed, count, degree):
         if clear < 4:
             continue
         compared += 1
         pairs += any(b[0] - a[0] < 1e-3 for a, b in zip(crossings, crossings[1:], strict=False))
-        noise = NOISE * float(np.max(np.abs(values)))
+        noise = NOISES[degree] * float(np.max(np.abs(values)))
         for direction in (-1, 0, 1):
             expected = next((root for root, way in crossings if way * direction >= 0), None)
             found = find(values, noise, direction)
@@ -89,9 +99,16 @@ def test_every_crossing_is_found(in_c):
     assert compared > 2000 and pairs > 300
 
 
+def test_every_crossing_of_products_is_found(in_c):
+    """Of quadratic conditions: degree 14, half of whose polynomials have pairs that no double can tell."""
+    compared, pairs = compare(in_c, 5, 7000, QUADRATIC)
+    assert compared > 2000 and pairs > 200
+
+
 @pytest.mark.slow
 def test_every_crossing_of_many_is_found(in_c):
     compared, pairs = compare(in_c, 2, 100_000)
+    assert compare(in_c, 6, 100_000, QUADRATIC)[0] > 30_000
     print(f"{compared} polynomials, {pairs} with roots less than 1e-3 apart: none missed, none false")
     assert compared > 70_000 and pairs > 10_000
 

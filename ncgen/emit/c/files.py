@@ -14,9 +14,8 @@ from ncgen.emit.spelling import Record
 from ncgen.program.ir.blocks import Program
 
 if TYPE_CHECKING:
-    from ncgen.program.differentiation.tangents import TangentPrograms
     from ncgen.program.motions.dynamics import DynamicsPrograms, MotionPrograms
-    from ncgen.program.programs import Programs
+    from ncgen.program.programs import Programs, TangentPrograms
     from ncgen.symbolic.numbering import Terms
 
 IS_READ = True

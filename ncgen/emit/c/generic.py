@@ -7,13 +7,14 @@ from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import runtime_files
 from ncgen.model.elements import rate_name
+from ncgen.model.names import TIME
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Program, Store, Straight
 from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lowered
 from ncgen.program.term_tables import types
-from ncgen.symbolic.templates import TIME, Output, Template
+from ncgen.symbolic.templates import Output, Template
 
 SINGLE = ("phi", "nu", "gamma", "kinetic", "potential", "power")
 """What a type's function writes first; one number for each of its scalars follows, Φ_q or a force, then the mass between all pairs."""
@@ -53,7 +54,7 @@ def type_program(template: Template) -> Program:
     graph, count = Graph(), len(template.scalars)
     names = {name: ("q", k) for k, name in enumerate(template.scalars)}
     names |= {rate_name(name): ("qd", k) for k, name in enumerate(template.scalars)}
-    names |= {name: ("p", k) for k, name in enumerate(template.data)} | {TIME.name: ("t", 0)}
+    names |= {name: ("p", k) for k, name in enumerate(template.data)} | {TIME: ("t", 0)}
     operations = lowered(template)
     made = operations.replay(graph, lambda name: graph.load(*names[name]), operations.outputs)
     gradient = [Output(name, (k,)) for k in range(count) for name in ("phi_q", "force")]

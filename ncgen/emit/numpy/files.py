@@ -14,9 +14,8 @@ from ncgen.emit.numpy.spelling import NumPy
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ncgen.program.differentiation.tangents import TangentPrograms
     from ncgen.program.ir.blocks import Program
-    from ncgen.program.programs import Programs
+    from ncgen.program.programs import Programs, TangentPrograms
     from ncgen.symbolic.numbering import Terms
 
 IS_READ = True

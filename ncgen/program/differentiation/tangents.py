@@ -22,7 +22,6 @@ Derivatives by the parameters are kernels of their own, in one straight line, si
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from ncgen.program.assemble import programs_of
@@ -32,25 +31,13 @@ from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.program.ir.derivatives import gradient
 from ncgen.program.kernel_table import ROW, Axis, Kernel, Nodes, Parts, Place, chain, with_inertia
 from ncgen.program.lines import Lines
-from ncgen.program.programs import EMISSIONS
+from ncgen.program.programs import EMISSIONS, TangentPrograms
 from ncgen.symbolic.equations import Term
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import Output
 
 Quantities: TypeAlias = Callable[[Places, Nodes], dict[Place, int]]
 """(places, outputs) -> {place: node} of what a term adds to the quantities that are differentiated."""
-
-
-@dataclass(frozen=True)
-class TangentPrograms:
-    """programs, patterns: by kernel name; what a mechanism does not need has a pattern without nonzeros and no program.
-
-    kind: "tangents" or "parameter_tangents", as in ncgen.h
-    """
-
-    kind: str
-    programs: dict[str, Program]
-    patterns: dict[str, Pattern]
 
 
 def assemble_tangents(equations: Terms, emission: str = "auto") -> TangentPrograms:

@@ -9,23 +9,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import cache
-from typing import TypeAlias, cast
-
-import sympy
-from sympy.core.sorting import default_sort_key
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from ncgen.errors import ModelError, shown
 from ncgen.model.expressions import symbols_in
 from ncgen.model.lookups import pieces_in
+from ncgen.model.names import TIME
 from ncgen.program.ir.catalogued import Operations, catalogued
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import Graph, Op
-from ncgen.symbolic.templates import TIME, Output, Template, rate_name
+from ncgen.symbolic.templates import Output, Template, rate_name
+
+if TYPE_CHECKING:
+    import sympy
 
 SIMPLE = 2**53
 """Integers below this are doubles."""
 
-Nodes: TypeAlias = dict[sympy.Expr, int]
+Nodes: TypeAlias = "dict[sympy.Expr, int]"
 """{expression: its node}, of symbols to begin with."""
 
 BY_SYMPY_NAME = {function.sympy: name for name, function in FUNCTIONS.items()}
@@ -39,11 +40,13 @@ class LoweredTemplate:
     """
 
     def __init__(self, template: Template, known: Operations | None = None) -> None:
-        names = [*template.scalars, *map(rate_name, template.scalars), *template.data, TIME.name]
+        names = [*template.scalars, *map(rate_name, template.scalars), *template.data, TIME]
         self.slots = {name: i for i, name in enumerate(names)}
         if known is not None:
             self.ops, self.outputs = known
             return
+        import sympy
+
         graph = Graph()
         nodes: Nodes = {sympy.Symbol(name, real=True): graph.slot(i) for name, i in self.slots.items()}
         data = {sympy.Symbol(name, real=True) for name in template.data}
@@ -131,6 +134,9 @@ def _finite(number: sympy.Expr) -> float:
 
 
 def _lower_sum(graph: Graph, expression: sympy.Expr, nodes: Nodes, data: set[sympy.Symbol]) -> int:
+    import sympy
+    from sympy.core.sorting import default_sort_key
+
     content, rest = expression.primitive()
     if isinstance(content, sympy.Rational) and content.p < SIMPLE and content.q < SIMPLE and rest.is_Add:
         expression = rest
@@ -147,6 +153,8 @@ def _lower_sum(graph: Graph, expression: sympy.Expr, nodes: Nodes, data: set[sym
 
 
 def _lower_product(graph: Graph, expression: sympy.Expr, nodes: Nodes, data: set[sympy.Symbol]) -> int:
+    from sympy.core.sorting import default_sort_key
+
     above, below = graph.const(1.0), graph.const(1.0)
     for factor in sorted(_arguments(expression), key=lambda f: (not f.free_symbols <= data, default_sort_key(f))):
         base, exponent = factor.as_base_exp()
@@ -161,6 +169,8 @@ def _lower_product(graph: Graph, expression: sympy.Expr, nodes: Nodes, data: set
 
 
 def _lower_power(graph: Graph, expression: sympy.Expr, nodes: Nodes, data: set[sympy.Symbol]) -> int:
+    import sympy
+
     base, exponent = expression.as_base_exp()
     node = _lower(graph, base, nodes, data)
     if exponent.is_Integer:

@@ -12,8 +12,6 @@ from collections.abc import Callable
 from functools import cache, partial
 from typing import TypeAlias
 
-import sympy
-
 from ncgen.errors import ModelError, shortened
 from ncgen.model.bodies import load_names
 from ncgen.model.elements import Component, driver_name, rate_name
@@ -75,6 +73,8 @@ def _load_words(equations: Terms) -> list[str]:
 
 
 def _node(lines: Lines, output: Output, known: Known) -> int:
+    import sympy
+
     expression = sympy.sympify(output.expression)
     mentioned = sorted(s.name for s in symbols_in(expression))
     for name in mentioned:
@@ -101,7 +101,7 @@ def _known(lines: Lines) -> Known:
     for component in lines.equations.model.components:
         rate = rate_name(component.name)
         for name, array in ((component.name, "q"), (rate, "qd"), (rate_name(rate), "qdd")):
-            found[name] = partial(_read, lines, array, component)
+            found[name] = partial(read_component, lines, array, component)
     return found | _loads(lines)
 
 
@@ -116,7 +116,7 @@ def _loads(lines: Lines) -> Known:
     return found
 
 
-def _read(lines: Lines, array: str, component: Component) -> int:
+def read_component(lines: Lines, array: str, component: Component) -> int:
     """A node: what is fixed has a value and does not move."""
     if component in lines.equations.index:
         return lines.graph.load(array, lines.equations.index[component])

@@ -131,12 +131,21 @@ typedef struct ncgen_dynamics {
                                       * repeated with a shorter one; after NCGEN_INTERRUPTED the run ends */
 } ncgen_dynamics;
 
-/* Stop where a coordinate or a velocity passes a value, or a function of (t, q, qd, p) passes zero. */
+/* Conditions, at the first of which a run stops: where a coordinate, a velocity or a function of (t, q, qd, p) passes a value. Within a
+ * step they are polynomials in time through as many values as the basis has nodes: those of coordinates, velocities and time, and with
+ * degree 14 products of two of them, are polynomials indeed, so that none of their crossings is missed. */
 typedef struct ncgen_event {
-    int coordinate;      /* position in q, or n_coordinates + position in qd; -1: the function */
-    int direction;       /* 1: rising, -1: falling, 0: both */
-    ncgen_scalar value;
-    ncgen_velocity_kernel *function; /* one number */
+    int count;
+    const int *coordinates;       /* of each: position in q, or n_coordinates + position in qd; -1: the function's */
+    const ncgen_scalar *values;   /* what it passes */
+    const int *directions;        /* 1: rising, -1: falling, 0: both, 2: not asked for */
+    int *signs;                   /* -1 or 1: the side on which each is to begin, whatever rounding makes of its value; 0: that of the value */
+    ncgen_velocity_kernel *function; /* NULL, or of each its value, and the size of the terms that it is a sum of */
+    int degree;                   /* 14 at most */
+    const ncgen_scalar *nodes;    /* degree + 1 shares of a step, the first 0, the last 1 */
+    const ncgen_scalar *inverse;  /* (degree + 1)^2: from values there to coefficients in the basis of Bernstein */
+    ncgen_real *samples;          /* (degree + 3) x 2 count: workspace */
+    int *crossed;                 /* count: 1 where it is one of those that stopped the run */
 } ncgen_event;
 
 /* The inputs of a mechanism at time t, inside a step that began at the time `from`: a value that jumps at the start of a step is the
@@ -203,7 +212,7 @@ typedef struct ncgen_options {
     ncgen_scalar penalty;   /* alpha of augmented Lagrangian and penalty, relative to the largest mass; of ali3p: times h^2 / 4 */
     ncgen_scalar damping;   /* xi and omega (1/s) of gamma - 2 xi omega Phid - omega^2 Phi; omega 0: none */
     ncgen_scalar frequency;
-    const ncgen_event *event; /* NULL: run to the end */
+    const ncgen_event *event; /* NULL: run to the end; else where it ends before */
     ncgen_scalar alpha_m;   /* generalized-alpha: weights of the accelerations at the start of a step; for rho at infinity */
     ncgen_scalar alpha_f;   /* they are (2 rho - 1) / (rho + 1) and rho / (rho + 1); for HHT 0 and its alpha */
     ncgen_watch *watch;     /* NULL: nobody listens */

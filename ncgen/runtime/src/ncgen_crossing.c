@@ -7,17 +7,9 @@
 #include "ncgen_crossing.h"
 #include "ncgen_vectors.h"
 
-enum { DEGREE = NCGEN_CROSSING_DEGREE, COEFFICIENTS = DEGREE + 1 };
+enum { MOST = NCGEN_CROSSING_DEGREE + 1 };
 
 static const int whole = 1 << 30; /* places in the interval are counted in 2^-30 of it */
-
-/* 88200 times rows 1 to 4 of the inverse of B, B[i][k] the k-th polynomial of Bernstein at i / 8; rows 5 to 7 are 3 to 1 backwards. */
-static const ncgen_scalar inverse[4][COEFFICIENTS] = {
-    {-151515, 705600, -1234800, 1646400, -1543500, 987840, -411600, 100800, -11025},
-    {199390, -1359360, 3790080, -5680640, 5619600, -3709440, 1576960, -391680, 43290},
-    {-204765, 1622720, -5480720, 10153920, -11147500, 7819840, -3459120, 883520, -99695},
-    {163812, -1396736, 5193216, -10924032, 14015680, -10924032, 5193216, -1396736, 163812},
-};
 
 /* What is known as parts of the interval are walked through from left to right: the last sign and where it was seen. */
 typedef struct walk {
@@ -43,38 +35,37 @@ static int turns(walk *w, ncgen_scalar place, int sign)
     return 0;
 }
 
-static void to_coefficients(const ncgen_real *values, ncgen_real *b)
+static void to_coefficients(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_real *b)
 {
-    b[0] = values[0];
-    b[DEGREE] = values[DEGREE];
-    for (int i = 1; i < DEGREE; ++i) {
-        b[i] = 0;
-        for (int k = 0; k < COEFFICIENTS; ++k)
-            b[i] += (i <= 4 ? inverse[i - 1][k] : inverse[DEGREE - i - 1][DEGREE - k]) * values[k];
-        b[i] /= R(88200.0);
+    const int count = basis->degree + 1;
+    for (int i = 0; i < count; ++i) {
+        const ncgen_scalar *row = basis->inverse + (size_t)i * (size_t)count;
+        b[i] = i == 0 || i == basis->degree ? values[(size_t)i * (size_t)stride] : 0;
+        for (int k = 0; k < count && i > 0 && i < basis->degree; ++k)
+            b[i] += row[k] * values[(size_t)k * (size_t)stride];
     }
 }
 
 /* The coefficients on the part from `low` to `high`, by de Casteljau's rule for either end. */
-static void restrict_to(const ncgen_real *b, ncgen_scalar low, ncgen_scalar high, ncgen_real *c)
+static void restrict_to(int degree, const ncgen_real *b, ncgen_scalar low, ncgen_scalar high, ncgen_real *c)
 {
-    for (int i = 0; i < COEFFICIENTS; ++i)
+    for (int i = 0; i <= degree; ++i)
         c[i] = b[i];
-    for (int j = 1; j < COEFFICIENTS; ++j)
-        for (int i = DEGREE; i >= j; --i)
+    for (int j = 1; j <= degree; ++j)
+        for (int i = degree; i >= j; --i)
             c[i] = (1 - high) * c[i - 1] + high * c[i];
     const ncgen_scalar share = low / high;
-    for (int j = 1; j < COEFFICIENTS; ++j)
-        for (int i = 0; i < COEFFICIENTS - j; ++i)
+    for (int j = 1; j <= degree; ++j)
+        for (int i = 0; i <= degree - j; ++i)
             c[i] = (1 - share) * c[i] + share * c[i + 1];
 }
 
 /* How often the coefficients change their sign; *sign: the last one that has any. */
-static int changes_of(const ncgen_real *c, ncgen_scalar noise, int *sign)
+static int changes_of(int degree, const ncgen_real *c, ncgen_scalar noise, int *sign)
 {
     int changes = 0;
     *sign = 0;
-    for (int i = 0; i < COEFFICIENTS; ++i) {
+    for (int i = 0; i <= degree; ++i) {
         const int here = sign_of(c[i], noise);
         if (!here)
             continue;
@@ -85,13 +76,13 @@ static int changes_of(const ncgen_real *c, ncgen_scalar noise, int *sign)
 }
 
 /* Is the part of width / whole from place / whole on to be halved? Else: does the sign turn in it? */
-static int is_mixed(walk *w, const ncgen_real *b, int place, int width, ncgen_scalar noise, int *found)
+static int is_mixed(walk *w, int degree, const ncgen_real *b, int place, int width, ncgen_scalar noise, int *found)
 {
-    ncgen_real c[COEFFICIENTS];
+    ncgen_real c[MOST];
     int sign;
     const ncgen_scalar unit = 1 / (ncgen_scalar)whole, low = (ncgen_scalar)place * unit, high = (ncgen_scalar)(place + width) * unit;
-    restrict_to(b, low, high, c);
-    const int changes = changes_of(c, noise, &sign), first = sign_of(c[0], noise), last = sign_of(c[DEGREE], noise);
+    restrict_to(degree, b, low, high, c);
+    const int changes = changes_of(degree, c, noise, &sign), first = sign_of(c[0], noise), last = sign_of(c[degree], noise);
     if (width > 1 && (changes > 1 || (changes == 1 && !(first && last))))
         return 1;
     if (changes == 0)
@@ -101,23 +92,25 @@ static int is_mixed(walk *w, const ncgen_real *b, int place, int width, ncgen_sc
     return 0;
 }
 
-int ncgen_first_crossing(const ncgen_real *values, ncgen_scalar noise, int direction, ncgen_scalar *low, ncgen_scalar *high)
+int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, int direction, int *sign,
+                         ncgen_scalar *low, ncgen_scalar *high)
 {
-    ncgen_real b[COEFFICIENTS];
-    walk w = {direction, sign_of(values[0], 0), 0, 0};
+    ncgen_real b[MOST];
+    walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0};
     int found = 0, place = 0, width = whole;
-    to_coefficients(values, b);
+    to_coefficients(basis, values, stride, b);
     while (place < whole && !found) {
-        if (is_mixed(&w, b, place, width, noise, &found)) {
+        if (is_mixed(&w, basis->degree, b, place, width, noise, &found)) {
             width /= 2;
             continue;
         }
         for (place += width; width < whole && place % (2 * width) == 0;) /* the next part is as wide as its place among the halves allows */
             width *= 2;
     }
-    const int last = sign_of(values[DEGREE], 0); /* to end at zero is to get there */
+    const int last = sign_of(b[basis->degree], 0); /* to end at zero is to get there */
     found = found || turns(&w, 1, last ? last : -w.sign);
     *low = w.at;
     *high = w.next;
+    *sign = w.sign;
     return found;
 }

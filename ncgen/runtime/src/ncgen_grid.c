@@ -1,21 +1,11 @@
-/* ncgen_grid.c: what an integrator's steps become: rows of the time grid, and the event that ends a run.
+/* ncgen_grid.c: what an integrator's steps become: rows of the time grid, and the end of a run at the first of its conditions.
  *
  * An integrator tells here that it has come from t to t + h, and how to interpolate in between.
  */
-#include "ncgen_crossing.h"
 #include "ncgen_grid.h"
-
-/* A value of the event's function below this, in units of rounding and over its size, has no sign. */
-static const ncgen_scalar event_noise = R(1000.0);
 
 /* A row nearer to the end of a step than this share of it takes the state of the step itself. */
 static const ncgen_scalar on_the_grid = R(1.0e-9);
-
-/* NCGEN_DOMAIN unless the state that was evaluated last, and its work, are numbers. */
-static int check_state(const ncgen_run *r, ncgen_real work)
-{
-    return ncgen_is_finite(r->n, r->q) && ncgen_is_finite(r->n, r->qd) && ncgen_is_finite(1, &work) ? NCGEN_OK : NCGEN_DOMAIN;
-}
 
 /* The number of the first break after t. */
 static int break_after(const ncgen_signals *signals, ncgen_scalar t)
@@ -49,130 +39,12 @@ ncgen_scalar ncgen_next_goal(const ncgen_run *r, ncgen_scalar t, ncgen_scalar en
     return row < r->n_times && r->times[row] < goal ? r->times[row] : goal;
 }
 
-/* q and qd at t + s h. */
-static int state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
-{
-    int status = w->interpolate(r, w, t, h, s);
-    if (status == NCGEN_OK)
-        status = r->state(r, t + s * h, w->at);
-    return status == NCGEN_OK ? check_state(r, w->at[r->weighed - 1]) : status;
-}
-
-/* The event's function at the state there is, signed so that it stops when it becomes positive. */
-static int event_value(ncgen_run *r, ncgen_scalar t, ncgen_real *value)
-{
-    const ncgen_event *event = r->options->event;
-    if (event->coordinate >= r->n)
-        *value = r->qd[event->coordinate - r->n] - event->value;
-    else if (event->coordinate >= 0)
-        *value = r->q[event->coordinate] - event->value;
-    else if (event->function(t, r->q, r->qd, r->p, value) != NCGEN_OK)
-        return NCGEN_DOMAIN;
-    return NCGEN_OK;
-}
-
-/* The event's function at the share s of the step, of the state on the constraints. */
-static int event_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s, ncgen_real *value)
-{
-    const int status = state_inside(r, w, t, h, s);
-    return status == NCGEN_OK ? event_value(r, t + s * h, value) : status;
-}
-
-/* Where the event's coordinate or velocity stands in y itself, which then is a polynomial in time within a step; else -1. */
-static int place_in_state(const ncgen_run *r)
-{
-    const int k = r->options->event->coordinate;
-    if (k < 0 || !r->constrained)
-        return -1;
-    return k < r->n ? r->n + k : k - r->n;
-}
-
-/* The event's function at the shares 0, 1/8, ... 1 of the step; the first and the last one are there. */
-static int sample_event(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real *values)
-{
-    const int place = place_in_state(r);
-    int status = NCGEN_OK;
-    for (int k = 1; k < NCGEN_CROSSING_DEGREE && status == NCGEN_OK; ++k) {
-        const ncgen_scalar s = (ncgen_scalar)k / (ncgen_scalar)NCGEN_CROSSING_DEGREE;
-        if (place < 0) {
-            status = event_inside(r, w, t, h, s, &values[k]);
-        } else {
-            status = w->interpolate(r, w, t, h, s);
-            values[k] = w->at[place] - r->options->event->value;
-        }
-    }
-    return status;
-}
-
-/* Does the event happen within the step? Then between the shares *low and *high of it. */
-static int find_event(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real before, int *found, ncgen_scalar *low,
-                      ncgen_scalar *high)
-{
-    ncgen_real values[NCGEN_CROSSING_DEGREE + 1];
-    values[0] = before;
-    values[NCGEN_CROSSING_DEGREE] = w->event;
-    const int status = sample_event(r, w, t, h, values);
-    ncgen_scalar size = NCGEN_ABS(r->options->event->value);
-    for (int k = 0; k <= NCGEN_CROSSING_DEGREE; ++k)
-        if (NCGEN_ABS(values[k]) > size)
-            size = NCGEN_ABS(values[k]);
-    *found = status == NCGEN_OK && ncgen_first_crossing(values, event_noise * r->rounding * size, r->options->event->direction, low, high);
-    return status;
-}
-
-/* The share *s of the step, first the end of what it may be, at which the event happens: Illinois' rule on the interpolant. */
-static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real at_low, ncgen_real at_high, ncgen_scalar low,
-                  ncgen_scalar *s)
-{
-    ncgen_scalar high = *s;
-    int side = 0;
-    for (int k = 0; k < 60 && high - low > 64 * r->rounding; ++k) {
-        ncgen_real value = 0;
-        *s = low + (high - low) * (at_low / (at_low - at_high));
-        const int status = event_inside(r, w, t, h, *s, &value);
-        if (status != NCGEN_OK)
-            return status;
-        if (!(NCGEN_ABS(value) > 0))
-            return NCGEN_OK;
-        const int beyond = (value > 0) == (at_high > 0);
-        if (beyond) {
-            high = *s;
-            at_high = value;
-            at_low *= side > 0 ? R(0.5) : R(1.0);
-        } else {
-            low = *s;
-            at_low = value;
-            at_high *= side < 0 ? R(0.5) : R(1.0);
-        }
-        side = beyond ? 1 : -1;
-    }
-    *s = high;
-    return state_inside(r, w, t, h, *s);
-}
-
-/* The same between two shares; the state on the constraints may turn a little beside the interpolant, and then it is the second one. */
-static int locate_between(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real before, ncgen_scalar low,
-                          ncgen_scalar *s)
-{
-    ncgen_real at_low = before, at_high = w->event;
-    int status = NCGEN_OK;
-    if (low > 0)
-        status = event_inside(r, w, t, h, low, &at_low);
-    if (status == NCGEN_OK && *s < 1)
-        status = event_inside(r, w, t, h, *s, &at_high);
-    if (status != NCGEN_OK)
-        return status;
-    if ((at_low < 0 && at_high > 0) || (at_low > 0 && at_high < 0))
-        return locate(r, w, t, h, at_low, at_high, low, s);
-    return state_inside(r, w, t, h, *s);
-}
-
 /* Rows of the grid before the share `end` of the step from t to t + h, by interpolation. Where they are many the run may be
  * ended between two of them. */
 static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar end)
 {
     while (r->rows < r->n_times && r->times[r->rows] < t + end * h) {
-        const int status = state_inside(r, w, t, h, (r->times[r->rows] - t) / h);
+        const int status = ncgen_state_inside(r, w, t, h, (r->times[r->rows] - t) / h);
         if (status != NCGEN_OK)
             return status;
         ncgen_write_row(r, w->at[r->weighed - 1]);
@@ -185,21 +57,16 @@ static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_s
     return NCGEN_OK;
 }
 
-/* After an accepted step: ends the run at the event, if it happens in it. */
+/* After an accepted step: ends the run at the first of its conditions, if one happens in it. */
 static int stop_at_event(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar t_new)
 {
     const ncgen_scalar h = t_new - t;
-    const ncgen_real before = w->event;
-    ncgen_scalar low = 0, s = 1;
+    ncgen_scalar s = 1;
     int happens = 0;
-    int status = event_value(r, t_new, &w->event);
-    if (status == NCGEN_OK)
-        status = find_event(r, w, t, h, before, &happens, &low, &s);
-    if (status == NCGEN_OK && happens)
-        status = locate_between(r, w, t, h, before, low, &s);
+    int status = ncgen_conditions_step(r, w, t, h, &happens, &s);
     if (status != NCGEN_OK || !happens)
         return status;
-    ncgen_keep_state(r, t + s * h, w->at[r->weighed - 1]);
+    ncgen_keep_state(r, s < 1 ? t + s * h : t_new, w->at[r->weighed - 1]);
     status = write_inside(r, w, t, h, s);
     r->statistics->stopped = status == NCGEN_OK;
     return status;
@@ -252,10 +119,10 @@ int ncgen_cross_break(ncgen_run *r, ncgen_scalar *t, ncgen_scalar end)
 
 int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w)
 {
-    int status = check_state(r, r->y[r->weighed - 1]);
+    int status = ncgen_check_state(r, r->y[r->weighed - 1]);
     w->mark = r->times[0];
     if (status == NCGEN_OK && r->options->event)
-        status = event_value(r, r->times[0], &w->event);
+        status = ncgen_conditions_begin(r, r->times[0]);
     if (status == NCGEN_OK)
         ncgen_write_row(r, r->y[r->weighed - 1]);
     return status;
@@ -264,7 +131,7 @@ int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w)
 int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar t_new)
 {
     const ncgen_scalar h = t_new - t;
-    int status = check_state(r, w->new_y[r->weighed - 1]);
+    int status = ncgen_check_state(r, w->new_y[r->weighed - 1]);
     if (status != NCGEN_OK)
         return status;
     status = ncgen_accept(r, t_new, w->new_y);

@@ -1,23 +1,8 @@
-/* ncgen_grid.h: rows of the time grid and the event, inside steps from y to new_y. */
+/* ncgen_grid.h: rows of the time grid, inside steps from y to new_y. */
 #ifndef NCGEN_GRID_H
 #define NCGEN_GRID_H
 
-#include "ncgen_state.h"
-
-/* What an integrator works in. */
-typedef struct ncgen_stepping {
-    ncgen_real *new_y, *at;      /* ny: the end of a step, and a state in between */
-    ncgen_real *slopes;          /* stages of ny each */
-    ncgen_real *interpolant;     /* coefficients of ny each */
-    int interpolated;            /* are they those of this step? */
-    ncgen_real event;            /* value of the event's function at the last accepted state */
-    /* at: the state at t + s h, inside a step from y to new_y */
-    int (*interpolate)(ncgen_run *r, struct ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s);
-    int repeated;                /* is the step taken again, since its error was too large or a stage had no derivative, or near such a one? */
-    int stiff, not_stiff;        /* steps in a row that spoke for a stiff mechanism, and against it since then */
-    int tiny;                    /* looks in a row at steps far too short */
-    ncgen_scalar mark;           /* the time at the last look at how far the steps come */
-} ncgen_stepping;
+#include "ncgen_inside.h"
 
 /* A step's end has been evaluated last. */
 int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w);

@@ -22,7 +22,7 @@ from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, Trape
 from ncgen.solver.derivatives.stepped_motion import SteppedMotion
 from ncgen.solver.derivatives.taped_motion import TapedMotion
 from ncgen.solver.engines.compiled import checked_compiled, is_written_out
-from ncgen.solver.given import checked_kernels, echo, names_of, numbers_of, values_by_name
+from ncgen.solver.given import checked_kernels, echo, names_of, numbers_of, refuse_events, values_by_name
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate_steps
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial, count, positive, relative_tolerance
@@ -255,6 +255,7 @@ def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "
     if tolerances and not (entry.tableau and entry.coefficients.errors):
         estimating = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau and other.coefficients.errors)
         raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
+    refuse_events(kernels.model, "a derivative of a motion")
     initial = Initial.asked(kernels, **start)
     times, follows, signals = initial.t + since_start, start.get("q0") is None, signals_of(kernels, inputs, initial.p)
     if not entry.tableau:

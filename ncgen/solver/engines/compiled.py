@@ -11,6 +11,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError, NcgenError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
+from ncgen.methods.newmark import newmark
 from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.programs import Split
@@ -217,10 +218,10 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=task.rank_at(kernels, q, times[0]), event=task.stop, max_step=task.step_in_c,
+        rank=task.rank_at(kernels, q, times[0]), conditions=task.watched, max_step=task.step_in_c,
         progress=Progress(task.progress, kernels.name, task.arrival), choose=rule_of(kernels),
         looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
-        **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
+        first_step=task.first_step, **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
     task.looked_at(begun, done.t)
     path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
@@ -229,6 +230,7 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     path.stiff += done.stiff
     path.projections += done.steps if projected else 0
     path.largest_projection = max(path.largest_projection, done.largest_projection)
+    path.crossed, path.next_step = done.crossed, done.next_step
     if done.stopped:
         path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
     reason = _ended(path, kernels, grid, done, work, p)
@@ -274,8 +276,6 @@ def _weights(settings: dict[str, Any]) -> dict[str, float]:
     """Of generalised-α, by the names of `ncgen_options`."""
     if "rho" not in settings:
         return {}
-    from ncgen.solver.steppers.generalized_alpha import newmark
-
     return dict(zip(("alpha_m", "alpha_f"), newmark(settings["rho"], settings["hht"]), strict=False))
 
 
@@ -398,7 +398,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             progress(t)
             here = _for_next(kernels, partitions, form, len(seen), q, p, number)
             done = here.simulate(
-                method.integrator.name, times, q, zd, p, max_step=task.step_in_c, event=task.stop, tolerance=closeness(number),
+                method.integrator.name, times, q, zd, p, max_step=task.step_in_c, conditions=task.watched, tolerance=closeness(number),
                 growth=growth, progress=progress, looks=looks, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
                 breaks=task.breaks, choose=rule_of(kernels), **_in_c(task.tolerances, kernels, partitions),
             )  # fmt: skip

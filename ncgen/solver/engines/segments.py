@@ -83,8 +83,5 @@ def _take_over(path: Path, part: Path, places: np.ndarray, work: float, reached:
         rows.append(count)
     path.extend(part.q[rows], part.qd[rows], part.work[rows] + work, part.counts)
     path.partitions, path.stopped = part.partitions, part.stopped
-    path.projections += part.projections
-    path.largest_projection = max(path.largest_projection, part.largest_projection)
-    path.jacobians += part.jacobians
-    path.fallbacks += part.fallbacks
-    path.stiff += part.stiff
+    path.crossed, path.next_step = part.crossed, part.next_step
+    path.take_counts(part)

@@ -16,7 +16,7 @@ from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.engines.compiled import GROWTH
-from ncgen.solver.given import Given, checked_kernels, finite, names_of, truth
+from ncgen.solver.given import Given, checked_kernels, finite, names_of, refuse_events, truth
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import Choice, States, those_in_lanes
@@ -229,6 +229,7 @@ def simulate_batch(
     in_common: dict[str, Any] = {"integrator": "dopri5", **arguments, "formalism": "coordinate-partitioning"}
     q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
     run = Run.asked(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
+    refuse_events(kernels.model, "ncgen.simulate_batch")
     threads, method = asked_threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
     if inputs:

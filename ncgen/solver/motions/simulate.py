@@ -16,6 +16,7 @@ from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
+from ncgen.solver.events.passage import Passage, check_events
 from ncgen.solver.given import checked_kernels
 from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.positions.massless import check_mass
@@ -139,6 +140,8 @@ def _carry_out(
             raise found from error
         raise
     found = motion.trajectory(clock)
+    if motion.passage.rests:
+        warn(f"{kernels.name}: {motion.passage.rests}")
     if choice.method.is_constrained and (here := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
         warn(singular_message(kernels, here))
     if negative := negative_instant(kernels, found.t, found.q, start.p):
@@ -201,6 +204,7 @@ class _Motion:
         ends = float(self.times[0]), float(self.times[-1])
         start, found = self.start, self.given_breaks
         self.breaks = break_times(self.kernels, start.p, *ends, told, rounding) if found is None else found
+        self.passage = Passage()
         self.jumps = driver_jumps(self.kernels, start.p, start.q, self.breaks)
         self.tolerances = Tolerances.of(self.run, self.kernels.length, compiled.rounding(self.run.number))
 
@@ -208,6 +212,8 @@ class _Motion:
         """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
         run, kernels = self.run, self.kernels
         form = self._form()
+        if kernels.model.events:
+            check_events(kernels, self.choice.method, run)
         refused = "asked for" if run.engine == "python" else self._refusal()
         needs_c = run.engine in (COMPILED, "c", *EMITTED) or run.number != "double"
         remedy = "engine='auto'" if run.number == "double" else "number='double'"
@@ -221,10 +227,22 @@ class _Motion:
             if refused and needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it continues in Python")
         if refused is not None:
+            self._check_reference(refused)
             if self.choice.method.is_constrained:
                 self.path = Path.empty(kernels.n, self.start.partitions)  # what C has left of it is done again
             self._in_python()
         self.engine = f"python: {refused}" if refused else "c" if form == "dense" else form
+
+    def _check_reference(self, refused: str) -> None:
+        """Raise for a method that the reference in Python does not have; refused: why C does not carry the run out, or where it stopped."""
+        name, method = self.kernels.name, self.choice.method
+        if method.integrator.in_python:
+            return
+        if self.run.engine == "python":
+            raise ModelError(f"{name}: {method} is in C only; use engine='auto'")
+        if len(self.path.q):
+            raise ConvergenceError(f"{name}: {refused}; take smaller steps (max_step) or another integrator")
+        raise ModelError(f"{name}: {method} is in C only, and {refused}; install gcc or clang, or take the integrator dop853")
 
     def diverged(self) -> ConvergenceError | None:
         """What to say where the path's end shows that its fixed steps were too long for the motion; None otherwise."""
@@ -282,26 +300,31 @@ class _Motion:
                 return compiled.run_constrained(path, kernels, task, form)
             return compiled.run(path, kernels, task, dense)
 
-        if not len(self.jumps):
-            return engine(self.path, kernels, task)
-        from ncgen.solver.engines.segments import in_segments
+        def whole(path: Path, kernels: Kernels, task: Task) -> str | None:
+            if not len(self.jumps):
+                return engine(path, kernels, task)
+            from ncgen.solver.engines.segments import in_segments
 
-        return in_segments(engine, self.path, kernels, task, self.jumps)
+            return in_segments(engine, path, kernels, task, self.jumps)
+
+        if not kernels.model.events:
+            return whole(self.path, kernels, task)
+        from ncgen.solver.events.loop import through_events
+
+        return through_events(whole, self.path, kernels, task, self.passage)
 
     def _in_python(self) -> None:
-        from ncgen.solver import steppers
         from ncgen.solver.engines import full_coordinates, python_engine, segments
 
         task = replace(self._task(), calls_c=self.run.engine == AUTO and not self.choice.method.integrator.in_c)
-        ordinary = full_coordinates.run if task.method.is_constrained else python_engine.run
-        advance = steppers.run if task.method.is_stepper else ordinary
+        advance = full_coordinates.run if task.method.is_constrained else python_engine.run
 
         def engine(path: Path, kernels: Kernels, task: Task) -> None:
             begun = float(task.grid[len(path.q)])
             advance(path, kernels.driven_by(task.signals.begun_at(begun)) if task.signals and len(self.breaks) else kernels, task)
 
         ends = self.breaks
-        if task.steps_to_rows and not task.method.is_stepper:
+        if task.steps_to_rows:
             ends, task = _with_neighbours(ends, task.grid), replace(task, max_step=task.max_step * WHOLE)
         segments.in_segments(engine, self.path, self.kernels, task, ends)
 
@@ -349,9 +372,10 @@ class _Motion:
             steps, evaluations, newton_steps, changes, repeated, seconds, path.projections, path.largest_projection, path.jacobians,
             path.fallbacks, preparation,
         )  # fmt: skip
+        kernels = self.passage.driving(self.kernels, self.start.p)
         return Trajectory(
-            self.kernels, times[wanted], path.q[wanted], path.qd[wanted], path.work[wanted], self.start.p, path.partitions,
+            kernels, times[wanted], path.q[wanted], path.qd[wanted], path.work[wanted], self.start.p, path.partitions,
             spent, method.formalism.name, method.integrator.name, self.engine,
-            run.initial.z or self.kernels.model.chosen_independent, self.kernels, method.options, path.stopped is not None, run.number,
-            f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses),
+            run.initial.z or self.kernels.model.chosen_independent, kernels, method.options, path.stopped is not None, run.number,
+            f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses), tuple(self.passage.happened),
         )  # fmt: skip

@@ -23,7 +23,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse, cross
-from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, values_by_name
+from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, refuse_events, values_by_name
 from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments, takes
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.parameter_checks import check_parameters
@@ -100,6 +100,7 @@ def start(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
     ConvergenceError, SingularError
         As `simulate` does for a start.
     """
+    refuse_events(checked_kernels(kernels).model, "ncgen.start")
     return Simulation(checked_kernels(kernels).driven_by(None), *stepped(kernels, arguments))
 
 

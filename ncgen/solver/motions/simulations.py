@@ -24,7 +24,7 @@ from ncgen.mechanism.library import STATUS
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines.compiled import checked_compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, offer, positive
+from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, offer, positive, refuse_events
 from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.motions.simulation import NOT_STEPPED, explicit, known_text, outputs_at, prepared, stepped
@@ -81,6 +81,7 @@ def start_batch(kernels: Kernels, variants: int, *, threads: int | None = 1, **a
 
     driven = checked_kernels(kernels).driven_by(None)
     size = count(variants, "variants")
+    refuse_events(driven.model, "ncgen.start_batch")
     if size * (3 * driven.n + len(driven.p0)) > MOST_NUMBERS:
         raise ModelError(
             f"variants: {size} simulations of {driven.n} coordinates take more than {MOST_NUMBERS * 8 / 2**30:.3g} GiB; ask for fewer"

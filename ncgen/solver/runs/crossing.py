@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from math import comb
-
 import numpy as np
 
-DEGREE = 8
-"""Of the polynomial through the samples; interpolants in time have 7 at most, but for those of LSODA and other methods of high order."""
+from ncgen.mechanism.conditions import LINEAR as DEGREE
+from ncgen.mechanism.conditions import basis
 
 PARTS = 2**30
 """Two changes of sign nearer to each other than 1 / PARTS are none."""
 
 SAMPLES = np.arange(DEGREE + 1) / DEGREE
 """Where the polynomial's values are taken."""
-
-_BINOMIALS = np.array([comb(DEGREE, k) for k in range(DEGREE + 1)])
-_INVERSE = np.linalg.inv(_BINOMIALS * SAMPLES[:, None] ** np.arange(DEGREE + 1) * (1 - SAMPLES[:, None]) ** np.arange(DEGREE, -1, -1))
 
 
 class _Walk:
@@ -41,7 +36,7 @@ def first_crossing(values: np.ndarray, noise: float, direction: int) -> tuple[fl
     values (9,): at SAMPLES; noise: what is smaller has no sign, but for the first and the last of them
     direction: 1 from negative to positive, −1 the other way, 0 either
     """
-    coefficients = _INVERSE @ values
+    coefficients = basis(DEGREE)[1] @ values
     coefficients[[0, -1]] = values[[0, -1]]
     walk, place, width = _Walk(direction, int(np.sign(values[0]))), 0, PARTS
     while place < PARTS:

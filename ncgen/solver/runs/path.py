@@ -23,6 +23,7 @@ class Path:
     jacobians, fallbacks: as in `Statistics`
     stiff: how often dopri5 or dop853 in C found that stability, not the error, holds the steps down
     impulses: of drivers whose velocity jumped on the way
+    crossed: numbers of the conditions at which C stopped; next_step: length of the step that it would try next (s), 0 where it does not say
     """
 
     q: np.ndarray
@@ -37,6 +38,8 @@ class Path:
     fallbacks: int = 0
     stiff: int = 0
     impulses: list[Impulse] = field(default_factory=list)
+    crossed: tuple[int, ...] = ()
+    next_step: float = 0.0
 
     @classmethod
     def empty(cls, n: int, partitions: Partitions | None) -> Path:
@@ -54,6 +57,15 @@ class Path:
             rows = np.vstack([self.q, q]), np.vstack([self.qd, qd]), np.concatenate([self.work, work])
         self.q, self.qd, self.work = rows
         self.counts = self.counts + np.asarray(counts)
+
+    def take_counts(self, part: Path) -> None:
+        """Add what a part counted besides its rows, and its impulses."""
+        self.projections += part.projections
+        self.largest_projection = max(self.largest_projection, part.largest_projection)
+        self.jacobians += part.jacobians
+        self.fallbacks += part.fallbacks
+        self.stiff += part.stiff
+        self.impulses += part.impulses
 
     def stop(self, t: float, q: np.ndarray, qd: np.ndarray, work: float) -> None:
         """End with the state at which a run stops."""

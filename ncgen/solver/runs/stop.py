@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ncgen.errors import ModelError, shown
+from ncgen.mechanism.conditions import Conditions
 from ncgen.methods.table import is_real
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import Outline
@@ -35,6 +36,11 @@ class Stop:
     def gap(self, q: np.ndarray, qd: np.ndarray) -> float:
         """How far a state is above the value."""
         return float(np.concatenate([q, qd])[self.coordinate]) - self.value
+
+    @property
+    def conditions(self) -> Conditions:
+        """The same for C."""
+        return Conditions(np.array([self.coordinate]), np.array([self.value]), np.array([self.direction]), np.array([0]))
 
     def find(self, t0: float, t1: float, before: State, after: State, state: Callable[[float], State]) -> tuple[float, State] | None:
         """(time, state) at which it happens for the first time between two states, or None; a run that starts there goes on.

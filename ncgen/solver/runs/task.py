@@ -9,6 +9,7 @@ from math import ceil
 import numpy as np
 
 from ncgen.mechanism.break_times import NO_BREAKS
+from ncgen.mechanism.conditions import Conditions
 from ncgen.mechanism.driving import Function, Pieces
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
@@ -38,6 +39,8 @@ class Task:
     before: when the run began (s), of which this is a part, and how many steps it has taken so far
     steps_to_rows: whether a method with a fixed step takes one from each time of the grid to the next, whatever max_step is
     calls_c: whether an integrator in Python takes accelerations and projections of C
+    conditions: of events, and of the stop, at the first of which C ends this part of the run; first_step: what C tries first (s), 0 for its
+        own choice
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -60,6 +63,8 @@ class Task:
     before: tuple[float, int] = (0.0, 0)
     steps_to_rows: bool = False
     calls_c: bool = False
+    conditions: Conditions | None = None
+    first_step: float = 0.0
 
     def rank_at(self, kernels: Kernels, q: np.ndarray, t: float) -> int:
         """The rank of Φ_q where the run, or what is left of it, begins: at q (n,) and t (s), unless it is known already."""
@@ -92,9 +97,14 @@ class Task:
         return float(self.grid[-1] - self.grid[0]) / self.steps if equal else self.max_step
 
     @property
+    def watched(self) -> Conditions | None:
+        """The conditions at the first of which C ends the run."""
+        return self.conditions or (self.stop.conditions if self.stop else None)
+
+    @property
     def arrival(self) -> float | None:
         """Where steps with error control are to arrive (s); None where a stop may end the run before."""
-        return None if self.stop or self.method.has_fixed_step else float(self.grid[-1])
+        return None if self.watched or self.method.has_fixed_step else float(self.grid[-1])
 
     @property
     def driven(self) -> tuple[Pieces | Function | None, ...]:

@@ -1,0 +1,133 @@
+"""What an event does: an impact, other velocities, inputs or parameters, the end of the run, or a Python function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias, cast
+
+from ncgen.errors import ModelError, shown
+from ncgen.model.elements import coordinate_of
+from ncgen.model.names import normal
+from ncgen.model.values import Driven, Scalar, Value
+
+if TYPE_CHECKING:
+    from ncgen.model.contents import Contents
+
+ORDERS = ("simultaneous", "in turn")
+"""Laws of several impacts at one instant: all at once, with impulses that only push; or the fastest one first, until no gap closes."""
+
+AT_REST = ("end", "go on")
+"""What a run does where bounces accumulate: it ends there, or the event no longer acts."""
+
+STOP = "stop"
+
+
+@dataclass(frozen=True, eq=False)
+class Impact:
+    """Newton's law of impact along the gradient of the event's own condition, a gap.
+
+    restitution: from 0 to 1; order: one of `ORDERS`, "" where several at one instant are refused
+    """
+
+    restitution: Value = 0.0
+    order: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """Other values of inputs and parameters, or of velocities, by their names ("rate(psi)")."""
+
+    values: Mapping[str, Scalar]
+
+
+@dataclass(frozen=True)
+class Stop:
+    """The end of the run."""
+
+
+@dataclass(frozen=True, eq=False)
+class Call:
+    """A function of the state that returns None or other values as a `Change` has them."""
+
+    function: Callable[..., Mapping[str, float] | None]
+
+
+Action: TypeAlias = "Impact | Change | Stop | Call"
+
+Doing: TypeAlias = "Action | str | Mapping[str, Driven] | Callable[..., object] | list[object] | tuple[object, ...]"
+"""In signatures: one or several of them, as a user writes them."""
+
+
+def impact(restitution: Value = 0.0, order: str = "") -> Impact:
+    """Return the impact that an event does: `m.event("floor", when=ball.y, do=ncgen.impact(restitution=0.5))`.
+
+    Parameters
+    ----------
+    restitution : float or expression of parameters
+        Coefficient e of Newton's law, from 0 to 1: u⁺ = −e u⁻ for the velocity u at which the gap, the event's condition, changes. The
+        impulse acts along the gradient of the gap; with the constraints' own impulses velocities satisfy all constraints after it.
+    order : str, optional
+        Law for several impacts at one instant, since the laws give different answers: "simultaneous" (all together, impulses only push) or
+        "in turn" (the fastest one first, until no gap closes). Without it several impacts at one instant are refused.
+
+    Returns
+    -------
+    Impact
+        The action.
+
+    Raises
+    ------
+    ModelError
+        For an unknown order.
+    """
+    if order and order not in ORDERS:
+        raise ModelError(f"impact: order {shown(order)} is unknown; choose one of {', '.join(ORDERS)}")
+    return Impact(restitution, order)
+
+
+def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]:
+    """The actions that a user wrote. Raises ModelError for what is none, and for names that the model does not have."""
+    if given is None:
+        return ()
+    if isinstance(given, (list, tuple)):
+        return tuple(action for each in given for action in actions_of(model, each, where))
+    if isinstance(given, (Change, Stop, Call)):
+        return (given,)
+    if isinstance(given, Impact):
+        return (Impact(_between_0_and_1(model, given.restitution, where), given.order),)
+    if given == STOP:
+        return (Stop(),)
+    if isinstance(given, Mapping):
+        if set(given) == {"impact"} and isinstance(given["impact"], Mapping):
+            return actions_of(model, impact(**given["impact"]), where)
+        return (Change({normal(name): _changed(model, name, value, where) for name, value in given.items()}),)
+    if callable(given):
+        return (Call(cast("Callable[..., Mapping[str, float] | None]", given)),)
+    raise ModelError(f'{where}: {shown(given)} is no action; give "stop", ncgen.impact(…), {{name: value}} or a function')
+
+
+def _between_0_and_1(model: Contents, given: object, where: str) -> Value:
+    from ncgen.model.arguments import value
+    from ncgen.model.values import evaluate
+
+    found = value(model, given, f"{where}, restitution")
+    if not 0 <= (number := evaluate(found, model.parameters, where)) <= 1:
+        raise ModelError(f"{where}: restitution {number:g}; give a number from 0 to 1")
+    return found
+
+
+def _changed(model: Contents, name: object, value: object, where: str) -> Scalar:
+    """The new value of something that an event may change."""
+    from ncgen.model.arguments import expression
+
+    moving = {component.name for component in model.components if not component.fixed}
+    if not isinstance(name, str) or (normal(name) not in model.numbers and _rated(normal(name)) not in moving):
+        raise ModelError(f"{where}: {shown(name)} cannot be changed; name an input, a parameter or a velocity such as rate(psi)")
+    return expression(value, f"{where}, {name}")
+
+
+def _rated(name: str) -> str:
+    """The coordinate whose velocity has this name, or nothing."""
+    inner = coordinate_of(name)
+    return inner if inner != name else ""

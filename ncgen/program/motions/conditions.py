@@ -1,0 +1,99 @@
+"""The conditions of a mechanism's events, and what their actions set, as programs.
+
+conditions(t, q, qd, p)            -> of every condition its value, and the size of its terms, with which rounding is compared
+condition_slopes(t, q, qd, p)      -> of every condition ∂/∂q (n), ∂/∂q̇ (n) and ∂/∂t
+condition_rates(t, q, qd, qdd, p)  -> the C rates of change along the motion, then the C second derivatives, those of conditions without q̇
+action_values(t, q, qd, p)         -> the numbers that actions set
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import sympy
+
+from ncgen.errors import ModelError, shortened
+from ncgen.model.elements import rate_name
+from ncgen.model.expressions import symbols_in
+from ncgen.model.names import TIME
+from ncgen.model.values import Scalar
+from ncgen.program.assemble import input_lengths
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.derivatives import gradient, tangent
+from ncgen.program.ir.lower import lower_value
+from ncgen.program.ir.verify import verify
+from ncgen.program.labels import labelled_errors
+from ncgen.program.lines import Lines
+from ncgen.program.motions.outputs import read_component
+from ncgen.symbolic.numbering import Terms
+
+INPUTS = {
+    "conditions": ("t", "q", "qd", "p"),
+    "condition_slopes": ("t", "q", "qd", "p"),
+    "condition_rates": ("t", "q", "qd", "qdd", "p"),
+    "action_values": ("t", "q", "qd", "p"),
+}
+
+
+def assemble_conditions(
+    equations: Terms, conditions: Sequence[tuple[str, Scalar]], values: Sequence[tuple[str, Scalar]]
+) -> dict[str, Program]:
+    """The programs of conditions and values, each with the words that messages call it by.
+
+    Raises ModelError where one mentions what the model does not have.
+    """
+    lines = Lines(equations)
+    graph, n = lines.graph, len(equations.free)
+    gaps = [_node(lines, *each) for each in conditions]
+    sizes = [_node(lines, where, terms_of(expression)) for where, expression in conditions]
+    variables = [*(graph.load("q", i) for i in range(n)), *(graph.load("qd", i) for i in range(n)), graph.load("t", 0)]
+    slopes, zero = [gradient(graph, gap, variables) for gap in gaps], graph.const(0.0)
+    along = {variables[i]: variables[n + i] for i in range(n)} | {variables[n + i]: graph.load("qdd", i) for i in range(n)}
+    along[variables[-1]] = graph.const(1.0)
+    rates = [tangent(graph, [gap], along).get(gap, zero) for gap in gaps]
+    second = [tangent(graph, [rate], along).get(rate, zero) for rate in rates]
+    outputs = {
+        "conditions": [node for pair in zip(gaps, sizes, strict=True) for node in pair],
+        "condition_slopes": [found.get(v, zero) for found in slopes for v in variables],
+        "condition_rates": [*rates, *second],
+        "action_values": [_node(lines, *each) for each in values],
+    }
+    programs = {name: lines.program(name, INPUTS[name], nodes) for name, nodes in outputs.items() if nodes}
+    for program in programs.values():
+        verify(program, input_lengths(equations))
+    return programs
+
+
+def terms_of(expression: Scalar) -> sympy.Expr:
+    """The sum of the sizes of the terms of an expression; those of a polynomial are its monomials."""
+    terms = sympy.Add.make_args(sympy.expand(sympy.sympify(expression)))
+    return sympy.Add(*(sympy.Abs(term) for term in terms))
+
+
+def degree_of(expression: Scalar, moving: set[str]) -> int | None:
+    """The degree of an expression as a polynomial of the time and of coordinates and velocities of these names; None where it is none."""
+    found = sympy.sympify(expression)
+    symbols = [s for s in sorted(symbols_in(found), key=str) if s.name == TIME or s.name in moving]
+    if not symbols:
+        return 0
+    poly = found.as_poly(*symbols)
+    return None if poly is None else poly.total_degree()
+
+
+def _node(lines: Lines, where: str, given: Scalar) -> int:
+    expression = sympy.sympify(given)
+    known = {TIME: partial(lines.graph.load, "t", 0)}
+    known |= {p.name: partial(lines.graph.load, "p", i) for i, p in enumerate(lines.equations.parameters)}
+    for component in lines.equations.model.components:
+        for name, array in ((component.name, "q"), (rate_name(component.name), "qd")):
+            known[name] = partial(read_component, lines, array, component)
+    mentioned = sorted(s.name for s in symbols_in(expression))
+    for name in mentioned:
+        if name not in known:
+            raise ModelError(
+                f"{where}: {shortened(name, 60)} is neither a coordinate, a velocity, a parameter, an input nor m.time; "
+                "correct the expression"
+            )
+    with labelled_errors(where):
+        return lower_value(lines.graph, expression, {name: known[name]() for name in mentioned})

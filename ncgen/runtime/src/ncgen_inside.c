@@ -1,0 +1,176 @@
+/* ncgen_inside.c: the first of several conditions that is fulfilled inside a step.
+ *
+ * Each condition is a polynomial in time within a step, known by its values at the nodes of a basis. All that happen are located on the
+ * states that satisfy the constraints; the first one counts, and with it those at the same instant.
+ */
+#include "ncgen_crossing.h"
+#include "ncgen_inside.h"
+
+/* A value of a condition below this, in units of rounding and over its size, has no sign: rounding of the values times the largest sum of a
+ * row of the inverse, 560 for degree 8 and 11,700 for degree 14. */
+static const ncgen_scalar noise_of_8 = R(1000.0), noise_of_14 = R(20000.0);
+
+/* Conditions are fulfilled at the same instant if their shares of a step differ by less than this many roundings. */
+static const ncgen_scalar same_instant = R(256.0);
+
+enum { OFF = 2 };
+
+int ncgen_check_state(const ncgen_run *r, ncgen_real work)
+{
+    return ncgen_is_finite(r->n, r->q) && ncgen_is_finite(r->n, r->qd) && ncgen_is_finite(1, &work) ? NCGEN_OK : NCGEN_DOMAIN;
+}
+
+int ncgen_state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
+{
+    int status = w->interpolate(r, w, t, h, s);
+    if (status == NCGEN_OK)
+        status = r->state(r, t + s * h, w->at);
+    return status == NCGEN_OK ? ncgen_check_state(r, w->at[r->weighed - 1]) : status;
+}
+
+/* At one state: of every condition its value, and the size of the terms that it is a sum of. */
+static ncgen_real *sample(const ncgen_event *event, int row)
+{
+    return event->samples + (size_t)row * 2 * (size_t)event->count;
+}
+
+/* Fill them in. */
+static int evaluate(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *values)
+{
+    const ncgen_event *event = r->options->event;
+    int status = event->function ? ncgen_read_inputs(r, t) : NCGEN_OK;
+    if (event->function && status == NCGEN_OK)
+        status = event->function(t, q, qd, r->p, values);
+    for (int k = 0; k < event->count; ++k) {
+        const int place = event->coordinates[k];
+        if (place < 0)
+            continue;
+        values[2 * k] = (place < r->n ? q[place] : qd[place - r->n]) - event->values[k];
+        values[2 * k + 1] = NCGEN_ABS(event->values[k]);
+    }
+    return status;
+}
+
+/* The same at the share s of the step, of the state on the constraints. */
+static int evaluate_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s, ncgen_real *values)
+{
+    const int status = ncgen_state_inside(r, w, t, h, s);
+    return status == NCGEN_OK ? evaluate(r, t + s * h, r->q, r->qd, values) : status;
+}
+
+/* At all nodes; y itself is a polynomial in time, and over all coordinates it is the velocities and the positions. */
+static int evaluate_nodes(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h)
+{
+    const ncgen_event *event = r->options->event;
+    int status = evaluate(r, t + h, r->q, r->qd, sample(event, event->degree));
+    for (int k = 1; k < event->degree && status == NCGEN_OK; ++k) {
+        const ncgen_scalar s = event->nodes[k];
+        if (!r->constrained) {
+            status = evaluate_inside(r, w, t, h, s, sample(event, k));
+            continue;
+        }
+        status = w->interpolate(r, w, t, h, s);
+        if (status == NCGEN_OK)
+            status = evaluate(r, t + s * h, w->at + r->n, w->at, sample(event, k));
+    }
+    return status;
+}
+
+/* Does condition k happen within the step? Then between the shares *low and *high of it. */
+static int find(ncgen_run *r, int k, ncgen_scalar *low, ncgen_scalar *high)
+{
+    const ncgen_event *event = r->options->event;
+    const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
+    ncgen_scalar size = 0;
+    for (int node = 0; node <= event->degree; ++node) {
+        const ncgen_scalar value = NCGEN_ABS(sample(event, node)[2 * k]), terms = sample(event, node)[2 * k + 1];
+        size = value > size ? value : size;
+        size = terms > size ? terms : size;
+    }
+    const ncgen_scalar noise = event->degree > 8 ? noise_of_14 : noise_of_8;
+    return ncgen_first_crossing(&basis, event->samples + 2 * k, 2 * event->count, noise * r->rounding * size, event->directions[k],
+                                &event->signs[k], low, high);
+}
+
+/* The share *s of the step, first the end of what it may be, at which condition k happens: Illinois' rule on the interpolant. */
+static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, ncgen_real at_low, ncgen_real at_high,
+                  ncgen_scalar low, ncgen_scalar *s)
+{
+    const ncgen_event *event = r->options->event;
+    ncgen_real *values = sample(event, event->degree + 1);
+    ncgen_scalar high = *s;
+    int side = 0;
+    for (int step = 0; step < 60 && high - low > 64 * r->rounding; ++step) {
+        *s = low + (high - low) * (at_low / (at_low - at_high));
+        const int status = evaluate_inside(r, w, t, h, *s, values);
+        if (status != NCGEN_OK || !(NCGEN_ABS(values[2 * k]) > 0))
+            return status;
+        const int beyond = (values[2 * k] > 0) == (at_high > 0);
+        if (beyond) {
+            high = *s;
+            at_high = values[2 * k];
+            at_low *= side > 0 ? R(0.5) : R(1.0);
+        } else {
+            low = *s;
+            at_low = values[2 * k];
+            at_high *= side < 0 ? R(0.5) : R(1.0);
+        }
+        side = beyond ? 1 : -1;
+    }
+    *s = high;
+    return NCGEN_OK;
+}
+
+/* The same between two shares; the state on the constraints may turn a little off the interpolant, and then it is the second one. */
+static int locate_between(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, ncgen_scalar low, ncgen_scalar *s)
+{
+    const ncgen_event *event = r->options->event;
+    ncgen_real *values = sample(event, event->degree + 1);
+    ncgen_real at_low = sample(event, 0)[2 * k], at_high = sample(event, event->degree)[2 * k];
+    int status = NCGEN_OK;
+    if (low > 0) {
+        status = evaluate_inside(r, w, t, h, low, values);
+        at_low = values[2 * k];
+    }
+    if (status == NCGEN_OK && *s < 1) {
+        status = evaluate_inside(r, w, t, h, *s, values);
+        at_high = values[2 * k];
+    }
+    if (status == NCGEN_OK && ((at_low < 0 && at_high > 0) || (at_low > 0 && at_high < 0)))
+        status = locate(r, w, t, h, k, at_low, at_high, low, s);
+    return status;
+}
+
+int ncgen_conditions_begin(ncgen_run *r, ncgen_scalar t)
+{
+    const ncgen_event *event = r->options->event;
+    for (int k = 0; k < event->count; ++k)
+        event->crossed[k] = 0;
+    return evaluate(r, t, r->q, r->qd, sample(event, 0));
+}
+
+int ncgen_conditions_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int *happens, ncgen_scalar *s)
+{
+    const ncgen_event *event = r->options->event;
+    ncgen_real *shares = sample(event, event->degree + 2); /* of those that happen; 2 for others */
+    int status = evaluate_nodes(r, w, t, h);
+    *s = 2;
+    for (int k = 0; k < event->count && status == NCGEN_OK; ++k) {
+        ncgen_scalar low = 0, high = 1;
+        shares[k] = 2;
+        if (event->directions[k] == OFF || !find(r, k, &low, &high) || low > *s)
+            continue;
+        status = locate_between(r, w, t, h, k, low, &high);
+        shares[k] = high;
+        *s = high < *s ? high : *s;
+    }
+    *happens = status == NCGEN_OK && *s <= 1;
+    if (!*happens) {
+        ncgen_copy(2 * event->count, sample(event, event->degree), sample(event, 0));
+        return status;
+    }
+    const ncgen_scalar same = same_instant * r->rounding * (1 + NCGEN_ABS(t) / h);
+    for (int k = 0; k < event->count; ++k)
+        event->crossed[k] = shares[k] <= *s + same;
+    return ncgen_state_inside(r, w, t, h, *s);
+}

@@ -1,0 +1,271 @@
+"""Events: every crossing of several conditions in order, actions at its instant, and the run goes on."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from sliding import sliding_block
+
+import ncgen
+from ncgen.exchange.toml_writer import to_toml
+
+G = 9.81
+
+
+def ball(restitution=0.5, **options) -> ncgen.Model:
+    """1 kg, dropped from 1 m onto the floor."""
+    m = ncgen.Model("ball")
+    P = m.point("P", (0, 1), fixed="x")
+    m.body("ball", [P], mass=1.0)
+    m.gravity((0, -G))
+    m.event("floor", when=P.y, do=ncgen.impact(restitution=m.parameter("e", restitution), **options))
+    return m
+
+
+@pytest.fixture(scope="module")
+def dropped():
+    return ncgen.compile(ball())
+
+
+def test_a_ball_bounces(dropped):
+    """Closed form: t₁ = √(2h/g), later bounces are shorter by e each, and accumulate at t₁ (1 + e)/(1 − e)."""
+    with pytest.warns(UserWarning, match="event floor: bounces accumulate at t = 1.35457092 s"):
+        run = ncgen.simulate(dropped, 2.0)
+    assert run.stopped and {each.name for each in run.events} == {"floor"} and {each.search for each in run.events} == {"proof"}
+    times = [each.t for each in run.events]
+    assert times[:2] == pytest.approx([0.4515236409857309, 0.9030472819714618], rel=1e-13)
+    assert times[9] == pytest.approx(1.352807158734592, rel=1e-13)
+    assert run.events[-1].limit == pytest.approx(1.354570922957193, rel=1e-13)
+    first = run.events[0]
+    speed = math.sqrt(2 * G)
+    assert [first.before[0], first.after[0]] == pytest.approx([-speed, speed / 2], rel=1e-13)
+    assert [first.impulse, first.energy_lost] == pytest.approx([1.5 * speed, 0.75 * G], rel=1e-13)
+    assert run.energy_drift < 1e-13
+
+
+def test_after_one_bounce(dropped):
+    run = ncgen.simulate(dropped, 0.7, points=8)
+    assert len(run.t) == 8 and not run.stopped
+    assert run["P.y"][-1] == pytest.approx(0.2474692639735212, rel=1e-13)
+
+
+@pytest.mark.parametrize("points", [2, 701, [0.0, 0.4515236409857309, 0.7]], ids=str)
+def test_events_do_not_depend_on_the_output_times(dropped, points):
+    run = ncgen.simulate(dropped, 0.7, points=points)
+    assert [each.t for each in run.events] == pytest.approx([0.4515236409857309], rel=1e-13)
+    assert run["P.y"][-1] == pytest.approx(0.2474692639735212, rel=1e-13)
+
+
+def test_ten_thousand_bounces_keep_the_balance_of_energy():
+    """Without loss, each takes 2 t₁; energy and work balance to the end."""
+    m = ball(1.0)
+    run = ncgen.simulate(ncgen.compile(m), 400.0, points=3)
+    assert len(run.events) == int((400.0 / math.sqrt(2 / G) + 1) / 2) and run.energy_drift < 1e-9
+
+
+def three_balls(order: str) -> ncgen.Kernels:
+    m = ncgen.Model("balls")
+    for k, x in enumerate((-1.0, 0.0, 0.1)):
+        m.body(f"ball{k}", [m.point(f"P{k}", (x, 0), fixed="y")], mass=1.0)
+    x = [m.elements[f"P{k}"].x for k in range(3)]
+    for k in (1, 2):
+        m.event(f"gap{k}", when=x[k] - x[k - 1] - 0.1, do=ncgen.impact(restitution=1.0, order=order))
+    return ncgen.compile(m)
+
+
+@pytest.mark.parametrize(("order", "expected"), [("simultaneous", (-1 / 3, 2 / 3, 2 / 3)), ("in turn", (0.0, 0.0, 1.0))])
+def test_the_law_of_several_impacts(order, expected):
+    """One ball hits two that touch: both laws keep energy and momentum, and differ."""
+    run = ncgen.simulate(three_balls(order), 1.5, qd0={"P0.x": 1.0, "P1.x": 0.0, "P2.x": 0.0})
+    assert run.qd[-1] == pytest.approx(expected, abs=1e-12)
+    assert run.events[0].t == pytest.approx(0.9, rel=1e-13) and run.energy_drift < 1e-12
+
+
+def test_the_law_must_be_said_where_it_matters():
+    with pytest.raises(ncgen.ModelError, match='several impacts at one instant, of gap1, gap2 at t = 0.9 s.*order="in turn"'):
+        ncgen.simulate(three_balls(""), 1.5, qd0={"P0.x": 1.0, "P1.x": 0.0, "P2.x": 0.0})
+
+
+def test_a_wheel_without_rim_rolls_down():
+    """Steps of the limit cycle in closed form and quadrature: hub mass, l 1 m, half angle π/8, slope 0.08. Each foot turns gravity on by an
+    angle and takes cos 2α of the velocity."""
+    import sympy
+
+    half, slope = math.pi / 8, 0.08
+    m, psi = sliding_block("wheel")
+    feet = m.parameter("feet", 0.0)
+    m.torque(psi, G * sympy.sin(psi - 2 * half * feet))
+    m.event(
+        "foot", when=psi - slope - half - 2 * half * feet, direction="rising",
+        do={"feet": feet + 1, "rate(s)": math.cos(2 * half) * psi.rate},
+    )  # fmt: skip
+    kernels = ncgen.compile(m)
+    run = ncgen.simulate(kernels, 5.0, rtol=1e-11, q0={"s": slope - half, "A.x": slope - half}, qd0={"s": 1.095462839647657})
+    times = np.diff([0.0, *(each.t for each in run.events)])
+    assert len(times) == 4 and times == pytest.approx([1.034549811423279] * 4, rel=1e-10)
+    place = kernels.index["s"]
+    assert [each.before[place] for each in run.events] == pytest.approx([1.549218404905459] * 4, rel=1e-9)
+    assert [each.after[place] for each in run.events] == pytest.approx([1.095462839647657] * 4, rel=1e-9)
+    assert run.energy_drift < 1e-9
+
+
+def test_a_block_rocks():
+    """Housner: half sizes 0.2 and 1 m, from 0.1 rad; the velocity after an impact is 1 − 3/2 sin² α of that before."""
+    import sympy
+
+    alpha, radius = math.atan(0.2), math.sqrt(1.04)
+    m, theta = sliding_block("block")
+    side = m.input("side")
+    m.torque(theta, -3 * G / (4 * radius) * side * sympy.sin(alpha - side * theta))
+    m.event("corner", when=theta, direction="either", do={"side": -side, "rate(s)": (1 - 1.5 * math.sin(alpha) ** 2) * theta.rate})
+    kernels = ncgen.compile(m)
+    run = ncgen.simulate(kernels, 1.2, rtol=1e-11, p={"side": 1.0}, q0={"s": 0.1, "A.x": 0.1}, points=13)
+    first, place = run.events[0], kernels.index["s"]
+    assert first.t == pytest.approx(0.4965584599485608, rel=1e-10)
+    assert [-first.before[place], -first.after[place]] == pytest.approx([0.4602424499628977, 0.4336900009265767], rel=1e-9)
+    stop = ncgen.simulate(kernels, 1.2, rtol=1e-11, p={"side": 1.0}, q0={"s": 0.1, "A.x": 0.1}, stop={"rate(s)": (0.0, "rising")})
+    assert stop.stopped and stop["s"][-1] == pytest.approx(-0.08433802361429504, rel=1e-9)
+    assert run.inputs["side"][[0, -1]].tolist() == [1.0, -1.0] and run.energy_drift < 1e-9
+
+
+def thrown(**event) -> ncgen.Kernels:
+    m = ncgen.Model("thrown")
+    P = m.point("P", (0, 0))
+    m.body("ball", [P], mass=1.0)
+    m.gravity((0, -G))
+    m.event("seen", **{name: value(P, m) if callable(value) else value for name, value in event.items()})
+    return ncgen.compile(m)
+
+
+@pytest.mark.parametrize(
+    ("when", "search"),
+    [
+        pytest.param(lambda P, m: P.y - (1.0 - 1e-10), "proof", id="linear"),
+        pytest.param(lambda P, m: P.x**2 + P.y**2 - (P.x**2 + (1.0 - 1e-10) ** 2), "proof", id="quadratic"),
+        pytest.param(lambda P, m: m.time - math.sqrt(2 / G) + 1e-5, "proof", id="time"),
+    ],
+)
+def test_a_crossing_inside_one_step(when, search):
+    """A ball at its apex for 9 µs, inside one step of more than a second: nothing is compared at the ends of the step."""
+    kernels = thrown(when=when, direction="rising")
+    run = ncgen.simulate(kernels, 1.0, points=2, qd0={"P.x": 1.0, "P.y": math.sqrt(2 * G)})
+    (seen,) = run.events
+    early = 1e-5 if when(m := kernels.model.elements["P"], kernels.model).has(kernels.model.time) else math.sqrt(2e-10 / G)
+    assert m and seen.search == search and seen.t == pytest.approx(math.sqrt(2 / G) - early, abs=1e-10)
+
+
+def test_a_transcendental_condition_is_sampled():
+    import sympy
+
+    kernels = thrown(when=lambda P, m: sympy.sin(P.y) - 0.5, direction="either")
+    run = ncgen.simulate(kernels, 0.5, qd0={"P.x": 0.0, "P.y": math.sqrt(2 * G)})
+    (seen,) = run.events
+    height = math.asin(0.5)
+    assert seen.search == "sampled" and seen.t == pytest.approx((math.sqrt(2 * G) - math.sqrt(2 * G * (1 - height))) / G, rel=1e-12)
+
+
+def test_simultaneous_events_are_one_instant():
+    """Two conditions that are zero together, one of them twice as large, happen in the order of the model at the same time."""
+    m, s = sliding_block("block")
+    u = m.input("u")
+    m.torque(s, 1.0 + 0 * s.rate)
+    m.event("first", when=s - 0.5, direction="rising", do={"u": u + 1})
+    m.event("second", when=2 * s - 1.0, direction="rising", do={"u": 10 * u})
+    m.event("third", when=5 - u, do="stop")
+    run = ncgen.simulate(ncgen.compile(m), 2.0)
+    assert [each.name for each in run.events] == ["first", "second", "third"] and len({each.t for each in run.events}) == 1
+    assert run.events[2].search == "action" and run.stopped and run.t[-1] == pytest.approx(1.0, rel=1e-13)
+
+
+def test_events_that_bring_about_each_other_without_end():
+    m, s = sliding_block("block")
+    u = m.input("u")
+    m.event("up", when=s + m.time - 1.0 - 2 * u, direction="either", do={"u": 1 - 2 * u})
+    m.event("down", when=0.5 - u, direction="either", do={"u": -u})
+    with pytest.raises(ncgen.ConvergenceError, match="bring about each other without end at t = 1 s"):
+        ncgen.simulate(ncgen.compile(m), 2.0)
+
+
+def test_a_function_of_the_state():
+    m, s = sliding_block("block")
+    seen = []
+    m.event("half", when=s - 0.5, direction="rising", do=lambda at, kernels: seen.append(at.t) or {"rate(s)": 0.0})
+    run = ncgen.simulate(ncgen.compile(m), 1.0, qd0={"s": 1.0})
+    assert seen == pytest.approx([0.5], rel=1e-13) and run["s"][-1] == pytest.approx(0.5, rel=1e-13)
+    with pytest.raises(ncgen.ModelError, match="a Python function cannot be written"):
+        to_toml(m)
+
+
+def test_files_say_events():
+    text = to_toml(ball(order="in turn"))
+    assert '[[event]]\nname = "floor"\nwhen = "P.y"\n' in text
+
+
+@pytest.mark.parametrize("height", [0.0, 1e-16, -1e-16], ids=str)
+def test_contact_at_the_start(height):
+    """A gap that is closed and closes on at the start is hit there; a ball that is thrown up from the floor is not."""
+    kernels = ncgen.compile(ball())
+    down = ncgen.simulate(kernels, 0.1, q0={"P.y": height}, qd0={"P.y": -1.0})
+    assert [(each.t, each.search) for each in down.events] == [(0.0, "start")] and down.events[0].after[0] == 0.5
+    up = ncgen.simulate(kernels, 0.1, q0={"P.y": height}, qd0={"P.y": 1.0})
+    assert not up.events and up["P.y"][-1] == pytest.approx(0.1 - G / 200, rel=1e-12)
+
+
+def test_a_gap_that_is_open_by_less_than_nothing_at_the_start():
+    with pytest.raises(ncgen.ModelError, match="event floor: the gap is -0.1 at the start"):
+        ncgen.simulate(ncgen.compile(ball()), 0.1, q0={"P.y": -0.1})
+
+
+REFUSED = [
+    (lambda m, s: m.event("a", when=s, direction="up"), "event a: direction 'up' is unknown; choose one of falling, either, rising"),
+    (lambda m, s: [m.event("a", when=s) for _ in range(2)], "event a: there is one of that name already"),
+    (lambda m, s: m.event("a", when=s, do="halt"), "event a, do: 'halt' is no action"),
+    (lambda m, s: m.event("a", when=s, do={"c": 1.0}), "event a, do: 'c' cannot be changed"),
+    (lambda m, s: m.event("a", when=s, do=ncgen.impact(1.5)), "event a, do: restitution 1.5; give a number from 0 to 1"),
+    (lambda m, s: m.event("a", when=s, direction="rising", do=ncgen.impact(1)), "event a: an impact happens where a gap closes"),
+    (lambda m, s: ncgen.impact(1, order="both"), "impact: order 'both' is unknown"),
+]
+
+
+@pytest.mark.parametrize(("say", "message"), REFUSED, ids=[message for _, message in REFUSED])
+def test_refused(say, message):
+    with pytest.raises(ncgen.ModelError) as refused:
+        say(*sliding_block("block"))
+    assert str(refused.value).startswith(message)
+
+
+def test_unknown_names_are_refused():
+    import sympy
+
+    m, s = sliding_block("block")
+    m.event("a", when=s - sympy.Symbol("wall", real=True))
+    with pytest.raises(ncgen.ModelError, match="event a: wall is neither a coordinate, a velocity"):
+        ncgen.simulate(ncgen.compile(m), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "what"),
+    [
+        (lambda k: ncgen.start(k), "ncgen.start"),
+        (lambda k: ncgen.start_batch(k, 2), "ncgen.start_batch"),
+        (lambda k: ncgen.gradient(k, 1.0, 10, lambda q, qd: q[-1, 0]), "a derivative of a motion"),
+        (lambda k: ncgen.simulate_batch(k, 1.0, q0=np.ones((2, 1))), "ncgen.simulate_batch"),
+        (lambda k: ncgen.study(k.model, {"e": [0.1, 0.2]}, keep="last(P.y)"), "ncgen.study"),
+    ],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
+def test_what_has_no_events_yet_refuses(dropped, call, what):
+    with pytest.raises(ncgen.ModelError, match=f"ball: {what} does not support events yet"):
+        call(dropped)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"engine": "python"}, {"number": "float"}, {"formalism": "coordinate-partitioning"}, {"integrator": "rattle", "max_step": 0.01}],
+    ids=str,
+)
+def test_runs_that_cannot_have_events(dropped, options):
+    with pytest.raises(ncgen.ModelError, match="ball: events need"):
+        ncgen.simulate(dropped, 1.0, **options)
