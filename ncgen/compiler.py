@@ -61,10 +61,26 @@ def check_words(backend: str, emission: str) -> None:
 
 
 def generate(model: Model, emission: str = "auto", timings: Timings | None = None) -> Sources:
-    """Sources of a mechanism: stages 1 and 2; stage 3 prints a file when it is asked for.
+    """Generate the sources of a mechanism; a file is printed when it is asked for.
 
-    emission: "unrolled" (straight-line), "tabled" (loops over index tables) or "auto"
-    Raises ModelError where the model cannot be generated.
+    Parameters
+    ----------
+    model : Model
+        Mechanism.
+    emission : str
+        "unrolled" (straight-line code), "tabled" (loops over index tables) or "auto".
+    timings : Timings, optional
+        Takes the time of every stage.
+
+    Returns
+    -------
+    Sources
+        Files by name.
+
+    Raises
+    ------
+    ModelError
+        Where the model cannot be generated.
     """
     model = checked_model(model)
     timings = timings or Timings()
@@ -93,11 +109,28 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
 
 
 def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto", timings: Timings | None = None) -> Kernels:
-    """Kernels of a mechanism: stages 1 to 5.
+    """Compile a mechanism.
 
-    model: a model, or sources from `generate`
-    backend: "c", "numpy", or "auto": C where a compiler works, otherwise NumPy with one line saying why
-    Raises CompileError if C was asked for and there is no compiler, or none that works.
+    Parameters
+    ----------
+    model : Model or Sources
+        Mechanism, or its sources from `generate`.
+    backend : str
+        "c", "numpy", or "auto": C where a compiler works, otherwise NumPy with a warning that says why.
+    emission : str
+        As of `generate`.
+    timings : Timings, optional
+        Takes the time of every stage.
+
+    Returns
+    -------
+    Kernels
+        Compiled functions of the mechanism: Φ, Φ_q, M, forces, energies.
+
+    Raises
+    ------
+    CompileError
+        If C was asked for and no compiler works.
     """
     check_words(backend, emission)
     timings = timings or Timings()

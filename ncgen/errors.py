@@ -59,7 +59,13 @@ def warn(message: str) -> None:
 
 
 class NcgenError(Exception):
-    """Anything ncgen refuses to do, in one line. `exit_code` is what the command line returns."""
+    """Report that ncgen cannot do something, in one line; `exit_code` is that of the command line.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, where, the number, and what to do.
+    """
 
     exit_code = 2
 
@@ -68,7 +74,13 @@ class NcgenError(Exception):
 
 
 class ModelError(NcgenError):
-    """The description of the mechanism is wrong or contradicts itself."""
+    """Report that the description of a mechanism, or an argument, is wrong.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, where, the number, and what to do.
+    """
 
 
 class UnknownName(ModelError):
@@ -80,11 +92,25 @@ class UnknownName(ModelError):
 
 
 class DomainError(ModelError):
-    """A term of the model is not a number where it is needed: the message names its owner and the time."""
+    """Report that a term of a model is NaN or infinite, with its name and the time.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, where, the number, and what to do.
+    """
 
 
 class CompileError(NcgenError):
-    """A compiler was found but did not accept the sources; `log` is what it printed."""
+    """Report that a compiler did not accept the sources.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, where, the number, and what to do.
+    log : str
+        What the compiler printed.
+    """
 
     exit_code = 3
 
@@ -94,10 +120,16 @@ class CompileError(NcgenError):
 
 
 class ConvergenceError(NcgenError):
-    """An iteration did not reach its tolerance; `history` holds the norms of the residual.
+    """Report that an iteration did not reach its tolerance.
 
-    positions: of a mechanism that was moved, an array (K, n) in m and rad of the positions that were found; the last one is that at which
-        it stopped. None where nothing was moved.
+    Parameters
+    ----------
+    message : str
+        What is wrong, where, the number, and what to do.
+    history : tuple of float
+        Norms of the residual.
+    positions : array, shape (K, n), optional
+        Positions in m and rad that were found while a mechanism was moved; at the last one it stopped.
     """
 
     exit_code = 4
@@ -109,17 +141,39 @@ class ConvergenceError(NcgenError):
 
 
 class DeadCentreError(ConvergenceError):
-    """A mechanism was to be moved beyond a dead centre: the coordinate that moves it turns back there."""
+    """Report that a mechanism cannot move beyond a dead centre, where the coordinate that drives it turns back.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, where, the number, and what to do.
+    history : tuple of float
+        Norms of the residual.
+    positions : array, shape (K, n), optional
+        Positions in m and rad that were found; at the last one the mechanism stopped.
+    """
 
 
 class SingularError(NcgenError):
-    """A position or a matrix is singular where the calculation needs it not to be."""
+    """Report that a position or a matrix is singular where it must be regular.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, where, the number, and what to do.
+    """
 
     exit_code = 4
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run was stopped by Ctrl-C; `run` is the trajectory up to there."""
+    """Report that Ctrl-C interrupted a run; it is a KeyboardInterrupt.
+
+    Parameters
+    ----------
+    run : Trajectory
+        The motion up to there.
+    """
 
     def __init__(self, run: Any) -> None:  # a Trajectory, which this module cannot know: it is above all others
         super().__init__(f"{run.name}: stopped at t = {run.t[-1]:.6g} s")

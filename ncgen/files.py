@@ -10,17 +10,20 @@ import errno
 import os
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import wraps
 from pathlib import Path
-from typing import IO
+from typing import IO, Any, TypeVar, cast
 
-from ncgen.errors import NcgenError, shown
+from ncgen.errors import ModelError, NcgenError, shown
 
 READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """Flags under which opening waits for nobody: a pipe without a writer would hold a process for ever."""
 
 LOCKING = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
 """Flags under which a lock is made where it is missing, changes nothing in a file that is there, and follows no symbolic link."""
+
+Method = TypeVar("Method", bound=Callable[..., Any])
 
 KINDS = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFSOCK: "a socket"}
 """{type of a file: in words} of those that are not ordinary."""
@@ -51,6 +54,34 @@ def _mode(path: Path) -> int | None:
         return os.stat(path).st_mode
     except (OSError, ValueError):
         return None
+
+
+def output_was(former: str) -> Callable[[Method], Method]:
+    """Let callers name the argument `output`, the place where a function writes, by its former name as well.
+
+    Parameters
+    ----------
+    former : str
+        The former name: `path` or `folder`.
+
+    Returns
+    -------
+    callable
+        A decorator that keeps the type of the function.
+    """
+
+    def decorate(function: Method) -> Method:
+        @wraps(function)
+        def renamed(*args: Any, **given: Any) -> Any:
+            if former in given:
+                if "output" in given:
+                    raise ModelError(f"{function.__name__}: {former} is the former name of output, and both are given; give output")
+                given["output"] = given.pop(former)
+            return function(*args, **given)
+
+        return cast(Method, renamed)
+
+    return decorate
 
 
 # -- reading ---------------------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ncgen.emit.language import language, languages
-from ncgen.files import path_of, write_text
+from ncgen.files import output_was, path_of, write_text
 from ncgen.program.programs import Programs
 
 
@@ -46,10 +46,24 @@ class Sources:
         """All files, in all languages that people read."""
         return {file: text for name in languages() if language(name).IS_READ for file, text in self.of(name).items()}
 
-    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write all files into a folder (made if missing) and return their paths.
+    @output_was("folder")
+    def write(self, output: str | os.PathLike[str]) -> list[Path]:
+        """Write all files into a folder.
 
-        Raises NcgenError naming the folder if it cannot be written.
+        Parameters
+        ----------
+        output : path
+            The folder; it is created if it does not exist.
+
+        Returns
+        -------
+        list of Path
+            The files.
+
+        Raises
+        ------
+        NcgenError
+            If the folder cannot be written.
         """
-        place = path_of(folder, "folder")
+        place = path_of(output, "output")
         return [write_text(place / name, text) for name, text in self.files.items()]

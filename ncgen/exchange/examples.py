@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import TypeVar
+from typing import Any, TypedDict, TypeVar, Unpack
 
 from ncgen.errors import SHOWN, ModelError, NcgenError, shortened, shown
 from ncgen.exchange import robots
@@ -21,6 +21,7 @@ from ncgen.exchange.words import is_required
 from ncgen.files import is_file, opened
 from ncgen.model import Model
 from ncgen.resources import folder
+from ncgen.solver.groups import takes
 
 Result = TypeVar("Result")
 
@@ -28,44 +29,88 @@ SUFFIXES = (".toml", ".py", *robots.SUFFIXES)
 """Of files that a model can be in."""
 
 
-def load(
-    name: str | Path,
-    *,
-    floating: bool | None = None,
-    limits: bool = False,
-    friction: bool = False,
-    motors: bool = False,
-    sensors: bool = False,
-    loops: str | Path | None = None,
-    inertias: str = "refused",
-    parameters: str | Sequence[str] = (),
-    frames: Sequence[str] = (),
-) -> Model:
-    """The model of an example, of a TOML file, of a robot's file (URDF, SDF, MJCF), or of a Python file that has a function `build()`
-    returning a model.
+class RobotArguments(TypedDict, total=False):
+    """What a model has of a robot's file.
 
-    floating: a robot's root is a free body (True) or part of the ground (False); None for what its file says
-    limits, friction: a robot's joints have the stops and the dry friction of its file, as springs and smooth couples
-    motors: a robot's actuators, or its joints where the file says no actuators, have inputs, with gears, servos and limits of the file
-    sensors: the sensors of an MJCF file are outputs
-    loops: a TOML file that says what closes a robot's loops; None for ROBOT.loops.toml beside its file, if there is one
-    inertias: of moments of inertia that no body has "balanced" for their mean, "as given" for the file's numbers, both with a warning
-        that counts bodies; "refused" for a ModelError
-    parameters: "inertia" for masses, centres of mass and moments of inertia of all links as parameters of the model, with the file's
-        values, LINK.mass, LINK.centre.x, LINK.inertia.xy; "geometry" for where joints are in their parents, JOINT.origin.x; names of links
-        and joints for those of these: a link may have no inertia in the file, a payload
-    frames: names of links, sites and frames of a robot's file whose position and rotation are outputs, NAME.x and NAME.r11 and so on
-    Warns, in one line, of how many things of a robot's file that change the motion the model does not have; `left_out` of the model lists
-    them. Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
+    Parameters
+    ----------
+    floating : bool, optional
+        Whether the robot's root is a free body or part of the ground. Default: as the file says.
+    limits : bool
+        Whether joints have the stops of the file, as springs.
+    friction : bool
+        Whether joints have the dry friction of the file, as smooth couples.
+    motors : bool
+        Whether actuators, or joints where the file has no actuators, have inputs, with gears, servos and limits of the file.
+    sensors : bool
+        Whether the sensors of an MJCF file are outputs.
+    loops : path, optional
+        TOML file with the joints that close loops. Default: ROBOT.loops.toml next to the robot's file, if it exists.
+    inertias : str
+        What to do with moments of inertia that no body has: "refused" raises ModelError, "balanced" takes their mean, "as given" the
+        file's numbers, both with a warning that counts bodies.
+    parameters : str or sequence of str
+        What becomes parameters of the model, with the file's values. "inertia": masses, centres of mass and moments of inertia of all
+        links, LINK.mass, LINK.centre.x, LINK.inertia.xy. "geometry": positions of joints in their parents, JOINT.origin.x. Names of links
+        and joints for those of these; a link may have no inertia in the file, such as a payload.
+    frames : sequence of str
+        Names of links, sites and frames whose position and rotation are outputs, NAME.x and NAME.r11 and so on.
     """
-    having = {"limits": limits, "friction": friction, "motors": motors, "sensors": sensors}
-    path = as_path(name, "the name of an example or the path of a file")
+
+    floating: bool | None
+    limits: bool
+    friction: bool
+    motors: bool
+    sensors: bool
+    loops: str | Path | None
+    inertias: str
+    parameters: str | Sequence[str]
+    frames: Sequence[str]
+
+
+ROBOT_DEFAULTS: dict[str, Any] = {
+    **dict.fromkeys(("limits", "friction", "motors", "sensors"), False),
+    **{"floating": None, "loops": None, "inertias": "refused", "parameters": (), "frames": ()},
+}
+"""{argument: its value where nothing is given}"""
+
+
+@takes(RobotArguments, former={"name": "path"}, **ROBOT_DEFAULTS)
+def load(path: str | Path, **robot: Unpack[RobotArguments]) -> Model:
+    """Load the model of an example, a TOML file, a robot's file (URDF, SDF, MJCF), or a Python file with a function `build()`.
+
+    Parameters
+    ----------
+    path : str or Path
+        Name of an example, or path of a file.
+    **robot : RobotArguments
+        All but the path are for robots' files.
+
+    Returns
+    -------
+    Model
+        The model; its `left_out` lists what the file has and the model does not have.
+
+    Raises
+    ------
+    ModelError
+        With the file and the line where the file is wrong, or with the examples if there is no such file.
+
+    Warns
+    -----
+    UserWarning
+        Once, with the number of things in a robot's file that change the motion and are not modelled.
+    """
+    asked = {**ROBOT_DEFAULTS, **robot}
+    having = {word: asked[word] for word in ("limits", "friction", "motors", "sensors")}
+    floating, loops, inertias, parameters, frames = (asked[word] for word in ("floating", "loops", "inertias", "parameters", "frames"))
+    file = as_path(path, "the name of an example or the path of a file")
     for word, given in (("floating", False if floating is None else floating), *having.items()):
         if not isinstance(given, bool):
             raise ModelError(f"{word}: {shown(given)} given; give True or False")
-    suffix = path.suffix.lower()
-    if suffix in robots.SUFFIXES and is_file(path):
-        model = robots.load_robot(path, floating, limits, friction, loops, motors, sensors, inertias, parameters, stacklevel=2)
+    suffix = file.suffix.lower()
+    if suffix in robots.SUFFIXES and is_file(file):
+        model = robots.load_robot(file, floating, loops=loops, inertias=inertias, parameters=parameters, stacklevel=3, **having)
         return robots.with_frame_outputs(model, frames) if frames else model
     for word, given in (
         ("floating", floating is not None),
@@ -76,13 +121,13 @@ def load(
         ("frames", len(frames) > 0),
     ):
         if given:
-            raise ModelError(f"{path.name}: {word} is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says itself what it has")
-    if str(name) in example_names():
-        return _checked(example_module(name))
-    if not is_file(path):
-        raise _no_such(name, path)
-    model = load_toml(path) if suffix == ".toml" else _checked(_import(path))
-    model.drawing.folder = path.resolve().parent
+            raise ModelError(f"{file.name}: {word} is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says itself what it has")
+    if str(path) in example_names():
+        return _checked(example_module(path))
+    if not is_file(file):
+        raise _no_such(path, file)
+    model = load_toml(file) if suffix == ".toml" else _checked(_import(file))
+    model.drawing.folder = file.resolve().parent
     return model
 
 

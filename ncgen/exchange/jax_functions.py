@@ -29,7 +29,23 @@ Array: TypeAlias = Any
 
 
 def jax(kernels: Kernels) -> JaxFunctions:
-    """A mechanism's motions for JAX. Raises ModelError where JAX is not installed or computes with 32 bits."""
+    """Make functions of a mechanism's motions for JAX.
+
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+
+    Returns
+    -------
+    JaxFunctions
+        Functions that JAX can differentiate.
+
+    Raises
+    ------
+    ModelError
+        Where JAX is not installed, or computes with 32 bits.
+    """
     return JaxFunctions(checked_kernels(kernels))
 
 

@@ -29,7 +29,23 @@ Tensor: TypeAlias = Any
 
 
 def torch(kernels: Kernels) -> TorchFunctions:
-    """A mechanism's motions for PyTorch. Raises ModelError where PyTorch is not installed."""
+    """Make functions of a mechanism's motions for PyTorch.
+
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+
+    Returns
+    -------
+    TorchFunctions
+        Functions that PyTorch can differentiate.
+
+    Raises
+    ------
+    ModelError
+        Where PyTorch is not installed.
+    """
     return TorchFunctions(checked_kernels(kernels))
 
 

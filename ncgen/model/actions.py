@@ -62,10 +62,24 @@ Doing: TypeAlias = "Action | str | Mapping[str, Driven] | Callable[..., object] 
 def impact(restitution: Value = 0.0, order: str = "") -> Impact:
     """Return the impact that an event does: `m.event("floor", when=ball.y, do=ncgen.impact(restitution=0.5))`.
 
-    restitution: e of Newton's law, from 0 to 1; u⁺ = −e u⁻ for the velocity u at which the gap, the event's condition, changes. The
-        impulse acts along the gradient of the gap; with the constraints' own impulses velocities satisfy all constraints after it
-    order: what holds where several impacts happen at one instant, since the laws give different answers: "simultaneous" (all together,
-        impulses only push) or "in turn" (the fastest one first, until no gap closes); without it this is refused
+    Parameters
+    ----------
+    restitution : float or expression of parameters
+        Coefficient e of Newton's law, from 0 to 1: u⁺ = −e u⁻ for the velocity u at which the gap, the event's condition, changes. The
+        impulse acts along the gradient of the gap; with the constraints' own impulses velocities satisfy all constraints after it.
+    order : str, optional
+        Law for several impacts at one instant, since the laws give different answers: "simultaneous" (all together, impulses only push) or
+        "in turn" (the fastest one first, until no gap closes). Without it several impacts at one instant are refused.
+
+    Returns
+    -------
+    Impact
+        The action.
+
+    Raises
+    ------
+    ModelError
+        For an unknown order.
     """
     if order and order not in ORDERS:
         raise ModelError(f"impact: order {shown(order)} is unknown; choose one of {', '.join(ORDERS)}")

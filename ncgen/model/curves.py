@@ -70,10 +70,28 @@ STEP = Curve("smooth_step", Pieces((0.0, 1.0), ((0.0,) * 7, (0.0, 0.0, 0.0, 0.0,
 
 
 def smooth_step(x: Expression, start: Expression = 0.0, end: Expression = 1.0) -> sympy.Expr:
-    """A step that rises from 0 where x is `start` to 1 where it is `end`, with two continuous derivatives; constant beyond.
+    """Build a step from 0 where x is `start` to 1 where it is `end`, with two continuous derivatives; constant beyond.
 
-    x, start, end: numbers or expressions of coordinates, m.time and parameters; where end is less than start it falls, from 1 to 0
-    The polynomial s³ (10 − 15 s + 6 s²) of s = (x − start)/(end − start). Raises ModelError if start and end are the same.
+    The polynomial s³ (10 − 15 s + 6 s²) of s = (x − start)/(end − start).
+
+    Parameters
+    ----------
+    x : float or expression
+        Number, or expression of coordinates, `m.time` and parameters.
+    start : float or expression
+        Value of x at which the step begins.
+    end : float or expression
+        Value of x at which the step ends; less than `start` for a step from 1 to 0.
+
+    Returns
+    -------
+    sympy.Expr
+        The step.
+
+    Raises
+    ------
+    ModelError
+        If start and end are the same.
     """
     import sympy
 

@@ -41,12 +41,17 @@ LONGEST_NAME = 100
 
 
 class Model(Joints, Loads, Events, Pictures):
-    """A mechanism in natural coordinates.
+    """Describe a mechanism in natural coordinates.
 
-    name: becomes the prefix of the generated code
-    scale: True divides every row by its natural length, so that metres and millimetres converge alike;
-        False gives the paper's raw rows
-    form: how relative angles are tied to points and vectors, see `angle`
+    Parameters
+    ----------
+    name : str
+        Prefix of the generated code.
+    scale : bool
+        Whether every constraint is divided by its characteristic length, so that metres and millimetres converge alike; False gives the
+        paper's constraints.
+    form : str
+        How relative angles are tied to points and vectors, see `angle`.
     """
 
     def __init__(self, name: str, *, scale: bool = True, form: str = "smooth") -> None:

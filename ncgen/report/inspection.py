@@ -12,16 +12,24 @@ from ncgen.symbolic.tree import Tree, spanning_tree
 
 
 def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
-    """One JSON-ready record.
+    """Describe a mechanism and its generated code in one record, ready for JSON.
 
-    name; coordinates, free, rows: counts; rank, dof; redundant: [{row, label, owner, implied_by, coefficients}] with
-    rows counted from 1; measured: how many rows have their lengths and angles from the initial position
-    singular: True if the initial position is; initial: {angle: radians};
-    left_out: [{what, count, changes_motion}] of a robot's file, which the model does not have
-    assembled: [{joint, moved, unit}] of a robot whose loops were closed when it was read
-    omitted: [text] of what the generator left out because it does nothing;
-    kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters: {name: default}
-    tree: [{body, on, freedoms}], from the ground outward
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    found : Freedom, optional
+        Degrees of freedom, if they are known already.
+
+    Returns
+    -------
+    dict
+        Keys: name; coordinates, free, rows: counts; rank, dof; redundant: [{row, label, owner, implied_by, coefficients}] with
+        rows counted from 1; measured: how many constraints have their lengths and angles from the initial position; singular:
+        whether the initial position is; initial: {angle: rad}; left_out: [{what, count, changes_motion}] of a robot's file, which
+        the model does not have; assembled: [{joint, moved, unit}] of a robot whose loops were closed when it was read; omitted:
+        [text] of what the generator simplified away; kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters:
+        {name: default}; tree: [{body, on, freedoms}], from the ground outward.
     """
     found = found or freedom(kernels)
     model = kernels.model

@@ -27,12 +27,27 @@ def read(path: str | os.PathLike[str], model: Model | Kernels) -> Trajectory: ..
 
 
 def read(path: str | os.PathLike[str], model: Model | Kernels | None = None) -> StudyResult | Trajectory | Recorded:
-    """The result of a study from its folder, as far as it has come, or the trajectory that `Trajectory.to_npz` wrote.
+    """Read the result of a study from its folder, as far as it has come, or a trajectory that `Trajectory.to_npz` wrote.
 
-    model: of a trajectory whose file has none, since it is not all data or the file is of before the first release. Without it such a
-        file gives its arrays and names alone
-    What a file says is data: nothing of it is evaluated or unpickled. Raises NcgenError in one line for what is neither, for what is
-    broken, and for a trajectory of another model.
+    A file is data: nothing of it is evaluated or unpickled.
+
+    Parameters
+    ----------
+    path : path
+        The folder or the file.
+    model : Model or Kernels, optional
+        Model of a trajectory whose file has none, because the model is not all data or the file is older than the first release. Without it
+        such a file gives its arrays and names only.
+
+    Returns
+    -------
+    StudyResult, Trajectory or Recorded
+        What was written.
+
+    Raises
+    ------
+    NcgenError
+        For other files, broken ones, and a trajectory of another model.
     """
     place = as_path(path, "the path of a study's folder or of a trajectory")
     if is_folder(place):

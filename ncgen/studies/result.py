@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from ncgen.errors import ModelError, NcgenError, counted
-from ncgen.files import path_of, write_text, writing
+from ncgen.files import output_was, path_of, write_text, writing
 from ncgen.solver.given import echo, offer
 from ncgen.studies.folder import Folder
 from ncgen.studies.indices import Indices, indices
@@ -145,10 +145,27 @@ class StudyResult:
             arrays[name] = ((*dims, "t")[: len(shape) + values.ndim - 1], values.reshape(*shape, *values.shape[1:]))
         return xarray.Dataset(arrays, {**axes, **({"t": self.times} if len(self.times) else {})}, {"model": self.about["model"]})
 
-    def to_parquet(self, path: str | os.PathLike[str]) -> Path:
-        """Write the table as a Parquet file, a part of the study at a time. Raises NcgenError where pyarrow is not installed."""
+    @output_was("path")
+    def to_parquet(self, output: str | os.PathLike[str]) -> Path:
+        """Write the table as a Parquet file, a part of the study at a time.
+
+        Parameters
+        ----------
+        output : path
+            Name of the file.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        NcgenError
+            If the file cannot be written, or without pyarrow.
+        """
         arrow, parquet = _package("pyarrow"), _package("pyarrow.parquet")
-        target = path_of(path)
+        target = path_of(output)
         if not self._spans:
             raise NcgenError(f"{target}: the study has no variant yet")
         with writing(target) as file, ExitStack() as stack:
@@ -160,8 +177,25 @@ class StudyResult:
                 writer.write_table(batch)
         return target
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the table with a header line, every digit; returns the path."""
+    @output_was("path")
+    def to_csv(self, output: str | os.PathLike[str]) -> Path:
+        """Write the table with a header line and every digit.
+
+        Parameters
+        ----------
+        output : path
+            Name of the file.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        NcgenError
+            If the file cannot be written.
+        """
         import csv
         import io
 
@@ -169,7 +203,7 @@ class StudyResult:
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(table)
         writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
-        return write_text(path_of(path), buffer.getvalue())
+        return write_text(path_of(output), buffer.getvalue())
 
     def _part(self, first: int, at: Any) -> Part:
         if self.folder is None:
@@ -189,20 +223,33 @@ class StudyResult:
         return indices(self.names, self[name])
 
     @overload
-    def plot(self, path: None = None, names: str | Iterable[str] | None = None) -> Figure: ...
+    def plot(self, output: None = None, names: str | Iterable[str] | None = None) -> Figure: ...
 
     @overload
-    def plot(self, path: str | os.PathLike[str], names: str | Iterable[str] | None = None) -> Path: ...
+    def plot(self, output: str | os.PathLike[str], names: str | Iterable[str] | None = None) -> Path: ...
 
-    def plot(self, path: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None) -> Figure | Path:
-        """Columns as a figure, written to `path` if given: envelopes of histories, heat maps of a grid of two, points over what varied if
-        that is one, else parallel coordinates."""
+    @output_was("path")
+    def plot(self, output: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None) -> Figure | Path:
+        """Plot columns: envelopes of histories, heat maps of a grid of two, points over what varied, or parallel coordinates.
+
+        Parameters
+        ----------
+        output : path, optional
+            Name of a file for the figure.
+        names : str or iterable of str, optional
+            Columns. Default: all that were kept.
+
+        Returns
+        -------
+        Figure or Path
+            A matplotlib figure; the file if `output` is given.
+        """
         view = import_module("ncgen.view.variants")
         wanted = (names,) if isinstance(names, str) else tuple(names or self.about["kept"])
         shape = tuple(self.about["shape"]) if self.about["design"] == "grid" and self.complete else None
         title = f"{self.about['model']}: {counted(len(self), 'variant')}"
         figure = view.picture(title, {n: self[n] for n in self.names}, {n: self[n] for n in wanted}, self.times, shape)
-        return figure if path is None else import_module("ncgen.view.figure").save(figure, path)
+        return figure if output is None else import_module("ncgen.view.figure").save(figure, output)
 
 
 def _flat(name: str, values: np.ndarray, times: np.ndarray) -> dict[str, np.ndarray]:

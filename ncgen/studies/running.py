@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing, nullcontext
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, Unpack
+
+from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.solver.given import count as whole
 from ncgen.solver.given import echo
+from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.runs.telling import check_told
 from ncgen.studies import engines
 from ncgen.studies.definition import Study
@@ -31,50 +34,104 @@ Wanted: TypeAlias = "Told | bool | None"
 """In signatures: a function, True for a bar in a terminal or a notebook, None or False for nobody."""
 
 
+class StudyArguments(MotionArguments, total=False):
+    """The design of a study, who computes it, and the run that its variants have in common.
+
+    Parameters
+    ----------
+    design : str
+        "grid" (all combinations), "list" (the first numbers together, then the second …), "random", "latin", "sobol", "halton", or
+        "saltelli", from which `sobol` of the result computes Sobol' indices.
+    count : int, optional
+        Number of variants, or of points of "saltelli".
+    seed : int
+        Seed of all designs but "grid" and "list".
+    workers : int, str or Executor, optional
+        Default: this process with `threads`. A number of processes; "local" for a Dask cluster of this machine, or the address of a
+        scheduler; or an executor as of `concurrent.futures`.
+    threads : int, optional
+        Number of threads. Default: one on every processor that this process may use.
+    duration : float, optional
+        Length of the runs in s. Default: the model's own, or 1 s.
+    points : int or array_like, shape (points,), optional
+        Number of times at which extremes and energy are looked at, or the times in s.
+    stop : {coordinate: value}, optional
+        As of `simulate`.
+    """
+
+    design: str
+    count: int | None
+    seed: int
+    workers: int | str | Executor | None
+    threads: int | None
+    duration: float | None
+    points: int | ArrayLike
+    stop: Mapping[str, Any] | None
+
+
+OF_THE_STUDY = {"design": "grid", "count": None, "seed": 0, "workers": None, "threads": None}
+"""Arguments of a study that are not those of its runs, and their defaults."""
+
+
+@takes(StudyArguments, former={"folder": "output"}, **OF_THE_STUDY, duration=None, points=None, stop=None)
 def study(
     model: Model | Kernels,
     vary: Varied,
     *,
     keep: str | Sequence[str],
-    design: str = "grid",
-    count: int | None = None,
-    seed: int = 0,
     times: Iterable[float] | None = None,
     steps: int | None = None,
-    folder: str | os.PathLike[str] | None = None,
-    workers: int | str | Executor | None = None,
-    threads: int | None = None,
+    output: str | os.PathLike[str] | None = None,
     progress: Wanted = None,
-    **simulation: Any,
+    **arguments: Unpack[StudyArguments],
 ) -> StudyResult:
     """Simulate many variants of a mechanism, and keep some numbers of each.
 
-    vary: {name: what}, where a name is a parameter, `start(psi)` of a coordinate or `start(rate(psi))` of an independent velocity, and
-        what is a list of numbers, {"low": a, "high": b} (with "scale": "log", or in a grid "count": n), or {"mean": m, "deviation": s}
-    design: "grid" (all combinations), "list" (the first numbers together, then the second …), "random", "latin", "sobol", "halton", or
-        "saltelli", from which `result.sobol` takes Sobol' indices; count: variants, or points of saltelli; seed: of all but grid and list
-    keep: words for columns: a coordinate, its `rate(…)` or an output at the end; `max(…)` and `min(…)` of them over the run; `history(…)`
-        at `times` (s); `energy_drift`, `steps`, `time`; `gradient(max(psi), mass)`, how a value at the end or an extreme changes with a
-        parameter or a `start(…)`, or `gradient(max(psi))`, with all that varies: through `steps` equal steps, as by `ncgen.gradient`
-    folder: where results are written while they are found; a study that is there already goes on where it ended
-    workers: None for this process with `threads` (None: all processors); a number of processes; "local" for a Dask cluster of this
-        machine or the address of a scheduler; or an executor as of concurrent.futures
-    progress: called with the variants that are done, all, and the seconds left (None before that is known); True for a bar; what it
-        raises ends the study
-    simulation: everything else that `ncgen.simulate` takes, such as duration, rtol, stop; what the model's own `simulation` says is the
-        default. Where formalism and integrator are left open, variants run in lanes by dopri5 if the mechanism allows it
+    Parameters
+    ----------
+    model : Model or Kernels
+        Mechanism; its own simulation gives the defaults of the runs.
+    vary : {name: values}
+        Names are parameters, `start(psi)` of a coordinate, or `start(rate(psi))` of an independent velocity. Values are a list of numbers,
+        {"low": a, "high": b} (with "scale": "log", or in a grid "count": n), or {"mean": m, "deviation": s}.
+    keep : str or sequence of str
+        Columns: a coordinate, its `rate(…)` or an output at the end; `max(…)` and `min(…)` of them over the run; `history(…)` at `times`;
+        `energy_drift`, `steps`, `time`; `gradient(max(psi), mass)`, the derivative of a value at the end or an extreme by a parameter or a
+        `start(…)`, or `gradient(max(psi))` by all that varies.
+    times : iterable of float, optional
+        Times in s of histories.
+    steps : int, optional
+        Number of equal steps of the motions that gradients go through, as of `gradient`.
+    output : path, optional
+        Folder to which results are written while they are computed; an existing study is resumed.
+    progress : callable or bool, optional
+        Called with the number of variants that are done, the number of all, and the seconds left (None before that is known); True for a
+        bar. What it raises ends the study.
+    **arguments : StudyArguments
+        Where formalism and integrator are left open, variants run as SIMD batches by dopri5 if the mechanism allows it.
 
-    A variant that cannot start or go on is a row with `ok` False and a sentence in `result.failures`. The same study gives the same bits
-    with any workers, chunks and restarts on machines of one kind.
-    Raises ModelError for what cannot be asked, NcgenError where the folder cannot be written; Ctrl-C keeps what is in the folder.
+    Returns
+    -------
+    StudyResult
+        The columns. A variant that cannot start or continue is a row with `ok` False and a message in `failures`. The same study gives the
+        same bits with any workers, chunks and restarts on machines of one kind.
+
+    Raises
+    ------
+    ModelError
+        For invalid arguments.
+    NcgenError
+        Where the folder cannot be written. Ctrl-C keeps what is in the folder.
     """
-    asked = Study.of(model, vary, design=design, count=count, seed=seed, keep=keep, times=times, steps=steps, simulation=simulation)
-    return carry_out(asked, folder, workers, threads, progress)
+    own = {**OF_THE_STUDY, **{name: value for name, value in arguments.items() if name in OF_THE_STUDY}}
+    runs = {name: value for name, value in arguments.items() if name not in OF_THE_STUDY}
+    workers, threads = own.pop("workers"), own.pop("threads")
+    return carry_out(Study.of(model, vary, keep=keep, times=times, steps=steps, simulation=runs, **own), output, workers, threads, progress)
 
 
 def carry_out(
     study: Study,
-    folder: str | os.PathLike[str] | None = None,
+    output: str | os.PathLike[str] | None = None,
     workers: int | str | Executor | None = None,
     threads: int | None = None,
     progress: Wanted = None,
@@ -83,7 +140,7 @@ def carry_out(
     threads = None if threads is None else whole(threads, "threads")
     check_told(progress)
     bench = Bench(study)
-    about = Folder.of(Path(folder), study, bench.made_with) if folder is not None else None
+    about = Folder.of(Path(output), study, bench.made_with) if output is not None else None
     with ExitStack() as stack:
         stack.enter_context(about.held() if about else nullcontext())
         missing = about.missing() if about else [(0, study.size)]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import NcgenError
-from ncgen.files import path_of, write_text
+from ncgen.files import output_was, path_of, write_text
 from ncgen.model.elements import Point
 from ncgen.view.carriers import Carrier, Direction
 from ncgen.view.eye import LIGHT
@@ -55,11 +55,28 @@ class Page:
             f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
         )
 
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the page and return its path. Raises NcgenError for a name that is no page's, or if it cannot be written."""
-        place = path_of(path)
+    @output_was("path")
+    def save(self, output: str | os.PathLike[str]) -> Path:
+        """Write the page.
+
+        Parameters
+        ----------
+        output : path
+            Name of the file, .html or .htm.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        NcgenError
+            For a name with another ending, or if the file cannot be written.
+        """
+        place = path_of(output)
         if place.suffix.lower() not in SUFFIXES:
-            raise NcgenError(f"{path}: a page is saved as {' or '.join(SUFFIXES)}; choose a name that ends so")
+            raise NcgenError(f"{output}: a page is saved as {' or '.join(SUFFIXES)}; choose a name that ends so")
         return write_text(place, self.text)
 
 

@@ -31,7 +31,7 @@ def player(run: Trajectory) -> str:
     """
     frames = chosen_frames(len(run.t))
     data = _motion(scene_of(run).at(frames)) | {"energy": _energy(run, frames)}
-    return render("html/player.html.jinja", name=run.name, data=script_json(data))
+    return render("html/player.html.jinja", name=run.name, planar=data["planar"], data=script_json(data))
 
 
 def write_player(run: Trajectory, path: str | Path) -> Path:

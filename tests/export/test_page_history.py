@@ -16,6 +16,7 @@ EVERYTHING = "[...living.mechanism.state, ...living.mechanism.p, living.drift(),
 
 
 def scrub(browser, index: int) -> None:
+    settled(browser)
     browser.value(f"{{ const bar = document.getElementById('scrub'); bar.value = {index}; bar.dispatchEvent(new Event('input')); }}")
 
 
@@ -115,7 +116,7 @@ def test_a_link_opens_to_the_same_picture(browser, page_of, tmp_path):
     enter(browser, "psi", 14.5)
     browser.value("document.querySelectorAll('#traces input').forEach((box) => box.click())")
     click(browser, "names")
-    browser.value("{ const more = document.querySelector('#charts select'); more.value = 'C.y'; more.dispatchEvent(new Event('change')); }")
+    browser.value("{ const more = document.getElementById('more'); more.value = 'C.y'; more.dispatchEvent(new Event('change')); }")
     click(browser, "step", 25)
     browser.mouse("mousePressed", 860, 300)
     browser.mouse("mouseMoved", 830, 340)

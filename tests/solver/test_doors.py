@@ -127,7 +127,7 @@ def test_a_model_is_no_kernels():
         ncgen.simulate(swing(), 1.0)
 
 
-NEEDED = {"duration": 1.0, "steps": 10, "to": "c", "folder": "nowhere", "vary": {}, "keep": "angle"}
+NEEDED = {"duration": 1.0, "steps": 10, "to": "c", "output": "nowhere", "vary": {}, "keep": "angle"}
 """Further arguments of the public functions that cannot do without them."""
 
 OF_EXPRESSIONS = {"smooth_step"}

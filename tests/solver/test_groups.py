@@ -52,9 +52,9 @@ def own(function):
 
 
 def test_no_function_is_forgotten():
-    """Whoever has a ** takes a group by it; `study` passes it on to `simulate`."""
+    """Whoever has a ** takes a group by it; those of `study` and `load` have words of their own besides."""
     stars = {name for name in FUNCTIONS if any(p.kind is p.VAR_KEYWORD for p in own(getattr(ncgen, name)))}
-    assert stars - {"study"} == set(OF_GROUPS)
+    assert stars - {"study", "load"} == set(OF_GROUPS)
 
 
 def test_a_group_has_a_default_for_every_word():
@@ -82,17 +82,24 @@ def test_a_word_that_has_no_effect_is_refused(name, kernels):
         assert str(refused.value) == known or str(refused.value).startswith(f"{name}: there is no argument '{word}'; ")
 
 
-@pytest.mark.parametrize("name", OF_GROUPS)
+def test_words_of_studies_and_robots_are_refused_alike():
+    with pytest.raises(ModelError, match="^study: there is no argument 'outptu'; did you mean output\\?$"):
+        ncgen.study(ncgen.load("pendulum"), {}, keep="psi", outptu="x")
+    with pytest.raises(ModelError, match="^load: there is no argument 'limit'; did you mean limits\\?$"):
+        ncgen.load("pendulum", limit=True)
+
+
+@pytest.mark.parametrize("name", [*OF_GROUPS, "study", "load"])
 def test_help_shows_every_argument_and_its_meaning(name):
     function = getattr(ncgen, name)
     text, words = pydoc.render_doc(function, renderer=pydoc.plaintext), list(inspect.signature(function).parameters)
-    assert "arguments" not in words and {"p"} <= set(words)
+    assert not {"arguments", "robot"} & set(words)
     for word in words:
         assert re.search(rf"^    {word} : .+\n        \S", text, re.MULTILINE), word
     assert text.count("\n    Parameters\n") == 1 and "\n    Notes\n" in text
 
 
-@pytest.mark.parametrize("name", [name for name in FUNCTIONS if name not in ("study", "load")])
+@pytest.mark.parametrize("name", FUNCTIONS)
 def test_functions_have_few_parameters_of_their_own(name):
     assert len([p for p in own(getattr(ncgen, name)) if p.kind is not p.VAR_KEYWORD]) <= MOST_PARAMETERS
 
@@ -129,3 +136,18 @@ def test_a_warning_points_at_the_call(kernels):
         ncgen.simulate(kernels, 0.1, points=2, q0=[-0.5], qd0=[1.0], engine="python", formalism="lagrange", integrator="rk4", max_step=0.1)
         ncgen.linearise(kernels, q0=[0.9])
     assert {w.filename for w in warned} == {__file__}
+
+
+def test_where_something_is_written_is_called_output(tmp_path):
+    """By the former names, `path` and `folder`, as well."""
+    model = ncgen.load("pendulum")
+    kernels = ncgen.compile(model, "numpy")
+    run, near = ncgen.simulate(kernels, 0.1, points=2, engine="python"), ncgen.linearise(kernels)
+    for former, write in (("path", run.to_csv), ("path", run.to_npz), ("path", near.to_c), ("folder", ncgen.generate(model).write)):
+        now, before = tmp_path / "now.csv", tmp_path / "before.csv"
+        assert write(output=now) and write(**{former: before}) and now.exists() and before.exists()
+        with pytest.raises(ModelError, match=f"{former} is the former name of output, and both are given"):
+            write(output=now, **{former: before})
+        now, before = (each.rename(tmp_path / f"{write.__name__}-{each.name}") for each in (now, before))
+    for writer in (ncgen.export, run.plot, run.animate, run.to_parquet, ncgen.study):
+        assert "output" in inspect.signature(writer).parameters and not {"path", "folder"} & set(inspect.signature(writer).parameters)

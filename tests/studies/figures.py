@@ -67,7 +67,7 @@ def falls(folder: Path, count: int) -> None:
     """Many falls in this process, with a folder: time, memory, and the rate."""
     model, vary = robot(folder)
     timed(model, vary, 64)
-    found, seconds = timed(model, vary, count, folder=folder / "falls")
+    found, seconds = timed(model, vary, count, output=folder / "falls")
     size = sum(path.stat().st_size for path in (folder / "falls").iterdir()) / 1e6
     print(f"{count} falls, 2 threads: {seconds:.1f} s, {count / seconds:.0f} variants/s, {found.ok.sum()} arrived,", end=" ")
     print(f"{megabytes():.0f} MB of memory, {size:.1f} MB in {len(found._spans)} files")
@@ -157,7 +157,7 @@ def killed(folder: Path, count: int) -> None:
 
         killing = threading.Thread(target=kill, daemon=True)
         killing.start()
-        found, seconds = timed(model, vary, count, folder=folder / "killed", workers=cluster.scheduler_address)
+        found, seconds = timed(model, vary, count, output=folder / "killed", workers=cluster.scheduler_address)
         over.set()
         killing.join()
     same = all(np.array_equal(found[key], expected[key]) for key in expected.keys())

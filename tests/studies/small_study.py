@@ -15,7 +15,7 @@ SWINGS = {"length": {"low": 0.8, "high": 1.2}, "start(rate(psi))": {"low": 1.0, 
 
 def run(folder: str | None, count: int, workers: Any = None, **options: Any) -> ncgen.studies.result.StudyResult:
     given = {"keep": ["psi", "max(psi)", "steps"], "duration": 20.0, "rtol": 1e-9, "points": 401}
-    return ncgen.study(swing(), SWINGS, design="sobol", count=count, seed=2, folder=folder, workers=workers, **given, **options)
+    return ncgen.study(swing(), SWINGS, design="sobol", count=count, seed=2, output=folder, workers=workers, **given, **options)
 
 
 def main(folder: str, count: int, workers: object, threads: int | None = None) -> int:

@@ -124,7 +124,7 @@ def test_the_digest_tells_studies_apart():
         ({"length": [1.0]}, {"keep": "history(psi)", "times": [3.0]}, "the run goes from 0 to 1 s"),
         ({"length": [1.0]}, {"rtol": -1}, "rtol: -1 given; it must be a positive number"),
         ({"length": [1.0]}, {"integrator": "euler"}, "integrator"),
-        ({"length": [1.0]}, {"speed": 1}, r"m.simulation: there is no argument 'speed'"),
+        ({"length": [1.0]}, {"speed": 1}, r"study: there is no argument 'speed'"),
         ({"length": [1.0]}, {"p": [1.0, 2.0, 9.81]}, "p: some of it varies; give the rest by name"),
         ({"length": [1.0]}, {"workers": 0}, "workers is 0"),
         ({"length": [1.0]}, {"workers": 1.5}, "workers: 1.5 given"),

@@ -158,7 +158,7 @@ def named(name: str) -> ncgen.Model:
 @pytest.mark.parametrize("name", ["file", "said", "allow_pickle"])
 def test_parameters_of_any_name_are_written(tmp_path, name):
     """Also those that NumPy's own writer takes for its arguments."""
-    found = ncgen.study(named(name), {name: [1.0, 2.0]}, keep="B.x", duration=0.1, folder=tmp_path / "study")
+    found = ncgen.study(named(name), {name: [1.0, 2.0]}, keep="B.x", duration=0.1, output=tmp_path / "study")
     assert ncgen.read(tmp_path / "study")[name].tolist() == found[name].tolist() == [1.0, 2.0]
 
 

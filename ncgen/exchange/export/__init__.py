@@ -14,6 +14,7 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
 from ncgen.errors import ModelError
+from ncgen.files import output_was, path_of, write_bytes
 from ncgen.model.model import checked_model
 
 if TYPE_CHECKING:
@@ -34,21 +35,37 @@ def _package(model: Model) -> Package:
     return package(model)
 
 
-def export(model: Model, to: str, folder: Path | str, platforms: Sequence[str] = ()) -> list[Path]:
-    """Write a mechanism for use without ncgen; returns the paths of the files, in order.
+@output_was("folder")
+def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] = ()) -> list[Path]:
+    """Write a mechanism for use without ncgen.
 
-    to: one of the `targets()`
-    platforms: machines that a mock-up unit has binaries for beside this one: "linux", "windows", "macos", and in FMI 3.0 "linux-arm" and
-        "macos-arm"; the package ziglang compiles them
+    Parameters
+    ----------
+    model : Model
+        Mechanism.
+    to : str
+        Target: c, casadi, fmu2, fmu3, html, joints, numpy, python or wasm.
+    output : path
+        Folder; it is created if it does not exist.
+    platforms : sequence of str
+        Platforms besides this one for which an FMU has binaries: "linux", "windows", "macos", and in FMI 3.0 "linux-arm" and "macos-arm".
+        The package ziglang compiles them.
 
-    Raises ModelError where the target is unknown or the mechanism's motion cannot be exported, saying why; NcgenError if a
-    file cannot be written.
+    Returns
+    -------
+    list of Path
+        The files, in order.
+
+    Raises
+    ------
+    ModelError
+        Where the target is unknown, or the mechanism cannot be exported.
+    NcgenError
+        If a file cannot be written.
     """
     if to not in targets():
         raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(targets())}")
-    from ncgen.files import path_of, write_bytes
-
-    place = path_of(folder, "folder")
+    place = path_of(output, "output")
 
     model, target = checked_model(model), import_module(f"{__name__}.{to}{END}")
     more = {"platforms": platforms} if platforms else {}

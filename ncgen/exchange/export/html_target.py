@@ -7,6 +7,7 @@ import re
 import zlib
 
 from ncgen.emit.environment import render
+from ncgen.errors import counted
 from ncgen.exchange.export.package import Package, package
 from ncgen.exchange.export.wasm_target import assembled
 from ncgen.exchange.turnable import turnable
@@ -16,8 +17,11 @@ from ncgen.model.rows import Row
 from ncgen.model.values import Parameter
 from ncgen.program.initial import assemble_described
 from ncgen.program.ir.blocks import Pattern
+from ncgen.program.motions.full_loads import assemble_loads, loaded_elements
+from ncgen.solver.positions.rank import freedom
+from ncgen.symbolic.numbering import Terms
 from ncgen.view.chosen import MOST, telling
-from ncgen.view.page import drawing, lean, rounded, script_json, script_text
+from ncgen.view.page import drawing, lean, rounded, script_json
 from ncgen.view.scene import Scene, scene_of
 
 USED = ("phi", "phi_q", "nu", "mass", "energy")
@@ -38,19 +42,28 @@ def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
     fixed = [c for element in drawn for c in element.components if c.fixed]
     equations, programs = package.sources.programs.equations, package.sources.programs.programs
     kernels = [*(programs[name] for name in USED if name in programs), assemble_described(equations, [*equations.free, *fixed])]
+    kernels += assemble_loads(equations)[:1]
     binary, records = assembled(package, kernels, "Mechanism")
     data = _scene(scene, drawn) | _mechanism(package) | {"places": _places(package, drawn, fixed), "kernels": [k.name for k in kernels]}
     data["rows"] = [_row(model, row, own) for row in package.kernels.rows]
-    data |= {"parameters": [_parameter(model, name, own) for name in model.numbers], "movable": _movable(model)}
+    data |= {"parameters": [_parameter(model, name, own) for name in model.numbers]}
+    data |= {"movable": _movable(model), "loads": _loads(equations, scene)}
+    script = render("package/html/script.js.jinja", wrapper=render("package/wasm/wrapper.js.jinja", **records))
     page = render(
         "package/html/page.html.jinja",
         name=model.name,
-        wrapper=script_text(lean(render("package/wasm/wrapper.js.jinja", **records))),
-        script=script_text(lean(render("package/html/script.js.jinja"))),
-        binary=base64.b64encode(zlib.compress(binary, 9)).decode(),
+        planar=data["planar"],
+        freedom=_freedom(package),
+        script=_packed(lean(script).encode()),
+        binary=_packed(binary),
         data=script_json(data),
     )
     return {f"{package.prefix}.html": page}
+
+
+def _packed(data: bytes) -> str:
+    """Bytes, compressed and written in 64 letters."""
+    return base64.b64encode(zlib.compress(data, 9)).decode()
 
 
 def _drawn(model: Model, scene: Scene) -> list[Spatial]:
@@ -90,6 +103,16 @@ def _mechanism(package: Package) -> dict:
     }
 
 
+def _freedom(package: Package) -> str:
+    """The numbers of equations, coordinates and degrees of freedom, and what is redundant by name."""
+    kernels, found = package.kernels, freedom(package.kernels, package.q)
+    text = f"{counted(kernels.m, 'equation')}, {counted(kernels.n, 'coordinate')}: {counted(found.dof, 'degree')} of freedom"
+    names = [kernels.rows[redundancy.row].label for redundancy in found.redundant]
+    if not names:
+        return f"{text}, nothing redundant."
+    return f"{text}. Others imply {', '.join(names)}: how joint forces are shared is not determined."
+
+
 def _parameter(model: Model, name: str, own: tuple[str, ...]) -> dict:
     """Unit of a parameter, and the group of sliders that it belongs to."""
     if name in own:
@@ -97,6 +120,16 @@ def _parameter(model: Model, name: str, own: tuple[str, ...]) -> dict:
     else:
         group = GROUPS.get(next((part for part in name.split(".") if part in GROUPS), ""), "others")
     return {"unit": model.numbers[name].unit, "group": group}
+
+
+def _loads(equations: Terms, scene: Scene) -> list[dict]:
+    """The forces on bodies at their points: where their three numbers begin among all loads."""
+    loads = enumerate(loaded_elements(equations))
+    return [
+        {"body": body.name, "point": scene.points.index(element.name), "place": 3 * k}
+        for k, (body, element) in loads
+        if isinstance(element, Point)
+    ]
 
 
 def _movable(model: Model) -> list[list[int]]:

@@ -28,10 +28,26 @@ if TYPE_CHECKING:
 
 
 def joint_space(kernels: Kernels, p: given.Given | None = None) -> JointSpace:
-    """The joint space of a mechanism, made once for every kernels object.
+    """Make the joint space of a mechanism: mass matrix, inverse and forward dynamics, and Jacobians in joint coordinates.
 
-    p: parameters, numbers (n_p,) or {name: number}, others have their defaults
-    Raises ModelError where a body is too thin to be part of a tree, or where no tree of bodies moves as the rows allow.
+    It is made once for every kernels object.
+
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    p : array_like, shape (n_p,), or {name: value}, optional
+        Parameters. Default: the model's.
+
+    Returns
+    -------
+    JointSpace
+        Functions of joint positions and velocities.
+
+    Raises
+    ------
+    ModelError
+        Where a body has no rotational inertia that a tree needs, or no tree of bodies moves as the constraints allow.
     """
     space = given.checked_kernels(kernels).remember("joint space", (), lambda: _made(kernels))
     return space if p is None else space.at(p)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.emit.c.linear import linear_header
 from ncgen.errors import ModelError, counted, warn
-from ncgen.files import path_of, write_text
+from ncgen.files import output_was, path_of, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import rate_name
 from ncgen.solver.finite import watched
@@ -118,12 +118,26 @@ class Linearisation:
 
         return StateSpace(self.matrix, self.B, self.C, self.D)
 
-    def to_c(self, path: str | os.PathLike[str]) -> Path:
-        """Write the matrices as a header in C, for a controller or an observer, their places named; returns the path.
+    @output_was("path")
+    def to_c(self, output: str | os.PathLike[str]) -> Path:
+        """Write the matrices as a C header for a controller or an observer, with names for the indices of their rows and columns.
 
-        The header's names begin with that of the file. Raises NcgenError if it cannot be written.
+        Parameters
+        ----------
+        output : path
+            Name of the file, with which the header's names begin.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        NcgenError
+            If the file cannot be written.
         """
-        place = path_of(path)
+        place = path_of(output)
         matrices = {"A": self.matrix, "B": self.B, "C": self.C, "D": self.D}
         names = {"state": self.states, "input": self.inputs, "output": self.outputs}
         return write_text(place, linear_header(place.stem, self._beside, matrices, names))

@@ -57,13 +57,33 @@ class Equilibrium:
 
 
 def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given | None = None, kind: str = "stable") -> Equilibrium:
-    """An equilibrium near q (default: the initial position).
+    """Find an equilibrium near a position.
 
-    kind: "stable" goes downhill, with Newton's steps whose stiffnesses are taken positive; "nearest" takes Newton's own steps
-        and may end on a hilltop. A start that is in balance already is kept, stable or not.
-    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,); t: s
-    Raises ConvergenceError with the force that is left over if there is no balance, ModelError for rolling conditions and for
-    arguments that do not fit.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    q : array_like, shape (n,), or {name: value}, optional
+        Position in m and rad to begin from. Default: the initial one.
+    t : float
+        Time in s.
+    p : array_like, shape (n_p,), or {name: value}, optional
+        Parameters. Default: the model's.
+    kind : str
+        "stable" decreases the potential energy, by Newton's steps with stiffnesses taken positive; "nearest" takes Newton's own steps and
+        may end at an unstable equilibrium. A position that is in balance already is kept, stable or not.
+
+    Returns
+    -------
+    Equilibrium
+        The position, and whether it is stable.
+
+    Raises
+    ------
+    ConvergenceError
+        With the force that remains if no equilibrium is found.
+    ModelError
+        For rolling constraints and invalid arguments.
     """
     p = given.parameters(kernels, p)
     if not isinstance(kind, str) or kind not in KINDS:

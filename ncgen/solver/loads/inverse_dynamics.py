@@ -40,13 +40,27 @@ class MotorForces:
 
 
 def inverse_dynamics(run: Trajectory, motors: str | Iterable[str] | None = None) -> MotorForces:
-    """Motor forces along `motors` (default: the independent coordinates) that make the motion of a trajectory.
+    """Compute the motor forces that make the motion of a trajectory.
 
-    motors: the name of one coordinate or several
-    Forces of the model (gravity, springs, its own torques) act as well, and so do its drivers, whose own forces are
-    `run.driver_forces()`; what comes out is what is missing.
-    To see a motion with other forces, replace its kernels: `dataclasses.replace(run, kernels=without_motors)`.
-    Raises ModelError if there are not as many motors as degrees of freedom, or none of these is left by the drivers.
+    Forces of the model (gravity, springs, its own torques) act as well, and so do its drivers, whose forces are `run.driver_forces()`; the
+    result is what is missing. For a motion with other forces replace its kernels: `dataclasses.replace(run, kernels=without_motors)`.
+
+    Parameters
+    ----------
+    run : Trajectory
+        The motion.
+    motors : str or iterable of str, optional
+        Coordinates along which motors act. Default: the independent coordinates.
+
+    Returns
+    -------
+    MotorForces
+        Forces in N and torques in N m at the output times.
+
+    Raises
+    ------
+    ModelError
+        If there are not as many motors as degrees of freedom, or drivers leave none of these.
     """
     if not isinstance(run, Trajectory):
         raise ModelError(f"a trajectory is needed, {echo(run)} given; ncgen.simulate makes one")

@@ -38,14 +38,37 @@ def assemble(
     weights: Mapping[str, float] | None = None,
     tolerance: float = CONSISTENT_RESIDUAL,
 ) -> np.ndarray:
-    """A consistent position near q (default: the model's at the parameters p), shape (n,) in m and rad, at time t (s).
+    """Assemble a mechanism: find a consistent position near another.
 
-    q: numbers (n,) in the order of the coordinates or {name: number}; p likewise for parameters, (n_p,)
-    weights: {coordinate: how much dearer than others it is to move it}; 1 is the default
-    tolerance: the relative residual up to which a position passes as closed. One that is open beyond 1e-9 is closed as far as
-        its rows allow: those of an overconstrained mechanism contradict each other by as much as its dimensions are rounded
-    Raises ConvergenceError naming the rows that do not close, DomainError naming one that is not a number, ModelError for
-    arguments that do not fit.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    q : array_like, shape (n,), or {name: value}, optional
+        Position in m and rad to begin from. Default: the model's at the parameters p.
+    t : float
+        Time in s.
+    p : array_like, shape (n_p,), or {name: value}, optional
+        Parameters. Default: the model's.
+    weights : {coordinate: weight}, optional
+        How much dearer than others it is to move a coordinate. Default: 1.
+    tolerance : float
+        Relative residual up to which a position counts as assembled. A position with a larger residual than 1e-9 is assembled as far as its
+        constraints allow: those of an overconstrained mechanism contradict each other by as much as its dimensions are rounded.
+
+    Returns
+    -------
+    array, shape (n,)
+        The position in m and rad.
+
+    Raises
+    ------
+    ConvergenceError
+        With the names of the constraints that are not satisfied.
+    DomainError
+        With the name of a constraint that is NaN or infinite.
+    ModelError
+        For invalid arguments.
     """
     p, tolerance = given.parameters(kernels, p), given.closing(tolerance)
     q, t = given.position(kernels, q, p), given.finite(t, "t")

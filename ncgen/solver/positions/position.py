@@ -57,12 +57,40 @@ def solve_position(
     tolerance: float = TOLERANCE,
     limit: int = LIMIT,
 ) -> Position:
-    """The consistent position near q (default: the initial one); the coordinates named in `held` (one name or several) keep their values.
+    """Solve the constraints for a position near another, by Newton's method.
 
-    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,); t: s
-    A position that is consistent already comes back to the last bit.
-    Raises ConvergenceError with the history and the worst row, also if an angle lands on its mirror root ψ + π, DomainError naming a
-    row that is not a number, ModelError for arguments that do not fit.
+    A position that is consistent already is returned to the last bit.
+
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    q : array_like, shape (n,), or {name: value}, optional
+        Position in m and rad to begin from. Default: the initial one.
+    t : float
+        Time in s.
+    p : array_like, shape (n_p,), or {name: value}, optional
+        Parameters. Default: the model's.
+    held : str or iterable of str, optional
+        Names of coordinates that keep their values.
+    tolerance : float
+        Relative residual of the constraints.
+    limit : int
+        Largest number of steps.
+
+    Returns
+    -------
+    Position
+        The position, the number of steps, and the residual.
+
+    Raises
+    ------
+    ConvergenceError
+        With the history of residuals and the worst constraint; also if an angle ends at its mirror root ψ + π.
+    DomainError
+        With the name of a constraint that is NaN or infinite.
+    ModelError
+        For invalid arguments.
     """
     p = given.parameters(kernels, p)
     q, t = given.position(kernels, q, p), given.finite(t, "t")
@@ -151,12 +179,36 @@ def check_finite(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray 
 
 
 def move(kernels: Kernels, q: Given | None, targets: dict[str, float], t: float = 0.0, p: Given | None = None, steps: int = 1) -> Position:
-    """A finite displacement: coordinates by name are brought to given values, in equal steps that are halved on failure.
+    """Move coordinates to given values; the other coordinates follow and stay on their branch.
 
-    q: where it begins, numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,);
-        t: s
-    The other coordinates follow and stay on their branch. Raises ConvergenceError where the mechanism cannot go, DeadCentreError where it
-    comes to a dead centre before, both with the positions that were found; ModelError for arguments that do not fit.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    q : array_like, shape (n,), or {name: value} or None
+        Position in m and rad to begin from; None for the initial one.
+    targets : {coordinate: value}
+        Values in m and rad to reach.
+    t : float
+        Time in s.
+    p : array_like, shape (n_p,), or {name: value}, optional
+        Parameters. Default: the model's.
+    steps : int
+        Number of equal steps, which are halved where the solution fails.
+
+    Returns
+    -------
+    Position
+        The position at the end.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the mechanism cannot reach the values.
+    DeadCentreError
+        Where it comes to a dead centre before. `positions` of both errors are those that were found.
+    ModelError
+        For invalid arguments.
     """
     p = given.parameters(kernels, p)
     q, t = given.position(kernels, q, p), given.finite(t, "t")
@@ -209,12 +261,36 @@ def _stopped(
 def sweep(
     kernels: Kernels, name: str, values: ArrayLike | Iterator[float], q: Given | None = None, t: float = 0.0, p: Given | None = None
 ) -> np.ndarray:
-    """Positions (K, n) in m and rad while one coordinate takes the given values (K,), each started from the one before.
+    """Compute positions while one coordinate takes given values, each started from the one before.
 
-    q: where it begins (default: the initial position), numbers (n,) in the order of the coordinates or {name: number}; p likewise
-        for parameters, (n_p,); t: s
-    Raises ConvergenceError where the mechanism cannot go, DeadCentreError where it comes to a dead centre before: its `positions` are those
-    of the values before and the one at which it stopped. Raises ModelError for arguments that do not fit.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    name : str
+        Name of the coordinate.
+    values : array_like, shape (K,)
+        Its values in m or rad.
+    q : array_like, shape (n,), or {name: value}, optional
+        Position in m and rad to begin from. Default: the initial one.
+    t : float
+        Time in s.
+    p : array_like, shape (n_p,), or {name: value}, optional
+        Parameters. Default: the model's.
+
+    Returns
+    -------
+    array, shape (K, n)
+        Positions in m and rad.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the mechanism cannot reach a value.
+    DeadCentreError
+        Where it comes to a dead centre before: `positions` are those of the values before, and the one at which it stopped.
+    ModelError
+        For invalid arguments.
     """
     p = given.parameters(kernels, p)
     position, path = given.position(kernels, q, p), []

@@ -150,10 +150,28 @@ class Freedom:
 
 
 def freedom(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given | None = None) -> Freedom:
-    """Degrees of freedom, redundant rows and singularity at a consistent position q (default: the initial one).
+    """Find degrees of freedom, redundant constraints and singularity of a position.
 
-    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,); t: s
-    Raises ModelError for arguments that do not fit.
+    Parameters
+    ----------
+    kernels : Kernels
+        Compiled mechanism.
+    q : array_like, shape (n,), or {name: value}, optional
+        Consistent position in m and rad. Default: the initial one.
+    t : float
+        Time in s.
+    p : array_like, shape (n_p,), or {name: value}, optional
+        Parameters. Default: the model's.
+
+    Returns
+    -------
+    Freedom
+        Rank, degrees of freedom, and redundant constraints with those that imply them.
+
+    Raises
+    ------
+    ModelError
+        For invalid arguments.
     """
     p = given.parameters(kernels, p)
     return freedom_at(kernels, given.position(kernels, q, p), given.finite(t, "t"), p)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 import numpy as np
 
 from ncgen.errors import ModelError, NcgenError, counted
-from ncgen.files import path_of, write_bytes, write_text
+from ncgen.files import output_was, path_of, write_bytes, write_text
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
 from ncgen.model.elements import Element, Point, Vector, coordinate_of
@@ -47,7 +47,7 @@ class Page(Protocol):
 
     def _repr_html_(self) -> str: ...
 
-    def save(self, path: str | os.PathLike[str]) -> Path: ...
+    def save(self, output: str | os.PathLike[str]) -> Path: ...
 
 
 @dataclass(frozen=True)
@@ -315,27 +315,79 @@ class Trajectory:
 
     # -- files ---------------------------------------------------------------------------------
 
-    def to_npz(self, path: str | os.PathLike[str]) -> Path:
-        """Write all arrays and names as a NumPy archive, inputs and outputs (K, …) of a model that has them too, with the model as text,
-        how the motion was made, and versions, so that `ncgen.read` gives the trajectory back; returns the path. Raises NcgenError if it
-        cannot."""
+    @output_was("path")
+    def to_npz(self, output: str | os.PathLike[str]) -> Path:
+        """Write the trajectory as a NumPy archive, from which `ncgen.read` gives it back.
+
+        The archive has all arrays and names, inputs and outputs (K, …) of a model that has them, the model as text, `made_with`, and
+        versions.
+
+        Parameters
+        ----------
+        output : path
+            Name of the file.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        NcgenError
+            If the file cannot be written.
+        """
         from ncgen.solver.trajectories.files import archive
 
-        return write_bytes(path_of(path), archive(self))
+        return write_bytes(path_of(output), archive(self))
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write t, coordinates, velocities, inputs and outputs with a header line, every digit; returns the path."""
+    @output_was("path")
+    def to_csv(self, output: str | os.PathLike[str]) -> Path:
+        """Write t, coordinates, velocities, inputs and outputs as a table with a header line and every digit.
+
+        Parameters
+        ----------
+        output : path
+            Name of the file.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        NcgenError
+            If the file cannot be written.
+        """
         from ncgen.solver.trajectories.files import histories
 
         columns = histories(self)
         lines = [",".join(map(_cell, columns))] + [",".join(map(repr, row)) for row in np.column_stack([*columns.values()]).tolist()]
-        return write_text(path_of(path), "\n".join(lines) + "\n")
+        return write_text(path_of(output), "\n".join(lines) + "\n")
 
-    def to_parquet(self, path: str | os.PathLike[str]) -> Path:
-        """Write the columns of `to_csv` as a Parquet file; returns the path. Raises NcgenError if it cannot, or without pyarrow."""
+    @output_was("path")
+    def to_parquet(self, output: str | os.PathLike[str]) -> Path:
+        """Write the columns of `to_csv` as a Parquet file.
+
+        Parameters
+        ----------
+        output : path
+            Name of the file.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        NcgenError
+            If the file cannot be written, or without pyarrow.
+        """
         from ncgen.solver.trajectories.files import write_parquet
 
-        return write_parquet(self, path_of(path))
+        return write_parquet(self, path_of(output))
 
     def compared(self, other: Trajectory) -> Difference:
         """How far this motion is from another of the same coordinates, see `ncgen.solver.trajectories.difference.difference`."""
@@ -344,37 +396,59 @@ class Trajectory:
         return difference(self, other)
 
     @overload
-    def plot(self, path: None = None, names: str | Iterable[str] | None = None, against: str | None = None) -> Figure: ...
+    def plot(self, output: None = None, names: str | Iterable[str] | None = None, against: str | None = None) -> Figure: ...
 
     @overload
-    def plot(self, path: str | os.PathLike[str], names: str | Iterable[str] | None = None, against: str | None = None) -> Path: ...
+    def plot(self, output: str | os.PathLike[str], names: str | Iterable[str] | None = None, against: str | None = None) -> Path: ...
 
+    @output_was("path")
     def plot(
-        self, path: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None, against: str | None = None
+        self, output: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None, against: str | None = None
     ) -> Figure | Path:
-        """Time histories, energy and violation as a matplotlib figure, which a notebook shows; written to `path` if given.
+        """Plot time histories, energy and constraint violation.
 
-        names: what is plotted; against: a quantity to plot it over in place of the time, as `run.plot(names="C.y", against="C.x")`
+        Parameters
+        ----------
+        output : path, optional
+            Name of a file for the figure.
+        names : str or iterable of str, optional
+            Quantities to plot. Default: coordinates, energy and violation.
+        against : str, optional
+            Quantity to plot them over instead of the time, as in `run.plot(names="C.y", against="C.x")`.
+
+        Returns
+        -------
+        Figure or Path
+            A matplotlib figure, which a notebook shows; the file if `output` is given.
         """
         view = import_module("ncgen.view.figure")
         figure = view.plot(self, names, against)
-        return figure if path is None else view.save(figure, path_of(path))
+        return figure if output is None else view.save(figure, path_of(output))
 
     @overload
-    def animate(self, path: None = None) -> Page: ...
+    def animate(self, output: None = None) -> Page: ...
 
     @overload
-    def animate(self, path: str | os.PathLike[str]) -> Path: ...
+    def animate(self, output: str | os.PathLike[str]) -> Path: ...
 
-    def animate(self, path: str | os.PathLike[str] | None = None) -> Page | Path:
-        """A self-contained HTML page that shows the motion, which a notebook shows in a frame; written to `path` if given.
+    @output_was("path")
+    def animate(self, output: str | os.PathLike[str] | None = None) -> Page | Path:
+        """Show the motion on a self-contained HTML page, or as a film.
 
-        A path that ends in .gif or .mp4 makes a film of drawings, by Pillow or by the program ffmpeg.
+        Parameters
+        ----------
+        output : path, optional
+            Name of a file: .html for the page; .gif or .mp4 for a film of drawings, by Pillow or by the program ffmpeg.
+
+        Returns
+        -------
+        Page or Path
+            The page, which a notebook shows in a frame; the file if `output` is given.
         """
-        if path is not None and path_of(path).suffix.lower() in (".gif", ".mp4"):
-            return import_module("ncgen.view.film").write_film(self, path)
+        if output is not None and path_of(output).suffix.lower() in (".gif", ".mp4"):
+            return import_module("ncgen.view.film").write_film(self, output)
         view = import_module("ncgen.view.player")
-        return view.page_of(self) if path is None else view.write_player(self, path_of(path))
+        return view.page_of(self) if output is None else view.write_player(self, path_of(output))
 
 
 def _cell(label: str) -> str:
