@@ -20,7 +20,7 @@ LAYERS = (
 ROOMS = {
     "program": ("ir", "algebra", "", "differentiation", "tree", "motions"),
     "solver": (
-        "", "positions", "formalisms", "integrators", "trajectories", "loads", "runs", "steppers", "engines", "events", "motions",
+        "", "positions", "formalisms", "integrators", "trajectories", "loads", "runs", "engines", "events", "motions",
         "derivatives", "linear", "joints",
     ),
 }  # fmt: skip

@@ -25,6 +25,9 @@ AUTO = "auto"
 
 STABILISATIONS = ("projection", "baumgarte", "none")
 
+OF_SCIPY = ("rk23", "dopri5", "dop853")
+"""Explicit methods with error control that SciPy has, too."""
+
 LIMITS = {"rho": 1.0, "hht": 1 / 3}
 """Options that end somewhere; the others are numbers from 0 on."""
 
@@ -40,7 +43,7 @@ class Integrator:
         or "unless_recursive", where a recursion over the tree of bodies gives the accelerations of Lagrange's equations instead
     steps: formalisms whose constrained equations it discretises itself; is_ordinary: it also takes a state derivative
     keeps_history: its state cannot be corrected between steps, so it goes with coordinate partitioning alone
-    in_c, in_lanes: it runs in the C runtime; also for many states at a time
+    in_c, in_lanes, in_python: it runs in the C runtime; also for many states at a time; with the reference in Python
     tableau: as it was published, for explicit Runge-Kutta methods of the runtime
     options: what may be set where it steps the constraints, with defaults
     """
@@ -57,6 +60,7 @@ class Integrator:
     keeps_history: bool = False
     in_c: bool = False
     in_lanes: bool = False
+    in_python: bool = True
     tableau: Published | None = None
     options: dict[str, Any] = field(default_factory=dict, hash=False)
 
@@ -113,12 +117,23 @@ def _constant(name: str) -> str:
 
 def _explicit(name: str, tableau: Published) -> Integrator:
     is_fixed = not tableau.errors and not tableau.ends
-    return Integrator(name, tableau.help, tableau.also, has_fixed_step=is_fixed, in_c=True, in_lanes=True, tableau=tableau)
+    in_python = is_fixed or name in OF_SCIPY
+    return Integrator(
+        name, tableau.help, tableau.also, has_fixed_step=is_fixed, in_c=True, in_lanes=True, in_python=in_python, tableau=tableau
+    )
 
 
 def _stepper(name: str, help: str, tangents: str, options: dict[str, Any] | None = None) -> Integrator:
     return Integrator(
-        name, help, has_fixed_step=True, is_ordinary=False, steps=("lagrange",), in_c=True, tangents=tangents, options=options or {}
+        name,
+        help,
+        has_fixed_step=True,
+        is_ordinary=False,
+        steps=("lagrange",),
+        in_c=True,
+        in_python=False,
+        tangents=tangents,
+        options=options or {},
     )
 
 
@@ -133,7 +148,7 @@ INTEGRATORS = {
         ),
         Integrator(
             "trapezoidal", "the trapezoidal rule, implicit, order 2, fixed step", has_fixed_step=True, takes_jacobian=True,
-            tangents="always", in_c=True, steps=("ali3p",), options={"alpha": 1e7},
+            tangents="always", in_c=True, in_python=False, steps=("ali3p",), options={"alpha": 1e7},
         ),
         _stepper("generalized-alpha", "generalised α, numerical damping, order 2", tangents="always", options={"rho": 0.8, "hht": None}),
         Integrator("adams", "Adams methods of variable order (VODE)", also=("ode113",)),

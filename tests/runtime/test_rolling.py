@@ -23,10 +23,9 @@ def roll(duration, **options):
     return ncgen.simulate(disc(), duration, zd0=disc().model.simulation_options["zd0"], **options)
 
 
-@pytest.mark.parametrize(("integrator", "step"), [("rk4", 2.5e-3), ("trapezoidal", 5e-3)])
-def test_both_engines_step_alike(integrator, step):
+def test_both_engines_step_alike():
     c, python = (
-        roll(0.05, formalism="coordinate-partitioning", integrator=integrator, max_step=step, points=6, engine=engine)
+        roll(0.05, formalism="coordinate-partitioning", integrator="rk4", max_step=2.5e-3, points=6, engine=engine)
         for engine in ("c", "python")
     )
     assert c.engine == "c" and python.engine.startswith("python")

@@ -227,16 +227,13 @@ def test_radau_ends_steps_at_breaks(options, points):
     assert [run["free"][-1], run["rate(free)"][-1]] == pytest.approx([place, speeds[-1]], rel=0, abs=1e-9)
 
 
-@pytest.mark.parametrize("engine", ["c", "python"])
 @pytest.mark.parametrize("formalism, integrator", FIXED)
-def test_fixed_steps_are_split_at_breaks(formalism, integrator, engine):
+def test_fixed_steps_are_split_at_breaks(formalism, integrator):
     """Of 13 ms, none of which ends at 5 s or 6 s: methods of order 2 keep their order, so the error falls by 4 with half the step."""
     kernels = ncgen.compile(hanging(PENDULUM_PULSES["Piecewise"]))
     errors = []
     for step in (0.013, 0.0065):
-        run = ncgen.simulate(
-            kernels, 10.0, formalism=formalism, integrator=integrator, max_step=step, points=[0.0, 5.0, 6.0, 10.0], engine=engine
-        )
+        run = ncgen.simulate(kernels, 10.0, formalism=formalism, integrator=integrator, max_step=step, points=[0.0, 5.0, 6.0, 10.0])
         errors.append(abs(run["A.x"][-1] - after_the_pulse(10.0)))
     assert 3.3 < errors[0] / errors[1] < 4.9
     assert abs(run["A.x"][1]) < 1e-12 and run["A.x"][2] == pytest.approx(after_the_pulse(6.0), abs=2e-5)
@@ -272,11 +269,10 @@ def test_steps_from_outside_end_at_breaks(integrator, h):
     assert many["A.x"] == pytest.approx(3 * [one["A.x"]], abs=1e-14)
 
 
-@pytest.mark.parametrize("engine", ["c", "python"])
 @pytest.mark.parametrize("formalism, integrator", FIXED)
-def test_a_jump_at_the_start(formalism, integrator, engine):
+def test_a_jump_at_the_start(formalism, integrator):
     """1 N from the first instant on, on 1 kg: x = t²/2 at every row."""
     kernels = ncgen.compile(pushed(lambda t, w, m: sympy.Heaviside(t)))
-    run = ncgen.simulate(kernels, 1.0, formalism=formalism, integrator=integrator, max_step=0.1, points=11, engine=engine)
+    run = ncgen.simulate(kernels, 1.0, formalism=formalism, integrator=integrator, max_step=0.1, points=11)
     np.testing.assert_allclose(run["s"], run.t**2 / 2, rtol=0, atol=1e-10 if formalism != "ali3p" else 1e-4)
     np.testing.assert_allclose(run["rate(s)"], run.t, rtol=0, atol=1e-10 if formalism != "ali3p" else 1e-4)

@@ -138,7 +138,7 @@ def test_what_was_reached_balances(damped, formalism, engine):
 
 @pytest.mark.parametrize("integrator", ["rattle", "energy-momentum", "generalized-alpha"])
 def test_what_steps_the_constraints_chooses_the_formalism(swing, integrator):
-    run = ncgen.simulate(swing, 0.01, integrator=integrator, max_step=0.005, points=2, engine="python")
+    run = ncgen.simulate(swing, 0.01, integrator=integrator, max_step=0.005, points=2)
     assert (run.formalism, run.integrator) == ("lagrange", integrator)
 
 

@@ -112,7 +112,9 @@ METHODS = [
     for formalism in FORMALISMS.values()
     for integrator in INTEGRATORS.values()
     for engine in ("c", "python")
-    if goes_with(formalism, integrator) and not integrator.extra and (engine == "python" or (formalism.in_c and integrator.in_c))
+    if goes_with(formalism, integrator)
+    and not integrator.extra
+    and (integrator.in_python if engine == "python" else formalism.in_c and integrator.in_c)
 ]
 LESS = {"penalty": 2e-8}
 """Where constraints are held by feedback alone, what a smooth motion is off by, too."""

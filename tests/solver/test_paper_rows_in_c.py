@@ -93,4 +93,7 @@ def test_rows_of_nothing_that_moves(backend, formalism):
     step = {"integrator": "trapezoidal", "max_step": 0.01} if formalism == "ali3p" else {}
     run = ncgen.simulate(ncgen.compile(m, backend), 0.5, formalism=formalism, points=3, **step)
     assert not run.engine.startswith("python")
+    for each in ("rattle", "energy-momentum", "generalized-alpha") if formalism == "lagrange" else ():
+        also = ncgen.simulate(run.kernels, 0.5, integrator=each, max_step=0.01, points=3)
+        assert also["ball.y"] == pytest.approx(-9.81 / 2 * run.t**2, abs=1e-4)
     assert run["ball.y"] == pytest.approx(-9.81 / 2 * run.t**2, abs=1e-12)

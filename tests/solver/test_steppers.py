@@ -10,7 +10,6 @@ import pytest
 import ncgen
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.methods.table import INTEGRATORS
-from ncgen.solver.steppers.ali3p import _factored
 
 MOTIONS = {
     "pendulum": (0.5, 0.01),
@@ -35,7 +34,7 @@ def kernels_of(name):
 def simulate(name, duration, **options):
     kernels = kernels_of(name)
     given = {k: v for k, v in kernels.model.simulation_options.items() if k in ("zd0", "z")}
-    return ncgen.simulate(kernels, duration, **{"engine": "python", **given, **options})
+    return ncgen.simulate(kernels, duration, **given, **options)
 
 
 @cache
@@ -139,19 +138,18 @@ def test_numerical_damping(options, alpha_m, alpha_f, frequency):
     model.constrain(b.y)
     model.potential(frequency**2 / 2 * (b.x - 0.9) ** 2)
     kernels = ncgen.compile(model, backend="numpy")
-    options = dict(engine="python", integrator="generalized-alpha", max_step=0.01, points=21, options=options)
+    options = dict(integrator="generalized-alpha", max_step=0.01, points=21, options=options)
     found = ncgen.simulate(kernels, 0.2, formalism="lagrange", **options)["B.x"] - 0.9
     known = chung_hulbert(frequency, 0.01, 0.1, 20, alpha_m, alpha_f)
     assert found == pytest.approx(known, abs=1e-10)
 
 
-@pytest.mark.parametrize(("engine", "rounding"), [("python", 0.0), ("c", 1e-13)])
-def test_instants_between_steps(engine, rounding):
+def test_instants_between_steps():
     """The grid does not shape the steps; what is read off between them is closed and as good as the steps."""
-    options = dict(formalism="lagrange", integrator="rattle", max_step=0.01, engine=engine)
+    options = dict(formalism="lagrange", integrator="rattle", max_step=0.01)
     on, between = (simulate("pendulum", 0.5, points=n, **options) for n in (51, 38))
     assert between.statistics.steps == on.statistics.steps == 50
-    assert between.q[-1] == pytest.approx(on.q[-1], abs=rounding)
+    assert between.q[-1] == pytest.approx(on.q[-1], abs=1e-13)
     known = simulate("pendulum", 0.5, integrator="dop853", rtol=1e-11, points=38)
     assert between.q == pytest.approx(known.q, abs=5e-4)
     assert between.qd == pytest.approx(known.qd, abs=5e-3)
@@ -192,27 +190,46 @@ def test_steps_too_long_end_in_a_message(integrator):
         simulate("fourbar", 10.0, formalism="lagrange", integrator=integrator, max_step=5.0, points=3)
 
 
-def test_a_motion_that_nothing_resists_is_refused_by_name():
-    """The matrix of ali3p has no inverse where a motion has neither inertia nor stiffness: that is a refusal like everywhere else."""
-    kernels = kernels_of("pendulum")
-    with pytest.raises(SingularError, match="pendulum: a motion of the mechanism has no inertia: B.x, B.y can move"):
-        _factored(np.zeros((kernels.n, kernels.n)), kernels)
+@METHODS
+def test_a_motion_that_nothing_resists_is_refused_by_name(formalism, integrator):
+    model = ncgen.Model("rod")
+    model.distance(model.point("A", (0, 0), fixed=True), model.point("B", (1, 0)))
+    model.gravity((0, -9.81))
+    with pytest.raises(SingularError, match="rod: a motion of the mechanism has no inertia: B.y can move"):
+        ncgen.simulate(ncgen.compile(model, "c"), 0.1, formalism=formalism, integrator=integrator, max_step=0.01, qd0=[0.0, 1.0])
 
 
-@pytest.mark.parametrize("engine", ["python", "c"])
-def test_a_mechanism_without_mass_at_rest_stays_where_it_is(engine):
+@METHODS
+def test_the_reference_in_python_has_none_of_them(formalism, integrator):
+    with pytest.raises(ModelError, match=f"pendulum: {formalism} with {integrator} is in C only; use engine='auto'"):
+        simulate("pendulum", 0.1, formalism=formalism, integrator=integrator, max_step=0.01, engine="python")
+
+
+def test_without_a_compiler_they_are_refused(monkeypatch):
+    from ncgen.mechanism import runtime
+
+    monkeypatch.setattr(runtime, "has_runtime", lambda part: False)
+    kernels = ncgen.compile(ncgen.load("pendulum"), "numpy")
+    words = (
+        "pendulum: lagrange with rattle is in C only, and the kernels are numpy, not compiled; install gcc or clang, or take the integrator"
+    )
+    with pytest.raises(ModelError, match=words):
+        ncgen.simulate(kernels, 0.1, integrator="rattle", max_step=0.01)
+    assert ncgen.simulate(kernels, 0.1, points=2).engine.startswith("python")
+
+
+def test_a_mechanism_without_mass_at_rest_stays_where_it_is():
     """A point on a rod, without mass: multipliers are rounding, and so is all that resists, which must not make the penalty small."""
     model = ncgen.Model("rod")
     end = model.point("B", (-0.22, 0.59), fixed="x")
     model.distance(model.point("A", (-0.76, -0.46), fixed=True), end)
     kernels = ncgen.compile(model, backend="c")
-    run = ncgen.simulate(kernels, 0.05, formalism="ali3p", integrator="trapezoidal", max_step=0.00625, engine=engine)
+    run = ncgen.simulate(kernels, 0.05, formalism="ali3p", integrator="trapezoidal", max_step=0.00625)
     np.testing.assert_allclose(run.q[:, 0], 0.59, rtol=1e-14)
 
 
-@pytest.mark.parametrize("engine", ["c", "python"])
 @pytest.mark.parametrize("integrator", ["energy-momentum", "rattle"])
-def test_a_force_that_grows_with_time_is_integrated_exactly(integrator, engine):
+def test_a_force_that_grows_with_time_is_integrated_exactly(integrator):
     """By the middle of a step, or by both of its ends: pushes of 6 t and 4 − 12 t on 2 kg give the velocity 3 t²/2 and 2 t − 3 t²."""
     model = ncgen.Model("pushed")
     ball = model.point("ball", (0, 0, 0))
@@ -220,6 +237,6 @@ def test_a_force_that_grows_with_time_is_integrated_exactly(integrator, engine):
     model.force(ball, (6 * model.time, 4 - 12 * model.time, 0))
     model.distance(model.point("O", (0, 2, 0), fixed=True), model.point("P", (0, 1, 0)))
     model.body("other", [model.elements["P"]], mass=1.0)
-    run = ncgen.simulate(ncgen.compile(model, "c"), 0.5, integrator=integrator, max_step=0.05, engine=engine, points=6)
+    run = ncgen.simulate(ncgen.compile(model, "c"), 0.5, integrator=integrator, max_step=0.05, points=6)
     assert run["rate(ball.x)"] == pytest.approx(1.5 * run.t**2, abs=1e-13)
     assert run["rate(ball.y)"] == pytest.approx(2 * run.t - 3 * run.t**2, abs=1e-13)

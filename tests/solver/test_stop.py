@@ -26,10 +26,9 @@ ADAPTIVE = [
     ("null-space", "dopri5", "c"),
 ]
 FIXED = [
-    (formalism, integrator, engine)
+    (formalism, integrator, "c")
     for formalism, integrator in [("lagrange", "rattle"), ("lagrange", "energy-momentum"), ("lagrange", "generalized-alpha"),
                                   ("ali3p", "trapezoidal"), ("coordinate-partitioning", "trapezoidal")]
-    for engine in ("c", "python")
 ]  # fmt: skip
 
 

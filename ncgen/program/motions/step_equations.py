@@ -5,7 +5,9 @@ From a state x the unknowns u of a step solve F(u, x) = 0, and the step ends in 
     step(t, h, x, u, w, p)  -> F and the nonzeros of ∂[F; G]/∂[u, x, w, p]
 
 t: where the step begins; h: its length, then numbers of the method; w: inputs at its start, in its middle and at its end
-States are [q, q̇] and what a method carries besides. The formulas are those of `ncgen.solver.steppers`, which say where they come from.
+States are [q, q̇] and what a method carries besides. RATTLE is of Andersen (J. Comput. Phys. 52, 1983, doi 10.1016/0021-9991(83)90014-1),
+forces that depend on velocities taking that of the drift in both kicks; the energy-momentum scheme is the midpoint rule with the discrete
+gradient of Gonzalez (J. Nonlinear Sci. 6, 1996, doi 10.1007/BF02440162); generalised α is of Arnold and Brüls (`ncgen.methods.newmark`).
 """
 
 from __future__ import annotations
@@ -23,6 +25,9 @@ from ncgen.program.lines import line
 from ncgen.program.programs import ENERGIES, Programs
 
 INPUTS = ("t", "h", "x", "u", "w", "p")
+
+STILL = 1e-10
+"""A step of energy-momentum that moves less than this, in natural sizes, needs no correction: it would be rounding over rounding."""
 
 INSTANTS = ("start", "middle", "end")
 """Of a step, in the order in which w has their inputs."""

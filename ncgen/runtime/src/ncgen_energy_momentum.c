@@ -13,6 +13,17 @@ enum { ITERATION_LIMIT = 30 };
 /* A step that moves less than this, in natural sizes, needs no correction: it would be rounding over rounding. */
 static const ncgen_scalar still = R(1.0e-10);
 
+/* If wanted the velocities at the end of a step onto the constraints. */
+static int project_end(ncgen_run *r, ncgen_scalar t)
+{
+    if (!r->options->project)
+        return NCGEN_OK;
+    int status = ncgen_constrained_matrices(r, t);
+    if (status == NCGEN_OK)
+        status = ncgen_constrained_factor(r);
+    return status == NCGEN_OK ? ncgen_project_velocity(r, t) : status;
+}
+
 /* Where nothing is missing. */
 int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
 {
@@ -45,7 +56,7 @@ int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, 
             for (int i = 0; i < n; ++i)
                 r->qd[i] = 2 * (end[i] - position[i]) / h - velocity[i];
             ncgen_constrained_rows(r);
-            return NCGEN_OK;
+            return project_end(r, t + h);
         }
         last = size;
     }
@@ -124,12 +135,7 @@ static int end_midpoint(ncgen_run *r, ncgen_stepping *w, const ncgen_correction 
         r->qd[i] = w->new_y[i];
     }
     ncgen_constrained_rows(r);
-    if (status != NCGEN_OK || !r->options->project)
-        return status;
-    status = ncgen_constrained_matrices(r, t + h);
-    if (status == NCGEN_OK)
-        status = ncgen_constrained_factor(r);
-    return status == NCGEN_OK ? ncgen_project_velocity(r, t + h) : status;
+    return status == NCGEN_OK ? project_end(r, t + h) : status;
 }
 
 /* The midpoint rule with the discrete gradient: T + V - W is kept to rounding for any masses, forces and constraints. */

@@ -22,7 +22,8 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving_breaks import Jump
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.method import Method
-from ncgen.program.motions.step_equations import INPUTS, INSTANTS, StepEquations, assemble_step, extra
+from ncgen.methods.newmark import newmark
+from ncgen.program.motions.step_equations import INPUTS, INSTANTS, STILL, StepEquations, assemble_step, extra
 from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import rate_slope
@@ -32,8 +33,6 @@ from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.start import begin
-from ncgen.solver.steppers.energy_momentum import STILL
-from ncgen.solver.steppers.generalized_alpha import newmark
 
 SOLVED = 1e-7
 """A Newton step from the ends of a step of a run moves nothing by more than this, in natural sizes."""

@@ -11,6 +11,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError, NcgenError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
+from ncgen.methods.newmark import newmark
 from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.programs import Split
@@ -275,8 +276,6 @@ def _weights(settings: dict[str, Any]) -> dict[str, float]:
     """Of generalised-α, by the names of `ncgen_options`."""
     if "rho" not in settings:
         return {}
-    from ncgen.solver.steppers.generalized_alpha import newmark
-
     return dict(zip(("alpha_m", "alpha_f"), newmark(settings["rho"], settings["hht"]), strict=False))
 
 

@@ -18,7 +18,6 @@ from ncgen.solver.integrators.fixed_step import FixedStep
 from ncgen.solver.integrators.hermite import Asked
 from ncgen.solver.integrators.ode import Derivative
 from ncgen.solver.integrators.sundials import CvodeAdams, CvodeBdf
-from ncgen.solver.integrators.trapezoidal import Trapezoidal
 
 
 class _WithSlope(Protocol):
@@ -138,7 +137,6 @@ ODE_SOLVERS: dict[str, type[OdeSolver]] = {
     "bdf": scipy.integrate.BDF,
     "radau": scipy.integrate.Radau,
     "lsoda": scipy.integrate.LSODA,
-    "trapezoidal": Trapezoidal,
     "cvode-adams": CvodeAdams,
     "cvode-bdf": CvodeBdf,
 }
@@ -148,38 +146,10 @@ it is SciPy's and not the one of our tableaus: so it can judge the C runtime."""
 
 @cache
 def ode_solver(integrator: Integrator) -> type[OdeSolver]:
-    """The step-by-step solver of an integrator that takes a state derivative."""
+    """The step-by-step solver of an integrator that takes a state derivative, one that is `in_python`."""
     if integrator.name in ODE_SOLVERS:
         return ODE_SOLVERS[integrator.name]
-    tableau = integrator.coefficients
-    if not tableau.errors:
-        return type(integrator.name, (FixedRungeKutta,), {"tableau": tableau})
-    return _adaptive(integrator.name, tableau)
-
-
-def _adaptive(name: str, tableau: Tableau) -> type[OdeSolver]:
-    """A method with error control for SciPy's driver, which takes the same coefficients."""
-    ((order, error),) = tableau.errors
-    stages = tableau.stages
-    floats = lambda row: [float(x) for x in row]  # noqa: E731
-    a = np.zeros((stages, stages))
-    for s, row in enumerate(tableau.a[: stages - 1], 1):
-        a[s, :s] = floats(row)
-    nested = np.array([floats(row) for row in tableau.dense]).T
-    members = {
-        "order": tableau.order, "error_estimator_order": order, "n_stages": stages, "A": a, "B": np.array(floats(tableau.weights[:stages])),
-        "C": np.array(floats(tableau.c[:stages])), "E": -np.array(floats(error)), "P": nested @ _powers(len(tableau.dense)),
-    }  # fmt: skip
-    return type(name, (scipy.integrate.RK45,), members)
-
-
-def _powers(terms: int) -> np.ndarray:
-    """Coefficients of s, s², … (columns) of the products s, s (1 − s), s² (1 − s), … (rows) of `Tableau.dense`."""
-    rows, product = [], np.array([1.0])
-    for k in range(terms):
-        product = np.convolve(product, [0.0, 1.0] if k % 2 == 0 else [1.0, -1.0])
-        rows.append(np.pad(product[1:], (0, terms + 1 - len(product))))
-    return np.array(rows)
+    return type(integrator.name, (FixedRungeKutta,), {"tableau": integrator.coefficients})
 
 
 def takes_jacobian(integrator: Integrator, kernels: Kernels) -> bool:

@@ -227,10 +227,22 @@ class _Motion:
             if refused and needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it continues in Python")
         if refused is not None:
+            self._check_reference(refused)
             if self.choice.method.is_constrained:
                 self.path = Path.empty(kernels.n, self.start.partitions)  # what C has left of it is done again
             self._in_python()
         self.engine = f"python: {refused}" if refused else "c" if form == "dense" else form
+
+    def _check_reference(self, refused: str) -> None:
+        """Raise for a method that the reference in Python does not have; refused: why C does not carry the run out, or where it stopped."""
+        name, method = self.kernels.name, self.choice.method
+        if method.integrator.in_python:
+            return
+        if self.run.engine == "python":
+            raise ModelError(f"{name}: {method} is in C only; use engine='auto'")
+        if len(self.path.q):
+            raise ConvergenceError(f"{name}: {refused}; take smaller steps (max_step) or another integrator")
+        raise ModelError(f"{name}: {method} is in C only, and {refused}; install gcc or clang, or take the integrator dop853")
 
     def diverged(self) -> ConvergenceError | None:
         """What to say where the path's end shows that its fixed steps were too long for the motion; None otherwise."""
@@ -302,19 +314,17 @@ class _Motion:
         return through_events(whole, self.path, kernels, task, self.passage)
 
     def _in_python(self) -> None:
-        from ncgen.solver import steppers
         from ncgen.solver.engines import full_coordinates, python_engine, segments
 
         task = replace(self._task(), calls_c=self.run.engine == AUTO and not self.choice.method.integrator.in_c)
-        ordinary = full_coordinates.run if task.method.is_constrained else python_engine.run
-        advance = steppers.run if task.method.is_stepper else ordinary
+        advance = full_coordinates.run if task.method.is_constrained else python_engine.run
 
         def engine(path: Path, kernels: Kernels, task: Task) -> None:
             begun = float(task.grid[len(path.q)])
             advance(path, kernels.driven_by(task.signals.begun_at(begun)) if task.signals and len(self.breaks) else kernels, task)
 
         ends = self.breaks
-        if task.steps_to_rows and not task.method.is_stepper:
+        if task.steps_to_rows:
             ends, task = _with_neighbours(ends, task.grid), replace(task, max_step=task.max_step * WHOLE)
         segments.in_segments(engine, self.path, self.kernels, task, ends)
 
