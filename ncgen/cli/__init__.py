@@ -1,4 +1,4 @@
-"""The command line: list, new, run, watch, study, generate, inspect, bench, compare, hard, check, convert, export, cache.
+"""The command line: list, new, draw, run, watch, study, generate, inspect, bench, compare, hard, check, convert, export, cache.
 
 MODEL is the name of an example, or a path to a .toml, .py, .urdf, .sdf or .xml file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
@@ -37,7 +37,14 @@ app = typer.Typer(
     help="Generate code for multibody systems in natural coordinates, and simulate them.",
 )
 GROUPS = {
-    "Models": {"list": models.list_examples, "new": files.new, "check": files.check, "inspect": models.inspect, "convert": files.convert},
+    "Models": {
+        "list": models.list_examples,
+        "new": files.new,
+        "draw": files.draw,
+        "check": files.check,
+        "inspect": models.inspect,
+        "convert": files.convert,
+    },
     "Motions": {"run": models.run, "watch": watching.watch, "study": studies.study},
     "Generated code": {"generate": models.generate, "export": files.export, "cache": files.cache},
     "Measurements": {"bench": measuring.bench, "compare": measuring.compare, "hard": measuring.hard},

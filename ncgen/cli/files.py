@@ -1,4 +1,4 @@
-"""The commands about files: new, check, convert, export, cache."""
+"""The commands about files: new, draw, check, convert, export, cache."""
 
 from __future__ import annotations
 
@@ -102,3 +102,10 @@ def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all compil
     out.print(f"{store.cache_folder()}: {counted(len(found), 'library')}, {sum(e.size for e in found) / 1e6:.1f} MB", markup=False)
     for entry in found:
         out.print(f"  {entry.key[:12]}  {', '.join(entry.sources):<24} {entry.size / 1e3:8.0f} kB  {entry.age / 3600:6.1f} h", markup=False)
+
+
+def draw(file: Annotated[Path, typer.Argument(metavar="FILE", help="the page to write: NAME.html")]) -> None:
+    """Write a page in which one draws a planar mechanism, which moves at once and becomes a model file; it needs no network."""
+    from ncgen.exchange.editor import editor_page
+
+    out.print(f"{editor_page().save(file)}: open it in a browser", markup=False)

@@ -24,7 +24,7 @@ class Motion {
   }
 
   // Begin at time t with a table, positions, velocities and natural sizes of the coordinates. Throws an Error that says why not.
-  begin(table, q, qd, sizes, t = 0, rtol = 1e-9, atol = 1e-11) {
+  begin(table, q, qd, sizes, t = 0, rtol = 1e-11, atol = 1e-13) {
     if (table.length > this.numbers.length || q.length > this.most) throw new Error(STATUS[5]);
     this.numbers.set(table);
     this.q.set(q);

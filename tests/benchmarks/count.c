@@ -1,7 +1,7 @@
 /* count.c: calls one function of a library many times, for callgrind to count its instructions.
  *
- * Usage: count LIBRARY FUNCTION KIND < NUMBERS, where KIND is position or velocity, or newton or acceleration of the
- * ncgen_dynamics that FUNCTION returns. NUMBERS: how many q, velocities, p and results there are, then q, velocities, p.
+ * Usage: count LIBRARY FUNCTION KIND < NUMBERS, where KIND is position or velocity, newton or acceleration of the ncgen_dynamics
+ * that FUNCTION returns, or derivative of the ncgen_motion that it returns. NUMBERS: how many q, velocities, p and results there are, then q, velocities, p.
  */
 #include "ncgen_runtime.h"
 
@@ -18,11 +18,13 @@ typedef union symbol {
     ncgen_position_kernel *position;
     ncgen_velocity_kernel *velocity;
     const ncgen_dynamics *(*dynamics)(void);
+    const ncgen_motion *(*motion)(void);
 } symbol;
 
-static double *numbers(int count)
+/* So many numbers from stdin, and room for more. */
+static double *numbers(int count, int more)
 {
-    double *x = calloc((size_t)count + 1, sizeof(double));
+    double *x = calloc((size_t)(count + more) + 1, sizeof(double));
     for (int i = 0; x && i < count; ++i)
         if (scanf("%lf", &x[i]) != 1)
             return NULL;
@@ -37,14 +39,20 @@ int main(int count, char **arguments)
     found.data = library ? dlsym(library, arguments[2]) : NULL;
     if (!found.data || scanf("%d %d %d %d", &n_q, &n_v, &n_p, &n_out) != 4)
         return 2;
-    const double *q = numbers(n_q), *v = numbers(n_v), *p = numbers(n_p);
+    const char *kind = arguments[3];
+    const ncgen_motion *motion = strcmp(kind, "derivative") == 0 ? found.motion() : NULL;
+    const double *q = numbers(n_q, 0), *v = numbers(n_v, 0);
+    double *p = numbers(n_p, motion ? motion->n_prepared : 0);
     double *out = calloc((size_t)n_out, sizeof(double));
     if (!q || !v || !p || !out)
         return 2;
-    const char *kind = arguments[3];
+    if (motion && motion->prepare)
+        status |= motion->prepare(p, p + n_p);
     ncgen_position_kernel *position = NULL;
     ncgen_velocity_kernel *velocity = NULL;
-    if (strcmp(kind, "newton") == 0)
+    if (motion)
+        velocity = motion->derivative;
+    else if (strcmp(kind, "newton") == 0)
         position = found.dynamics()->newton;
     else if (strcmp(kind, "acceleration") == 0)
         velocity = found.dynamics()->acceleration;

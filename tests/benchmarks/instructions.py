@@ -17,13 +17,16 @@ import numpy as np
 from ncgen.comparisons.rivals.base import KERNELS, Inputs, own_start
 from ncgen.comparisons.rivals.handwritten import source
 from ncgen.compiler import compile, generate
+from ncgen.emit.c.files import motion_files
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
+from ncgen.program.ir.cost import cost
+from ncgen.program.motions.dynamics import assemble_motion
 from ncgen.program.programs import EMISSIONS
-from ncgen.solver.engines.compiled import dynamics, is_emitted
+from ncgen.solver.engines.compiled import dynamics, is_emitted, own_positions
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS, find_compiler
 
@@ -41,9 +44,8 @@ def instruction_records(model: Model) -> Iterator[dict]:
     kernels = compile(model, "c")
     inputs = Inputs.typical(kernels)
     prefix = prefix_of(model.name)
-    flags = tuple(f"-march={COMMON}" if flag.startswith("-march") else flag for flag in FLAGS)
     with tempfile.TemporaryDirectory() as folder:
-        count = _Counter(Path(folder), flags)
+        count = _Counter(Path(folder), _flags())
         for way in EMISSIONS:
             sources = generate(model, way)
             for name, program in sources.programs.programs.items():
@@ -56,6 +58,25 @@ def instruction_records(model: Model) -> Iterator[dict]:
                 numbers = inputs.q, inputs.qd, inputs.p, size
                 yield _record(name, "hand-written", count({path.name: path.read_text("utf-8")}, f"handwritten_{name}", kind, numbers))
         yield from _derivative_records(kernels, count)
+
+
+def derivative_of_all(model: Model) -> tuple[int, float]:
+    """Operations and instructions of a state derivative over all coordinates. Raises NcgenError where none is emitted."""
+    kernels = compile(model, "c")
+    if (seen := own_positions(kernels)) is None:
+        raise NcgenError(f"{model.name}: no state derivative over all coordinates is emitted; take a smaller model")
+    programs = assemble_motion(kernels.programs.equations, *seen, kernels.column_sizes)
+    files = motion_files(programs, kernels.programs.equations) | runtime_files(*RUNTIME_HEADERS, *HEADERS)
+    prefix, (q, _) = prefix_of(kernels.name), own_start(kernels)
+    with tempfile.TemporaryDirectory() as folder:
+        count = _Counter(Path(folder), _flags())
+        numbers = q, np.zeros(kernels.n), kernels.p0, programs.derivative.size
+        counted = count(files, f"{prefix}_recursion", "derivative", numbers, f"{prefix}_derivative")
+    return cost(programs.derivative).total, counted
+
+
+def _flags() -> tuple[str, ...]:
+    return tuple(f"-march={COMMON}" if flag.startswith("-march") else flag for flag in FLAGS)
 
 
 def _derivative_records(kernels: CompiledKernels, count: _Counter) -> Iterator[dict]:

@@ -61,12 +61,17 @@ def case(model: ncgen.Model, duration: float, zd0: dict | None = None) -> tuple[
     return {name: array.tolist() for name, array in arrays.items()}, run
 
 
-def compare(cases: list[tuple[dict, ncgen.Trajectory]], where) -> None:
-    """Positions and velocities, relative to their largest, over the whole run."""
-    data = {"script": str(folder("templates") / "editor/motion.js"), "binary": str(generic_wasm.FILE), "cases": [one for one, _ in cases]}
+def answers(cases: list[dict], where) -> dict:
+    """What the script finds of mechanisms."""
+    data = {"script": str(folder("templates") / "editor/motion.js"), "binary": str(generic_wasm.FILE), "cases": cases}
     (where / "cases.json").write_text(json.dumps(data))
     (where / "script.cjs").write_text(SCRIPT)
-    answer = json.loads(shell("node script.cjs", where))
+    return json.loads(shell("node script.cjs", where))
+
+
+def compare(cases: list[tuple[dict, ncgen.Trajectory]], where) -> None:
+    """Positions and velocities, relative to their largest, over the whole run."""
+    answer = answers([one for one, _ in cases], where)
     assert answer["imports"] == []
     for (_, run), got in zip(cases, answer["runs"], strict=True):
         assert got["rank"] == np.linalg.matrix_rank(run.kernels.jacobian(run.q[-1], run.t[-1]), tol=1e-9)
@@ -87,6 +92,30 @@ def test_motion_is_that_of_ncgen(tmp_path):
         ],
         tmp_path,
     )
+
+
+def parallelogram(height: float) -> ncgen.Model:
+    """Two equal cranks and a coupler that a third crank, which adds no condition, holds in its middle."""
+    m = ncgen.Model("parallelogram")
+    ends = [
+        (m.point(a, (x, 0), fixed=True), m.point(b, (x + 0.1, height))) for a, b, x in (("A", "B", 0), ("C", "D", 0.4), ("E", "F", 0.2))
+    ]
+    for k, (low, high) in enumerate(ends):
+        m.body(f"crank{k}", [low, high], mass=0.1, inertia="rod")
+    m.body("coupler", [high for _, high in ends], mass=0.3, com=(0.3, height), inertia=0.004)
+    m.gravity((0, -9.81))
+    return m
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
+def test_redundant_constraints_are_told_from_a_singular_position(tmp_path):
+    """A third crank of a parallelogram is redundant everywhere; where all bars are in line they depend on each other there alone."""
+    compare([case(parallelogram(0.05), 0.1)], tmp_path)
+    flat = parallelogram(0.0)
+    kernels = ncgen.compile(flat)
+    arrays = {"table": term_table(kernels.programs.equations), "q": kernels.q0, "qd": 0 * kernels.q0, "sizes": kernels.column_sizes}
+    with pytest.raises(AssertionError, match="the equations are singular here"):
+        answers([{name: array.tolist() for name, array in arrays.items()} | {"t": [0.0]}], tmp_path)
 
 
 @pytest.mark.slow

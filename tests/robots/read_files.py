@@ -68,7 +68,8 @@ def compared(path: Path, root: Markup) -> tuple[str, str]:
     elif root.tag == "mujoco":
         from compare_mjcf import line as accelerations
 
-        said, program = accelerations(path)[1].partition("; left out")[0], "MuJoCo"
+        word, said = accelerations(path)
+        said, program = said.partition("; left out")[0] or word, "MuJoCo"
     else:
         return "read", "no independent reader"
     errors = [float(each) for each in ERROR.findall(said)]

@@ -84,8 +84,37 @@ def test_a_weld_by_frames_holds_the_turn_too(load):
 
 
 def test_what_cannot_close_is_refused_with_its_gap(load):
-    with pytest.raises(ModelError, match=r"revolute 1: loop closing cannot close: its frames stay 0.4 m .* apart, wherever the joints are"):
+    with pytest.raises(
+        ModelError, match=r"revolute 1: loop closing cannot close: its frames stay 400 mm .* apart, wherever the joints are"
+    ):
         load(linkage().replace('xyz="2.0 0 0"', 'xyz="5.8 0 0"', 1), TABLE.format(kind="revolute"))
+
+
+def places(**on_x):
+    """Links fixed to the base, that many m along x, and a hand at the end of the crank."""
+    text = ""
+    for name, parent, x in (("hand", "crank", 1.0), *((name, "base", x) for name, x in on_x.items())):
+        links = f'<parent link="{parent}"/><child link="{name}"/>'
+        text += f'<link name="{name}"/><joint name="at_{name}" type="fixed">{links}<origin xyz="{x} 0 0"/></joint>'
+    return text
+
+
+def hand_at(*names):
+    """A table of loops that bring the hand to places."""
+    return "".join(f'[[connect]]\nname = "to_{name}"\nparent_frame = "hand"\nchild_frame = "{name}"\n' for name in names)
+
+
+def test_the_loop_that_cannot_close_by_itself_is_named(load):
+    """A crank of 1 m reaches (-1, 0), and comes to 0.5 m of (1.5, 0). The sum of squares is least there, 2 m from the other place."""
+    says = "connect 2: loop to_far cannot close, even without the other loops: its frames stay 500 mm apart, wherever the joints are"
+    with pytest.raises(ModelError, match=says):
+        load(linkage(extra=places(near=-1.0, far=1.5)), hand_at("near", "far"))
+
+
+def test_loops_that_only_together_cannot_close_are_refused(load):
+    """One crank cannot be at two places, each of which it reaches."""
+    with pytest.raises(ModelError, match=r"loop to_(west|east) cannot close: its frames stay [12](\.\d+)? m apart"):
+        load(linkage(extra=places(west=-1.0, east=1.0)), hand_at("west", "east"))
 
 
 def test_a_joint_that_mimics_with_an_offset_begins_moved_and_its_leader_does_not(load):

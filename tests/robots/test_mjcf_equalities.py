@@ -69,6 +69,18 @@ def test_each_equality_equals_mujoco(case, tmp_path):
     assert both.closed_error(np.random.default_rng(1)) < 1e-9
 
 
+@pytest.mark.parametrize("said", ['<weld body1="foot"/>', '<weld body1="world" body2="foot"/>'])
+def test_a_weld_to_the_world_holds_in_either_order(said, tmp_path):
+    """A free body; one joint that it carries is what remains."""
+    body = '<inertial pos="0 0 -0.1" mass="1" diaginertia="0.02 0.02 0.01"/>'
+    toe = f'<body name="toe" pos="0.3 0 0"><joint name="q" axis="0 1 0"/>{body}</body>'
+    world = f'<body name="foot" pos="0 0 1" quat="0.8 0 0.6 0"><freejoint/>{body}{toe}</body>'
+    (tmp_path / "foot.xml").write_text(f"<mujoco><worldbody>{world}</worldbody><equality>{said}</equality></mujoco>")
+    both = Beside(tmp_path / "foot.xml")
+    assert ncgen.freedom(both.kernels).dof == 1
+    assert both.closed_error(np.random.default_rng(1), states=1) < 1e-9
+
+
 @pytest.mark.parametrize("flag", ["equality", "constraint"])
 def test_equalities_that_are_switched_off(flag, tmp_path):
     said = CASES["a constant"] + '<weld body1="a" body2="d" active="false"/>'

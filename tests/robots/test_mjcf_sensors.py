@@ -66,3 +66,11 @@ def test_without_sensors_they_are_left_out(tmp_path):
     path.write_text(ARM.format(said=OTHERS))
     model = ncgen.load(Path(path))
     assert not model.outputs and "sensors (13)" in model.left_out
+
+
+def test_sensors_that_the_file_switches_off_are_left_out(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM.format(said=OTHERS).replace('gravity="0.3', '><flag sensor="disable"/></option><option gravity="0.3'))
+    assert mujoco.MjModel.from_xml_path(str(path)).opt.disableflags == int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    model = ncgen.load(path, sensors=True)
+    assert not model.outputs and "sensors (13)" in model.left_out

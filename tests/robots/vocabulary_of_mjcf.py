@@ -1,6 +1,7 @@
 """Files of MJCF made by setting words of MuJoCo's own schema (`drawn_mjcf.py`), and their motion next to MuJoCo's.
 
-What `model.left_out` lists, and that alone, is switched off in MuJoCo; then accelerations of all bodies agree, or a word was ignored.
+What `model.left_out` lists, and that alone, is switched off in MuJoCo; then accelerations of all bodies agree, keyframes are named
+starts by value, and outputs are MuJoCo's readings of its sensors at the same states; or a word was ignored.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from by_mujoco import Beside, name_of_actuator, without_other_actuators
+from by_mujoco import Beside, lagrange, name_of_actuator, without_other_actuators
 from drawn_mjcf import BASES, Draws
 from vocabulary_of_sdf import printed
 
@@ -24,7 +25,9 @@ from ncgen.exchange.robots.accounting import parted
 from ncgen.exchange.robots.mjcf_fields import AT_JOINT, BALL, SCALAR, is_ball_in_world
 from ncgen.exchange.robots.motors import AWAY_FROM_ZERO
 from ncgen.exchange.robots.robot import Robot
+from ncgen.exchange.robots.sensors import SENSORS
 from ncgen.exchange.robots.stops import left
+from ncgen.solver.motions.simulation import outputs_at
 
 WITHIN = 1e-9
 """Largest error of an acceleration over 1 + the largest acceleration."""
@@ -71,7 +74,7 @@ class Fuzzed(Beside):
     def __init__(self, path: Path) -> None:
         super().__init__(path, motors=True, sensors=True)
         self.theirs.opt.disableflags = self.mujoco.MjModel.from_xml_path(str(path)).opt.disableflags
-        self.listed, self.contradicts = kinds(self.model.left_out), False
+        self.listed, self.contradicts, self.values = kinds(self.model.left_out), False, 0
         if self._has_inexact_rates():
             self.known[:] = False
             self.known[[self.kernels.index[c.name] for e in self.relative.values() for c in e.components if not c.fixed]] = True
@@ -107,6 +110,50 @@ class Fuzzed(Beside):
             worst = max(worst, self.miss(q, qd))
         return worst
 
+    def keyframes_apart(self) -> Iterator[str]:
+        """What of the named starts is not what MuJoCo's keyframes are."""
+        m = self.theirs
+        inputs = dict(zip((each.name for each in self.robot.actuators or ()), self.model.inputs, strict=True))
+        for number in range(m.nkey):
+            name = m.key(number).name or f"key{number}"
+            q, qd = self.state(m.key_qpos[number], m.key_qvel[number])
+            start = self.model.starts[name]
+            found = [[start[kind].get(c, 0.0) if kind in start else 0.0 for c in self.kernels.coordinates] for kind in ("q0", "qd0")]
+            numbers = {name_of_actuator(m, k): m.actuator_ctrladr[k] for k in range(m.nactuator)}
+            controls = {own: m.key_ctrl[number][numbers[each]] for each, own in inputs.items()}
+            self.values += 2 * int(np.sum(self.known)) + len(controls) + 1
+            right = [are_equal(mine[self.known], theirs[self.known]) for mine, theirs in zip(np.array(found), (q, qd), strict=True)]
+            right += [start.get("inputs", {}) == controls, start.get("t0", 0.0) == m.key_time[number]]
+            if not all(right):
+                yield f"keyframe {name}: position, velocity, inputs, time are right: {right}"
+
+    def sensors_apart(self, rng: np.random.Generator) -> Iterator[str]:
+        """Outputs that are not MuJoCo's readings, and whether those that are left out are as many as is said."""
+        mujoco, m, d, labels = self.mujoco, self.theirs, self.data, list(self.model.outputs)
+        names = {m.sensor(s).name or f"sensor{s}": s for s in range(m.nsensor)}
+        with_axes = {name: [f"{name}.{axis}" for axis in "xyz"] if m.sensor_dim[s] == 3 else [name] for name, s in names.items()}
+        modelled = {name: s for name, s in names.items() if with_axes[name][0] in labels}
+        said = next((parted(each)[1] for each in self.model.left_out if parted(each)[0] == SENSORS), 0)
+        if said != m.nsensor - len(modelled):
+            yield f"{said} sensors left out, of {m.nsensor} {len(modelled)} are modelled"
+        for _ in range(STATES if modelled else 0):
+            q, qd = (self.close if np.any(m.eq_active0) else self.state)(*self.random(rng, 0.3))
+            mine = outputs_at(self.kernels, 0.0, q, qd, lagrange(self.kernels, q, qd, 0.0, self.p), self.p)
+            d.flg_rnepost = 0
+            for step in (mujoco.mj_sensorPos, mujoco.mj_sensorVel, mujoco.mj_sensorAcc):
+                step(m, d)
+            for name, s in modelled.items():
+                found = np.array([mine[labels.index(label)] for label in with_axes[name]])
+                reading = d.sensordata[m.sensor_adr[s] : m.sensor_adr[s] + m.sensor_dim[s]]
+                self.values += len(found)
+                if not are_equal(found, reading):
+                    yield f"sensor {name}: {found} for {reading}"
+
+
+def are_equal(mine: np.ndarray, theirs: np.ndarray) -> bool:
+    """Whether numbers agree, over 1 + the largest one."""
+    return bool(np.all(np.abs(mine - theirs) <= WITHIN * (1 + np.max(np.abs(theirs), initial=0.0))))
+
 
 def kinds(said: Iterable[str]) -> set[str]:
     """What is left out, without how often."""
@@ -129,22 +176,25 @@ def motion(model: Any) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """What files are made from: its robot, its inputs, what is left out of it, and its accelerations without that."""
+    """What files are made from: its robot, its inputs, what is left out of it, and its accelerations without that.
+
+    values: keyframes and sensors
+    """
 
     robot: object
+    values: object
     inputs: int
     listed: set[str]
     motion: np.ndarray
 
     @classmethod
     def of(cls, path: Path) -> Base:
-        both = Fuzzed(path)
-        return cls(what_moves(read_robot(path)), len(both.model.inputs), both.listed, motion(both.theirs))
+        both, robot = Fuzzed(path), read_robot(path)
+        return cls(what_moves(robot), values_of(robot), len(both.model.inputs), both.listed, motion(both.theirs))
 
     def is_motion(self, other: np.ndarray) -> bool:
         """Whether accelerations are the same."""
-        scale = 1 + np.max(np.abs(self.motion), initial=0.0)
-        return other.shape == self.motion.shape and bool(np.all(np.abs(other - self.motion) <= WITHIN * scale))
+        return other.shape == self.motion.shape and are_equal(other, self.motion)
 
 
 def what_moves(robot: Robot) -> object:
@@ -152,13 +202,18 @@ def what_moves(robot: Robot) -> object:
     return printed(replace(robot, name="", omitted=(), starts={}, sensors=()))
 
 
-def judged(path: Path, base: Base) -> tuple[str, str]:
-    """What became of a file, and why."""
+def values_of(robot: Robot) -> object:
+    """Keyframes and sensors of a robot, as something that can be compared."""
+    return printed((robot.starts, robot.sensors))
+
+
+def judged(path: Path, base: Base, counts: Counter[str]) -> tuple[str, str]:
+    """What became of a file, and why. counts: of values of keyframes and sensors that were compared, which are added to"""
     import mujoco
 
     try:
         robot = read_robot(path)
-        if what_moves(robot) == base.robot:  # nothing to compile
+        if what_moves(robot) == base.robot and values_of(robot) == base.values:  # nothing to compile
             theirs = mujoco.MjModel.from_xml_path(str(path))
             listed = kinds(left(left(robot.omitted, "actuators", base.inputs), "sensors", len(robot.sensors)))
             switch_off(theirs, listed, robot)
@@ -171,6 +226,9 @@ def judged(path: Path, base: Base) -> tuple[str, str]:
             if both.contradicts:
                 return "of equalities that contradict each other, or are singular", ""
             right = error < WITHIN
+            if both.theirs.nv and (apart := [*both.keyframes_apart(), *both.sensors_apart(np.random.default_rng(2))]):
+                return "ignored", "; ".join(apart)
+            counts["values of keyframes and sensors"] += both.values
     except NcgenError as refusal:
         return "refused", str(refusal)
     if not right:
@@ -196,7 +254,7 @@ def drawn(count: int, seed: int, folder: Path, counts: Counter[str]) -> Iterator
                 bases[which] = Base.of(path)
             path.write_text(ET.tostring(tree, encoding="unicode"), encoding="utf-8")
             counts["words"] += len(said)
-            yield *judged(path, bases[which]), f"{'; '.join(said)} of file {which}"
+            yield *judged(path, bases[which], counts), f"{'; '.join(said)} of file {which}"
     finally:
         mjcf.compiled = apart
 

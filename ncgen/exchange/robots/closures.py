@@ -15,7 +15,8 @@ from typing import TypeAlias
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.exchange.robots.placement import Placement, rotation_about
+from ncgen.exchange.robots.joint_values import TURNS, added, motion, moved, rotation_vector, screws
+from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Robot, refused
 
 CLOSED = 1e-12
@@ -30,6 +31,9 @@ STEPS, STARTS = 300, 24
 ENOUGH = 2
 """Starts that end with the same gap as another one, after which it is the least."""
 
+FLAT = 1e-9
+"""A step that takes less than this fraction off the sum of squares is the last one: a least gap has been reached."""
+
 TRIALS, IDLE = 3, 1e-9
 """Random joint values at which a loop is looked at, and the gap, over the robot's size or in rad, below which it is closed there."""
 
@@ -38,9 +42,6 @@ LONGEST = 0.5
 
 HEIGHTS = {"spherical": 3}
 """Equations of kinds of loops, where there are not six."""
-
-TURNS = {"revolute": 1, "prismatic": 1, "spherical": 3, "universal": 2, "floating": 6, "planar": 3, "fixed": 0, "screw": 1}
-"""Degrees of freedom of kinds of joints."""
 
 Frames: TypeAlias = dict[str, tuple[np.ndarray, np.ndarray]]
 """{link: rotation (3, 3) and position (3,) in m, in the root's frame}."""
@@ -104,13 +105,6 @@ def refuse_idle(robot: Robot) -> None:
         _Assembly(robot, closures_of(robot)).refuse_idle()
 
 
-def follows_from_start(robot: Robot) -> bool:
-    """Whether a joint that mimics another one is not at 0 where that one is."""
-    begins = {joint.name: joint.start for joint in robot.joints}
-    followers = ((joint, joint.mimic) for joint in robot.joints if joint.mimic)
-    return any(mimic.factor * begins.get(mimic.joint, 0.0) + mimic.offset != joint.start for joint, mimic in followers)
-
-
 def report(robot: Robot, values: Mapping[str, np.ndarray]) -> list[tuple[str, float, str]]:
     """(joint, how far it was moved, rad or m) of values by joints' names, without those that stayed."""
     found = []
@@ -125,51 +119,6 @@ def report(robot: Robot, values: Mapping[str, np.ndarray]) -> list[tuple[str, fl
                 motions = [(float(each), "m" if kind == "prismatic" else "rad") for each in x]
         found += [(joint.name, amount, unit) for amount, unit in motions if abs(amount) > CLOSED]
     return found
-
-
-def moved(robot: Robot, values: Mapping[str, np.ndarray]) -> Robot:
-    """The robot with joints moved by these values, by their names; others stay where they are.
-
-    values: m, rad; rotation vectors of balls, places and rotation vectors of free bodies
-    """
-    joints = []
-    for joint in robot.joints:
-        x = values.get(joint.name)
-        if x is None or not np.any(x):
-            joints.append(joint)
-            continue
-        place = joint.placement @ motion(joint, x)
-        axis = rotation_about(joint.second, -x[1]) @ joint.axis if joint.kind == "universal" and joint.second is not None else joint.axis
-        start = joint.start + float(x[0]) if joint.kind in ("revolute", "prismatic") else joint.start
-        joints.append(replace(joint, placement=place, axis=axis, start=start))
-    return replace(robot, joints=tuple(joints))
-
-
-def motion(joint: Joint, x: np.ndarray) -> Placement:
-    """The child's frame in the joint's at values (m, rad)."""
-    if joint.kind == "prismatic":
-        return Placement(position=x[0] * joint.axis)
-    if joint.kind == "floating":
-        return Placement(rotation_by(x[3:]), x[:3])
-    if joint.kind == "universal":
-        assert joint.second is not None, "a universal joint with one axis"
-        return Placement(rotation_about(joint.axis, x[0]) @ rotation_about(joint.second, x[1]))
-    if joint.kind == "revolute":
-        return Placement(rotation_about(joint.axis, x[0]))
-    return Placement(rotation_by(x))
-
-
-def rotation_by(vector: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) by a rotation vector (rad)."""
-    angle = float(np.linalg.norm(vector))
-    return np.eye(3) if angle == 0.0 else rotation_about(vector / angle, angle)
-
-
-def rotation_vector(rotation: np.ndarray) -> np.ndarray:
-    """The rotation vector (rad) of a rotation, by its quaternion."""
-    w, x, y, z = Placement(rotation).quaternion
-    size = math.hypot(x, y, z)
-    return np.array([x, y, z]) * (2 * math.atan2(size, w) / size if size > 0 else 2.0)
 
 
 class _Assembly:
@@ -191,27 +140,29 @@ class _Assembly:
         self.size = float(np.ptp(origins, axis=0).max()) or 1.0
 
     def solved(self) -> Robot:
-        generator = np.random.default_rng(1)
-        best: tuple[float, dict[str, np.ndarray]] | None = None
-        same = 0
-        for start in range(STARTS):
-            scale = 0.0 if start == 0 else 0.3 * (1 + start // 4)
-            values = self._begin(generator.standard_normal(self.n) * scale)
-            gap, values = self._descend(values)
-            same += best is not None and abs(gap - best[0]) < 1e-6 * gap
-            if best is None or gap < best[0] * (1 - 1e-6) - CLOSED:
-                best = gap, values
-            if best[0] < DIGITS or same == ENOUGH:
-                break
-        assert best is not None
-        if not best[0] < DIGITS:
-            raise self._open(best[1])
+        """The robot with its loops closed. Raises ModelError naming the loop that stays open, with its gap."""
+        gap, values = self.least()
+        if not gap < DIGITS:
+            raise self._open(values)
         turns = {joint.name for joint in self.free if joint.kind == "revolute"}
-        values = {
-            name: np.remainder(x + np.pi, 2 * np.pi) - np.pi if name in turns and abs(x[0]) > np.pi else x for name, x in best[1].items()
+        least = {
+            name: np.remainder(x + np.pi, 2 * np.pi) - np.pi if name in turns and abs(x[0]) > np.pi else x for name, x in values.items()
         }
-        self.refuse_idle(best[1])
-        return replace(moved(self.robot, values), assembled=(*self.robot.assembled, *report(self.robot, values)))
+        self.refuse_idle(values)
+        return replace(moved(self.robot, least), assembled=(*self.robot.assembled, *report(self.robot, least)))
+
+    def least(self) -> tuple[float, dict[str, np.ndarray]]:
+        """The least gap, over the robot's size or in rad, that was found from several starts, and the values of joints there."""
+        generator, best, values, same = np.random.default_rng(1), math.inf, dict[str, np.ndarray](), 0
+        for start in range(STARTS):
+            scale = 0.3 * (1 + start // 4) if start else 0.0
+            gap, found = self._descend(self._begin(generator.standard_normal(self.n) * scale))
+            same += abs(gap - best) < 1e-6 * gap
+            if gap < best * (1 - 1e-6) - CLOSED:
+                best, values = gap, found
+            if best < DIGITS or same == ENOUGH:
+                break
+        return best, values
 
     def refuse_idle(self, values: Mapping[str, np.ndarray] | None = None) -> None:
         """Raise ModelError naming a loop that is closed wherever the joints are: it changes nothing."""
@@ -238,7 +189,7 @@ class _Assembly:
         for joint in self.free:
             start = self.starts[joint.name]
             change, old = step[start : start + TURNS[joint.kind]], values[joint.name]
-            found[joint.name] = _added(joint, old, change)
+            found[joint.name] = added(joint, old, change)
         for joint in self._in_order_of_following():
             assert joint.mimic is not None
             moved_by = found.get(joint.mimic.joint, np.zeros(1))
@@ -257,9 +208,9 @@ class _Assembly:
     def _descend(self, values: dict[str, np.ndarray]) -> tuple[float, dict[str, np.ndarray]]:
         """The gap, over the robot's size, and the values where the steps end."""
         damping, frames = 1e-6, self._frames(values)
-        residual = self._residual(frames)
+        residual, is_flat = self._residual(frames), False
         for _ in range(STEPS):
-            if np.max(np.abs(residual), initial=0.0) < CLOSED or damping > 1e6:
+            if np.max(np.abs(residual), initial=0.0) < CLOSED or damping > 1e6 or is_flat:
                 break
             left, singular, right = np.linalg.svd(self._jacobian(frames), full_matrices=False)
             while damping <= 1e6:
@@ -269,6 +220,7 @@ class _Assembly:
                 moved_frames = self._frames(trial)
                 new = self._residual(moved_frames)
                 if new @ new < residual @ residual:
+                    is_flat = bool(new @ new > (1 - FLAT) * (residual @ residual))
                     values, frames, residual, damping = trial, moved_frames, new, max(damping / 10, 1e-15)
                     break
                 damping *= 10
@@ -304,11 +256,11 @@ class _Assembly:
         """How the residual changes with a step, but for the curvature of rotations that are still open."""
         J = np.zeros((len(self._residual(frames)), self.n))
         for joint in self.free:
-            for k, (axis, origin) in enumerate(_screws(joint, frames[joint.child])):
+            for k, (axis, origin) in enumerate(screws(joint, frames[joint.child])):
                 self._add_column(J[:, self.starts[joint.name] + k], joint, axis, origin, frames)
         for follower in self._in_order_of_following():
             if (leader := self._leader(follower)) is not None:
-                ((axis, origin),) = _screws(follower, frames[follower.child])
+                ((axis, origin),) = screws(follower, frames[follower.child])
                 column = np.zeros(len(J))
                 self._add_column(column, follower, axis, origin, frames)
                 J[:, self.starts[leader[0]]] += leader[1] * column
@@ -352,26 +304,42 @@ class _Assembly:
         return frozenset(found)
 
     def _open(self, values: Mapping[str, np.ndarray]) -> ModelError:
-        """The refusal, with the loop that stays open most."""
+        """The refusal: with the loop that stays open most without all others, or with them where each closes by itself."""
+        alone = [self._alone(each) for each in self.closures] if len(self.closures) > 1 else []
+        least = [(*other.least(), other) for other in alone]
+        gap, found, other = max(least, key=lambda each: each[0], default=(0.0, values, self))
+        return self._refusal(values) if gap < DIGITS else other._refusal(found, ", even without the other loops")
+
+    def _alone(self, each: Closure) -> _Assembly:
+        """One of the loops, over the joints that carry its ends and those that they follow."""
+        carrying, known = self._path(each.parent) | self._path(each.child), frozenset[str]()
+        children = {joint.name: joint.child for joint in self.robot.joints}
+        while carrying != known:
+            known = carrying
+            followed = {joint.mimic.joint for joint in self.followers if joint.name in known and joint.mimic}
+            carrying = known.union(*(self._path(children[name]) for name in followed))
+        joints = tuple(joint for joint in self.robot.joints if joint.name in known)
+        held = {self.robot.root, *(joint.child for joint in joints)}
+        links = {name: link for name, link in self.robot.links.items() if name in held}
+        found = _Assembly(replace(self.robot, links=links, joints=joints), [each])
+        found.size = self.size
+        return found
+
+    def _refusal(self, values: Mapping[str, np.ndarray], which: str = "") -> ModelError:
+        """With the loop that stays open most at values of the joints."""
         frames = self._frames(values)
         worst = max(self.closures, key=lambda each: float(np.max(np.abs(self._gap(each, frames)))))
         turn, shift = _between(worst, frames)
-        turned = "" if worst.kind == "spherical" else f" and {np.linalg.norm(rotation_vector(turn)):.3g} rad"
+        far, turned = (
+            float(np.linalg.norm(shift)),
+            "" if worst.kind == "spherical" else f" and {np.linalg.norm(rotation_vector(turn)):.3g} rad",
+        )
+        gap = f"{far:.3g} m" if far >= 1 else f"{1e3 * far:.3g} mm"
         return refused(
             worst.where,
-            f"loop {worst.name} cannot close: its frames stay {np.linalg.norm(shift):.3g} m{turned} apart, wherever the joints are; "
+            f"loop {worst.name} cannot close{which}: its frames stay {gap}{turned} apart, wherever the joints are; "
             "correct a length, or close it by a ball",
         )
-
-
-def _added(joint: Joint, x: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Values after a step, which is in the child's axes where it turns in space."""
-    if joint.kind == "spherical":
-        return rotation_vector(rotation_by(x) @ rotation_by(step))
-    if joint.kind == "floating":
-        turn = rotation_by(x[3:])
-        return np.concatenate([x[:3] + turn @ step[:3], rotation_vector(turn @ rotation_by(step[3:]))])
-    return x + step
 
 
 def _after(frame: tuple[np.ndarray, np.ndarray], place: Placement) -> tuple[np.ndarray, np.ndarray]:
@@ -384,16 +352,3 @@ def _between(each: Closure, frames: Frames) -> tuple[np.ndarray, np.ndarray]:
     """Rotation and position of the child's frame in the parent's."""
     (turn, start), (other, end) = _after(frames[each.parent], each.on_parent), _after(frames[each.child], each.on_child)
     return turn.T @ other, turn.T @ (end - start)
-
-
-def _screws(joint: Joint, frame: tuple[np.ndarray, np.ndarray]) -> list[tuple[np.ndarray, np.ndarray | None]]:
-    """(axis, point on it) of what turns, (axis, None) of what slides, in the root's frame; frame: of the child."""
-    turn, origin = frame
-    if joint.kind == "prismatic":
-        return [(turn @ joint.axis, None)]
-    if joint.kind == "spherical":
-        return [(turn[:, k], origin) for k in range(3)]
-    if joint.kind == "floating":
-        return [(turn[:, k], where) for where in (None, origin) for k in range(3)]
-    axes = [joint.axis] if joint.second is None else [joint.axis, joint.second]
-    return [(turn @ axis, origin) for axis in axes]

@@ -68,15 +68,18 @@ NO_CONSTRAINTS, NO_EQUALITIES, NO_FRICTION, NO_LIMITS, NO_CONTACTS, NO_SPRINGS, 
 )
 """MuJoCo's flags for what is switched off."""
 
+NO_SENSORS = 1 << 13
+"""MuJoCo's flag for sensors that are switched off."""
+
 KEEP_PARENTS = 1 << 10
 """MuJoCo's flag for contacts of a body with the one that carries it, which are else none."""
 
 DISABLED = {
-    "modelled": "CONSTRAINT EQUALITY FRICTIONLOSS LIMIT CONTACT SPRING DAMPER GRAVITY CLAMPCTRL ACTUATION",
-    "listed": "FILTERPARENT SENSOR",
+    "modelled": "CONSTRAINT EQUALITY FRICTIONLOSS LIMIT CONTACT SPRING DAMPER GRAVITY CLAMPCTRL ACTUATION SENSOR",
+    "listed": "FILTERPARENT",
     "method": "WARMSTART REFSAFE MIDPHASE EULERDAMP AUTORESET NATIVECCD ISLAND MULTICCD",
 }
-"""MuJoCo's names of flags that switch off (mjDSBL_…): those that are listed belong to contacts and sensors, which are."""
+"""MuJoCo's names of flags that switch off (mjDSBL_…): the one that is listed belongs to contacts, which are."""
 
 ENABLED = {"listed": "OVERRIDE IPC SPECULATIVE", "method": "ENERGY FWDINV INVDISCRETE SLEEP DIAGEXACT"}
 """The same of flags that switch on (mjENBL_…): those that are listed belong to contacts and flexible bodies."""

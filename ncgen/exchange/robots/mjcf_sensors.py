@@ -8,6 +8,7 @@ import numpy as np
 
 from ncgen.exchange.robots.mjcf_actuators import shares_of
 from ncgen.exchange.robots.mjcf_compiled import Compiled
+from ncgen.exchange.robots.mjcf_fields import NO_SENSORS, off
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Sensor
 
@@ -29,7 +30,9 @@ BODY, LINK, GEOM, SITE, CAMERA = 1, 2, 5, 6, 7
 
 
 def sensors(model: Compiled, joints: Sequence[str]) -> tuple[Sensor, ...]:
-    """Those that are modelled; joints: names by MuJoCo's numbers."""
+    """Those that are modelled, where the file does not switch all of them off; joints: names by MuJoCo's numbers."""
+    if off(model, NO_SENSORS):
+        return ()
     return tuple(filter(None, (_sensor(model, s, joints) for s in range(model.nsensor))))
 
 

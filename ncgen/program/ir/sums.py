@@ -11,7 +11,7 @@ Product: TypeAlias = "int | tuple[Product, Product]"
 """A node, or the product of two."""
 
 
-class SumTerm(NamedTuple):
+class Term(NamedTuple):
     """A product with a sign; shared: the number of the operation that it is, if several sums read it."""
 
     is_negative: bool
@@ -22,8 +22,9 @@ class SumTerm(NamedTuple):
     def size(self) -> int:
         return 1
 
-    def negated(self) -> SumTerm:
-        return self._replace(is_negative=not self.is_negative)
+    def negated(self) -> Term:
+        is_negative, product, shared = self
+        return tuple.__new__(Term, (not is_negative, product, shared))
 
     def has(self, factor: int) -> bool:
         """Whether it is a product of the factor and of something else."""
@@ -41,23 +42,24 @@ class Sum(NamedTuple):
         return Sum(self.left.negated(), self.right.negated(), self.size)
 
 
-Form: TypeAlias = SumTerm | Sum
+Form: TypeAlias = Term | Sum
 
 
 def added(left: Form, right: Form) -> Sum:
-    return Sum(left, right, left.size + right.size)
+    return tuple.__new__(Sum, (left, right, left.size + right.size))
 
 
-def terms(form: Form) -> list[SumTerm]:
+def terms(form: Form) -> list[Term]:
     """From left to right."""
-    found: list[SumTerm] = []
+    found: list[Term] = []
     waiting = [form]
     while waiting:
         form = waiting.pop()
-        if isinstance(form, SumTerm):
+        if isinstance(form, Term):
             found.append(form)
         else:
-            waiting += (form.right, form.left)
+            left, right, _ = form
+            waiting += (right, left)
     return found
 
 
@@ -80,15 +82,15 @@ def factors(product: Product) -> list[int]:
 
 def inside(form: Form, factor: int) -> Form | None:
     """What of a sum is multiplied by the factor; None if nothing is."""
-    if isinstance(form, SumTerm):
+    if isinstance(form, Term):
         rest = _over(form.product, factor) if form.has(factor) else None
-        return None if rest is None else SumTerm(form.is_negative, rest)
+        return None if rest is None else Term(form.is_negative, rest)
     return _joined(inside(form.left, factor), inside(form.right, factor))
 
 
-def outside(form: Form, factor: int, waiting: list[SumTerm]) -> Form | None:
+def outside(form: Form, factor: int, waiting: list[Term]) -> Form | None:
     """A sum with the waiting term for those that have the factor, in the place of the last of them: nothing is added later than it was."""
-    if isinstance(form, SumTerm):
+    if isinstance(form, Term):
         return form if not form.has(factor) else waiting.pop() if waiting else None
     right = outside(form.right, factor, waiting)
     return _joined(outside(form.left, factor, waiting), right)

@@ -5,6 +5,7 @@
 
 enum { MOST_NUMBERS = 1 << 16, MOST = 240, MOST_PATTERN = 4 * MOST * MOST, MOST_WORKSPACE = 1 << 19 };
 
+/* Pivots below this share of the first one count as zero. */
 static const ncgen_scalar RANK_TOLERANCE = 1e-9;
 
 static ncgen_real numbers[MOST_NUMBERS], state[5 * MOST + 4], workspace[MOST_WORKSPACE], square[MOST * MOST];
@@ -203,6 +204,29 @@ int ncgen_table_settle(void)
     return status == NCGEN_OK ? look() : status;
 }
 
+/* Is there a position on all constraints so far from the present one, which stays as it is? */
+static int is_consistent_nearby(ncgen_scalar share)
+{
+    const int n = model.n_coordinates;
+    for (int i = 0; i < n; ++i) {
+        square[i] = state[i];
+        square[n + i] = state[MOST + i];
+        state[i] += share * state[4 * MOST + i] * NCGEN_COS((ncgen_real)(i + 1));
+    }
+    const int status = ncgen_settle_moment(&driven, numbers, &moment);
+    for (int i = 0; i < n; ++i) {
+        state[i] = square[i];
+        state[MOST + i] = square[n + i];
+    }
+    return status == NCGEN_OK;
+}
+
+/* Do the other rows imply those that are left out? At a singular position there are some that are not: nearby they cannot be met. */
+static int is_implied(void)
+{
+    return is_consistent_nearby(0.02) || is_consistent_nearby(0.002);
+}
+
 int ncgen_table_begin(int length, ncgen_scalar t, ncgen_scalar rtol, ncgen_scalar atol)
 {
     if (length < 0 || length > MOST_NUMBERS || !ncgen_generic_is_table(numbers, length))
@@ -230,7 +254,8 @@ int ncgen_table_begin(int length, ncgen_scalar t, ncgen_scalar rtol, ncgen_scala
     moment = (ncgen_moment){.t = t, .q = state, .qd = state + MOST, .qdd = state + 2 * MOST};
     if (ncgen_driven_workspace(&driven) > MOST_WORKSPACE)
         return NCGEN_ARGUMENT;
-    return ncgen_table_settle();
+    const int status = ncgen_table_settle();
+    return status == NCGEN_OK && rank < model.n_rows ? (is_implied() ? ncgen_table_settle() : NCGEN_SINGULAR) : status;
 }
 
 int ncgen_table_go_on(ncgen_scalar t_end)

@@ -26,7 +26,8 @@ ncgen_real *ncgen_table_numbers(void);
 ncgen_real *ncgen_table_state(void);
 
 /* A mechanism whose table has so many numbers, at time t; rtol, atol: tolerances of its motion. Position and velocity are brought onto the
- * constraints. Returns a status of ncgen.h; NCGEN_ARGUMENT for a table that is none, or too large. */
+ * constraints. Returns a status of ncgen.h; NCGEN_ARGUMENT for a table that is none, or too large, NCGEN_SINGULAR for a singular position,
+ * where constraints depend on each other that do not nearby. */
 int ncgen_table_begin(int length, ncgen_scalar t, ncgen_scalar rtol, ncgen_scalar atol);
 
 /* After a change of the state or of numbers of the table: the state onto the constraints, and accelerations as they follow. */
