@@ -27,6 +27,7 @@ LINK = re.compile(r"(?P<before>\]\()(?P<target>[^)#\s]+)")
 
 def pages() -> dict[str, str]:
     """{path in the site: Markdown} of all pages."""
+    import gallery
     import notebooks
     import reference
 
@@ -36,7 +37,7 @@ def pages() -> dict[str, str]:
     for path in sorted((ROOT / "docs" / "course").glob("*.ipynb")):
         found[path.relative_to(ROOT).with_suffix(".md").as_posix()] = notebooks.page(path)
     found |= reference.pages()
-    return {name: _linked(name, text, set(found)) for name, text in found.items()}
+    return {name: _linked(name, gallery.with_living_page(name, text), set(found)) for name, text in found.items()}
 
 
 def _linked(name: str, text: str, known: set[str]) -> str:

@@ -9,11 +9,38 @@ from pathlib import Path
 import ncgen
 from ncgen.exchange.examples import example_module, example_names
 
-LIVING = ("cartpole", "excavator", "fourbar", "jansen", "nfourbar", "pendulum", "robot", "stewart", "suspension")
+LIVING = tuple("cartpole doublependulum excavator fourbar jansen nfourbar pendulum robot slidercrank stewart suspension".split())
 """Examples whose page is made for the site; `ncgen export NAME --to html` makes that of any other."""
 
 FIRST = "fourbar"
 """The one that is shown at once."""
+
+HOME = "docs/course/living/linkage.html#traces=P&loop=1&speed=0.2&play=1"
+"""What moves on the first page of the site: the linkage of the lesson, with the curve of its coupler point."""
+
+ENTRIES = f"""
+<iframe class="living" src="{HOME}" title="A four-bar linkage that draws its coupler curve, computed in this page" loading="lazy"></iframe>
+
+**[Learn](docs/course/lesson.md)** with a page like this one, or with [nine notebooks](docs/course/README.md) ·
+**[Simulate a robot](docs/robots.md)** from its URDF, SDF or MJCF file · **[Embed](docs/embedding.md)** a mechanism in C, in an FMU, on a
+microcontroller or in a page
+"""
+
+
+def with_living_page(path: str, text: str) -> str:
+    """The Markdown of a page of the site with what moves in it, below its first paragraph: the home's, and that of an example."""
+    folder, _, name = path.rpartition("/")
+    example = folder.removeprefix("examples/")
+    if path == "README.md":
+        shown = ENTRIES
+    elif name == "README.md" and example in LIVING:
+        shown = (
+            f'\n<iframe class="living" src="../living/{example}.html" title="{example}, computed in this page" loading="lazy"></iframe>\n'
+        )
+    else:
+        return text
+    title, first, rest = text.split("\n\n", 2)
+    return f"{title}\n\n{first}\n{shown}\n{rest}"
 
 
 def page() -> str:
@@ -43,3 +70,5 @@ def write_living_pages(folder: Path) -> None:
     """Pages that compute, beside the gallery in a folder of pages."""
     for name in LIVING:
         ncgen.export(ncgen.load(name), "html", folder / "examples" / "living")
+    course = Path(__file__).resolve().parents[1] / "course"
+    ncgen.export(ncgen.load(course / "linkage.py"), "html", folder / "docs" / "course" / "living")

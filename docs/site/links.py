@@ -51,4 +51,4 @@ def _leads(address: str, path: Path, pages: dict[Path, _Page]) -> bool:
         target /= "index.html"
     if not target.is_file():
         return False
-    return not parts.fragment or target not in pages or unquote(parts.fragment) in pages[target].names
+    return not parts.fragment or "=" in parts.fragment or target not in pages or unquote(parts.fragment) in pages[target].names

@@ -69,7 +69,6 @@ def test_the_module_is_in_it(page_of):
     binary = unpacked(page_of(linkage()), "binary")
     assert binary.startswith(b"\0asm\1\0\0\0")
     assert all(f"linkage_{name}".encode() in binary for name in ("phi", "phi_q", "mass", "energy", "closing", "motion", "described"))
-    assert b"linkage_gamma" not in binary
 
 
 def test_the_same_model_gives_the_same_page(page_of, tmp_path):

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import INPUTS, blocks_in_any_order, loops, operations, program_of, run, straight
 
+from ncgen.program.ir import factoring
 from ncgen.program.ir.factoring import factored
 from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
@@ -147,3 +148,14 @@ def test_long_sums_are_taken_in_parts():
     a = graph.load("q", 0)
     node = graph.sum(graph.mul(a, graph.load("qd", k)) for k in range(5000))
     assert Counter(operations(factored(straight(graph, node)))) == {"mul": 1, "add": 4999}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_long_blocks_leave_shared_products(case, monkeypatch):
+    """Whatever is taken out, results stay, and shared products that would serve sums and their factors are computed once."""
+    monkeypatch.setattr(factoring, "LONG", 0)
+    block = block_of(CASES[case][0])
+    made = factored(block)
+    q = [Fraction(7, 3), Fraction(-5, 11), Fraction(13, 17), Fraction(19, 23)]
+    assert outputs(made, q) == outputs(block, q)
+    assert len(operations(made)) <= len(operations(block))

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 import ncgen
 from ncgen.exchange.robots import read_robot
-from ncgen.exchange.robots.closures import closures_of, follows_from_start, with_closures
+from ncgen.exchange.robots.closures import closures_of, with_closures
 from ncgen.exchange.robots.mjcf_keyframes import start_of
 from ncgen.exchange.robots.robot import Robot, together
 from ncgen.exchange.robots.starts import named_start
@@ -35,7 +35,7 @@ class Beside:
 
         self.mujoco = mujoco
         robot = read_robot(path)
-        robot = with_closures(robot, closures_of(robot)) if follows_from_start(robot) else robot
+        robot = with_closures(robot, closures_of(robot)) if robot.follows_from_start else robot
         self.model, self.robot = ncgen.load(path, **options), together(robot)
         self.kernels = None
         if largest and len(self.model.components) > largest:

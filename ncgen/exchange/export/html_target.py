@@ -24,7 +24,7 @@ from ncgen.view.chosen import MOST, telling
 from ncgen.view.page import drawing, lean, rounded, script_json
 from ncgen.view.scene import Scene, scene_of
 
-USED = ("phi", "phi_q", "nu", "mass", "energy")
+USED = ("phi", "phi_q", "nu", "gamma", "mass", "force", "energy")
 """The kernels that the page calls, as far as the mechanism has them."""
 
 GROUPS = {"position": "places", "mass": "masses", "inertia": "masses"}
@@ -54,6 +54,7 @@ def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
         name=model.name,
         planar=data["planar"],
         freedom=_freedom(package),
+        driven=next(iter(package.independent), ""),
         script=_packed(lean(script).encode()),
         binary=_packed(binary),
         data=script_json(data),

@@ -87,23 +87,31 @@ def load_robot(
     from ncgen.exchange.robots.accounting import warn_of
     from ncgen.exchange.robots.balance import accepted
     from ncgen.exchange.robots.closing import built
-    from ncgen.exchange.robots.closures import closures_of, follows_from_start, refuse_idle, with_closures
-    from ncgen.exchange.robots.loops import beside, closed
+    from ncgen.exchange.robots.loop_files import beside
     from ncgen.exchange.robots.parameters import names_asked
 
     asked = names_asked(parameters)
     robot = read_robot(path)
     robot = accepted(robot, inertias, robot.floats if floating is None else floating, stacklevel + 1)
     table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
-    if table:
-        robot = closed(robot, table)
-    elif follows_from_start(robot):
-        robot = with_closures(robot, closures_of(robot))
-    else:
-        refuse_idle(robot)
+    if table or robot.loops or robot.follows_from_start:
+        robot = _assembled(robot, table)
     model = built(robot, (floating, limits, friction, motors, sensors, asked))
     warn_of(model.left_out, path.name, stacklevel + 1)
     return model
+
+
+def _assembled(robot: Robot, table: Path | None) -> Robot:
+    """The robot with its loops closed: those of a table if there is one."""
+    from ncgen.exchange.robots.closures import closures_of, refuse_idle, with_closures
+    from ncgen.exchange.robots.loops import closed
+
+    if table:
+        return closed(robot, table)
+    if robot.follows_from_start:
+        return with_closures(robot, closures_of(robot))
+    refuse_idle(robot)
+    return robot
 
 
 def with_frame_outputs(model: Model, names: Sequence[str]) -> Model:

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 from ncgen.errors import ModelError, shown
-from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
 from ncgen.exchange.robots.natural import model_of
 from ncgen.exchange.robots.robot import Robot, frame_of
 from ncgen.model import Model
@@ -38,6 +37,8 @@ def _closed(
 
     Raises ModelError for a frame that the file does not have, a loop that cannot close, with its gap, and one that changes nothing.
     """
+    from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
+
     if len(model.facts) != facts:
         raise ModelError(f"close {name}: the robot is assembled anew, and the model has more than its file; close loops before that")
     if name in {joint.name for joint in (*robot.joints, *robot.loops)}:

@@ -105,13 +105,6 @@ def refuse_idle(robot: Robot) -> None:
         _Assembly(robot, closures_of(robot)).refuse_idle()
 
 
-def follows_from_start(robot: Robot) -> bool:
-    """Whether a joint that mimics another one is not at 0 where that one is."""
-    begins = {joint.name: joint.start for joint in robot.joints}
-    followers = ((joint, joint.mimic) for joint in robot.joints if joint.mimic)
-    return any(mimic.factor * begins.get(mimic.joint, 0.0) + mimic.offset != joint.start for joint, mimic in followers)
-
-
 def report(robot: Robot, values: Mapping[str, np.ndarray]) -> list[tuple[str, float, str]]:
     """(joint, how far it was moved, rad or m) of values by joints' names, without those that stayed."""
     found = []

@@ -33,11 +33,11 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.closures import Closure, closures_of, with_closures
-from ncgen.exchange.robots.parallel_robots import YAML, says_loops, with_yaml
+from ncgen.exchange.robots.loop_files import YAML
+from ncgen.exchange.robots.parallel_robots import with_yaml
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Robot, frame_of
 from ncgen.exchange.text import NotToml, placed, text_of, toml
-from ncgen.files import is_file
 from ncgen.model.arithmetic import norm, unit
 from ncgen.model.values import LARGEST
 
@@ -45,16 +45,6 @@ KINDS = {"connect": "spherical", "revolute": "revolute", "prismatic": "prismatic
 """{word: kind of joint}."""
 
 KEYS = ("name", "parent", "child", "point", "axis", "parent_frame", "child_frame")
-
-SUFFIX = ".loops.toml"
-
-
-def beside(path: Path) -> Path | None:
-    """The table that belongs to a robot's file, if there is one."""
-    found = path.with_suffix(SUFFIX)
-    if is_file(found):
-        return found
-    return next((each for end in YAML if is_file(each := path.with_suffix(end)) and says_loops(text_of(each))), None)
 
 
 def closed(robot: Robot, path: Path) -> Robot:

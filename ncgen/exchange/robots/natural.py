@@ -10,13 +10,9 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layer, Layout, Place, Solid
-from ncgen.exchange.robots.motors import AWAY_FROM_ZERO, EFFORTS, MOTORS, add_motors, away_from_zero
 from ncgen.exchange.robots.parameters import GEOMETRY, Parts, Shift, add_part, homes_of, parts_of, shifted, shifts_of
-from ncgen.exchange.robots.passive import lift, polynomial, spring_of_ball
 from ncgen.exchange.robots.placement import rotation_about
 from ncgen.exchange.robots.robot import Coupling, Joint, Mass, Robot, changes_nothing, together
-from ncgen.exchange.robots.sensors import SENSORS, add_sensors
-from ncgen.exchange.robots.starts import named_start
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import across, dot, product
@@ -61,21 +57,36 @@ def model_of(
         if asked:
             model.left_out = left(model.left_out, words, add(model, acting))
     if motors:
-        joints = {joint.name: joint for joint, _ in acting}
-        inputs = add_motors(model, robot, joints, builder.coordinates)
-        bounded = sum(joint.effort is not None and joint.mimic is None for joint, _ in acting)
-        for words, count in ((MOTORS, len(inputs)), (EFFORTS, bounded), (AWAY_FROM_ZERO, len(away_from_zero(robot, joints)))):
-            model.left_out = left(model.left_out, words, count)
-        for name, start in robot.starts.items():
-            model.starts[name] |= {"inputs": {inputs[each]: value for each, value in start.inputs.items() if each in inputs}}
+        _add_motors(builder, robot, {joint.name: joint for joint, _ in acting})
     if sensors:
-        frames = {
-            name: (builder.bodies[solid], builder.layout.frames[link] @ place)
-            for link, solid in builder.layout.solids.items()
-            for name, place in builder.robot.links[link].frames.items()
-        }
-        model.left_out = left(model.left_out, SENSORS, add_sensors(model, robot, frames, builder.coordinates))
+        _add_sensors(builder, robot)
     return model
+
+
+def _add_motors(builder: _Builder, robot: Robot, joints: Mapping[str, Joint]) -> None:
+    """Inputs, and their values in named starts; joints: those with a coordinate."""
+    from ncgen.exchange.robots.motors import AWAY_FROM_ZERO, EFFORTS, MOTORS, add_motors, away_from_zero
+
+    model = builder.model
+    inputs = add_motors(model, robot, joints, builder.coordinates)
+    bounded = sum(joint.effort is not None and joint.mimic is None for joint in joints.values())
+    for words, count in ((MOTORS, len(inputs)), (EFFORTS, bounded), (AWAY_FROM_ZERO, len(away_from_zero(robot, joints)))):
+        model.left_out = left(model.left_out, words, count)
+    for name, start in robot.starts.items():
+        model.starts[name] |= {"inputs": {inputs[each]: value for each, value in start.inputs.items() if each in inputs}}
+
+
+def _add_sensors(builder: _Builder, robot: Robot) -> None:
+    """Outputs."""
+    from ncgen.exchange.robots.sensors import SENSORS, add_sensors
+
+    model = builder.model
+    frames = {
+        name: (builder.bodies[solid], builder.layout.frames[link] @ place)
+        for link, solid in builder.layout.solids.items()
+        for name, place in builder.robot.links[link].frames.items()
+    }
+    model.left_out = left(model.left_out, SENSORS, add_sensors(model, robot, frames, builder.coordinates))
 
 
 def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str, BodyFrame]:
@@ -131,10 +142,17 @@ class _Builder:
         model.gravity(self.robot.gravity)
         model.simulation(duration=DURATION)
         model.left_out, model.assembled = self.robot.omitted, self.robot.assembled
+        if self.robot.starts:
+            self._start()
+        return model
+
+    def _start(self) -> None:
+        """Named starts."""
+        from ncgen.exchange.robots.starts import named_start
+
         places = {self.elements[place]: (name, place.value) for name, solid in self.layout.solids.items() for place in solid.places}
         for name, start in self.robot.starts.items():
-            model.starts[name] = named_start(start, self.robot, self.layout.frames, places, self.coordinates)
-        return model
+            self.model.starts[name] = named_start(start, self.robot, self.layout.frames, places, self.coordinates)
 
     def _elements(self) -> None:
         fixed = set(self.layout.ground.places)
@@ -191,6 +209,8 @@ class _Builder:
         for solid in self.layout.solids.values():
             frame = self.layout.frames[solid.name]
             if masses := [mass.seen_from(frame) for mass in self.robot.links[solid.name].lifted]:
+                from ncgen.exchange.robots.passive import lift
+
                 lift(self.model, self.bodies[solid], masses, self.robot.gravity)
 
     # -- joints --------------------------------------------------------------------------------
@@ -215,13 +235,23 @@ class _Builder:
             self._weld(joint, a, b)
         if joint.armature and (coordinate := self.coordinates.get(joint.name)):
             self.model.rotor(coordinate, joint.armature)
-        if joint.has_spring and (coordinate := self.coordinates.get(joint.name)):
+        if joint.has_spring:
+            self._spring(hold, a, b)
+
+    def _spring(self, hold: Hold, a: Body, b: Body) -> None:
+        """Spring and damper of a joint."""
+        joint = hold.joint
+        if coordinate := self.coordinates.get(joint.name):
             label = f"spring of {coordinate.name}"
             if any((*joint.more_stiffness, *joint.more_damping)):
+                from ncgen.exchange.robots.passive import polynomial
+
                 self.model.torsion_spring(coordinate, law=polynomial(joint), label=label)
             else:
                 self.model.torsion_spring(coordinate, joint.stiffness, joint.damping, joint.rest, label=label)
-        elif joint.has_spring and joint.kind in ("spherical", "floating"):
+        elif joint.kind in ("spherical", "floating"):
+            from ncgen.exchange.robots.passive import spring_of_ball
+
             spring_of_ball(self.model, a, b, joint, self.layout.frames[hold.child.name])
 
     def _screw(self, hold: Hold, a: Body, b: Body) -> Relative:

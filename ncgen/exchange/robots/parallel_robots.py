@@ -25,9 +25,6 @@ from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Robot
 from ncgen.exchange.text import placed, text_of
 
-YAML = (".yaml", ".yml")
-"""How such files end."""
-
 TYPES = {"6d": "fixed", "3d": "spherical"}
 """{type of a loop, in small letters: kind of joint}."""
 
@@ -38,11 +35,6 @@ KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 TOKEN = re.compile(
     r"""\s+|#[^\n]*|(?P<mark>[\[\],])|(?P<key>(?<=\n)\w+(?=:))|(?P<colon>:)|'(?P<one>[^'\n]*)'|"(?P<two>[^"\\\n]*)"|(?P<bare>[\w./+-]+)"""
 )
-
-
-def says_loops(text: str) -> bool:
-    """Whether a YAML file says loops in the words that are read here."""
-    return re.search(r"^closed_loop\s*:", text, re.MULTILINE) is not None
 
 
 def with_yaml(robot: Robot, path: Path) -> tuple[Robot, list[Closure]]:

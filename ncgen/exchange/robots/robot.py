@@ -269,6 +269,13 @@ class Robot:
         carried = {joint.child for joint in self.joints}
         return next(name for name in self.links if name not in carried)
 
+    @property
+    def follows_from_start(self) -> bool:
+        """Whether a joint that mimics another one is not at 0 where that one is."""
+        begins = {joint.name: joint.start for joint in self.joints}
+        followers = ((joint, joint.mimic) for joint in self.joints if joint.mimic)
+        return any(mimic.factor * begins.get(mimic.joint, 0.0) + mimic.offset != joint.start for joint, mimic in followers)
+
     def frames(self, base: Placement) -> dict[str, Placement]:
         """Those of all links where that of the root stands here and all coordinates are 0. Joints must be ordered."""
         found = {self.root: base}

@@ -23,6 +23,13 @@ from ncgen.program.ir.sums import Form, Product, Sum, Term, added, factors, insi
 
 B = TypeVar("B", bound=Block)
 
+LONG = 5000
+"""Operations above which shared products are left where they are: all stay, or all but a few that would save 2 operations in 10,000, and
+finding that out takes a second look at every sum."""
+
+SUMS = frozenset({"add", "sub", "neg"})
+"""Codes of what adds up."""
+
 WORTHWHILE = 0.02
 """The share of operations that a round has to save for another one: in long programs it would find next to nothing."""
 
@@ -41,7 +48,7 @@ def factored(block: B, parameters: int = 0) -> B:
 
 def _once(block: B, parameters: int) -> B:
     """Every sum looked at once; shared products that would stay are left where they are."""
-    shared = _shared(block)
+    shared = _shared(block) if len(block.ops) <= LONG else set()
     while True:
         work = _Factoring(block, shared, parameters)
         stores = tuple([replace(s, node=work.node(s.node)) for s in block.stores])
@@ -55,6 +62,11 @@ def _shared(block: Block) -> set[int]:
     """Products that are read by several, all of which are sums."""
     others = {s.node for s in block.stores} | {a for op in block.ops if op.code not in ("add", "sub") for a in op.args}
     return {k for k, n in uses(block).items() if n > 1 and block.ops[k].code == "mul" and k not in others}
+
+
+def _term(is_negative: bool, product: Product) -> Term:
+    """A term that no other sum shares, in a third of the time that calling Term takes."""
+    return tuple.__new__(Term, (is_negative, product, None))
 
 
 class _Factoring:
@@ -72,11 +84,12 @@ class _Factoring:
         self._known: list[bool] = []
         known, forms = self._known, self._forms
         for number, op in enumerate(block.ops):
-            known.append(is_known(op, [known[a] for a in op.args], parameters))
             if op.args:
+                known.append(all([known[a] for a in op.args]))
                 forms.append(self._held(number, self._form(op, [forms[a] for a in op.args])))
             else:
-                forms.append(Term(False, self.graph.copied(op, ())))
+                known.append(is_known(op, (), parameters))
+                forms.append(_term(False, self.graph.copied(op, ())))
 
     def node(self, number: int) -> int:
         """An operation in the grown graph."""
@@ -92,21 +105,19 @@ class _Factoring:
             return arguments[0].negated()
         if op.code == "mul":
             a, b = map(self._term, arguments)
-            return Term(a.is_negative != b.is_negative, (a.product, b.product))
-        return Term(False, self.graph.copied(op, list(map(self._written, arguments))))
+            return _term(a.is_negative != b.is_negative, (a.product, b.product))
+        return _term(False, self.graph.copied(op, list(map(self._written, arguments))))
 
     def _held(self, number: int, form: Form) -> Form:
         """What stays unwritten of it: all in a sum, its factors in a product, nothing where others or several read it, or it is known."""
-        reader = self._reader.get(number) if self._count[number] == 1 else None
-        if reader in ("add", "sub", "neg") and form.size <= LARGEST and not self._known[number]:
+        reader = None if self._known[number] or self._count[number] != 1 else self._reader.get(number)
+        if reader in SUMS and form.size <= LARGEST:
             return form
         term = self._term(form)
-        if len(factors(term.product)) <= LARGEST and not self._known[number]:
-            if reader in ("add", "sub", "neg", "mul"):
-                return term
-            if number in self._shared:
-                return term._replace(shared=number)
-        return Term(term.is_negative, self._product(term.product))
+        is_shared = number in self._shared and not self._known[number]
+        if (is_shared or reader in SUMS or reader == "mul") and len(factors(term.product)) <= LARGEST:
+            return term._replace(shared=number) if is_shared else term
+        return _term(term.is_negative, self._product(term.product))
 
     # -- sums ----------------------------------------------------------------------------------
 
@@ -114,7 +125,7 @@ class _Factoring:
         """A sum as one term, its common factors outside."""
         while isinstance(form, Sum) and (factor := self._common(form)) is not None:
             form = self._without(form, factor)
-        return form if isinstance(form, Term) else Term(*self._added(form))
+        return form if isinstance(form, Term) else _term(*self._added(form))
 
     def _without(self, form: Sum, factor: int) -> Form:
         """A sum whose terms with a factor are one, the factor times what was inside."""
@@ -153,7 +164,10 @@ class _Factoring:
         return False, self.graph.sub(b, a) if minus else self.graph.sub(a, b)
 
     def _product(self, product: Product) -> int:
-        return product if isinstance(product, int) else self.graph.mul(*map(self._product, product))
+        if isinstance(product, int):
+            return product
+        a, b = product
+        return self.graph.mul(a if isinstance(a, int) else self._product(a), b if isinstance(b, int) else self._product(b))
 
     def _written(self, form: Form) -> int:
         term = self._term(form)

@@ -23,7 +23,8 @@ class Term(NamedTuple):
         return 1
 
     def negated(self) -> Term:
-        return self._replace(is_negative=not self.is_negative)
+        is_negative, product, shared = self
+        return tuple.__new__(Term, (not is_negative, product, shared))
 
     def has(self, factor: int) -> bool:
         """Whether it is a product of the factor and of something else."""
@@ -45,7 +46,7 @@ Form: TypeAlias = Term | Sum
 
 
 def added(left: Form, right: Form) -> Sum:
-    return Sum(left, right, left.size + right.size)
+    return tuple.__new__(Sum, (left, right, left.size + right.size))
 
 
 def terms(form: Form) -> list[Term]:
@@ -57,7 +58,8 @@ def terms(form: Form) -> list[Term]:
         if isinstance(form, Term):
             found.append(form)
         else:
-            waiting += (form.right, form.left)
+            left, right, _ = form
+            waiting += (right, left)
     return found
 
 
