@@ -177,7 +177,7 @@ def _doing(model: Model | None, raw: object) -> object:
     if not isinstance(raw, dict):
         raise ModelError(f'{shown(raw)} is no action; write "stop", {{ impact = {{ restitution = 0.5 }} }} or {{ name = value }}')
     if set(raw) == {"impact"} and isinstance(raw["impact"], dict):
-        return {"impact": {key: item if key == "order" else _value(model, item) for key, item in raw["impact"].items()}}
+        return {"impact": {key: item if key in ("order", "rest") else _value(model, item) for key, item in raw["impact"].items()}}
     return {key: _driven(model, item) for key, item in raw.items()}
 
 

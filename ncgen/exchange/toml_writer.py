@@ -121,7 +121,11 @@ def _told(action: Action, where: str) -> object:
         return STOP
     if isinstance(action, Change):
         return dict(action.values)
-    return {"impact": {"restitution": action.restitution} | ({"order": action.order} if action.order else {})}
+    return {
+        "impact": {"restitution": action.restitution}
+        | ({"order": action.order} if action.order else {})
+        | ({"rest": action.rest} if action.rest != "hold" else {})
+    }
 
 
 def _refused(value: object, where: str) -> ModelError:

@@ -18,7 +18,7 @@ from ncgen.mechanism.arguments import pointer, sized
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.ir.blocks import Program
-from ncgen.toolchain.abi import abi
+from ncgen.toolchain.abi import InC, abi
 from ncgen.toolchain.loader import executed, load
 
 Made = Callable[[], Mapping[str, Program]]
@@ -94,6 +94,10 @@ class CompiledFunctions(Functions):
     def address(self, name: str) -> int:
         """Where a function is, for a caller in C."""
         return int(self._ffi.cast("uintptr_t", self._functions[name]))
+
+    def raw(self, name: str) -> InC:
+        """A function that takes pointers."""
+        return self._functions[name]
 
     def _evaluate(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
         shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 ORDERS = ("simultaneous", "in turn")
 """Laws of several impacts at one instant: all at once, with impulses that only push; or the fastest one first, until no gap closes."""
 
-AT_REST = ("end", "go on")
-"""What a run does where bounces accumulate: it ends there, or the event no longer acts."""
+AT_REST = ("hold", "end")
+"""What a run does where bounces accumulate: the gap is held closed as long as it is pushed, or the run ends."""
 
 STOP = "stop"
 
@@ -27,11 +27,12 @@ STOP = "stop"
 class Impact:
     """Newton's law of impact along the gradient of the event's own condition, a gap.
 
-    restitution: from 0 to 1; order: one of `ORDERS`, "" where several at one instant are refused
+    restitution: from 0 to 1; order: one of `ORDERS`, "" where several at one instant are refused; rest: one of `AT_REST`
     """
 
     restitution: Value = 0.0
     order: str = ""
+    rest: str = "hold"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ Doing: TypeAlias = "Action | str | Mapping[str, Driven] | Callable[..., object] 
 """In signatures: one or several of them, as a user writes them."""
 
 
-def impact(restitution: Value = 0.0, order: str = "") -> Impact:
+def impact(restitution: Value = 0.0, order: str = "", rest: str = "hold") -> Impact:
     """Return the impact that an event does: `m.event("floor", when=ball.y, do=ncgen.impact(restitution=0.5))`.
 
     Parameters
@@ -70,6 +71,8 @@ def impact(restitution: Value = 0.0, order: str = "") -> Impact:
     order : str, optional
         Law for several impacts at one instant, since the laws give different answers: "simultaneous" (all together, impulses only push) or
         "in turn" (the fastest one first, until no gap closes). Without it several impacts at one instant are refused.
+    rest : str
+        What follows where bounces accumulate: "hold" (the gap stays closed as long as it is pushed) or "end" (the run ends).
 
     Returns
     -------
@@ -79,11 +82,13 @@ def impact(restitution: Value = 0.0, order: str = "") -> Impact:
     Raises
     ------
     ModelError
-        For an unknown order.
+        For an unknown word.
     """
+    if rest not in AT_REST:
+        raise ModelError(f"impact: rest {shown(rest)} is unknown; choose one of {', '.join(AT_REST)}")
     if order and order not in ORDERS:
         raise ModelError(f"impact: order {shown(order)} is unknown; choose one of {', '.join(ORDERS)}")
-    return Impact(restitution, order)
+    return Impact(restitution, order, rest)
 
 
 def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]:
@@ -95,7 +100,7 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
     if isinstance(given, (Change, Stop, Call)):
         return (given,)
     if isinstance(given, Impact):
-        return (Impact(_between_0_and_1(model, given.restitution, where), given.order),)
+        return (Impact(_between_0_and_1(model, given.restitution, where), given.order, given.rest),)
     if given == STOP:
         return (Stop(),)
     if isinstance(given, Mapping):

@@ -18,7 +18,7 @@ from ncgen.model.elements import Constant, Element
 from ncgen.model.model import Model
 
 BESIDE = (
-    "facts", "callbacks", "conditions", "events", "drawing", "left_out", "assembled", "closing", "starts", "frames",
+    "facts", "callbacks", "conditions", "events", "frictions", "drawing", "left_out", "assembled", "closing", "starts", "frames",
     "simulation_options", "_related", "_telling", "_box",
 )  # fmt: skip
 """What a model also holds: how it was told, what is called from Python only, what happens on the way, what p must satisfy, what is shown,

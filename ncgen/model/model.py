@@ -27,7 +27,6 @@ from ncgen.model.drawing import Drawing
 from ncgen.model.events import Events, called_by
 from ncgen.model.facts import fact
 from ncgen.model.joints import Joints
-from ncgen.model.loads import Loads
 from ncgen.model.names import check_word, normal
 from ncgen.model.pictures import Pictures
 from ncgen.model.rigid import Frame
@@ -40,7 +39,7 @@ LONGEST_NAME = 100
 """Characters of a model's name, which becomes a file name."""
 
 
-class Model(Joints, Loads, Events, Pictures):
+class Model(Joints, Events, Pictures):
     """Describe a mechanism in natural coordinates.
 
     Parameters
@@ -78,6 +77,7 @@ class Model(Joints, Loads, Events, Pictures):
         self.callbacks = []
         self.conditions = []
         self.events = {}
+        self.frictions = {}
         self.gravity_field = (0.0, 0.0, 0.0)
         self.branches = {}
         self.chosen_independent = ()

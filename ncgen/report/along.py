@@ -17,6 +17,7 @@ from ncgen.methods.table import FORMALISMS
 from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.signals import Signals, signals_of
+from ncgen.solver.trajectories.happening import Happening
 from ncgen.solver.trajectories.monitor import Health, monitor
 from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
 
@@ -93,6 +94,7 @@ class Recorded:
             made = {name: said[name] for name in ABOUT if name not in ("statistics", "chosen")}
             chosen = tuple(map(str, said["chosen"]))
             made["impulses"] = tuple(Impulse(float(t), str(driver), float(size)) for t, driver, size in said.get("impulses", ()))
+            made |= {"events": tuple(map(Happening.of, said.get("events", ()))), "changed": bool(said.get("changed", False))}
             run = Trajectory(moved, a["t"], a["q"], a["qd"], a["work"], a["p"], partitions, statistics, chosen=chosen, **made)
         except (KeyError, TypeError, ValueError) as error:
             why = " ".join(str(error).split())

@@ -281,10 +281,9 @@ def real_numbers(given: Any, what: str) -> np.ndarray | None:
 
 def refuse_events(model: Model, what: str) -> None:
     """Raise ModelError for a model with events, which `what`, a public function, does not have yet."""
-    if model.events:
-        raise ModelError(
-            f"{model.name}: {what} does not support events yet ({shortened(list(model.events))}); take ncgen.simulate, or leave them out"
-        )
+    if model.events or model.frictions:
+        names = shortened([*model.events, *model.frictions])
+        raise ModelError(f"{model.name}: {what} does not support events yet ({names}); take ncgen.simulate, or leave them out")
 
 
 def shortened(names: Sequence[str]) -> str:

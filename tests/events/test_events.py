@@ -29,10 +29,10 @@ def dropped():
     return ncgen.compile(ball())
 
 
-def test_a_ball_bounces(dropped):
+def test_a_ball_bounces():
     """Closed form: t₁ = √(2h/g), later bounces are shorter by e each, and accumulate at t₁ (1 + e)/(1 − e)."""
     with pytest.warns(UserWarning, match="event floor: bounces accumulate at t = 1.35457092 s"):
-        run = ncgen.simulate(dropped, 2.0)
+        run = ncgen.simulate(ncgen.compile(ball(rest="end")), 2.0)
     assert run.stopped and {each.name for each in run.events} == {"floor"} and {each.search for each in run.events} == {"proof"}
     times = [each.t for each in run.events]
     assert times[:2] == pytest.approx([0.4515236409857309, 0.9030472819714618], rel=1e-13)
@@ -225,6 +225,10 @@ REFUSED = [
     (lambda m, s: m.event("a", when=s, do={"c": 1.0}), "event a, do: 'c' cannot be changed"),
     (lambda m, s: m.event("a", when=s, do=ncgen.impact(1.5)), "event a, do: restitution 1.5; give a number from 0 to 1"),
     (lambda m, s: m.event("a", when=s, direction="rising", do=ncgen.impact(1)), "event a: an impact happens where a gap closes"),
+    (lambda m, s: m.event("a", when=s - s.rate, do=ncgen.impact(1)), "event a: rate(s) stands in the gap of an impact"),
+    (lambda m, s: ncgen.impact(1, rest="no"), "impact: rest 'no' is unknown; choose one of hold, end"),
+    (lambda m, s: m.stop(s), "s.stop: neither lower nor upper is given"),
+    (lambda m, s: [m.friction(s, 1.0) for _ in range(2)], "friction s.friction: there is one of that name already"),
     (lambda m, s: ncgen.impact(1, order="both"), "impact: order 'both' is unknown"),
 ]
 

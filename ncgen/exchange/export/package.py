@@ -245,7 +245,7 @@ def _simulation(kernels: Kernels) -> Run:
 def _refusal(model: Model) -> str | None:
     if model.callbacks:
         return "it calls a Python function"
-    if model.events:
+    if model.events or model.frictions:
         return "exports do not support events yet"
     if model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps; use smooth angles"

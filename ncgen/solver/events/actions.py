@@ -13,8 +13,9 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.model.values import as_sympy, evaluate, is_number
-from ncgen.solver.events.conditions import EventFunctions, State
+from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gaps
+from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.trajectories.happening import Happening, Search
 

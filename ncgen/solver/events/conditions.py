@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,24 +13,17 @@ from ncgen.mechanism.functions import CompiledFunctions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Change
 from ncgen.model.elements import rate_name
-from ncgen.model.events import Event
-from ncgen.model.values import Scalar
+from ncgen.model.events import Event, Friction
+from ncgen.model.values import Scalar, symbol_of
 from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
+from ncgen.solver.events.modes import Held, LoadConditions
+from ncgen.solver.events.state import State
 from ncgen.solver.runs.stop import DIRECTIONS, Stop
 from ncgen.solver.trajectories.happening import Search
+from ncgen.toolchain.abi import InC
 
 NOISE = {LINEAR: 1000 * float(np.finfo(float).eps), QUADRATIC: 20000 * float(np.finfo(float).eps)}
 """Values below this times the sizes of their terms have no sign, as in ncgen_inside.c."""
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """An instant of a run: t (s), q and qd (n,) in m, rad and per second, p (n_p,) without what drives inputs."""
-
-    t: float
-    q: np.ndarray
-    qd: np.ndarray
-    p: np.ndarray
 
 
 class EventFunctions:
@@ -41,29 +33,50 @@ class EventFunctions:
     """
 
     def __init__(self, kernels: Kernels) -> None:
-        self.kernels, self.events = kernels, tuple(kernels.model.events.values())
-        self.directions = np.array([DIRECTIONS[event.direction] for event in self.events], dtype=int)
+        model = kernels.model
+        self.kernels, self.events, self.named = kernels, tuple(model.events.values()), model.events
+        self.frictions: dict[int, Friction] = dict(enumerate(model.frictions.values(), len(self.events)))
+        self.count = len(self.events) + len(self.frictions)
+        ways = [DIRECTIONS[event.direction] for event in self.events]
+        self.directions = np.array([*ways, *([OFF] * len(self.frictions))], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
 
     @cached_property
     def searches(self) -> tuple[Search, ...]:
         """How every condition is found."""
-        return tuple("sampled" if self._degree(event) is None else "proof" for event in self.events)
+        found: list[Search] = ["sampled" if self._degree(event) is None else "proof" for event in self.events]
+        return (*found, *(["proof"] * len(self.frictions)))  # type: ignore[return-value]
+
+    @cached_property
+    def rows(self) -> tuple[Held, ...]:
+        """The constraints that modes can have."""
+        contacts = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
+        held = [Held(k, event.name, event.when) for k, event in contacts]
+        sticking = [Held(k, f.name, symbol_of(f.coordinate) - symbol_of(f.held)) for k, f in self.frictions.items()]
+        return (*held, *sticking)
+
+    @property
+    def can_hold(self) -> bool:
+        """True where the mechanism has modes."""
+        return bool(self.rows)
 
     @cached_property
     def degree(self) -> int:
         """Of the polynomials in time that conditions are within a step."""
         return QUADRATIC if any(self._degree(event) == 2 for event in self.events) else LINEAR
 
-    def watched(self, signs: np.ndarray, stop: Stop | None, off: np.ndarray) -> Conditions:
-        """What C is given; signs (C,): sides on which conditions begin; stop: one more, the last; off (C,): mask of those that rest."""
-        count = len(self.events)
+    def watched(self, signs: np.ndarray, stop: Stop | None, directions: np.ndarray, loads: LoadConditions | None, more: int) -> Conditions:
+        """What C is given.
+
+        signs (C,): sides on which conditions begin; directions (C,); loads: `more` conditions besides; stop: the last one
+        """
+        count = self.count + more
         coordinates, values = np.full(count, -1), np.zeros(count)
-        directions = np.where(off, OFF, self.directions)
+        directions, signs = np.append(directions, [-1] * more), np.append(signs, [1] * more)
         if stop:
             coordinates, values = np.append(coordinates, stop.coordinate), np.append(values, stop.value)
             directions, signs = np.append(directions, stop.direction), np.append(signs, 0)
-        address = self._functions.address("conditions")
+        address = loads.address if loads else self._functions.address("conditions")
         return Conditions(coordinates, values, directions, signs, address, self.degree)
 
     def values(self, at: State) -> tuple[np.ndarray, np.ndarray]:
@@ -77,13 +90,17 @@ class EventFunctions:
 
     def slopes(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """Gradients ∂/∂q (C, n) and ∂/∂t (C,)."""
-        found = self._call("condition_slopes", at).reshape(len(self.events), -1)
+        found = self._call("condition_slopes", at).reshape(self.count, -1)
         return found[:, : self.kernels.n], found[:, -1]
 
     def rates(self, at: State, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivatives along the motion (C,), the second of conditions without velocities; qdd (n,): accelerations."""
         found = self._functions("condition_rates", at.t, at.q, at.qd, qdd, self.kernels.present(at.t, at.p))
-        return found[: len(self.events)], found[len(self.events) :]
+        return found[: self.count], found[self.count :]
+
+    def raw(self, name: str) -> InC:
+        """The function in C itself."""
+        return self._functions.raw(name)
 
     def numbers(self, at: State) -> dict[int, dict[str, float]]:
         """{position of the event: {name: new value}} of what actions change."""
@@ -114,6 +131,7 @@ class EventFunctions:
     def _made(self) -> CompiledFunctions:
         kernels = self.kernels
         conditions = [(f"event {event.name}", event.when) for event in self.events]
+        conditions += [(f"friction {each.name}", symbol_of(rate_name(each.coordinate))) for each in self.frictions.values()]
         values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in _changes(self.events)]
         count = len(conditions)
         sizes = {

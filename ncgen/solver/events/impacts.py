@@ -14,7 +14,7 @@ import scipy.optimize
 
 from ncgen.errors import ConvergenceError, SingularError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.events.conditions import State
+from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import least_energy
 
 MOST_TURNS = 10_000

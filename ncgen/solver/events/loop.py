@@ -8,20 +8,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.conditions import OFF
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.actions import CLOSED, Instant, number_of
-from ncgen.solver.events.conditions import NOISE, EventFunctions, State
+from ncgen.solver.events.conditions import NOISE, EventFunctions
+from ncgen.solver.events.modes import LoadConditions, Mode, rank_of, variant
 from ncgen.solver.events.passage import Passage
+from ncgen.solver.events.settling import Settling
+from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
-from ncgen.solver.trajectories.happening import Search
+from ncgen.solver.trajectories.happening import Happening, Search
 
 if TYPE_CHECKING:
     from ncgen.solver.engines.segments import Engine
 
 AT_REST = 50.0
-"""A bounce that stays lower than this many times what has no sign is none: from then on the gap is said to rest."""
+"""A bounce that stays lower than this many times what has no sign is none: from then on the gap is at rest."""
 
 
 def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, passage: Passage) -> str | None:
@@ -33,16 +37,18 @@ def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, pas
 
 
 class _Loop:
-    """The state of a run between two events: at, work (J), signs (C,): sides on which conditions begin, rank of Φ_q."""
+    """The state of a run between two events: at, work (J), signs (C,): sides on which conditions begin; what is held, and the kernels of
+    that mode."""
 
     def __init__(self, engine: Engine, path: Path, kernels: Kernels, task: Task, passage: Passage) -> None:
         self.engine, self.path, self.kernels, self.task, self.passage = engine, path, kernels, task, passage
         self.functions = EventFunctions(kernels)
+        self.settling = Settling(self.functions)
         self.at = State(float(task.grid[0]), task.q, task.velocities, task.p)
-        self.rank = task.rank_at(kernels, task.q, float(task.grid[0]))
         self.work, self.first_step = 0.0, 0.0
-        self.signs = np.zeros(len(self.functions.events), dtype=int)
-        self.off = np.zeros(len(self.functions.events), dtype=bool)
+        self.signs = np.zeros(self.functions.count, dtype=int)
+        self.held: tuple[int, ...] = ()
+        self.mode = kernels
 
     def run(self) -> str | None:
         end = float(self.task.grid[-1])
@@ -53,45 +59,47 @@ class _Loop:
             reason = self._part(part)
             if reason or part.stopped is None:
                 return reason
-            due: dict[int, Search] = {k: self.functions.searches[k] for k in part.crossed if k < len(self.functions.events)}
-            if self._act(due) or len(part.crossed) > len(due):
+            if self._act(self._due(part.crossed)) or self._is_stop(part.crossed):
                 return self._finish()
             if not self.at.t < end:
-                self._rows_at_end()
-                return None
+                return self._rows_at_end()
 
     # -- parts ---------------------------------------------------------------------------------
 
     def _part(self, part: Path) -> str | None:
         """Let the engine go on from here to the next event or the end, and add its rows to the path."""
-        task, first, path = self.task, len(self.path.q), self.path
+        task, first, path, at = self.task, len(self.path.q), self.path, self.at
         ahead = task.grid[first:]
-        fresh = int(not (len(ahead) and ahead[0] == self.at.t))
-        times = np.concatenate([[self.at.t] * fresh, ahead])
+        fresh = int(not (len(ahead) and ahead[0] == at.t))
+        looks = np.append(np.zeros(fresh, dtype=bool), task.looks_from(first))
+        settling, held = self.settling, self.held
+        loads = LoadConditions(self.functions, self.mode, len(held), lambda f, p: settling.margins(held, f, p)) if held else None
+        conditions = self.functions.watched(self.signs, task.stop, settling.directions(held, at.p), loads, settling.count(held))
         here = replace(
-            task, grid=times, looks=np.append(np.zeros(fresh, dtype=bool), task.looks_from(first)), q=self.at.q, velocities=self.at.qd,
-            p=self.at.p, rank=self.rank, conditions=self.functions.watched(self.signs, task.stop, self.off), first_step=self.first_step,
-            stop_when_stiff=False,
+            task, grid=np.concatenate([[at.t] * fresh, ahead]), looks=looks, q=at.q, velocities=at.qd, p=at.p, conditions=conditions,
+            rank=rank_of(self.mode, at), first_step=self.first_step, stop_when_stiff=False,
         )  # fmt: skip
         try:
-            return self.engine(part, self.kernels, here)
+            return self.engine(part, self.mode, here)
         finally:
             count = len(part.q) - (part.stopped is not None)
             rows = slice(fresh, max(count, fresh))
             path.extend(part.q[rows], part.qd[rows], part.work[rows] + self.work, part.counts)
             path.take_counts(part)
             task.looked_at(first, here.grid[rows])
+            self.first_step = part.next_step
             if part.stopped is not None:
-                self.at = State(part.stopped, part.q[-1], part.qd[-1], self.at.p)
+                self.at = State(part.stopped, part.q[-1], part.qd[-1], at.p)
                 self.work += float(part.work[-1])
                 if not part.crossed:  # something was raised
                     self._finish()
-            self.first_step = part.next_step
+            if loads and loads.raised:
+                raise loads.raised
 
     def _rows_at_end(self) -> None:
         """The last row of the grid is that of the event itself."""
-        rest = len(self.task.grid) - len(self.path.q)
-        self.path.extend(np.repeat(self.at.q[None], rest, axis=0), np.repeat(self.at.qd[None], rest, axis=0), [self.work] * rest, [0] * 5)
+        rest, at = len(self.task.grid) - len(self.path.q), self.at
+        self.path.extend(np.repeat(at.q[None], rest, axis=0), np.repeat(at.qd[None], rest, axis=0), [self.work] * rest, [0] * 5)
 
     def _finish(self) -> None:
         """End the path here."""
@@ -101,6 +109,16 @@ class _Loop:
         path.stop(self.at.t, self.at.q, self.at.qd, self.work)
 
     # -- instants ------------------------------------------------------------------------------
+
+    def _due(self, crossed: tuple[int, ...]) -> dict[int, Search]:
+        """Conditions of the mechanism that crossed; those of loads become constraints that are released."""
+        functions = self.functions
+        self.settling.release(self.held, [k - functions.count for k in crossed if k >= functions.count])
+        return {k: functions.searches[k] for k in crossed if k < functions.count}
+
+    def _is_stop(self, crossed: tuple[int, ...]) -> bool:
+        """Whether the run was told to stop there."""
+        return self.task.stop is not None and self.functions.count + self.settling.last_count in crossed
 
     def _begin(self) -> bool:
         """Events at the start: a condition that is zero there and moves on in its direction. Returns whether the run ends there.
@@ -120,40 +138,60 @@ class _Loop:
             if is_zero and rates[k] and (np.sign(rates[k]) == functions.directions[k] or not functions.directions[k]):
                 due[k] = "start"
             self.signs[k] = 1 if event.impact else int(np.sign(rates[k])) if is_zero else 0
-        return self._act(due) if due else False
+        self.at = self.settling.begin(at)
+        return self._act(due) if due or functions.can_hold else False
 
     def _act(self, due: dict[int, Search]) -> bool:
-        """Carry out events; returns whether the run ends with them."""
+        """Carry out events, and find the mode that follows; returns whether the run ends with them."""
         before = self.at
         instant = Instant(self.functions, before)
-        instant.happen(due)
+        instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
         self.at = instant.at
-        self.work -= sum(each.energy_lost for each in instant.happened)
-        if not np.array_equal(before.p, self.at.p):
-            self.passage.changes.append((self.at.t, self.at.p))
-        self._set_signs(due)
         rests = self._resting(due)
-        for each in instant.happened:
-            limit = rests.get(each.name)
-            self.passage.happened.append(replace(each, limit=limit) if limit is not None else each)
-        if rests:
-            name, limit = next(iter(rests.items()))
-            self.passage.rests = f"event {name}: bounces accumulate at t = {limit:.9g} s, where the run ends"
-        return instant.stops or bool(rests)
+        ended = [name for name, _ in rests.values() if self.functions.named[name].impact.rest == "end"]  # type: ignore[union-attr]
+        found = self.settling.settle(self.at, self.held, due, [k for k in rests if self.functions.events[k].name not in ended])
+        self.at = found.at
+        self._note(before, instant.happened, found.happened, dict(rests.values()))
+        self._set_signs(due)
+        if found.held != self.held:
+            self.held, self.first_step = found.held, 0.0
+            self.mode = variant(self.kernels, tuple(self.settling.rows[k] for k in found.held))
+            self.passage.modes.append(Mode(self.at.t, tuple(self.settling.rows[k].name for k in found.held), self.mode))
+        if ended:
+            self.passage.rests = f"event {ended[0]}: bounces accumulate at t = {dict(rests.values())[ended[0]]:.9g} s, where the run ends"
+        return instant.stops or bool(ended)
+
+    def _note(self, before: State, happened: list[Happening], modes: list[Happening], limits: dict[str, float]) -> None:
+        """Add what happened to what the run has met, and its energy to the work."""
+        kernels, passage = self.kernels, self.passage
+        energies = [float(np.sum(kernels.energy(at.q, at.qd, at.t, at.p)[:2])) for at in (before, self.at)]
+        self.work += energies[1] - energies[0]
+        if not np.array_equal(before.p, self.at.p):
+            passage.changes.append((self.at.t, self.at.p))
+        for each in (*happened, *modes):
+            passage.happened.append(replace(each, limit=limits.get(each.name)))
 
     def _set_signs(self, due: dict[int, Search]) -> None:
         """The side on which each condition goes on: beyond zero for those that happened, else where it is."""
-        now = self.functions.values(self.at)[0]
-        clear = np.abs(now) > CLOSED * self.functions.scales(self.at)
+        functions = self.functions
+        now = functions.values(self.at)[0]
+        clear = np.abs(now) > CLOSED * functions.scales(self.at)
         self.signs = np.where(clear, np.sign(now), self.signs).astype(int)
         for k in due:
-            way = self.functions.directions[k]
-            self.signs[k] = int(way) if way else (int(np.sign(now[k])) if clear[k] else 0)
+            if k < len(functions.events):
+                way = functions.directions[k]
+                self.signs[k] = int(way) if way else (int(np.sign(now[k])) if clear[k] else 0)
+        ways = self.settling.directions(self.held, self.at.p)
+        for k in range(len(functions.events), functions.count):
+            self.signs[k] = 0 if ways[k] == OFF else -int(ways[k])
+        for k in self.settling.left:
+            if k < len(functions.events):
+                self.signs[k] = 1
 
-    def _resting(self, due: dict[int, Search]) -> dict[str, float]:
-        """{name: limit time (s)} of gaps that closed and whose next bounce cannot be told from none."""
-        found = {}
-        impacts = [k for k in due if self.functions.events[k].impact]
+    def _resting(self, due: dict[int, Search]) -> dict[int, tuple[str, float]]:
+        """{number: (name, limit time in s)} of gaps that closed and whose next bounce cannot be told from none."""
+        found: dict[int, tuple[str, float]] = {}
+        impacts = [k for k in due if k < len(self.functions.events) and self.functions.events[k].impact]
         if not impacts:
             return found
         rates, second = self.functions.rates(self.at, self._accelerations())
@@ -163,9 +201,9 @@ class _Loop:
             restitution = number_of(self.kernels, event.impact.restitution, self.at, f"event {event.name}")  # type: ignore[union-attr]
             speed, pull = max(float(rates[k]), 0.0), -float(second[k])
             if pull > 0 and speed**2 / (2 * pull) <= AT_REST * NOISE[self.functions.degree] * scales[k]:
-                found[event.name] = self.at.t + (2 * speed / pull / (1 - restitution) if restitution < 1 else 0.0)
+                found[k] = event.name, self.at.t + (2 * speed / pull / (1 - restitution) if restitution < 1 else 0.0)
         return found
 
     def _accelerations(self) -> np.ndarray:
         at = self.at
-        return accelerations_by("lagrange").motion(self.kernels, at.q, at.qd, at.t, self.kernels.present(at.t, at.p), {}).qdd
+        return accelerations_by("lagrange").motion(self.mode, at.q, at.qd, at.t, self.kernels.present(at.t, at.p), {}).qdd

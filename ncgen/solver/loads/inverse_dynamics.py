@@ -18,6 +18,7 @@ from ncgen.solver.given import echo, names_of, offer, shortened
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import choose_partition, kinematics
 from ncgen.solver.positions.rank import freedom, freedom_at
+from ncgen.solver.trajectories.happening import refuse_pieces
 from ncgen.solver.trajectories.trajectory import Trajectory
 
 
@@ -64,6 +65,7 @@ def inverse_dynamics(run: Trajectory, motors: str | Iterable[str] | None = None)
     """
     if not isinstance(run, Trajectory):
         raise ModelError(f"a trajectory is needed, {echo(run)} given; ncgen.simulate makes one")
+    refuse_pieces(run, "motor forces")
     kernels = run.kernels
     names = names_of(motors, "motors", kernels.index) or run.independent
     if not names:

@@ -21,6 +21,7 @@ from ncgen.solver.given import finite, offer
 from ncgen.solver.loads.between import RowLoad, loads_between, row_loads
 from ncgen.solver.loads.sharing import Share, find_shared, kernels_of
 from ncgen.solver.loads.teeth import Mesh, meshes
+from ncgen.solver.trajectories.happening import refuse_pieces
 from ncgen.symbolic.equations import build_springs
 
 if TYPE_CHECKING:
@@ -150,6 +151,7 @@ def reactions(run: Trajectory, pressure_angle: float = PRESSURE_ANGLE) -> Reacti
     """
     if not 0 <= finite(pressure_angle, "pressure_angle") < np.pi / 2:
         raise ModelError(f"pressure_angle: {pressure_angle:g} rad given; it is from 0 on and below a quarter of a turn")
+    refuse_pieces(run, "joint reactions")
     shares = [Share(run, body) for body in run.model.bodies.values()]
     pulls, loads, felt = _pulls(run), {}, {}
     for share in shares:

@@ -212,7 +212,7 @@ class _Motion:
         """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
         run, kernels = self.run, self.kernels
         form = self._form()
-        if kernels.model.events:
+        if kernels.model.events or kernels.model.frictions:
             check_events(kernels, self.choice.method, run)
         refused = "asked for" if run.engine == "python" else self._refusal()
         needs_c = run.engine in (COMPILED, "c", *EMITTED) or run.number != "double"
@@ -295,9 +295,10 @@ class _Motion:
         """Why C did not come to the end, or None."""
         kernels, task, dense = self.kernels, self._task(), "dense" if form == "tree" else form
 
-        def engine(path: Path, _: Kernels, task: Task) -> str | None:
+        def engine(path: Path, moved: Kernels, task: Task) -> str | None:
             if task.method.is_constrained:
-                return compiled.run_constrained(path, kernels, task, form)
+                own = form if moved is kernels or form == "dense" else compiled.form_of(moved, task.method)
+                return compiled.run_constrained(path, moved, task, own)
             return compiled.run(path, kernels, task, dense)
 
         def whole(path: Path, kernels: Kernels, task: Task) -> str | None:
@@ -307,21 +308,20 @@ class _Motion:
 
             return in_segments(engine, path, kernels, task, self.jumps)
 
-        if not kernels.model.events:
+        if not (kernels.model.events or kernels.model.frictions):
             return whole(self.path, kernels, task)
         from ncgen.solver.events.loop import through_events
 
         return through_events(whole, self.path, kernels, task, self.passage)
 
     def _in_python(self) -> None:
-        from ncgen.solver.engines import full_coordinates, python_engine, segments
+        from ncgen.solver.engines import reference, segments
 
         task = replace(self._task(), calls_c=self.run.engine == AUTO and not self.choice.method.integrator.in_c)
-        advance = full_coordinates.run if task.method.is_constrained else python_engine.run
 
         def engine(path: Path, kernels: Kernels, task: Task) -> None:
             begun = float(task.grid[len(path.q)])
-            advance(path, kernels.driven_by(task.signals.begun_at(begun)) if task.signals and len(self.breaks) else kernels, task)
+            reference.run(path, kernels.driven_by(task.signals.begun_at(begun)) if task.signals and len(self.breaks) else kernels, task)
 
         ends = self.breaks
         if task.steps_to_rows:
@@ -378,4 +378,5 @@ class _Motion:
             spent, method.formalism.name, method.integrator.name, self.engine,
             run.initial.z or self.kernels.model.chosen_independent, kernels, method.options, path.stopped is not None, run.number,
             f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses), tuple(self.passage.happened),
+            tuple(self.passage.modes), bool(self.passage.changes),
         )  # fmt: skip

@@ -50,6 +50,8 @@ def about(run: Trajectory) -> dict[str, Any]:
     own = {"name": run.name, "chosen": list(run.chosen), "options": options, "statistics": asdict(run.statistics)}
     if run.impulses:
         own["impulses"] = [[each.t, each.driver, each.size] for each in run.impulses]
+    if run.events:
+        own |= {"events": [each.plain() for each in run.events], "changed": bool(run.modes) or run.changed}
     return {"format": FORMAT, **versions, **said, **own}
 
 

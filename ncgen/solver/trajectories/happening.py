@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+
+from ncgen.errors import ModelError
+
+if TYPE_CHECKING:
+    from ncgen.solver.trajectories.trajectory import Trajectory
 
 Search = Literal["proof", "sampled", "action", "start"]
 
@@ -20,7 +25,8 @@ class Happening:
     q, before, after (n,): position, and velocities before and after it (m, rad, and per second)
     impulse: of an impact, along the gap: N s, or N m s where the gap is an angle; 0 for others
     energy_lost: kinetic and potential energy before less that after it (J)
-    limit: s, where bounces accumulate at this time and the event rests from here on; None for others
+    limit: s, where bounces accumulate at this time and the gap is at rest from here on; None for others
+    what: of modes: "rests" and "leaves" of a gap, "sticks", "slips" and "turns" of a friction; empty for others
     """
 
     t: float
@@ -32,7 +38,25 @@ class Happening:
     impulse: float = 0.0
     energy_lost: float = 0.0
     limit: float | None = None
+    what: str = ""
+
+    def plain(self) -> dict[str, object]:
+        """What JSON can say of it, of which `of` makes the same again."""
+        return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in vars(self).items()}
+
+    @classmethod
+    def of(cls, told: dict[str, Any]) -> Happening:
+        """From what `plain` said. Raises TypeError for what it does not say."""
+        return cls(**{name: np.array(value, dtype=float) if isinstance(value, list) else value for name, value in told.items()})
 
     def __repr__(self) -> str:
+        name = f"{self.name} {self.what}" if self.what else self.name
         rest = "" if self.limit is None else f", at rest from {self.limit:.9g} s"
-        return f"<{self.name} at {self.t:.9g} s, {self.search}, {self.energy_lost:.6g} J lost{rest}>"
+        return f"<{name} at {self.t:.9g} s, {self.search}, {self.energy_lost:.6g} J lost{rest}>"
+
+
+def refuse_pieces(run: Trajectory, what: str) -> None:
+    """Raise ModelError where a run is not one motion of one mechanism, which `what` needs."""
+    if run.modes or run.changed:
+        why = "gaps or joints were held on the way" if run.modes else "events changed parameters"
+        raise ModelError(f"{run.name}: {what} need a motion of one mechanism, and {why}; take a run without these events")

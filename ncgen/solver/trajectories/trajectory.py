@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
     from ncgen.model import Model
+    from ncgen.solver.events.modes import Mode
     from ncgen.solver.loads.reactions import Reactions
     from ncgen.solver.trajectories.difference import Difference
 
@@ -86,7 +87,8 @@ class Trajectory:
     stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism; stopped: the
     run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid; number: the number
     type that it was computed with; made_with: the method and the engine in words, and why they were taken; impulses: what drivers did
-    where the velocity of one jumped, events: what happened at the model's events, both in the order of time.
+    where the velocity of one jumped, events: what happened at the model's events, both in the order of time; modes: which gaps
+    and joints were held from when on; changed: events changed parameters, of which p has those of the start.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity, `run["rate(rate(psi2))"]` its acceleration;
     like a dictionary a trajectory has the coordinates' names to go
     through, and `"psi2" in run`. Two trajectories are equal if they are the same one.
@@ -111,6 +113,8 @@ class Trajectory:
     made_with: str = ""
     impulses: tuple[Impulse, ...] = ()
     events: tuple[Happening, ...] = ()
+    modes: tuple[Mode, ...] = ()
+    changed: bool = False
 
     def __repr__(self) -> str:
         grid = f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no instant"
@@ -135,6 +139,9 @@ class Trajectory:
 
     def _motion(self, t: float, q: np.ndarray, qd: np.ndarray) -> Motion:
         kernels = self.moved_by or self.kernels
+        for mode in self.modes:
+            if mode.t <= t:
+                kernels = mode.kernels
         p = refresh_branches(kernels, q, self.p)
         if FORMALISMS[self.formalism].is_constrained:
             return accelerations_by(self.formalism).motion(kernels, q, qd, t, p, self.options)
@@ -152,7 +159,7 @@ class Trajectory:
     @cached_property
     def lam(self) -> np.ndarray:
         """Multipliers of the rows (K, m)."""
-        return np.array([m.lam for m in self._motions])
+        return np.array([m.lam[: self.kernels.m] for m in self._motions])
 
     @property
     def model(self) -> Model:

@@ -1,0 +1,190 @@
+"""Which gaps stay closed and which joints stick after an instant: constraints are held as long as their loads allow.
+
+All that may be held is, then what a load of the wrong sign, or beyond static friction, says is released, the worst one first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError
+from ncgen.mechanism.conditions import OFF
+from ncgen.model.events import Friction
+from ncgen.solver.events.actions import CLOSED, number_of
+from ncgen.solver.events.conditions import EventFunctions
+from ncgen.solver.events.modes import loads_of, variant
+from ncgen.solver.events.state import State
+from ncgen.solver.formalisms.projection import project_position, project_velocity
+from ncgen.solver.trajectories.happening import Happening, Search
+
+SLACK = 1e-10
+"""A load on the wrong side by less than this share of the largest is held."""
+
+STANDSTILL = 1e-9
+"""A gap opens, or a joint slips, if its velocity is above this share of what it adds up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The state, the numbers of what is held in it, and what happened."""
+
+    at: State
+    held: tuple[int, ...]
+    happened: list[Happening] = field(default_factory=list)
+
+
+class Settling:
+    """rows: {number of a condition: what holds it}. left: numbers of what was released at this instant."""
+
+    def __init__(self, functions: EventFunctions) -> None:
+        self.functions, self.kernels = functions, functions.kernels
+        self.rows = {row.number: row for row in functions.rows}
+        self.left: dict[int, float] = {}
+        self.last_count = 0
+
+    # -- what C watches ------------------------------------------------------------------------
+
+    def directions(self, held: tuple[int, ...], p: np.ndarray) -> np.ndarray:
+        """Of the mechanism's conditions (C,): a held gap is not watched, nor the velocity of what sticks."""
+        ways = self.functions.directions.copy()
+        for k, friction in self.functions.frictions.items():
+            ways[k] = -int(p[self._place(friction.slip)]) or OFF
+        ways[list(held)] = OFF
+        return ways
+
+    def count(self, held: tuple[int, ...]) -> int:
+        """How many conditions loads have: one of a gap, two of a joint."""
+        self.last_count = sum(2 if k in self.functions.frictions else 1 for k in held)
+        return self.last_count
+
+    def margins(self, held: tuple[int, ...], loads: np.ndarray, p: np.ndarray) -> list[tuple[float, float]]:
+        """Of every condition how far the load may still go, and its size."""
+        found: list[tuple[float, float]] = []
+        for k, load in zip(held, loads.tolist(), strict=True):
+            if k in self.functions.frictions:
+                most = self._static(k, p)
+                found += [(most - load, most + abs(load)), (most + load, most + abs(load))]
+            else:
+                found.append((load, abs(load)))
+        return found
+
+    def release(self, held: tuple[int, ...], crossed: list[int]) -> None:
+        """Note which constraints the load conditions of these numbers release, and to which side."""
+        self.left, number = {}, 0
+        for k in held:
+            both = (1, -1) if k in self.functions.frictions else (1,)
+            for side in both:
+                if number in crossed:
+                    self.left[k] = float(-side)
+                number += 1
+
+    # -- modes ---------------------------------------------------------------------------------
+
+    def begin(self, at: State) -> State:
+        """The state at the start, slip directions being those of the velocities."""
+        values, p = self.functions.values(at)[0], at.p.copy()
+        for k, friction in self.functions.frictions.items():
+            p[self._place(friction.slip)] = 0.0 if self._is_still(k, at) else np.sign(values[k])
+        return replace(at, p=p)
+
+    def settle(self, at: State, held: tuple[int, ...], due: dict[int, Search], resting: list[int]) -> Settled:
+        """The mode after an instant. Raises ConvergenceError where none is found."""
+        functions, start, released = self.functions, at, dict(self.left)
+        wanted = [k for k in self.rows if self._may_hold(k, at, held, due, resting)]
+        wanted = [k for k in wanted if k not in released]
+        p = at.p.copy()
+        for k in wanted:
+            if k in functions.frictions and k not in held:
+                p[self._place(functions.frictions[k].held)] = at.q[self.kernels.index[functions.frictions[k].coordinate]]
+        at = replace(at, p=p)
+        for _ in range(len(self.rows) + 1):
+            at, worst = self._tried(at, start, tuple(wanted), held)
+            if worst is None:
+                break
+            released[worst[0]] = worst[1]
+            wanted.remove(worst[0])
+        else:
+            raise ConvergenceError(
+                f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
+            )
+        p = at.p.copy()
+        for k, friction in functions.frictions.items():
+            place = self._place(friction.slip)
+            if k in wanted:
+                p[place] = 0.0
+            elif k in released:
+                p[place] = released[k]
+            elif p[place] == 0.0 or k in due:
+                p[place] = np.sign(functions.values(at)[0][k])
+        self.left = released
+        at = replace(at, p=p)
+        return Settled(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
+
+    def _may_hold(self, k: int, at: State, held: tuple[int, ...], due: dict[int, Search], resting: list[int]) -> bool:
+        """Whether a gap is closed and does not open, or a joint does not move."""
+        if k in resting:
+            return True
+        if k in self.functions.frictions:
+            return k in due or (at.p[self._place(self.functions.frictions[k].slip)] == 0.0 and self._is_still(k, at))
+        values, scales = self.functions.values(at)[0], self.functions.scales(at)
+        return bool(abs(values[k]) <= CLOSED * scales[k]) and self._is_still(k, at) and (k in held or k not in due)
+
+    def _is_still(self, k: int, at: State) -> bool:
+        """Whether a gap does not change, or a joint does not move, but for rounding."""
+        if k in self.functions.frictions:
+            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * self.kernels.column_sizes[self._column(k)] * self._speed(at)
+        slopes, drift = self.functions.slopes(at)
+        return bool(abs(slopes[k] @ at.qd + drift[k]) <= STANDSTILL * (np.abs(slopes[k]) @ np.abs(at.qd) + abs(drift[k])))
+
+    def _speed(self, at: State) -> float:
+        return float(np.max(np.abs(at.qd) / self.kernels.column_sizes, initial=0.0))
+
+    def _column(self, k: int) -> int:
+        return self.kernels.index[self.functions.frictions[k].coordinate]
+
+    def _tried(self, at: State, start: State, held: tuple[int, ...], before: tuple[int, ...]) -> tuple[State, tuple[int, float] | None]:
+        """The state on the constraints of a mode, and the one that must be released with its side, or None. before: what was held; a gap
+        that was not is held only if it is pushed."""
+        if not held:
+            return replace(at, q=start.q, qd=start.qd), None
+        kernels = variant(self.kernels, tuple(self.rows[k] for k in held))
+        q, _ = project_position(kernels, start.q, at.t, at.p)
+        at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
+        loads, largest = loads_of(kernels, len(held), at)
+        worst, excess = None, SLACK
+        for k, load in zip(held, loads.tolist(), strict=True):
+            if k in self.functions.frictions:
+                most = self._static(k, at.p)
+                over, side = (abs(load) - most) / max(most, largest), -float(np.sign(load))
+            else:
+                pushed = load / largest if largest else 0.0
+                over, side = -pushed if k in before else 2 * SLACK - pushed, 1.0
+            if over > excess:
+                worst, excess = (k, side), over
+        return at, worst
+
+    def _happened(
+        self, start: State, at: State, before: tuple[int, ...], after: tuple[int, ...], due: dict[int, Search]
+    ) -> list[Happening]:
+        """What became held, or free; a joint whose slip only turns round has done both."""
+        found = []
+        for k, row in self.rows.items():
+            is_joint = k in self.functions.frictions
+            words = ("sticks", "slips") if is_joint else ("rests", "leaves")
+            change = words[0] if k in after and k not in before else words[1] if k in before and k not in after else ""
+            if is_joint and not change and k in due and k not in after:
+                change = "turns"
+            if change:
+                search: Search = due.get(k, "sampled" if k in before else "action")
+                found.append(Happening(at.t, row.name, search, at.q, start.qd, at.qd, what=change))
+        return found
+
+    def _static(self, k: int, p: np.ndarray) -> float:
+        friction: Friction = self.functions.frictions[k]
+        at = State(0.0, np.empty(0), np.empty(0), p)
+        return number_of(self.kernels, friction.static, at, f"friction {friction.name}")
+
+    def _place(self, name: str) -> int:
+        return self.kernels.parameters.index(name)
