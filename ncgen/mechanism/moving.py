@@ -47,16 +47,17 @@ class Stepping:
 
     def __init__(
         self, dynamics: ConstrainedDynamics, method: str, rank: int, rtol: float, atol: float, sizes: np.ndarray | None, tolerance: float,
-        cross: Cross | None = None,
+        cross: Cross | None = None, formalism: str = "lagrange", **settings: float,
     ) -> None:  # fmt: skip
         """method: an explicit one of `ncgen.methods.table`; rank: of Φ_q; sizes (2 n + 1,): what atol is multiplied by; tolerance: of
-        the position problem; cross: what carries velocities over the jumps of drivers, None for mechanisms without."""
+        the position problem; cross: what carries velocities over the jumps of drivers, None for mechanisms without; formalism: one over
+        all coordinates; settings: other members of `ncgen_options`, by their names"""
         self.kernels, self.number, self._dynamics = dynamics.kernels, dynamics.number, dynamics  # which keeps its library
         self.ffi, self.library = ffi, library = dynamics.interface
         self._sizes = None if sizes is None else laid(sizes, self.number.dtype, 2 * self.kernels.n + 1, "sizes")
         self._options = ffi.new("ncgen_options *", {
-            "method": number_in_c(INTEGRATORS[method]), "formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1,
-            "rtol": rtol, "atol": atol, "tolerance": tolerance, "max_step": ANY_STEP,
+            "method": number_in_c(INTEGRATORS[method]), "formalism": number_in_c(FORMALISMS[formalism]), "project": 1,
+            "rtol": rtol, "atol": atol, "tolerance": tolerance, "max_step": ANY_STEP, **settings,
         })  # fmt: skip
         if self._sizes is not None:
             self._options.sizes = self.pointer(self._sizes)

@@ -18,7 +18,8 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, find_integrator, in_c, number_in_c, other_names, partners
 from ncgen.methods.tableau import Tableau, WrongTableau, trees
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.integrators.solvers import FixedRungeKutta, ode_solver
+from ncgen.solver.integrators.fixed_step import FixedRungeKutta
+from ncgen.solver.integrators.solvers import ode_solver
 
 EXPLICIT = {name: entry.coefficients for name, entry in INTEGRATORS.items() if entry.tableau}
 

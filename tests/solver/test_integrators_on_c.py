@@ -40,6 +40,21 @@ def test_scipy_runs_on_c(fourbar, asked, integrator):
     assert error < 3 * usual + 1e-7 and run.violation().max() < 1e-11
 
 
+FORMALISMS = {"lagrange": "baumgarte", "augmented-lagrangian": "projection", "null-space": "none", "udwadia-phohomsiri": "projection",
+              "penalty": "baumgarte"}  # fmt: skip
+"""And how each is held on the constraints here."""
+
+
+@pytest.mark.parametrize("formalism", FORMALISMS)
+def test_every_formalism_over_all_coordinates(fourbar, asked, formalism):
+    """Its accelerations are those of Python to rounding, so the integrator takes the same steps."""
+    options = dict(formalism=formalism, integrator="adams", rtol=1e-7, points=5, options={"stabilisation": FORMALISMS[formalism]})
+    run, python = (ncgen.simulate(fourbar, 0.1, zd0={"psi": 9.0}, engine=engine, **options) for engine in ("auto", "python"))
+    assert asked and all(asked) and run.engine.startswith("python")
+    assert run.statistics.steps == pytest.approx(python.statistics.steps, abs=3)
+    assert run.q == pytest.approx(python.q, abs=1e-6 if formalism == "penalty" else 1e-7)
+
+
 def test_the_reference_asks_nothing_of_c(fourbar, asked):
     ncgen.simulate(fourbar, 0.01, integrator="adams", points=2, engine="python")
     assert not asked

@@ -8,7 +8,7 @@ import sympy
 
 import ncgen
 from ncgen.methods.method import Method
-from ncgen.solver.engines import compiled, python_engine
+from ncgen.solver.engines import compiled, reference
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
@@ -88,7 +88,7 @@ def test_python_goes_on_where_c_came():
         paths.append((path, task))
     (whole, _), (path, task) = paths
     before = path.counts.copy()
-    python_engine.run(path, kernels, Task(**vars(task) | {"grid": grid}))
+    reference.run(path, kernels, Task(**vars(task) | {"grid": grid}))
     assert path.q.shape == whole.q.shape
     assert np.max(np.abs(path.q - whole.q)) < 1e-8
     assert np.max(np.abs(path.work - whole.work)) < 1e-8

@@ -1,6 +1,6 @@
 /* ncgen_driven.h: a motion that goes on from call to call, as whoever drives a mechanism needs it: a controller, a co-simulation.
  *
- * It is that of ncgen_simulate with the formalism lagrange and an explicit method, which options->method names. Between two calls
+ * It is that of ncgen_simulate with a formalism over all coordinates and an explicit method, which options->method names. Between two calls
  * everything may change: p with its inputs, the state, the method. The workspace keeps nothing.
  */
 #ifndef NCGEN_DRIVEN_H

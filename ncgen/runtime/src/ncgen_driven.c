@@ -32,7 +32,7 @@ size_t ncgen_driven_workspace(const ncgen_driven *d)
 static int begin(ncgen_run *r, parts *w, const ncgen_driven *d, const ncgen_options *options, const ncgen_real *p,
                  const ncgen_moment *moment, int n_times, const ncgen_scalar *times, ncgen_statistics *statistics)
 {
-    if (options->formalism != NCGEN_LAGRANGE || ncgen_is_stepper(options) || ncgen_is_implicit(options) ||
+    if (options->formalism == NCGEN_COORDINATE_PARTITIONING || ncgen_is_stepper(options) || ncgen_is_implicit(options) ||
         !ncgen_is_possible(d->model, d->dynamics, options))
         return NCGEN_ARGUMENT;
     ncgen_describe(r, d->model, d->dynamics, options);

@@ -208,16 +208,14 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
         least_energy(kernels, q, float(grid[0]), p)
     settings = method.options
-    projected = settings.get("stabilisation") == "projection" or settings.get("project_velocities", False)
-    stabilised = settings.get("stabilisation") == "baumgarte"
+    in_c = settings_in_c(settings)
     if len(path.q):
         q, qd, work = path.take_last()
     begun = len(path.q)
     times = grid[begun:]
     done = dynamics.simulate(
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
-        project=int(projected),
-        penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
+        **in_c,
         rank=task.rank_at(kernels, q, times[0]), conditions=task.watched, max_step=task.step_in_c,
         progress=Progress(task.progress, kernels.name, task.arrival), choose=rule_of(kernels),
         looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
@@ -228,7 +226,7 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     path.jacobians += done.jacobians
     path.fallbacks += done.fallbacks
     path.stiff += done.stiff
-    path.projections += done.steps if projected else 0
+    path.projections += done.steps if in_c["project"] else 0
     path.largest_projection = max(path.largest_projection, done.largest_projection)
     path.crossed, path.next_step = done.crossed, done.next_step
     if done.stopped:
@@ -245,6 +243,14 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
             "to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
+
+
+def settings_in_c(settings: dict[str, Any]) -> dict[str, float]:
+    """The options of a formalism over all coordinates, or of energy-momentum or ali3p, by the names of `ncgen_options`."""
+    stabilisation = settings.get("stabilisation")
+    projected = stabilisation == "projection" or settings.get("project_velocities", False)
+    frequency = settings["omega"] if stabilisation == "baumgarte" else 0.0
+    return {"project": int(projected), "penalty": settings.get("alpha", 0.0), "damping": settings.get("xi", 0.0), "frequency": frequency}
 
 
 def _by_the_matrix(path: Path, kernels: Kernels, task: Task) -> str | None:

@@ -8,7 +8,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
 from ncgen.solver.engines import compiled
-from ncgen.solver.runs.choice import ALL, EXPLICIT
+from ncgen.solver.runs.choice import EXPLICIT
 from ncgen.solver.runs.task import Task
 
 UNUSED = 1e-6
@@ -16,25 +16,28 @@ UNUSED = 1e-6
 
 
 class MotionInC:
-    """The state derivative over all coordinates, and states on the constraints; None where C has none, and why is found in Python.
+    """The state derivative of a formalism over all coordinates, and states on the constraints; None where C has none, and why is found in
+    Python.
 
-    rank: of Φ_q
+    method: its formalism and options count; rank: of Φ_q
     """
 
-    def __init__(self, kernels: Kernels, rank: int) -> None:
-        self._kernels, n = kernels, kernels.n
-        self._dynamics = compiled.all_coordinates(kernels, form=compiled.form_of(kernels, Method.of(ALL, EXPLICIT)))
-        stepping = Stepping(self._dynamics, EXPLICIT, rank, UNUSED, UNUSED, None, compiled.closeness("double"))
+    def __init__(self, kernels: Kernels, method: Method, rank: int) -> None:
+        self._kernels, n, formalism = kernels, kernels.n, method.formalism.name
+        explicit = Method.of(formalism, EXPLICIT, method.options)
+        self._dynamics = compiled.all_coordinates(kernels, form=compiled.form_of(kernels, explicit))
+        stepping = Stepping(
+            self._dynamics, EXPLICIT, rank, UNUSED, UNUSED, None, compiled.closeness("double"), None, formalism,
+            **compiled.settings_in_c(method.options),
+        )  # fmt: skip
         self._now, self._qd, self._q = Moving(stepping), slice(0, n), slice(n, 2 * n)
 
     @classmethod
     def of(cls, kernels: Kernels, task: Task, rank: int) -> MotionInC | None:
-        """None for a run of the reference in Python, for other formalisms, and where C refuses the mechanism."""
-        method = task.method
-        usual = method.formalism.name == ALL and method.options["stabilisation"] == "projection"
-        if not task.calls_c or not usual or compiled.refusal(kernels, Method.of(ALL, EXPLICIT), "c", "double"):
+        """None for a run of the reference in Python, and where C refuses the mechanism."""
+        if not task.calls_c or compiled.refusal(kernels, Method.of(task.method.formalism.name, EXPLICIT), "c", "double"):
             return None
-        return cls(kernels, rank)
+        return cls(kernels, task.method, rank)
 
     def derivative(self, t: float, y: np.ndarray, p: np.ndarray) -> np.ndarray | None:
         """[q̈; q̇; power] (2 n + 1,) of a state y = [q̇; q; work] at t (s)."""

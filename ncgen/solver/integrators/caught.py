@@ -1,10 +1,12 @@
-"""Functions that a library of another language calls back: what they raise is kept until the library has returned."""
+"""Integrators of another language: what their callbacks raise is kept until they have returned; their own interpolation."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
+from scipy.integrate import DenseOutput, OdeSolver
 
 
 class Caught:
@@ -28,3 +30,14 @@ class Caught:
         problem, self._problem = self._problem, None
         if problem is not None:
             raise problem
+
+
+class Asked(DenseOutput):
+    """What a library itself says of instants of its last step."""
+
+    def __init__(self, solver: OdeSolver, ask: Callable[[float], np.ndarray]) -> None:
+        super().__init__(cast(float, solver.t_old), solver.t)  # SciPy asks after a step only, when there is a time before it
+        self._ask = ask
+
+    def _call_impl(self, t: float) -> np.ndarray:
+        return self._ask(t).copy()

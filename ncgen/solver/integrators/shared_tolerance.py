@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     class _Explicit(OdeSolver):
         """SciPy's class of explicit methods, which it does not show."""
 
-        error_exponent: float
-
         def _step_impl(self) -> tuple[bool, str | None]: ...
 
         def _estimate_error_norm(self, K: np.ndarray, h: float, scale: np.ndarray) -> float: ...
@@ -22,15 +20,11 @@ if TYPE_CHECKING:
 SHORTEST = 2e-15
 """Steps below this share of the run are too short to get anywhere: ten roundings."""
 
-EXPLAINED = 0.9 / 1.5
-"""A repeated step is better than its length explains where its error would allow one longer by more than half."""
-
 
 def sharing(solver: type[OdeSolver], span: float, before: tuple[float, int] = (0.0, 0)) -> type[OdeSolver]:
     """An explicit SciPy solver whose steps share the tolerance; others as they are.
 
     span: as of `Tolerances`; before: when the run began (s) and its steps up to here, if there were any
-    repeated: is a step taken again, or near one that was?
     """
     if not issubclass(solver, RK45.__mro__[1]):
         return solver
@@ -38,12 +32,10 @@ def sharing(solver: type[OdeSolver], span: float, before: tuple[float, int] = (0
 
     class Sharing(explicit):
         begun, taken = before
-        repeated, refused, near = False, False, False
 
         def _step_impl(self) -> tuple[bool, str | None]:
             self.begun = self.begun if self.taken else self.t
             self.taken += 1
-            self.repeated, self.refused = self.near, False
             try:
                 return super()._step_impl()
             except _TooShort:
@@ -53,9 +45,7 @@ def sharing(solver: type[OdeSolver], span: float, before: tuple[float, int] = (0
             """Steps that are shorter than the mean count as that, as in C: rounding does not fall with them."""
             mean = (self.t - self.begun) / self.taken
             error = super()._estimate_error_norm(K, h, scale) * max(1.0, span / max(abs(h), mean))
-            self.near = self.refused and error < EXPLAINED ** (-1 / self.error_exponent)  # as in C, where it is said why
-            self.repeated = self.refused = not error < 1
-            if self.refused and abs(h) < SHORTEST * abs(self.t_bound - self.begun):
+            if not error < 1 and abs(h) < SHORTEST * abs(self.t_bound - self.begun):
                 raise _TooShort
             return error
 

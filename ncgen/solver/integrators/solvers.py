@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from functools import cache
-from typing import Any, Protocol, cast
+from typing import Protocol, cast
 
 import numpy as np
 import scipy.integrate
@@ -12,10 +12,8 @@ from scipy.integrate import DenseOutput, OdeSolver
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import Integrator
-from ncgen.methods.tableau import Tableau
-from ncgen.solver.integrators.caught import Caught
-from ncgen.solver.integrators.fixed_step import FixedStep
-from ncgen.solver.integrators.hermite import Asked
+from ncgen.solver.integrators.caught import Asked, Caught
+from ncgen.solver.integrators.fixed_step import FixedRungeKutta
 from ncgen.solver.integrators.ode import Derivative
 from ncgen.solver.integrators.sundials import CvodeAdams, CvodeBdf
 
@@ -71,24 +69,6 @@ class Adams(scipy.integrate.OdeSolver):
 
     def _dense_output_impl(self) -> DenseOutput:
         return Asked(self, self._engine.integrate)
-
-
-class FixedRungeKutta(FixedStep):
-    """An explicit Runge-Kutta method with a fixed step; children have its `tableau`."""
-
-    tableau: Tableau
-
-    def __init__(self, *given: Any, **options: Any) -> None:
-        super().__init__(*given, **options)
-        self._rows = [np.array([float(x) for x in row]) for row in self.tableau.a[: self.tableau.stages]]
-        self._nodes = [float(x) for x in self.tableau.c]
-
-    def _moved(self, h: float, t: float) -> tuple[np.ndarray, np.ndarray]:
-        slopes, end = [self.f], self.y
-        for node, row in zip(self._nodes[1:], self._rows, strict=False):
-            end = self.y + h * (row @ np.array(slopes))
-            slopes.append(self.fun(self.t + node * h, end))
-        return end, slopes[-1]
 
 
 class Pace:

@@ -15,8 +15,7 @@ import scipy.integrate
 from scipy.integrate import DenseOutput
 
 from ncgen.errors import ModelError
-from ncgen.solver.integrators.caught import Caught
-from ncgen.solver.integrators.hermite import Asked
+from ncgen.solver.integrators.caught import Asked, Caught
 from ncgen.solver.integrators.ode import Derivative, Slope
 
 

@@ -315,14 +315,13 @@ class _Motion:
         return through_events(whole, self.path, kernels, task, self.passage)
 
     def _in_python(self) -> None:
-        from ncgen.solver.engines import full_coordinates, python_engine, segments
+        from ncgen.solver.engines import reference, segments
 
         task = replace(self._task(), calls_c=self.run.engine == AUTO and not self.choice.method.integrator.in_c)
-        advance = full_coordinates.run if task.method.is_constrained else python_engine.run
 
         def engine(path: Path, kernels: Kernels, task: Task) -> None:
             begun = float(task.grid[len(path.q)])
-            advance(path, kernels.driven_by(task.signals.begun_at(begun)) if task.signals and len(self.breaks) else kernels, task)
+            reference.run(path, kernels.driven_by(task.signals.begun_at(begun)) if task.signals and len(self.breaks) else kernels, task)
 
         ends = self.breaks
         if task.steps_to_rows:

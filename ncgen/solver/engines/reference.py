@@ -1,0 +1,328 @@
+"""The reference: motions in Python, to be read and to hold C against. SciPy's integrators step the state y = [velocities; positions; W].
+
+`Independent` integrates independent coordinates alone, and goes on with others where these become bad. `AllCoordinates` integrates all of
+them, and projects every accepted state, and every instant in between, onto the constraints, unless the formalism holds them itself. It runs
+where there is no compiler, and what only SciPy or SUNDIALS has: over all coordinates this takes accelerations and projections of C.
+"""
+
+from __future__ import annotations
+
+import warnings
+from abc import ABC, abstractmethod
+from typing import TypeAlias
+
+import numpy as np
+from scipy.integrate import OdeSolver
+
+from ncgen.errors import ConvergenceError, DomainError, NcgenError, SingularError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.engines.motion_in_c import MotionInC
+from ncgen.solver.finite import on_the_way, watched
+from ncgen.solver.formalisms import accelerations_by
+from ncgen.solver.formalisms.coordinate_partitioning import Motion, Start, motion, motion_at
+from ncgen.solver.formalisms.dynamics_jacobian import full_jacobian, partitioned_jacobian
+from ncgen.solver.formalisms.projection import project
+from ncgen.solver.integrators.shared_tolerance import sharing
+from ncgen.solver.integrators.solvers import Pace, ode_solver, replace_state, takes_jacobian
+from ncgen.solver.positions.branches import refresh_branches
+from ncgen.solver.positions.partition import BETTER, Partitions, determined, other_partitions, quality, stuck_message
+from ncgen.solver.positions.rank import best_rows, scaled_jacobian
+from ncgen.solver.runs.path import Path
+from ncgen.solver.runs.task import Task
+
+State: TypeAlias = tuple[np.ndarray, np.ndarray, float]
+"""q (n,), q̇ (n,) and work (J)."""
+
+RETRIES = 8
+"""How often a step that has no derivative somewhere is tried again, each time four times shorter."""
+
+DEGRADED = 0.7
+"""Other independent coordinates are looked for when the quality falls below this fraction of what it was when chosen: late changes
+cost more in short steps than early ones in restarts."""
+
+
+def run(path: Path, kernels: Kernels, task: Task) -> None:
+    """Complete a path over a time grid, from its last row on if it has any, to its end or to a `Stop`.
+
+    Raises ConvergenceError or SingularError with the time where the motion cannot go on, DomainError naming what is not a
+    number there. Whatever is raised, by `progress` or by Ctrl-C as well, the path holds what was reached.
+    """
+    found = (AllCoordinates if task.method.is_constrained else Independent)(path, kernels, task)
+    try:
+        found.integrate()
+    except BaseException:
+        if found.reached:
+            path.break_off(task.grid, *found.reached)
+        raise
+    finally:
+        found.hand_over()
+
+
+class Reference(ABC):
+    """One integration: counters, the solver, and the time and state `reached` at the end of the last step."""
+
+    def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
+        self.path, self.kernels, self.task, self.p = path, watched(kernels), task, task.p
+        self.reached: tuple[float, np.ndarray, np.ndarray, float] | None = None
+        self.steps = self.evaluations = self.newton = self.changes = self.repeated = 0
+
+    # -- what a formalism says ----------------------------------------------------------------
+
+    @abstractmethod
+    def begin(self, t: float, q: np.ndarray, qd: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """Get ready at a position and velocities, None for those of the task. Returns both."""
+
+    @property
+    @abstractmethod
+    def own(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which velocities, and which positions, are integrated."""
+
+    @abstractmethod
+    def derivative(self, t: float, y: np.ndarray) -> np.ndarray: ...
+
+    @abstractmethod
+    def jacobian(self, t: float, y: np.ndarray) -> np.ndarray: ...
+
+    @abstractmethod
+    def state(self, t: float, y: np.ndarray) -> State:
+        """The state on the constraints."""
+
+    @abstractmethod
+    def accept(self, solver: OdeSolver, state: State) -> OdeSolver:
+        """Go on from an accepted state, whose parameters are there: with the solver or a fresh one."""
+
+    @abstractmethod
+    def stuck(self, error: NcgenError, t: float, is_last: bool) -> NcgenError | None:
+        """What to raise where a step from t (s) found no derivative; None where a shorter one may, which is tried next."""
+
+    # -- the integration ----------------------------------------------------------------------
+
+    def integrate(self) -> None:
+        """Fill the path, step by step."""
+        path, task = self.path, self.task
+        q, qd, work = path.take_last() if len(path.q) else (task.q, None, 0.0)
+        grid, t = task.grid, float(task.grid[len(path.q)])
+        now: State = (*self.begin(t, q, qd), work)
+        solver, self.pace = self.fresh(t, now), Pace(t, grid[-1] - t)
+        self._record([now])
+        self.reached = t, *now
+        while solver.status == "running":
+            solver = self._step(solver, t, now)
+            before, now = now, self.state(solver.t, solver.y)
+            found = None
+            if task.stop:
+                between = solver.dense_output()
+                found = task.stop.find(t, solver.t, before, now, lambda t, between=between: self.state(t, between(t)))
+            ahead = grid[len(path.q) :]
+            inner = ahead[ahead < (found[0] if found else solver.t)]
+            if len(inner):
+                between = solver.dense_output()
+                self._record([self.state(t, between(t)) for t in inner])
+            if found:
+                path.stop(found[0], *found[1])
+                return
+            if len(path.q) < len(grid) and grid[len(path.q)] == solver.t:
+                self._record([now])
+            t = float(solver.t)
+            self.reached = t, *now
+            self.p = refresh_branches(self.kernels, now[0], self.p)
+            solver = self.accept(solver, now)
+            if task.progress:
+                task.progress(t)
+
+    def fresh(self, t: float, state: State, first_step: float | None = None) -> OdeSolver:
+        """A solver at a state."""
+        (velocities, positions), sizes, task = self.own, self.kernels.column_sizes, self.task
+        q, qd, work = state
+        options = task.tolerances.for_scipy(sizes[velocities], sizes[positions]) | {"first_step": first_step, "max_step": task.max_step}
+        if takes_jacobian(task.method.integrator, self.kernels):
+            options["jac"] = self._counted_jacobian
+        make = sharing(ode_solver(task.method.integrator), task.tolerances.span, task.before)
+        y = np.concatenate([qd[velocities], q[positions], [work]])
+        return make(self._counted_derivative, t, y, task.grid[-1], **options)
+
+    def hand_over(self) -> None:
+        """Give the path what was counted."""
+        self.path.counts = self.path.counts + [self.steps, self.evaluations, self.newton, self.changes, self.repeated]
+
+    def _counted_derivative(self, t: float, y: np.ndarray) -> np.ndarray:
+        self.evaluations += 1
+        return self.derivative(t, y)
+
+    def _counted_jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        self.path.jacobians += 1
+        return self.jacobian(t, y)
+
+    def _record(self, states: list[State]) -> None:
+        q, qd, work = zip(*states, strict=True)
+        self.path.extend(q, qd, work, [0] * 5)
+
+    def _step(self, solver: OdeSolver, t: float, state: State) -> OdeSolver:
+        """One accepted step from a state; returns the solver that made it, a fresh one if there was no derivative on the way."""
+        (q, qd, _), message = state, None
+        for attempt in range(RETRIES + 1):
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
+                    message = solver.step()
+                break
+            except (ConvergenceError, SingularError, DomainError) as error:
+                raised = self.stuck(error, t, attempt == RETRIES)
+                if raised is error:
+                    raise
+                if raised:
+                    raise raised from error
+                self.repeated += 1
+                length = min(getattr(solver, "h_abs", np.inf), self.task.grid[-1] - t) / 4 ** (attempt + 1)
+                solver = self.fresh(t, state, length)
+        self.steps += 1
+        creeps = self.pace.creeps(solver.t)
+        if creeps or solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+            message = message or ("steps become tiny" if creeps else "the state is not finite")
+            raise on_the_way(self.kernels, q, qd, t, solver.t, self.p) or ConvergenceError(
+                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message}); "
+                "the motion may become singular there, or try another integrator or tolerance"
+            )
+        return solver
+
+
+class AllCoordinates(Reference):
+    """y = [q̇; q; W] with the accelerations of a formalism. rows: of redundant ones those that count; None where all do"""
+
+    def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
+        super().__init__(path, kernels, task)
+        self.accelerations, self.options = accelerations_by(task.method.formalism.name), task.method.options
+        self.is_projected, self.rows = self.options["stabilisation"] == "projection", None
+        self.rank = task.rank_at(kernels, task.q, float(task.grid[0]))
+        self.in_c = MotionInC.of(kernels, task, self.rank)
+
+    def begin(self, t: float, q: np.ndarray, qd: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        self._choose_rows(t, q)
+        return q, self.task.velocities if qd is None else qd
+
+    @property
+    def own(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.arange(self.kernels.n), np.arange(self.kernels.n)
+
+    def derivative(self, t: float, y: np.ndarray) -> np.ndarray:
+        if self.in_c and (slope := self.in_c.derivative(t, y, self.p)) is not None:
+            return slope
+        now = self._motion(t, y)
+        return np.concatenate([now.qdd, now.qd, [now.power]])
+
+    def jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        return full_jacobian(self.kernels, self._motion(t, y), self.p, self.rows, self.accelerations.gains(self.options))
+
+    def state(self, t: float, y: np.ndarray) -> State:
+        qd, q, work = y[: self.kernels.n], y[self.kernels.n : -1], float(y[-1])
+        if not self.is_projected:
+            return q, qd, work
+        if self.in_c and (closed := self.in_c.closed(t, y, self.p)) is not None:
+            self.path.note_projection(closed[1])
+            return closed[0][self.kernels.n : -1], closed[0][: self.kernels.n], work
+        found = project(self.kernels, q, qd, t, self.p)
+        if found.q is not q or found.qd is not qd:
+            self.path.note_projection(found.moved, found.steps)
+        return found.q, found.qd, work
+
+    def accept(self, solver: OdeSolver, state: State) -> OdeSolver:
+        q, qd, work = state
+        self._choose_rows(solver.t, q)
+        y = np.concatenate([qd, q, [work]])
+        if self.is_projected and not np.array_equal(y, solver.y):
+            replace_state(solver, y)
+        return solver
+
+    def stuck(self, error: NcgenError, t: float, is_last: bool) -> NcgenError | None:
+        if isinstance(error, SingularError):
+            return SingularError(f"{error}; at t = {t:.6g} s")
+        return None if isinstance(error, DomainError) and not is_last else error
+
+    def _motion(self, t: float, y: np.ndarray) -> Motion:
+        q, qd = y[self.kernels.n : -1], y[: self.kernels.n]
+        return self.accelerations.motion(self.kernels, q, qd, t, self.p, self.options, self.rows)
+
+    def _choose_rows(self, t: float, q: np.ndarray) -> None:
+        """Of redundant rows those farthest from dependent: off the constraints, where a method's stages are, the others contradict them."""
+        if self.rank < self.kernels.m and self.task.method.formalism.name != "penalty":  # which needs all of them, as in C
+            self.rows = best_rows(scaled_jacobian(self.kernels, q, t, self.p), self.rank)
+
+
+class Independent(Reference):
+    """y = [ż; z; W] by coordinate partitioning. start: the state from which a step solves the position problem"""
+
+    def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
+        super().__init__(path, kernels, task)
+        self.partitions = determined(path.partitions)
+
+    def begin(self, t: float, q: np.ndarray, qd: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        rates = self.task.velocities if qd is None else qd[self.partitions.velocity.independent]
+        here = motion_at(self.kernels, self.partitions.velocity, t, q, rates, self.p)
+        self.start = Start(t, here.q, here.qd, self.p)
+        self.chosen_with = self._quality(self.partitions)
+        return here.q, here.qd
+
+    @property
+    def own(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.partitions.velocity.independent, self.partitions.position.independent
+
+    def fresh(self, t: float, state: State, first_step: float | None = None) -> OdeSolver:
+        self.orientation = 0  # of these coordinates, from their first evaluation on
+        return super().fresh(t, state, first_step)
+
+    def derivative(self, t: float, y: np.ndarray) -> np.ndarray:
+        now, (velocities, positions) = self._motion(t, y), self.own
+        return np.concatenate([now.qdd[velocities], now.qd[positions], [now.power]])
+
+    def jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        return partitioned_jacobian(self.kernels, self.partitions, self._motion(t, y), self.p)
+
+    def state(self, t: float, y: np.ndarray) -> State:
+        now = self._motion(t, y)
+        return now.q, now.qd, float(y[-1])
+
+    def accept(self, solver: OdeSolver, state: State) -> OdeSolver:
+        q, qd, _ = state
+        self.start = Start(float(solver.t), q, qd, self.p)
+        if solver.status == "running" and self._quality(self.partitions) <= DEGRADED * self.chosen_with and self._chose_others():
+            return self.fresh(self.start.t, state)
+        return solver
+
+    def stuck(self, error: NcgenError, t: float, is_last: bool) -> NcgenError | None:
+        if not is_last:
+            self._chose_others()
+            return None
+        return error if isinstance(error, DomainError) else type(error)(stuck_message(self.kernels, t, self.task.step))
+
+    def hand_over(self) -> None:
+        super().hand_over()
+        self.path.partitions = self.partitions
+
+    def _motion(self, t: float, y: np.ndarray) -> Motion:
+        count = len(self.partitions.velocity.independent)
+        now = motion(self.kernels, self.partitions, self.start, t, y[count:-1], y[:count])
+        self.newton += now.iterations
+        self.orientation = self.orientation or now.orientation
+        if now.orientation != self.orientation:
+            raise SingularError(
+                f"{self.kernels.name}: a position beyond a singular one of the dependent coordinates, perhaps on another branch"
+            )
+        return now
+
+    def _quality(self, partitions: Partitions) -> float:
+        """Of the worse of two choices of independent coordinates, at the start of a step."""
+        at = self.start
+        return min(quality(self.kernels, each, at.q, at.t, at.p) for each in {partitions.position, partitions.velocity})
+
+    def _chose_others(self) -> bool:
+        """Change to other independent coordinates for the same state where there are clearly better ones."""
+        try:
+            other = other_partitions(self.kernels, self.partitions, self.start.q, self.start.t, self.start.p)
+        except SingularError:
+            return False  # no choice is good here: the steps will show whether the motion can go on
+        possible = self._quality(other)
+        if possible < BETTER * self._quality(self.partitions):
+            return False
+        self.partitions, self.chosen_with = other, possible
+        self.changes += 1
+        return True
