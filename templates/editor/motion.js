@@ -1,7 +1,7 @@
 "use strict";
 // A mechanism in motion: the generic kernels in WebAssembly, and the table that tells them which mechanism it is.
 
-const STATUS = ["", "the position problem does not converge", "the equations are singular here", "a pivot became inaccurate",
+const STATUS = ["", "the position problem does not converge", "the equations are singular here; move a point a little", "a pivot became inaccurate",
   "a number is not finite", "the mechanism is too large", "interrupted", "the motion is stiff", "the steps became too short", "too many steps"];
 
 class Motion {

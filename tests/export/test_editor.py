@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from ncgen.exchange.editor import editor_page
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
+AXE = Path(os.environ.get("NCGEN_AXE") or Path(__file__).parents[2] / "node_modules" / "axe-core" / "axe.min.js")
 SECONDS = np.linspace(0, 1, 11)
 MOVED = """(() => {
   editor.play(false); editor.restart();
@@ -190,6 +193,29 @@ def test_numbers_that_no_part_can_have_are_marked(sheet):
     assert sheet.browser.value("[document.getElementById('field-mass').ariaInvalid, editor.drawing.bodies[0].mass]") == ["true", None]
     sheet.browser.value("{ const f = document.getElementById('field-mass'); f.value = '2.5'; f.dispatchEvent(new Event('change')); }")
     assert sheet.browser.value("editor.drawing.bodies[0].mass") == 2.5
+
+
+def test_a_start_in_a_singular_position_is_refused(sheet):
+    """All bars of a parallelogram in line: it could go on as a parallelogram or crossed. A point that is moved a little decides."""
+    sheet.draw(bar=[A, (0.1, 0), D, (0.4, 0), (0.4, 0)], pivot=[A, (0.4, 0)])
+    assert sheet.status == "It cannot begin to move here: the equations are singular here; move a point a little."
+    sheet.browser.value("editor.change((d) => (named(d.points, 'B').y = 0.02))")
+    assert sheet.status == "1 degree of freedom"
+
+
+@pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not installed: npm install --no-save axe-core, or NCGEN_AXE=FILE")
+@pytest.mark.parametrize(("width", "dark"), [(1280, False), (1280, True), (390, False), (390, True)])
+def test_no_rule_of_accessibility_is_broken(browser, page, width, dark):
+    """With a part chosen, and with the text of the model."""
+    browser.open(page, width, 800, dark)
+    browser.value("editor.play(false); editor.choose('motor', editor.drawing.motors[0]); 0")
+    browser.value(f"{AXE.read_text(encoding='utf-8')}; 0")
+    for opened in ("0", "document.getElementById('toml').click(); 0"):
+        browser.value(opened)
+        passes, violations = json.loads(
+            browser.value("axe.run().then((f) => JSON.stringify([f.passes.length, f.violations.map((v) => v.id)]))")
+        )
+        assert passes > 15 and violations == []
 
 
 def test_the_page_is_one_small_file(page):

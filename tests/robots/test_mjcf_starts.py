@@ -33,7 +33,7 @@ FREE = """<mujoco><compiler angle="radian"/><worldbody>
 <inertial pos="0 0.02 -0.1" mass="0.8" diaginertia="0.01 0.012 0.008"/>
 <body name="c" pos="0 0.1 -0.3" quat="0.7 0.7 0 0.1"><joint name="ball" type="ball" pos="0.02 0 0.03"/>
 <inertial pos="0.1 0.05 -0.1" mass="0.5" diaginertia="0.004 0.005 0.003"/>
-<body name="d" pos="0 0.1 0.1"><joint name="s" type="slide" axis="1 0.3 0"/>
+<body name="d" pos="0 0.1 0.1"><joint name="s" type="slide" axis="1 0.3 0" ref="-0.4"/>
 <inertial pos="0.1 0.05 -0.1" mass="0.5" diaginertia="0.004 0.005 0.003"/></body></body></body></body></worldbody>
 <keyframe><key name="home" qpos="0 0 1 1 0 0 0 0.4 1 0 0 0 0.1"/>
 <key time="2" qpos="0.3 0.1 1 0.9 0.1 0.3 0.2 -0.7 0.5 0.6 -0.3 0.2 0.2" qvel="0.1 0.2 0.3 -1 2 1.5 0.7 0.3 -0.4 0.9 -0.6"/>

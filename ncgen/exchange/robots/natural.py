@@ -150,7 +150,8 @@ class _Builder:
         """Named starts."""
         from ncgen.exchange.robots.starts import named_start
 
-        places = {self.elements[place]: (name, place.value) for name, solid in self.layout.solids.items() for place in solid.places}
+        moving = [(solid.name, self.bodies[solid].elements) for solid in self.layout.solids.values()]
+        places = {each: (name, each.initial) for name, elements in moving for each in elements}
         for name, start in self.robot.starts.items():
             self.model.starts[name] = named_start(start, self.robot, self.layout.frames, places, self.coordinates)
 
