@@ -46,7 +46,8 @@ class Equations:
         kind, self.ends = f"newton_{method.replace('-', '_')}", np.cumsum([len(F), len(G)])
         self._call = functions(kernels, kind, {"step": INPUTS}, {"step": len(outputs)}, counts, lambda: {"step": program})
         self.rank = freedom_at(kernels, kernels.q0, 0.0, kernels.p0).rank
-        self.kernels, self.w, self.p = kernels, np.empty(0), kernels.p0
+        self.kernels, self.p = kernels, kernels.p0
+        self.w = np.tile(self.p[len(self.p) - len(kernels.inputs) :], len(INSTANTS))
 
     def parts(self, t: float, h: np.ndarray, x: np.ndarray, u: np.ndarray) -> list[np.ndarray]:
         return np.split(self._call("step", t, h, x, u, self.w, self.p), self.ends)

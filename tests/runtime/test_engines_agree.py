@@ -44,6 +44,7 @@ METHODS = [
     if integrator.has_fixed_step and integrator.in_python and goes_with(formalism, integrator)
 ]
 EVERY = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in STEPS]
+REGULAR = [each for each, name in zip(EVERY, STEPS, strict=True) if name not in REDUNDANT]
 
 
 @cache
@@ -82,7 +83,7 @@ def test_steppers_are_the_same_to_rounding(name, integrator):
     assert qd < 1e-10
 
 
-@pytest.mark.parametrize("name", [each for each in EVERY if each not in REDUNDANT])
+@pytest.mark.parametrize("name", REGULAR)
 def test_ali3p_is_the_same_but_for_its_penalty(name):
     """Which takes as many digits from the inertia. Of redundant rows it takes all, whose multipliers the equations leave open."""
     in_c = moved(name, "ali3p", "trapezoidal", "c")
@@ -110,15 +111,17 @@ def test_ordinary_methods_are_the_same(name, formalism, integrator):
     assert qd < 1e7 * np.finfo(float).eps
 
 
-@pytest.mark.parametrize("name", [each for each in EVERY if each not in REDUNDANT])
+@pytest.mark.parametrize("name", REGULAR)
 @pytest.mark.parametrize("formalism", ["coordinate-partitioning", "lagrange", "augmented-lagrangian", "null-space", "udwadia-phohomsiri"])
 def test_the_trapezoidal_rule_is_what_it_says(name, formalism):
     """With the accelerations of Python in its equation; of redundant rows every step chooses some."""
     options = {} if formalism == "coordinate-partitioning" else {"stabilisation": "none"}
     run = outcome(name, formalism, "trapezoidal", "c", **options)
     if isinstance(run, str):  # these steps are too long for Newton's method
-        assert "does not converge" in run and name not in QUICK
+        assert "the step of" in run and name not in QUICK
         return
+    if run.statistics.partition_changes:
+        pytest.skip("its rows are of several choices of independent coordinates")
     q, qd = trapezoidal_residual(run)
     assert q < 1e6 * np.finfo(float).eps
     assert qd < 1e7 * np.finfo(float).eps
