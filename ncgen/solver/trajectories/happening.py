@@ -47,7 +47,8 @@ class Happening:
     @classmethod
     def of(cls, told: dict[str, Any]) -> Happening:
         """From what `plain` said. Raises TypeError for what it does not say."""
-        return cls(**{name: np.array(value, dtype=float) if isinstance(value, list) else value for name, value in told.items()})
+        values: dict[str, Any] = {name: np.array(value, dtype=float) if isinstance(value, list) else value for name, value in told.items()}
+        return cls(**values)
 
     def __repr__(self) -> str:
         name = f"{self.name} {self.what}" if self.what else self.name
