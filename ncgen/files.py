@@ -147,10 +147,10 @@ def _flocked(file: IO[bytes]) -> bool:
 # -- writing ---------------------------------------------------------------------------------------------------------------
 
 
-def path_of(given: str | os.PathLike[str], what: str = "path") -> Path:
-    """A path that something is to be written to. Raises NcgenError for what is none; what: the argument's name."""
+def path_of(given: str | os.PathLike[str], kind: str = "file") -> Path:
+    """A path that something is to be written to. Raises NcgenError for what is none."""
     if not isinstance(given, (str, os.PathLike)) or not str(given):
-        raise NcgenError(f"{what}: {shown(given)} given; name a {'folder' if what == 'folder' else 'file'}")
+        raise NcgenError(f"output: {shown(given)} given; name a {kind}")
     return Path(given)
 
 

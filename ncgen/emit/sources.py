@@ -65,5 +65,5 @@ class Sources:
         NcgenError
             If the folder cannot be written.
         """
-        place = path_of(output, "output")
+        place = path_of(output, "folder")
         return [write_text(place / name, text) for name, text in self.files.items()]

@@ -94,13 +94,15 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
     """The actions that a user wrote. Raises ModelError for what is none, and for names that the model does not have."""
     if given is None:
         return ()
+    if isinstance(given, (list, tuple, Mapping)) and not given:
+        raise ModelError(f"{where}: {shown(given)} holds no action; leave it out where the event is only recorded")
     if isinstance(given, (list, tuple)):
         return tuple(action for each in given for action in actions_of(model, each, where))
     if isinstance(given, (Change, Stop, Call)):
         return (given,)
     if isinstance(given, Impact):
         return (Impact(_between_0_and_1(model, given.restitution, where), given.order, given.rest),)
-    if given == STOP:
+    if isinstance(given, str) and given == STOP:
         return (Stop(),)
     if isinstance(given, Mapping):
         if set(given) == {"impact"} and isinstance(given["impact"], Mapping):

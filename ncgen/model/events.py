@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 from ncgen.errors import ModelError, one_of
-from ncgen.model.actions import Action, Call, Doing, Impact
+from ncgen.model.actions import Action, Call, Doing, Impact, actions_of
 from ncgen.model.elements import Component, Point, Relative
 from ncgen.model.expressions import is_symbolic, symbols_in
 from ncgen.model.facts import fact
@@ -120,14 +120,20 @@ class Events(Loads):
             Without a stop, and for names that the model has already.
         """
         where, x = name or f"{coordinate.name}.stop", as_sympy(coordinate)
+        self._check_moving(coordinate, where)
         if lower is None and upper is None:
             raise ModelError(f"{where}: neither lower nor upper is given; give one of them")
+        if lower is not None and upper is not None and not (low := self._number(lower, where)) < (high := self._number(upper, where)):
+            raise ModelError(f"{where}: lower is {low:g} and upper {high:g}; lower must be less")
+        self._check_sign(where, damping=damping)
+        self._check_sign(where, strictly=True, exponent=exponent, **({} if stiffness is None else {"stiffness": stiffness}))
+        rigid = actions_of(self, Impact(restitution), where)
         gaps = (("lower", lower, lambda v: x - v, 1.0), ("upper", upper, lambda v: v - x, -1.0))
         for side, limit, gap, way in gaps:
             if limit is None:
                 continue
             if stiffness is None:
-                self.event(f"{where}.{side}", gap(as_sympy(limit)), "falling", Impact(restitution))
+                self.event(f"{where}.{side}", gap(as_sympy(limit)), "falling", rigid)
                 continue
             touches, depth, rate = self.input(f"{where}.{side}.touches"), -gap(as_sympy(limit)), -way * coordinate.rate
             push = as_sympy(touches) * as_sympy(stiffness) * abs(depth) ** exponent * (1 + as_sympy(damping) * rate)
@@ -155,8 +161,10 @@ class Events(Loads):
         Event
             The event at which it becomes taut.
         """
+        where = name or f"rope.{start.name}.{end.name}"
+        self._check_sign(where, strictly=True, length=length)
         square = sum((as_sympy(b) - as_sympy(a)) ** 2 for a, b in zip(start.components, end.components, strict=True))
-        return self.event(name or f"rope.{start.name}.{end.name}", as_sympy(length) ** 2 - square, "falling", Impact(restitution))
+        return self.event(where, as_sympy(length) ** 2 - square, "falling", actions_of(self, Impact(restitution), where))
 
     @fact
     def friction(
@@ -196,7 +204,13 @@ class Events(Loads):
         where = name or f"{coordinate.name}.friction"
         if where in self.frictions:
             raise ModelError(f"friction {where}: there is one of that name already; give another name")
+        self._check_moving(coordinate, where)
         most = coulomb if static is None else static
+        self._check_sign(where, coulomb=coulomb, viscous=viscous)
+        if stribeck is not None:
+            self._check_sign(where, strictly=True, stribeck=stribeck)
+        if (least := self._number(coulomb, where)) > (largest := self._number(most, where)):
+            raise ModelError(f"{where}: static is {largest:g}, less than coulomb, {least:g}; give at least as much")
         slip, held = self.input(f"{where}.slip"), self.parameter(f"{where}.held", 0.0)
         sliding = as_sympy(coulomb)
         if stribeck is not None:
@@ -205,6 +219,18 @@ class Events(Loads):
         self._apply(where, [(component, -as_sympy(slip) * sliding - as_sympy(viscous) * coordinate.rate)])
         self.frictions[where] = Friction(where, component.name, most, slip.name, held.name)
         return self.frictions[where]
+
+    def _check_sign(self, where: str, strictly: bool = False, **values: Value) -> None:
+        """Raise ModelError for the first value that is negative, or zero where that is not allowed."""
+        for name, value in values.items():
+            number = self._number(value, f"{where}, {name}")
+            if number < 0 or (strictly and number == 0):
+                raise ModelError(f"{where}: {name} is {number:g}; give a number {'above 0' if strictly else 'that is not negative'}")
+
+    def _check_moving(self, coordinate: Component | Relative, where: str) -> None:
+        """Raise ModelError for a fixed coordinate."""
+        if getattr(coordinate, "fixed", False):
+            raise ModelError(f"{where}: the coordinate is fixed; name one that moves")
 
 
 def _component(coordinate: Component | Relative) -> Component:

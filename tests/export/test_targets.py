@@ -21,9 +21,9 @@ def files(package):
 
 
 def test_a_folder_is_named():
-    with pytest.raises(NcgenError, match="^folder: None given; name a folder$"):
+    with pytest.raises(NcgenError, match="^output: None given; name a folder$"):
         export(ncgen.load("pendulum"), "c", None)
-    with pytest.raises(NcgenError, match="^folder: '' given; name a folder$"):
+    with pytest.raises(NcgenError, match="^output: '' given; name a folder$"):
         ncgen.generate(ncgen.load("pendulum")).write("")
 
 

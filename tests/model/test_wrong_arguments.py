@@ -75,6 +75,13 @@ def calls(s) -> dict[str, dict]:
         "point_in_plane": {"a": s.rod, "point": s.B, "start": s.A, "normal": s.v, "owner": s.arm},
         "gear": {"first": s.psi, "second": s.phi, "radius_first": 1.0, "radius_second": 2.0},
         "rack": {"slide": s.s, "angle": s.psi, "radius": 0.1},
+        "event": {"name": "new", "when": s.A.x - 1, "direction": "rising", "do": {"k": 1.0}},
+        "stop": {
+            "coordinate": s.psi, "lower": -1.0, "upper": 1.0, "restitution": 0.5, "stiffness": 10.0, "damping": 0.1, "exponent": 1.5,
+            "name": "new",
+        },
+        "rope": {"start": s.A, "end": s.B, "length": 2.0, "restitution": 0.5, "name": "new"},
+        "friction": {"coordinate": s.psi, "coulomb": 1.0, "static": 2.0, "viscous": 0.1, "stribeck": 0.01, "name": "new"},
         "rolling": {"disc": s.rod, "centre": s.A, "axle": s.u, "across": s.w, "radius": 1.0, "normal": (0.0, 0.0, 1.0)},
         "gravity": {"field": (0, 0, -9.81)},
         "force": {"point": s.A, "vector": (1, 2, 3), "label": "mine"},

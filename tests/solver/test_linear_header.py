@@ -42,7 +42,7 @@ def test_a_compiler_reads_the_same_numbers(tmp_path):
 @pytest.mark.filterwarnings("ignore:.*neither rest in equilibrium")
 def test_without_inputs_there_is_a_alone(tmp_path):
     near = ncgen.linearise(ncgen.compile(ncgen.load("pendulum")))
-    with pytest.raises(NcgenError, match="^path: 3 given; name a file$"):
+    with pytest.raises(NcgenError, match="^output: 3 given; name a file$"):
         near.to_c(3)
     text = near.to_c(tmp_path / "swing.h").read_text()
     assert "swing_A[2][2]" in text and "swing_B" not in text and "swing_D" not in text

@@ -79,9 +79,9 @@ def test_what_cannot_be_written_says_so(turning, tmp_path, write):
     with pytest.raises(NcgenError, match="cannot be written"):
         getattr(turning, write)(tmp_path / "file" / "run")
     assert (tmp_path / "file").read_text() == "mine"
-    with pytest.raises(NcgenError, match="path: '' given; name a file"):
+    with pytest.raises(NcgenError, match="output: '' given; name a file"):
         getattr(turning, write)("")
-    with pytest.raises(NcgenError, match="path: 3 given; name a file"):
+    with pytest.raises(NcgenError, match="output: 3 given; name a file"):
         getattr(turning, write)(3)
 
 

@@ -65,7 +65,7 @@ def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] =
     """
     if to not in targets():
         raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(targets())}")
-    place = path_of(output, "output")
+    place = path_of(output, "folder")
 
     model, target = checked_model(model), import_module(f"{__name__}.{to}{END}")
     more = {"platforms": platforms} if platforms else {}
