@@ -17,7 +17,7 @@ from ncgen.mechanism import recall
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.inspection import inspect
-from ncgen.solver.given import CONSISTENT_RESIDUAL
+from ncgen.solver.groups import CONSISTENT_RESIDUAL
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.position import residual

@@ -5,9 +5,8 @@ Every door of the solver takes positions, parameters and names in the same ways,
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from numbers import Real
 from typing import Any, Protocol, TypeAlias, TypeVar
 
@@ -18,6 +17,7 @@ from ncgen.errors import ModelError, NcgenError, counted, shown, written
 from ncgen.mechanism.arguments import numbers
 from ncgen.methods.table import is_real
 from ncgen.model import Model
+from ncgen.solver.name_lists import offer, shortened
 from ncgen.solver.parameter_checks import check_parameters
 
 Given: TypeAlias = "ArrayLike | Mapping[str, ArrayLike]"
@@ -61,12 +61,6 @@ Value = TypeVar("Value")
 
 ORTHOGONAL = 1e-6
 """How far an entry of Rᵀ R of a rotation may be off the unit matrix: rotations written with seven digits pass, sheared ones do not."""
-
-CONSISTENT_RESIDUAL = 1e-9
-"""Relative residual of the constraints up to which a position is consistent: larger than rounding, smaller than usual tolerances."""
-
-LISTED = 100
-"""Characters that a list of names may take in a message."""
 
 ECHOED = 40
 """Characters of what was given that a message repeats."""
@@ -150,18 +144,6 @@ def known_name(name: str, known: Collection[str], what: str, kind: str = "free c
     if not isinstance(name, str) or name not in known:
         raise ModelError(f"{what}: the mechanism has no {kind} {echo(name)}; {offer(name, tuple(known))}")
     return name
-
-
-def offer(name: object, known: Sequence[str], there: str = "it has") -> str:
-    """The end of a sentence about an unknown name: what there is, or the nearest where that is too much to read."""
-    listed = ", ".join(known)
-    if not known:
-        return f"{there} none"
-    if len(listed) <= LISTED:
-        return f"{there} {listed}"
-    if near := difflib.get_close_matches(str(name), known, n=1):
-        return f"did you mean {near[0]}?"
-    return f"{there} {shortened(known)}"
 
 
 def finite(value: object, what: str) -> float:
@@ -277,14 +259,6 @@ def refuse_events(model: Model, what: str) -> None:
     if model.events or model.frictions:
         names = shortened([*model.events, *model.frictions])
         raise ModelError(f"{model.name}: {what} does not support events yet ({names}); take ncgen.simulate, or leave them out")
-
-
-def shortened(names: Sequence[str]) -> str:
-    """Names with commas between them, as many as a message can take."""
-    listed = ", ".join(names)
-    if len(listed) <= LISTED:
-        return listed
-    return f"{listed[: listed.rindex(', ', 0, LISTED)]}, … ({len(names)} of them)"
 
 
 def echo(given: object) -> str:

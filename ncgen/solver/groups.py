@@ -15,10 +15,14 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, cast
 
 from ncgen.errors import ModelError, shown
-from ncgen.solver.given import CONSISTENT_RESIDUAL, Given, offer
+from ncgen.solver.name_lists import offer
 
 if TYPE_CHECKING:
+    from ncgen.solver.given import Given
     from ncgen.solver.runs.signals import Signal
+
+CONSISTENT_RESIDUAL = 1e-9
+"""Relative residual of the constraints up to which a position is consistent: larger than rounding, smaller than usual tolerances."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

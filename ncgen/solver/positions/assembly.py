@@ -15,7 +15,8 @@ from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import is_finite, watched
-from ncgen.solver.given import CONSISTENT_RESIDUAL, Given
+from ncgen.solver.given import Given
+from ncgen.solver.groups import CONSISTENT_RESIDUAL
 from ncgen.solver.positions.position import TOLERANCE, check_finite, residual
 from ncgen.solver.positions.sparse_rows import DENSE, least_damped, scaled
 

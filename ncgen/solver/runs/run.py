@@ -35,7 +35,6 @@ from ncgen.model import Model
 from ncgen.model.elements import Component
 from ncgen.solver import given
 from ncgen.solver.given import (
-    CONSISTENT_RESIDUAL,
     ECHOED,
     Given,
     Outline,
@@ -48,7 +47,7 @@ from ncgen.solver.given import (
     real_numbers,
     several,
 )
-from ncgen.solver.groups import DEFAULTS, MotionArguments, check_names
+from ncgen.solver.groups import CONSISTENT_RESIDUAL, DEFAULTS, MotionArguments, check_names
 from ncgen.solver.runs.signals import Signals, signals_of
 from ncgen.solver.runs.stop import Stop, stop_at
 from ncgen.solver.runs.telling import Told, check_told
