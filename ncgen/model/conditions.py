@@ -60,7 +60,7 @@ class Condition(ABC):
 class Bound(Condition):
     """A value above zero, not below it, or other than zero.
 
-    said: what stands before the number in the message; relation: ">", ">=" or "!="; unit, remedy: what stands behind it
+    said: what stands before the number in the message; relation: ">", ">=" or "!="; unit ("" for none), remedy: what stands behind it
     """
 
     said: str
@@ -78,7 +78,8 @@ class Bound(Condition):
         return RELATIONS[self.relation](x, 0.0) & np.isfinite(x)
 
     def sentence(self, numbers: np.ndarray) -> str:
-        return f"{self.said} {numbers[0]:g} {self.unit}; {self.remedy}"
+        number = f"{self.said} {numbers[0]:g} {self.unit}".rstrip()
+        return f"{number}; {self.remedy}"
 
 
 @dataclass(frozen=True, eq=False)

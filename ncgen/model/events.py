@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias, get_args
 
 from ncgen.errors import ModelError, one_of
 from ncgen.model.actions import Action, Call, Doing, Impact, actions_of
+from ncgen.model.conditions import Bound
 from ncgen.model.elements import Component, Point, Relative
 from ncgen.model.expressions import is_symbolic, symbols_in
 from ncgen.model.facts import fact
@@ -125,8 +126,8 @@ class Events(Loads):
             raise ModelError(f"{where}: neither lower nor upper is given; give one of them")
         if lower is not None and upper is not None and not (low := self._number(lower, where)) < (high := self._number(upper, where)):
             raise ModelError(f"{where}: lower is {low:g} and upper {high:g}; lower must be less")
-        self._check_sign(where, damping=damping)
-        self._check_sign(where, strictly=True, exponent=exponent, **({} if stiffness is None else {"stiffness": stiffness}))
+        self._require_sign(where, ">=", damping=damping)
+        self._require_sign(where, ">", exponent=exponent, **({} if stiffness is None else {"stiffness": stiffness}))
         rigid = actions_of(self, Impact(restitution), where)
         gaps = (("lower", lower, lambda v: x - v, 1.0), ("upper", upper, lambda v: v - x, -1.0))
         for side, limit, gap, way in gaps:
@@ -162,7 +163,7 @@ class Events(Loads):
             The event at which it becomes taut.
         """
         where = name or f"rope.{start.name}.{end.name}"
-        self._check_sign(where, strictly=True, length=length)
+        self._require_sign(where, ">", length=length)
         square = sum((as_sympy(b) - as_sympy(a)) ** 2 for a, b in zip(start.components, end.components, strict=True))
         return self.event(where, as_sympy(length) ** 2 - square, "falling", actions_of(self, Impact(restitution), where))
 
@@ -206,9 +207,9 @@ class Events(Loads):
             raise ModelError(f"friction {where}: there is one of that name already; give another name")
         self._check_moving(coordinate, where)
         most = coulomb if static is None else static
-        self._check_sign(where, coulomb=coulomb, viscous=viscous)
+        self._require_sign(where, ">=", coulomb=coulomb, viscous=viscous)
         if stribeck is not None:
-            self._check_sign(where, strictly=True, stribeck=stribeck)
+            self._require_sign(where, ">", stribeck=stribeck)
         if (least := self._number(coulomb, where)) > (largest := self._number(most, where)):
             raise ModelError(f"{where}: static is {largest:g}, less than coulomb, {least:g}; give at least as much")
         slip, held = self.input(f"{where}.slip"), self.parameter(f"{where}.held", 0.0)
@@ -220,12 +221,11 @@ class Events(Loads):
         self.frictions[where] = Friction(where, component.name, most, slip.name, held.name)
         return self.frictions[where]
 
-    def _check_sign(self, where: str, strictly: bool = False, **values: Value) -> None:
-        """Raise ModelError for the first value that is negative, or zero where that is not allowed."""
+    def _require_sign(self, where: str, relation: Literal[">", ">="], **values: Value) -> None:
+        """Refuse values that are negative, or zero where the relation says so, now and wherever parameters are given."""
+        remedy = "give a number above 0" if relation == ">" else "give a number that is not negative"
         for name, value in values.items():
-            number = self._number(value, f"{where}, {name}")
-            if number < 0 or (strictly and number == 0):
-                raise ModelError(f"{where}: {name} is {number:g}; give a number {'above 0' if strictly else 'that is not negative'}")
+            self._require(Bound(f"{where}: {name} is", value, relation, "", remedy))
 
     def _check_moving(self, coordinate: Component | Relative, where: str) -> None:
         """Raise ModelError for a fixed coordinate."""

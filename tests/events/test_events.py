@@ -298,3 +298,15 @@ def test_numbers_out_of_their_range_are_refused(declare, message):
     with pytest.raises(ncgen.ModelError) as refused:
         declare(m, x)
     assert str(refused.value) == message
+
+
+def test_parameters_out_of_their_range_are_refused_where_they_are_given():
+    m = ncgen.Model("block")
+    O, P = m.point("O", (0, 0), fixed=True), m.point("P", (0.5, 0), fixed="y")
+    m.body("block", [P], mass=1.0)
+    m.friction(m.length("x", O, P), m.parameter("mu", 0.1))
+    kernels = ncgen.compile(m)
+    assert ncgen.simulate(kernels, 0.1, p={"mu": 0.05}).t[-1] == 0.1
+    with pytest.raises(ncgen.ModelError) as refused:
+        ncgen.simulate(kernels, 0.1, p={"mu": -1.0})
+    assert "x.friction: coulomb is -1; give a number that is not negative" in str(refused.value)

@@ -154,3 +154,13 @@ def test_a_follower_leaves_its_cam():
     assert (leaves.what, lands.what) == ("leaves", "")
     assert [leaves.t, lands.t] == pytest.approx([0.0439942783575529, 0.1076599719173969], rel=1e-10)
     assert lands.before[0] - lift * omega * math.sin(omega * lands.t) == pytest.approx(-0.2920006281060264, rel=1e-8)
+
+
+@pytest.mark.parametrize("speed", [0.0, 2.0])
+def test_friction_of_zero_changes_nothing(speed):
+    m = ncgen.Model("free")
+    O, P = m.point("O", (0, 0), fixed=True), m.point("P", (0.5, 0), fixed="y")
+    m.body("block", [P], mass=1.0)
+    m.friction(m.length("x", O, P), 0.0)
+    run = ncgen.simulate(ncgen.compile(m), 0.1, qd0={"P.x": speed})
+    assert run["P.x"][-1] == pytest.approx(0.5 + 0.1 * speed, abs=1e-12)

@@ -107,7 +107,7 @@ class Instant:
         taking = [k for k in all_impacts if k in due or abs(values[k]) <= CLOSED * scales[k]]
         gradients, drift = functions.slopes(start)
         gaps = Gaps(
-            kernels, start, gradients[taking], drift[taking], np.array([self._restitution(k) for k in taking]),
+            kernels, start, gradients[taking], drift[taking], np.array([restitution_of(self.functions, k, start) for k in taking]),
             tuple(functions.events[k].name for k in taking),
         )  # fmt: skip
         closing = gaps.closing(start.qd)
@@ -147,12 +147,6 @@ class Instant:
             )
         return next(iter(orders), "simultaneous")
 
-    def _restitution(self, k: int) -> float:
-        impact = self.functions.events[k].impact
-        if impact is None:
-            return 0.0
-        return number_of(self.kernels, impact.restitution, self.at, f"event {self.functions.events[k].name}")
-
     def _note(self, k: int, search: Search, start: State) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
         self.happened.append(Happening(start.t, self.functions.events[k].name, search, start.q, start.qd, self.at.qd, 0.0, lost))
@@ -160,6 +154,12 @@ class Instant:
     def _energy(self, at: State) -> np.ndarray:
         """Kinetic and potential energy (J)."""
         return self.kernels.energy(at.q, at.qd, at.t, at.p)[:2]
+
+
+def restitution_of(functions: EventFunctions, k: int, at: State) -> float:
+    """Of an event's impact; 0 for other events."""
+    event = functions.events[k]
+    return number_of(functions.kernels, event.impact.restitution, at, f"event {event.name}") if event.impact else 0.0
 
 
 def number_of(kernels: Kernels, value: object, at: State, where: str) -> float:

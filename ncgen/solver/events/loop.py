@@ -10,7 +10,7 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.conditions import OFF
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.events.actions import CLOSED, Instant, number_of
+from ncgen.solver.events.actions import CLOSED, Instant, restitution_of
 from ncgen.solver.events.conditions import NOISE, EventFunctions
 from ncgen.solver.events.modes import LoadConditions, Mode, rank_of, variant
 from ncgen.solver.events.passage import Passage
@@ -59,7 +59,8 @@ class _Loop:
             reason = self._part(part)
             if reason or part.stopped is None:
                 return reason
-            if self._act(self._due(part.crossed)) or self._is_stop(part.crossed):
+            stops = self._is_stop(part.crossed)
+            if self._act(self._due(part.crossed)) or stops:
                 return self._finish()
             if not self.at.t < end:
                 return self._rows_at_end()
@@ -117,8 +118,8 @@ class _Loop:
         return {k: functions.searches[k] for k in crossed if k < functions.count}
 
     def _is_stop(self, crossed: tuple[int, ...]) -> bool:
-        """Whether the run was told to stop there."""
-        return self.task.stop is not None and self.functions.count + self.settling.last_count in crossed
+        """Whether the run was told to stop there: that condition follows those of the mechanism and of the loads."""
+        return self.task.stop is not None and self.functions.count + self.settling.count(self.held) in crossed
 
     def _begin(self) -> bool:
         """Events at the start: a condition that is zero there and moves on in its direction. Returns whether the run ends there.
@@ -197,11 +198,10 @@ class _Loop:
         rates, second = self.functions.rates(self.at, self._accelerations())
         scales = self.functions.scales(self.at)
         for k in impacts:
-            event = self.functions.events[k]
-            restitution = number_of(self.kernels, event.impact.restitution, self.at, f"event {event.name}")  # type: ignore[union-attr]
+            restitution = restitution_of(self.functions, k, self.at)
             speed, pull = max(float(rates[k]), 0.0), -float(second[k])
             if pull > 0 and speed**2 / (2 * pull) <= AT_REST * NOISE[self.functions.degree] * scales[k]:
-                found[k] = event.name, self.at.t + (2 * speed / pull / (1 - restitution) if restitution < 1 else 0.0)
+                found[k] = self.functions.events[k].name, self.at.t + (2 * speed / pull / (1 - restitution) if restitution < 1 else 0.0)
         return found
 
     def _accelerations(self) -> np.ndarray:

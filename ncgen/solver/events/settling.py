@@ -42,7 +42,6 @@ class Settling:
         self.functions, self.kernels = functions, functions.kernels
         self.rows = {row.number: row for row in functions.rows}
         self.left: dict[int, float] = {}
-        self.last_count = 0
 
     # -- what C watches ------------------------------------------------------------------------
 
@@ -56,8 +55,7 @@ class Settling:
 
     def count(self, held: tuple[int, ...]) -> int:
         """How many conditions loads have: one of a gap, two of a joint."""
-        self.last_count = sum(2 if k in self.functions.frictions else 1 for k in held)
-        return self.last_count
+        return sum(2 if k in self.functions.frictions else 1 for k in held)
 
     def margins(self, held: tuple[int, ...], loads: np.ndarray, p: np.ndarray) -> list[tuple[float, float]]:
         """Of every condition how far the load may still go, and its size."""
@@ -157,7 +155,7 @@ class Settling:
         for k, load in zip(held, loads.tolist(), strict=True):
             if k in self.functions.frictions:
                 most = self._static(k, at.p)
-                over, side = (abs(load) - most) / max(most, largest), -float(np.sign(load))
+                over, side = (abs(load) - most) / (max(most, largest) or 1.0), -float(np.sign(load))
             else:
                 pushed = load / largest if largest else 0.0
                 over, side = -pushed if k in before else 2 * SLACK - pushed, 1.0
