@@ -6,22 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from bouncing import G, ball
 from sliding import sliding_block
 
 import ncgen
 from ncgen.exchange.toml_writer import to_toml
-
-G = 9.81
-
-
-def ball(restitution=0.5, **options) -> ncgen.Model:
-    """1 kg, dropped from 1 m onto the floor."""
-    m = ncgen.Model("ball")
-    P = m.point("P", (0, 1), fixed="x")
-    m.body("ball", [P], mass=1.0)
-    m.gravity((0, -G))
-    m.event("floor", when=P.y, do=ncgen.impact(restitution=m.parameter("e", restitution), **options))
-    return m
 
 
 @pytest.fixture(scope="module")
@@ -252,7 +241,6 @@ def test_unknown_names_are_refused():
 @pytest.mark.parametrize(
     ("call", "what"),
     [
-        (lambda k: ncgen.start(k), "ncgen.start"),
         (lambda k: ncgen.start_batch(k, 2), "ncgen.start_batch"),
         (lambda k: ncgen.gradient(k, 1.0, 10, lambda q, qd: q[-1, 0]), "a derivative of a motion"),
         (lambda k: ncgen.simulate_batch(k, 1.0, q0=np.ones((2, 1))), "ncgen.simulate_batch"),

@@ -57,10 +57,10 @@ class Instant:
             for k in due:
                 if not events[k].impact:
                     self._act(k, due[k])
-            due = self._turned(before, due)
+            due = self.turned(before, due)
 
-    def _turned(self, before: np.ndarray, done: Iterable[int]) -> dict[int, Search]:
-        """Events whose conditions the last actions carried to the other side."""
+    def turned(self, before: np.ndarray, done: Iterable[int]) -> dict[int, Search]:
+        """Events, but for those done, whose conditions the last changes carried to the other side; before (C,): their values then."""
         after, _ = self.functions.values(self.at)
         small, ways = CLOSED * self.functions.scales(self.at), self.functions.directions
         turned = (before * after < 0) & (np.abs(before) > small) & (np.abs(after) > small) & (np.sign(after) * ways >= 0)
