@@ -152,7 +152,7 @@ class Loop:
         return self._act(due) if due or functions.can_hold else False
 
     def change(self, p: np.ndarray) -> bool:
-        """Go on with other parameters p (n_p,): events whose conditions they carry to the other side happen. Returns whether the run ends."""
+        """Go on with other parameters p (n_p,), which may bring about events. Returns whether the run ends with them."""
         before = self.functions.values(self.at)[0]
         self.at = replace(self.at, p=p)
         due = Instant(self.functions, self.at).turned(before, ())

@@ -117,8 +117,8 @@ class Steps:
             self.follow()
             if self.stopped:
                 raise ModelError(
-                    f"{self._kernels.name}: an event ended the motion at t = {now.t:.9g} s; go back with sim.reset(state), or write another "
-                    "state to sim.q and sim.qd"
+                    f"{self._kernels.name}: an event ended the motion at t = {now.t:.9g} s; go back with sim.reset(state), or write other "
+                    "values to sim.q and sim.qd"
                 )
             self._run(now.t + h)
         except BaseException:
