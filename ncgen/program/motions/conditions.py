@@ -73,11 +73,11 @@ def terms_of(expression: Scalar) -> sympy.Expr:
 
 def degree_of(expression: Scalar, moving: set[str]) -> int | None:
     """The degree of an expression as a polynomial of the time and of coordinates and velocities of these names; None where it is none."""
-    found = sympy.sympify(expression)
-    symbols = [s for s in sorted(symbols_in(found), key=str) if s.name == TIME or s.name in moving]
+    formula = sympy.sympify(expression)
+    symbols = [s for s in sorted(symbols_in(formula), key=str) if s.name == TIME or s.name in moving]
     if not symbols:
         return 0
-    poly = found.as_poly(*symbols)
+    poly = formula.as_poly(*symbols)
     return None if poly is None else poly.total_degree()
 
 

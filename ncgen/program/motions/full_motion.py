@@ -156,11 +156,11 @@ class Saddle:
         along: {node: its change}
         """
         graph = self.graph
-        found = tangent(graph, [*right.values(), *self.A.values()], along)
-        sums = {i: [found[node]] for i, node in right.items() if node in found}
+        changes_of = tangent(graph, [*right.values(), *self.A.values()], along)
+        sums = {i: [changes_of[node]] for i, node in right.items() if node in changes_of}
         for (i, j), node in sorted(self.A.items()):
-            if node in found and j in x:
-                sums.setdefault(i, []).append(graph.neg(graph.mul(found[node], x[j])))
+            if node in changes_of and j in x:
+                sums.setdefault(i, []).append(graph.neg(graph.mul(changes_of[node], x[j])))
         return solve({i: graph.sum(nodes) for i, nodes in sums.items()})
 
     def times_jacobian(self, x: Sequence[int]) -> Vector:
@@ -243,8 +243,8 @@ class _Motion:
         x = self.saddle.change(self.x, self.right, along, self.saddle.refined)
         along |= {self.x[k]: x.get(k, zero) for k in self.x if graph.value(self.x[k]) is None}
         scalars = [self.power, self.kinetic, self.potential]
-        found = tangent(graph, scalars, along)
-        outputs = [*rates, *(x.get(k, zero) for k in range(self.n + self.m)), *(found.get(node, zero) for node in scalars)]
+        changes = tangent(graph, scalars, along)
+        outputs = [*rates, *(x.get(k, zero) for k in range(self.n + self.m)), *(changes.get(node, zero) for node in scalars)]
         return lines.program("motion_tangent", ("t", "q", "qd", "p", "e", "seed"), outputs)
 
 

@@ -17,6 +17,7 @@ from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gaps
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import least_energy
+from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.trajectories.happening import Happening, Search
 
 MOST_ROUNDS = 1000
@@ -57,10 +58,10 @@ class Instant:
             for k in due:
                 if not events[k].impact:
                     self._act(k, due[k])
-            due = self._turned(before, due)
+            due = self.turned(before, due)
 
-    def _turned(self, before: np.ndarray, done: Iterable[int]) -> dict[int, Search]:
-        """Events whose conditions the last actions carried to the other side."""
+    def turned(self, before: np.ndarray, done: Iterable[int]) -> dict[int, Search]:
+        """Events, but for those done, whose conditions the last changes carried to the other side; before (C,): their values then."""
         after, _ = self.functions.values(self.at)
         small, ways = CLOSED * self.functions.scales(self.at), self.functions.directions
         turned = (before * after < 0) & (np.abs(before) > small) & (np.abs(after) > small) & (np.sign(after) * ways >= 0)
@@ -93,6 +94,8 @@ class Instant:
                 held[kernels.index[inner]] = value
             else:
                 raise ModelError(f"event {where}: {shown(name)} cannot be changed; name an input, a parameter or a velocity, rate(psi)")
+        if not np.array_equal(p, at.p) and (refused := refused_parameters(kernels, p[None])):
+            raise ModelError(f"event {where} at t = {at.t:.6g} s: {refused[0]}")
         self.at = replace(at, p=p)
         if held:
             self.at = replace(self.at, qd=_with_rates(kernels, self.at, held))

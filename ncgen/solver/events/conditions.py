@@ -13,7 +13,8 @@ from ncgen.mechanism.functions import CompiledFunctions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Change
 from ncgen.model.elements import rate_name
-from ncgen.model.events import Event, Friction
+from ncgen.model.events import Event
+from ncgen.model.frictions import Friction
 from ncgen.model.values import Scalar, symbol_of
 from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
 from ncgen.solver.events.modes import Held, LoadConditions

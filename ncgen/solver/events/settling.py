@@ -11,7 +11,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.conditions import OFF
-from ncgen.model.events import Friction
+from ncgen.model.frictions import Friction
 from ncgen.solver.events.actions import CLOSED, number_of
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.modes import loads_of, variant
