@@ -5,3 +5,5 @@ from functools import partial
 from ncgen.exchange.export.python_package import python_files
 
 files = partial(python_files, compiled=True)
+
+HAS_EVENTS = True
