@@ -27,10 +27,10 @@ what is done with it. All else counts."""
 
 def digest(model: Model) -> str | None:
     """The digest of a model, 64 hexadecimal digits; None if it holds something that has no name and no value."""
-    told = {key: value for key, value in vars(model).items() if key not in BESIDE}
+    contents = {key: value for key, value in vars(model).items() if key not in BESIDE}
     words: list[str] = []
     try:
-        _words(told, set(), words)
+        _words(contents, set(), words)
     except TypeError:
         return None
     return hashlib.sha256("\n".join(words).encode()).hexdigest()
