@@ -82,11 +82,28 @@ class Reactions:
         return np.cross(geometry.element(self.run.kernels, thing, self.run.q, self.run.p), self._load(body, thing))
 
     def wrench(self, body: str, about: str, neighbour: str | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Force (N) and moment (N m) about a named point of joint loads on a body, global axes, (K, 3) each.
+        """Compute force and moment of joint loads on a body about a named point, along global axes.
 
-        about: any point of the model; neighbour: the body on the other side of the joint, or "ground"; None for all joints of the body. What
-            joints made of rows, coordinates that are driven and the user's own rows do to the body is among it
-        Raises ModelError where both have nothing in common, or something with a third body, whose load cannot be told from theirs.
+        Joints made of rows, coordinates that are driven and the user's own rows are included.
+
+        Parameters
+        ----------
+        body : str
+            The body that the loads act on.
+        about : str
+            Any point of the model.
+        neighbour : str, optional
+            The body on the other side of the joint, or "ground"; None for all joints of the body.
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            Force (N) and moment (N m), shape (K, 3) each.
+
+        Raises
+        ------
+        ModelError
+            If both bodies have nothing in common, or something with a third body, whose load cannot be told from theirs.
         """
         run = self.run
         place = geometry.element(run.kernels, self._point(about), run.q, run.p)
