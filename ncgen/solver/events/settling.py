@@ -16,7 +16,7 @@ from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.modes import loads_of, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
-from ncgen.solver.trajectories.happening import Happening, Search
+from ncgen.solver.trajectories.happening import GAPS, JOINTS, Happening, Search
 
 SLACK = 1e-10
 """A load on the wrong side by less than this share of the largest is held."""
@@ -154,10 +154,10 @@ class Settling:
         found = []
         for k, row in self.rows.items():
             is_joint = k in self.functions.frictions
-            words = ("sticks", "slips") if is_joint else ("rests", "leaves")
+            words = JOINTS if is_joint else GAPS
             change = words[0] if k in after and k not in before else words[1] if k in before and k not in after else ""
             if is_joint and not change and k in due and k not in after:
-                change = "turns"
+                change = JOINTS[2]
             if change:
                 search: Search = due.get(k, "sampled" if k in before else "action")
                 found.append(Happening(at.t, row.name, search, at.q, start.qd, at.qd, what=change))
