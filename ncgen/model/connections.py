@@ -51,7 +51,7 @@ class ModelJoint:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Driver:
+class ModelDriver:
     """A driver of a model: coordinate (its name) = law (of time and parameters), which is one constraint."""
 
     coordinate: str
@@ -150,11 +150,11 @@ def _joint(pair: _Shared, said: str) -> ModelJoint:
     return ModelJoint(kind=kind, bodies=tuple(each.name for each in pair.bodies), elements=elements, constraints=pair.rows)
 
 
-def drivers_of(model: Contents) -> tuple[Driver, ...]:
+def drivers_of(model: Contents) -> tuple[ModelDriver, ...]:
     """All drivers, in the order of their constraints."""
     rows = [row for row in model.rows if row.owner.kind == "driver"]
     coordinates = {component.name: component for component in model.components}
     return tuple(
-        Driver(coordinate=row.owner.name, law=as_sympy(coordinates[row.owner.name].symbol) - as_sympy(row.written), constraint=row)
+        ModelDriver(coordinate=row.owner.name, law=as_sympy(coordinates[row.owner.name].symbol) - as_sympy(row.written), constraint=row)
         for row in rows
     )

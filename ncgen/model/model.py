@@ -34,7 +34,7 @@ from ncgen.model.rigid import Frame
 from ncgen.model.rows import Owner
 
 if TYPE_CHECKING:
-    from ncgen.model.connections import Driver, ModelJoint
+    from ncgen.model.connections import ModelDriver, ModelJoint
     from ncgen.model.tables import Table, TableOptions
 
 LONGEST_NAME = 100
@@ -109,7 +109,7 @@ class Model(Joints, Frictions, Pictures):
         return joints_of(self)
 
     @property
-    def drivers(self) -> tuple[Driver, ...]:
+    def drivers(self) -> tuple[ModelDriver, ...]:
         """The drivers, in the order of their constraints."""
         from ncgen.model.connections import drivers_of
 
