@@ -52,6 +52,10 @@ RUNTIME = "ncgen_driven.c"
 """The file of the runtime that exports in C move by; what it needs comes along."""
 
 
+BREAKS = "ncgen_breaks.c"
+"""Likewise of those whose laws of time change their formula."""
+
+
 @dataclass(frozen=True, eq=False)
 class Package:
     """A mechanism ready to be written for a target.
@@ -89,7 +93,8 @@ class Package:
     @cached_property
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
-        runtime = runtime_files(*HEADERS, *needed_by(RUNTIME, defined=(WITHOUT_TABLES,)), defined=(WITHOUT_TABLES,))
+        needed = needed_by(RUNTIME, *([BREAKS] if self.switching else []), defined=(WITHOUT_TABLES,))
+        runtime = runtime_files(*HEADERS, *needed, defined=(WITHOUT_TABLES,))
         files = self.sources.c | self.recursion | runtime
         records = self.records | self._described
         files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **records) for kind in "hc"}
