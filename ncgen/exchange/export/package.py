@@ -28,7 +28,7 @@ from ncgen.mechanism.written import motion_source
 from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
 from ncgen.program.algebra.quasidefinite import Elimination, plan
-from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.full_loads import assemble_loads
 from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
@@ -106,25 +106,41 @@ class Package:
         return motion_source(self.kernels, lambda: own_positions(self.kernels))
 
     @cached_property
+    def rank(self) -> int:
+        """Of the Jacobian at the start."""
+        return freedom(self.kernels, self.q).rank
+
+    @cached_property
+    def singular_mass(self) -> bool:
+        """Whether some motion has no inertia."""
+        return not is_definite(self.kernels)
+
+    @cached_property
+    def conservative(self) -> bool:
+        """Whether there is no work to integrate."""
+        return is_conservative(self.kernels)
+
+    def elimination(self, phi_q: Pattern) -> Elimination:
+        """In which the matrix of the equations is eliminated, with a Jacobian of this pattern."""
+        return plan(self.kernels.mass_pattern, phi_q, rows_first=self.singular_mass)
+
+    @cached_property
     def _order(self) -> Elimination:
-        """In which the matrix of the equations is eliminated."""
-        kernels = self.kernels
-        return plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=not is_definite(kernels))
+        return self.elimination(self.kernels.phi_q_pattern)
 
     @property
     def _described(self) -> dict[str, object]:
         """What the runtime is told of the mechanism."""
         kernels, order = self.kernels, self._order
-        rank = freedom(kernels, self.q).rank
         arrays = {"start": self.q, "speeds": self.qd, "row_sizes": kernels.row_sizes, "column_sizes": kernels.column_sizes}
         return {
             **{name: [number(float(x)) for x in values] for name, values in arrays.items()},
             "elimination": {"size": order.size, "nonzeros": order.nonzeros, "tables": [(a, getattr(order, a)) for a in Elimination.ARRAYS]},
             "nonzeros": kernels.mass_pattern.nonzeros + kernels.phi_q_pattern.nonzeros,
-            "rank": rank,
-            "redundant": rank < kernels.m,
-            "singular_mass": not is_definite(kernels),
-            "conservative": is_conservative(kernels),
+            "rank": self.rank,
+            "redundant": self.rank < kernels.m,
+            "singular_mass": self.singular_mass,
+            "conservative": self.conservative,
             "widest": widest_tableau(),
         }
 
