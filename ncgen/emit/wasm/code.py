@@ -22,7 +22,10 @@ SINCOS = "ncgen_sincos"
 
 
 def function(program: Program, prefix: str, memory: Memory, callable_: dict[str, int]) -> Function:
-    """A kernel, which returns NCGEN_OK where it is linked. callable_: {function: its number in the module}, of imported ones by their names here, such as "tan"."""
+    """A kernel, which returns NCGEN_OK where it is linked.
+
+    callable_: {function: its number in the module}, of imported ones by their names here, such as "tan".
+    """
     arguments = tuple(F64 if name == "t" else I32 for name in program.inputs) + (I32,)
     body = _Body(program, memory, callable_)
     blocks = [_angles(program.angles)] if program.angles else []

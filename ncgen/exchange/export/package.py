@@ -25,7 +25,6 @@ from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.written import motion_source
-from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
 from ncgen.program.algebra.quasidefinite import Elimination, plan
 from ncgen.program.ir.blocks import Pattern, Program
@@ -44,9 +43,6 @@ from ncgen.solver.trajectories.outputs import uses_loads
 
 PUBLIC = ("ncgen.h",)
 """Headers of ncgen that an embedder reads; the others stay beside the sources."""
-
-NEWTON_STEPS = 4
-"""Newton steps by which a step of fixed length may close the loops at its end, where the language has no runtime of ncgen's."""
 
 RUNTIME = "ncgen_driven.c"
 """The file of the runtime that exports in C move by; what it needs comes along."""
@@ -164,14 +160,9 @@ class Package:
             "parameters": programs.equations.parameters,
             "defaults": [float(value) for value in self.kernels.p0],
             "dof": self.dof,
-            "start": self.q.tolist(),
-            "speeds": self.qd.tolist(),
-            "row_sizes": self.kernels.row_sizes.tolist(),
             "duration": self.duration,
             "operations": operations,
             **self._costs(operations),
-            "newton_steps": NEWTON_STEPS,
-            "stages": [(str(node), str(weight)) for node, weight in INTEGRATORS["rk4"].coefficients.successive],
             "numbers": 4 + 3 * self.kernels.n,
             "inputs": self.kernels.inputs,
             "outputs": list(self.kernels.model.outputs.values()),
