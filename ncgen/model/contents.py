@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
     from ncgen.model.elements import Component, Element
-    from ncgen.model.events import Event, Friction
+    from ncgen.model.events import Event
     from ncgen.model.facts import Fact
     from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor
+    from ncgen.model.frictions import Friction
     from ncgen.model.outputs import Output
     from ncgen.model.rigid import Claims
     from ncgen.model.rows import Row
@@ -108,8 +109,8 @@ class Contents:
 
     def bearer(self, word: str) -> Element | Parameter | Component | Curve | None:
         """What has this name: an element, a parameter, a curve, or a coordinate of an element; None if nothing has."""
-        found = self.elements.get(word) or self.parameters.get(word) or self.inputs.get(word) or self.curves.get(word)
+        bearer_of_word = self.elements.get(word) or self.parameters.get(word) or self.inputs.get(word) or self.curves.get(word)
         owner, _, axis = word.rpartition(".")
-        if found is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):
+        if bearer_of_word is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):
             return getattr(self.elements[owner], axis)
-        return found
+        return bearer_of_word

@@ -112,9 +112,9 @@ class Joints(Structure):
         others = (
             [*segments, *map(as_combination, b.vectors)] if b is not self.ground else [as_combination(Constant.of("x", (1.0, 0.0, 0.0)))]
         )
-        if seen := [other for other in others if np.linalg.norm(other.initial[:2]) > FLAT * max(1.0, np.linalg.norm(other.initial))]:
-            cosine, sine = _turned(along, seen[0])
-            now = _turned(along, seen[0], at_start=True)
+        if inclined := [other for other in others if np.linalg.norm(other.initial[:2]) > FLAT * max(1.0, np.linalg.norm(other.initial))]:
+            cosine, sine = _turned(along, inclined[0])
+            now = _turned(along, inclined[0], at_start=True)
             turning, start_value = (sine, now[1]) if abs(self._number(now[1], "")) <= abs(self._number(now[0], "")) else (cosine, now[0])
             self.constrain(turning - start_value, f"no turning of {b.name} on {a.name}", owner)
 

@@ -24,8 +24,9 @@ from ncgen.errors import ModelError, counted, shown
 from ncgen.model.bodies import Body
 from ncgen.model.coordinates import check_form
 from ncgen.model.drawing import Drawing
-from ncgen.model.events import Events, called_by
+from ncgen.model.events import called_by
 from ncgen.model.facts import fact
+from ncgen.model.frictions import Frictions
 from ncgen.model.joints import Joints
 from ncgen.model.names import check_word, normal
 from ncgen.model.pictures import Pictures
@@ -39,7 +40,7 @@ LONGEST_NAME = 100
 """Characters of a model's name, which becomes a file name."""
 
 
-class Model(Joints, Events, Pictures):
+class Model(Joints, Frictions, Pictures):
     """Describe a mechanism in natural coordinates.
 
     Parameters

@@ -79,9 +79,9 @@ class Row:
 
     def direction(self, name: str) -> Combination:
         """What a vector argument of the row's type stands for."""
-        found = self.arguments[name]
-        assert isinstance(found, Combination), f"{self.label}: {name} is no vector"
-        return found
+        argument = self.arguments[name]
+        assert isinstance(argument, Combination), f"{self.label}: {name} is no vector"
+        return argument
 
 
 def natural_size(row: Row, number: Callable[[Value], float]) -> float | None:
@@ -144,8 +144,8 @@ def vector_vector(u: Spatial, v: Spatial, cosine: Value, owner: Owner, numeric: 
 def conditions(row: Row) -> list[Condition]:
     """What the data of a row must satisfy. A cosine that was measured is no data of the user's: it says where elements are."""
     key = row.type.key if row.type else ""
-    found: list[Condition] = [_length_condition(row)] if key in ("distance", "vector-segment") else []
-    return [*found, _cosine_condition(row)] if key in ("vector-segment", "vector-vector") and not row.measured else found
+    on_data: list[Condition] = [_length_condition(row)] if key in ("distance", "vector-segment") else []
+    return [*on_data, _cosine_condition(row)] if key in ("vector-segment", "vector-vector") and not row.measured else on_data
 
 
 def _length_condition(row: Row) -> Bound:

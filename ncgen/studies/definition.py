@@ -16,11 +16,11 @@ from ncgen.errors import SHOWN, ModelError, counted, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.model import Model
-from ncgen.model.digest import digest
+from ncgen.model.digest import digest, digest_of_events
 from ncgen.model.elements import coordinate_of
 from ncgen.model.model import checked_model
 from ncgen.solver.given import count as whole
-from ncgen.solver.given import known_name, refuse_events, several
+from ncgen.solver.given import has_events, known_name, several
 from ncgen.solver.runs.run import Run, outline
 from ncgen.solver.runs.simulation_options import check_options, simulation_of
 from ncgen.solver.trajectories.outputs import uses_accelerations
@@ -72,10 +72,13 @@ class Study:
         model = checked_model(getattr(model, "model", model))
         options = simulation_of(model, **(simulation or {}))
         check_options(options)
-        run, known = Run.asked(model, **options), outline(model)
+        run, known = Run.from_arguments(model, **options), outline(model)
         if model.callbacks:
             raise ModelError(f"{model.name}: a force is a Python function, which is no data; a study needs a model that can travel")
-        refuse_events(model, "ncgen.study")
+        if called := [event.name for event in model.events.values() if event.is_called]:
+            raise ModelError(
+                f"{model.name}: event {called[0]} calls a Python function, which is no data; write what it does as expressions"
+            )
         for name, signal in (options.get("inputs") or {}).items():
             if callable(signal):
                 raise ModelError(f"inputs, {name}: a Python function is no data; give a number or a table of times and values")
@@ -90,6 +93,8 @@ class Study:
             raise ModelError(f"times: from {instants[0]:g} to {instants[-1]:g} s given; the run goes from {ends[0]:g} to {ends[1]:g} s")
         if len(instants) and run.stop is not None:
             raise ModelError("times: where a run may end before, it has no instants of its own; keep the end, or leave stop out")
+        if len(instants) and (ending := [event.name for event in model.events.values() if event.is_last]):
+            raise ModelError(f"times: event {ending[0]} may end a run before; keep the end, or leave the event out")
         steps = None if steps is None else whole(steps, "steps")
         study = cls(model, variants, columns, _apart(instants, ends), options, points, steps)
         study._check_names()
@@ -118,6 +123,10 @@ class Study:
         if bool(self.gradients) != (self.steps is not None):
             raise ModelError("steps: gradient(…) goes through steps of equal length, as ncgen.gradient does; give both or neither")
         for column in self.gradients:
+            if has_events(self.model):
+                raise ModelError(
+                    f"keep, {column.word}: the model has events, and studies have no gradients of such runs; leave one of them out"
+                )
             if given := [name for name in NO_GRADIENT if self.simulation.get(name)]:
                 raise ModelError(f"keep, {column.word}: {given[0]} is given, and such runs have no derivative; leave one of them out")
             if column.is_output(self.model) and uses_accelerations(self.model):
@@ -144,35 +153,39 @@ class Study:
     @cached_property
     def run(self) -> Run:
         """The run that all variants have in common, on the instants that are looked at."""
-        return Run.asked(self.model, **self.simulation, points=self.grid)
+        return Run.from_arguments(self.model, **self.simulation, points=self.grid)
 
     @cached_property
     def grid(self) -> np.ndarray:
         """The instants of every run (s): those of histories, and even ones where the whole run counts."""
         usual = WHOLE if any(column.whole for column in self.values) else 2
-        even = Run.asked(self.model, **self.simulation, points=usual if self.points is None else self.points).times
+        even = Run.from_arguments(self.model, **self.simulation, points=usual if self.points is None else self.points).times
         inner = even[1:-1]
         near = np.abs(inner[:, None] - self.times).min(axis=1, initial=np.inf) < NEAR * (even[-1] - even[0])
         return np.union1d(np.concatenate([even[[0, -1]], inner[~near]]), self.times)
 
     def options(self, row: np.ndarray) -> dict[str, Any]:
         """Arguments of `simulate` for a variant with these numbers (names,)."""
-        found = dict(self.simulation)
+        arguments = dict(self.simulation)
         for name, value in zip(self.design.names, row.tolist(), strict=True):
             argument, inner = argument_of(name)
-            found[argument] = {**(found.get(argument) or {}), inner: value}
-        return found
+            arguments[argument] = {**(arguments.get(argument) or {}), inner: value}
+        return arguments
 
     @cached_property
     def digest(self) -> str:
         """What tells the study from others, 64 hexadecimal digits: equal if and only if variants and columns are."""
-        told = digest(self.model) or hashlib.sha256(pickle.dumps(self.model)).hexdigest()
+        model_digest = digest(self.model) or hashlib.sha256(pickle.dumps(self.model)).hexdigest()
         axes = [[a.name, a.kind, [float(x).hex() for x in (*a.values, *a.ends)]] for a in self.design.axes]
-        said = [
-            told, axes, self.design.kind, self.design.count, self.design.seed, [column.word for column in self.kept],
+        content = [
+            model_digest, axes, self.design.kind, self.design.count, self.design.seed, [column.word for column in self.kept],
             [t.hex() for t in self.times.tolist()], [t.hex() for t in self.grid.tolist()], _plain(self.simulation),
         ] + ([self.steps] if self.steps else [])  # fmt: skip
-        return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+        if has_events(self.model):
+            content.append(
+                digest_of_events(self.model) or hashlib.sha256(pickle.dumps((self.model.events, self.model.frictions))).hexdigest()
+            )
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     @property
     def left_open(self) -> bool:

@@ -67,8 +67,8 @@ def sources(module: Module = GENERIC) -> dict[str, str]:
     """{file name: text} of all that is compiled."""
     runtime = needed_by(*module.runtime, defined=MACROS)
     headers = tuple(name for name in RUNTIME_HEADERS if name not in runtime)
-    own = (f"{module.entry}.h", f"{module.entry}.c")
-    return module.others() | runtime_files(*runtime, *headers, *own, defined=MACROS)
+    entry = (f"{module.entry}.h", f"{module.entry}.c")
+    return module.others() | runtime_files(*runtime, *headers, *entry, defined=MACROS)
 
 
 def exported(module: Module = GENERIC) -> list[str]:

@@ -210,13 +210,13 @@ class _Linkage:
         for element in self.model.elements.values():
             if not isinstance(element, Relative) or element.name in self.said:
                 continue
-            told = (self._following(element, joint) for joint in (*self.joints, *self.loops))
-            found = next((each for each in told if each), None)
-            if found is None:
+            followed = (self._following(element, joint) for joint in (*self.joints, *self.loops))
+            first_followed = next((each for each in followed if each), None)
+            if first_followed is None:
                 raise ModelError(
                     f"{self.model.name}: coordinate {element.name} is that of no hinge or slider; a file of links and joints cannot say it"
                 )
-            old, sign = found
+            old, sign = first_followed
             self._put(old, replace(old, name=element.name, axis=sign * old.axis, **self._acting(element)))
             self.said.add(element.name)
 
@@ -284,9 +284,9 @@ class _Linkage:
         """Bodies that move freely hang on the first joint that names them as its child, where there is one."""
         carried = {joint.child for joint in self.joints}
         for part in self.parts[1:]:
-            if part.name not in carried and (found := next((loop for loop in self.loops if loop.child == part.name), None)):
-                self.loops.remove(found)
-                self.joints.append(found)
+            if part.name not in carried and (loop_here := next((loop for loop in self.loops if loop.child == part.name), None)):
+                self.loops.remove(loop_here)
+                self.joints.append(loop_here)
 
     def _refuse(self) -> None:
         """Raise ModelError naming the first row or rotor that the format does not say."""

@@ -24,11 +24,6 @@ def roughly(number: float) -> float:
     return float(f"{number:.3g}")
 
 
-def firmly(matrix: np.ndarray) -> np.ndarray:
-    """A matrix whose columns are a little smaller the later they come, so that of equal ones the first is chosen, whatever the rounding."""
-    return matrix * (1.0 - 1e-6 * np.arange(matrix.shape[1]) / max(1, matrix.shape[1]))
-
-
 class Sampling:
     """The values of a graph's nodes in samples; each is computed when it is first asked for.
 
@@ -61,10 +56,10 @@ class Sampling:
         return [{place: float(v[k]) for place, v in values.items()} for k in range(self.count)]
 
     def _missing(self, node: int) -> list[int]:
-        waiting, found = [node], set()
+        waiting, missing = [node], set()
         while waiting:
             part = waiting.pop()
-            if part not in self._known and part not in found:
-                found.add(part)
+            if part not in self._known and part not in missing:
+                missing.add(part)
                 waiting += self.graph.ops[part].args
-        return sorted(found)
+        return sorted(missing)

@@ -17,7 +17,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.model.arguments import truth
 from ncgen.solver.engines.compiled import GROWTH
-from ncgen.solver.given import Given, checked_kernels, finite, names_of, refuse_events
+from ncgen.solver.given import Given, checked_kernels, finite, has_events, names_of
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import Choice, States, those_in_lanes
@@ -26,6 +26,8 @@ from ncgen.solver.runs.run import COMPILED, Run, count
 from ncgen.solver.runs.signals import Signal
 from ncgen.solver.runs.telling import Told, telling
 from ncgen.solver.runs.tolerances import Tolerances
+from ncgen.solver.trajectories.happening import Happening
+from ncgen.solver.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneOutcome
@@ -46,7 +48,8 @@ class BatchTrajectory:
     status (B,): "ok", "interrupted", or a sentence that says why a state did not arrive; its rows from there on are NaN
     steps (B,): accepted ones
     alone (B,): states that could not go on with the others, mostly since their independent coordinates became bad or a driver's velocity
-        jumps, so that they were simulated one at a time
+        jumps, so that they were simulated one at a time; with a model that has events all of them
+    events (B,): what happened at the model's events, of each state in the order of time; () for a model without events
     """
 
     kernels: Kernels
@@ -58,6 +61,7 @@ class BatchTrajectory:
     status: tuple[str, ...]
     steps: np.ndarray
     alone: np.ndarray
+    events: tuple[tuple[Happening, ...], ...] = ()
 
     def __repr__(self) -> str:
         return f"<BatchTrajectory {self.kernels.name}: {int(self.ok.sum())} of {len(self.q)} states arrived at {self.t[-1]:g} s>"
@@ -191,7 +195,7 @@ def simulate_batch(
     """Simulate a mechanism from many states, with many parameter sets, or both.
 
     Each state is a run of `simulate` with coordinate partitioning. The independent coordinates are chosen at the first regular state;
-    where they become ill-conditioned, that state is simulated by `simulate` in C.
+    where they become ill-conditioned, that state is simulated by `simulate` in C. So are all states of a model with events, in a loop.
 
     Parameters
     ----------
@@ -214,7 +218,7 @@ def simulate_batch(
     Returns
     -------
     BatchTrajectory
-        The motions; a state that fails, or takes a million steps, costs nothing but itself, and its status says why.
+        The motions; a state that fails, takes a million steps, or is ended by an event, costs nothing but itself, and its status says why.
 
     Raises
     ------
@@ -229,8 +233,7 @@ def simulate_batch(
     inputs = arguments.get("inputs")
     in_common: dict[str, Any] = {"integrator": "dopri5", **arguments, "formalism": "coordinate-partitioning"}
     q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
-    run = Run.asked(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
-    refuse_events(kernels.model, "ncgen.simulate_batch")
+    run = Run.from_arguments(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
     threads, method = asked_threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
     if inputs:
@@ -240,8 +243,8 @@ def simulate_batch(
     if not np.isfinite(states.zd).all(axis=1).any():
         given = "zd0" if qd0 is None else "qd0"
         raise ModelError(f"{kernels.name}: {given} has numbers that are not finite in every state; correct them")
-    with telling(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as told:
-        return side_by_side(kernels, run, method, states, threads, told, inputs if run.signals else None)
+    with telling(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as advance:
+        return side_by_side(kernels, run, method, states, threads, advance, inputs if run.signals else None)
 
 
 def side_by_side(
@@ -257,7 +260,7 @@ def side_by_side(
 
     run: its times and tolerances; threads, progress: as of `simulate_batch`; inputs: what changes with time, which lanes cannot follow
     """
-    done = _not_begun(run, states) if inputs else _begun(kernels, run, method, states, threads, progress)
+    done = _not_begun(run, states) if inputs or has_events(kernels.model) else _begun(kernels, run, method, states, threads, progress)
     exhausted = np.flatnonzero((done.steps >= MOST_STEPS) & (np.array(done.status) != "ok"))
     for i in exhausted:
         done.status[i] = (
@@ -296,12 +299,12 @@ def _begun(
     if not smooth:
         return done
     some = replace(states, q=states.q[smooth], zd=states.zd[smooth], p=states.p[smooth], faults={})
-    found = _in_lanes(kernels, run, method, some, threads, progress, [breaks[i] for i in smooth])
+    outcome = _in_lanes(kernels, run, method, some, threads, progress, [breaks[i] for i in smooth])
     for name in ("q", "qd", "work", "steps", "reached"):
-        getattr(done, name)[smooth] = getattr(found, name)
-    for i, status in zip(smooth, found.status, strict=True):
+        getattr(done, name)[smooth] = getattr(outcome, name)
+    for i, status in zip(smooth, outcome.status, strict=True):
         done.status[i] = status
-    return replace(done, raised=found.raised)
+    return replace(done, raised=outcome.raised)
 
 
 def _in_lanes(
@@ -343,11 +346,13 @@ class _Batch:
     done: LaneOutcome
     alone: np.ndarray
     progress: Callable[[float], None] | None
+    events: dict[int, tuple[Happening, ...]] = field(default_factory=dict)
 
     def trajectory(self) -> BatchTrajectory:
         done = self.done
         names, status = self.states.choice.names, tuple(done.status)
-        return BatchTrajectory(self.kernels, self.grid, done.q, done.qd, done.work, names, status, done.steps, self.alone)
+        events = tuple(self.events.get(i, ()) for i in range(len(status))) if has_events(self.kernels.model) else ()
+        return BatchTrajectory(self.kernels, self.grid, done.q, done.qd, done.work, names, status, done.steps, self.alone, events)
 
     def go_on_alone(self, duration: float, options: dict[str, Any]) -> None:
         """Simulate those that could not go on with the others; what they warn of is said once."""
@@ -365,12 +370,12 @@ class _Batch:
         if self.progress:
             self.progress(1.0)
         if warned:
-            said = f"{len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}"
-            warn(f"{self.kernels.name}: {said}")
+            summary = f"{len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}"
+            warn(f"{self.kernels.name}: {summary}")
 
     def _simulate(self, i: int, duration: float, options: dict[str, Any]) -> str:
         """Simulate one state; its status."""
-        done, states = self.done, self.states
+        states = self.states
         start = dict(q0=states.q[i], zd0=states.zd[i], p=states.p[i], z=states.choice.names)
         try:
             run = simulate(self.kernels, duration, engine=COMPILED, **start, **options)  # in Python a hopeless state takes very long
@@ -378,8 +383,16 @@ class _Batch:
             return str(error)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             return f"{self.kernels.name}: a calculation failed ({' '.join(str(error).split())}); correct this state"
-        done.q[i], done.qd[i], done.work[i], done.steps[i] = run.q, run.qd, run.work, run.statistics.steps
-        return "ok"
+        return self._take(i, run)
+
+    def _take(self, i: int, run: Trajectory) -> str:
+        """Keep what one state gave, as far as it is on the grid; its status."""
+        done, count = self.done, len(run.t) if run.t[-1] == self.grid[len(run.t) - 1] else len(run.t) - 1
+        done.q[i, :count], done.qd[i, :count], done.work[i, :count] = run.q[:count], run.qd[:count], run.work[:count]
+        done.steps[i], self.events[i] = run.statistics.steps, run.events
+        if count == len(self.grid):
+            return "ok"
+        return f"{self.kernels.name}: event {run.events[-1].name} ended the motion at t = {run.t[-1]:.9g} s"
 
 
 def asked_threads(threads: int | None) -> int | None:

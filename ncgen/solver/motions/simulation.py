@@ -10,7 +10,7 @@ A step is one call of C. It finds out nothing about the mechanism that is not kn
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -23,7 +23,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse, cross
-from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, refuse_events, values_by_name
+from ncgen.solver.given import array_of, checked_kernels, echo, finite, has_events, known_name, offer, positive, values_by_name
 from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments, takes
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.parameter_checks import check_parameters
@@ -36,7 +36,9 @@ from ncgen.solver.runs.tolerances import NEAR_ZERO, Tolerances
 from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, uses_loads
 
 if TYPE_CHECKING:
-    from ncgen.mechanism.moving import Stepping
+    from ncgen.mechanism.moving import Moving, MovingRow, Stepping
+    from ncgen.solver.events.steps import Past, Steps
+    from ncgen.solver.trajectories.happening import Happening
 
 
 REPLACED = {
@@ -60,7 +62,8 @@ class State:
     """A simulation at an instant: all that `reset` needs to go back to it.
 
     t: s; q, qd (n,): m and rad, and per second; work: J; p (n_p,): parameters and inputs; next_step: s, of error control, 0 where it has
-    to find one; mechanism: the fingerprint of its code, so that it is not taken for a state of another one
+    to find one; mechanism: the fingerprint of its code, so that it is not taken for a state of another one; past: of a model with events,
+    those so far and what is held
     """
 
     t: float
@@ -70,6 +73,7 @@ class State:
     p: np.ndarray
     next_step: float
     mechanism: str
+    past: Past | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         return f"<State of {len(self.q)} coordinates at t = {self.t:g} s>"
@@ -100,16 +104,15 @@ def start(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
     ConvergenceError, SingularError
         As `simulate` does for a start.
     """
-    refuse_events(checked_kernels(kernels).model, "ncgen.start")
     return Simulation(checked_kernels(kernels).driven_by(None), *stepped(kernels, arguments))
 
 
 def stepped(kernels: Kernels, arguments: MotionArguments) -> tuple[str, float, float | None, dict[str, Any], Initial]:
     """Return integrator, tolerances, inputs and start of a simulation that is moved step by step. Raises ModelError."""
-    asked = {**DEFAULTS, **arguments}
-    method = asked["integrator"], relative_tolerance(asked["rtol"]), asked["atol"]
-    at = Initial.asked(kernels, **{name: asked[name] for name in StartArguments.__annotations__ if name != "inputs"})
-    return *method, values_by_name(asked["inputs"], "inputs"), at
+    options = {**DEFAULTS, **arguments}
+    method = options["integrator"], relative_tolerance(options["rtol"]), options["atol"]
+    at = Initial.from_arguments(kernels, **{name: options[name] for name in StartArguments.__annotations__ if name != "inputs"})
+    return *method, values_by_name(options["inputs"], "inputs"), at
 
 
 class Simulation:
@@ -118,7 +121,10 @@ class Simulation:
     t: s; q, qd (n,): position and velocities, in the order of `kernels.coordinates`; work: J of drivers, inputs and other forces without
     a potential. q and qd are what C works on: `sim.q[:] = array` moves the mechanism, copy them to keep them, or take `state`.
     `sim["psi"]` is a coordinate, `sim["rate(psi)"]` its velocity, `sim["tip height"]` an output, `sim["tau"]` an input.
+    With a model that has events, steps go through them: `events` lists them, and `stopped` says that one has ended the motion.
     """
+
+    _steps: Steps | None = None
 
     def __init__(
         self, kernels: Kernels, integrator: str, rtol: float, atol: float | None, inputs: Mapping[str, float], at: Initial
@@ -126,13 +132,15 @@ class Simulation:
         self.kernels, self.integrator = kernels, explicit(integrator)
         from ncgen.mechanism.moving import Moving
 
-        stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
+        stepping, start = prepared(kernels, self.integrator, rtol, atol, at)
         self._now = Moving(stepping())
         self._alone = Alone(kernels.name)
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
-        self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, here.q, here.qd, here.p
+        self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, start.q, start.qd, start.p
         self._mechanism = compiled.checked_compiled(kernels).fingerprint
         self.drive(**inputs)
+        if has_events(kernels.model):
+            self._steps = through_events(kernels, self.integrator, rtol, atol, self._now)
 
     def __repr__(self) -> str:
         return f"<Simulation {self.kernels.name}: t = {self.t:g} s, {self.integrator}>"
@@ -177,12 +185,22 @@ class Simulation:
     @property
     def evaluations(self) -> int:
         """State derivatives of the last step."""
-        return self._now.evaluations
+        return self._steps.evaluations if self._steps else self._now.evaluations
 
     @property
     def impulses(self) -> tuple[Impulse, ...]:
         """What drivers did in the last step where the velocity of one jumped."""
-        return self._now.impulses
+        return self._steps.impulses if self._steps else self._now.impulses
+
+    @property
+    def events(self) -> tuple[Happening, ...]:
+        """The events since the start, as `run.events` has them; `reset` goes back to those of the state."""
+        return self._steps.happened if self._steps else ()
+
+    @property
+    def stopped(self) -> bool:
+        """True where an event has ended the motion, at the time `t` of the event."""
+        return self._steps is not None and self._steps.stopped
 
     def drive(self, /, **inputs: float) -> Simulation:
         """Give inputs by their names; each keeps its value until it is given again. Raises ModelError for an unknown name and no number."""
@@ -200,13 +218,21 @@ class Simulation:
     def step(self, h: float, /, **inputs: float) -> Simulation:
         """On by h seconds, with inputs that keep their values meanwhile. Returns the simulation itself.
 
-        Raises ConvergenceError or DomainError where it cannot go on; then it stays where it was.
+        An event that ends the motion ends the step. Raises ConvergenceError or DomainError where it cannot go on, ModelError where an event
+        has ended the motion before; then it stays where it was.
         """
         if not isinstance(h, float):
             h = positive(h, "h")
         with self._alone:
             if inputs:
                 self._drive(inputs)
+            if self._steps:
+                if not self._steps.go_on(h):
+                    raise ModelError(
+                        f"{self.kernels.name}: an event has ended the motion at t = {self.t:.9g} s; go back with sim.reset(state), or "
+                        "write other values to sim.q and sim.qd"
+                    )
+                return self
             status = self._now.go_on(h)
         if status != "ok":
             raise self._refused(status, h)
@@ -218,8 +244,8 @@ class Simulation:
             finite(self[name], f"step: {name}")
         now = self._now
         words = f"a step of {h:.6g} s from t = {now.t:.6g} s on does not succeed ({status})"
-        found = on_the_way(self.kernels, now.q, now.qd, now.t, now.t + h, now.p)
-        return found or ConvergenceError(
+        error = on_the_way(self.kernels, now.q, now.qd, now.t, now.t + h, now.p)
+        return error or ConvergenceError(
             f"{self.kernels.name}: {words}; the mechanism locks there or comes to a singular position, or the step is too long"
         )
 
@@ -227,7 +253,8 @@ class Simulation:
     def state(self) -> State:
         """Where it is, as a copy."""
         now = self._now
-        return State(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step, self._mechanism)
+        past = self._steps.past if self._steps else None
+        return State(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step, self._mechanism, past)
 
     def reset(self, state: State) -> Simulation:
         """Back to a state. From there the same steps give the same bits.
@@ -247,6 +274,8 @@ class Simulation:
         with self._alone:
             now.t, now.work, now.next_step = numbers
             now.q[:], now.qd[:], now.p[:] = arrays
+            if self._steps and state.past:
+                self._steps.go_back(state.past)
         return self
 
     def settle(self) -> Simulation:
@@ -254,14 +283,16 @@ class Simulation:
         with self._alone:
             status = self._now.settle()
         if status != "ok":
-            said = f"at t = {self.t:.6g} s the loops do not close ({status})"
-            raise ConvergenceError(f"{self.kernels.name}: {said}; start nearer to a closed position")
+            problem = f"at t = {self.t:.6g} s the loops do not close ({status})"
+            raise ConvergenceError(f"{self.kernels.name}: {problem}; start nearer to a closed position")
         return self
 
     @property
     def qdd(self) -> np.ndarray:
         """Accelerations (n,) with the present inputs. Raises ConvergenceError where there are none."""
         with self._alone:
+            if self._steps:
+                return self._steps.accelerations()
             status, qdd = self._now.evaluate(), self._now.qdd.copy()
         if status != "ok":
             raise ConvergenceError(f"{self.kernels.name}: there are no accelerations at t = {self.t:.6g} s ({status})")
@@ -270,6 +301,8 @@ class Simulation:
     @property
     def outputs(self) -> dict[str, float]:
         """{label: value} of the model's outputs. Warns, once for a mechanism, of loads in them that are not unique."""
+        if self._steps:
+            self._steps.check_outputs()
         qdd = self.qdd if uses_accelerations(self.kernels.model) else np.zeros_like(self.q)
         values = outputs_at(self.kernels, self.t, self.q, self.qd, qdd, self._now.p)
         return dict(zip(self.kernels.model.outputs, values.tolist(), strict=True))
@@ -314,15 +347,15 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
         raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
     kernels = compiled.checked_compiled(kernels)
     form = compiled.form_of(kernels, method)
-    here = begin(kernels, at, partitioned=False)
-    check_mass(kernels, here.q, at.t, here.p)
-    rank = freedom_at(kernels, here.q, at.t, here.p).rank
-    least = NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
+    start = begin(kernels, at, partitioned=False)
+    check_mass(kernels, start.q, at.t, start.p)
+    rank = freedom_at(kernels, start.q, at.t, start.p).rank
+    least = absolute(rtol, atol)
     sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
     from ncgen.mechanism.moving import Stepping
 
     dynamics = compiled.all_coordinates(kernels, form=form)
-    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double"), cross), here
+    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double"), cross), start
 
 
 def outputs_at(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -340,6 +373,18 @@ def known_text(name: object) -> str:
     if not isinstance(name, str):
         raise ModelError(f"{echo(name)} is no name; give that of a coordinate, a rate, an input or an output")
     return name
+
+
+def through_events(kernels: Kernels, integrator: str, rtol: float, atol: float | None, now: Moving | MovingRow) -> Steps:
+    """What carries a mechanism over its events. Raises what a start with events raises."""
+    from ncgen.solver.events.steps import Steps
+
+    return Steps(kernels, Method.of(ALL, integrator), Tolerances(rtol, absolute(rtol, atol), atol is None, 0.0), now)
+
+
+def absolute(rtol: float, atol: float | None) -> float:
+    """The absolute tolerance, in natural sizes where it is not given. Raises ModelError for one that is not positive."""
+    return NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
 
 
 def explicit(integrator: str) -> str:

@@ -11,8 +11,8 @@ A step of all is one call of C for every thread. Each row moves by the same code
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Unpack
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ from ncgen.mechanism.library import STATUS
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines.compiled import checked_compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, positive, refuse_events
+from ncgen.solver.given import array_of, checked_kernels, count, echo, has_events, known_name, positive
 from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.motions.simulation import (
@@ -36,10 +36,15 @@ from ncgen.solver.motions.simulation import (
     outputs_at,
     prepared,
     stepped,
+    through_events,
 )
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial
 from ncgen.solver.trajectories.outputs import uses_accelerations
+
+if TYPE_CHECKING:
+    from ncgen.solver.events.steps import Past, Steps
+    from ncgen.solver.trajectories.happening import Happening
 
 HELD = ("t", "work", "q", "qd", "p")
 """Arrays of `Simulations` that C works on."""
@@ -47,7 +52,8 @@ HELD = ("t", "work", "q", "qd", "p")
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), as of `ncgen.solver.motions.simulation.State`."""
+    """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), pasts (N,) of a model with events, as of
+    `ncgen.solver.motions.simulation.State`."""
 
     t: np.ndarray
     q: np.ndarray
@@ -56,6 +62,7 @@ class States:
     p: np.ndarray
     next_step: np.ndarray
     mechanism: str
+    pasts: tuple[Past, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         return f"<States of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
@@ -90,7 +97,6 @@ def start_batch(kernels: Kernels, variants: int, *, threads: int | None = 1, **a
 
     driven = checked_kernels(kernels).driven_by(None)
     size = count(variants, "variants")
-    refuse_events(driven.model, "ncgen.start_batch")
     if size * (3 * driven.n + len(driven.p0)) > MOST_NUMBERS:
         raise ModelError(
             f"variants: {size} simulations of {driven.n} coordinates take more than {MOST_NUMBERS * 8 / 2**30:.3g} GiB; ask for fewer"
@@ -106,7 +112,10 @@ class Simulations:
     on and may be written to: copy them to keep them, or take `states`; after writing to q or qd call `settle`.
     stuck (N,): who could not go on in the last step.
     `sims["psi"]` is a coordinate of all, `sims["rate(psi)"]` its velocity, `sims["tip height"]` an output, `sims["tau"]` an input, (N,).
+    With a model that has events, `events` lists those of each, and `stopped` says which an event has ended: these stay where they are.
     """
+
+    _steps: tuple[Steps, ...] = ()
 
     t: np.ndarray
     work: np.ndarray
@@ -125,17 +134,20 @@ class Simulations:
         inputs: Mapping[str, ArrayLike],
         at: Initial,
     ) -> None:
-        from ncgen.mechanism.moving import MovingRows
+        from ncgen.mechanism.moving import MovingRow, MovingRows
 
         self.kernels, self.integrator, self.size = kernels, explicit(integrator), size
-        stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
+        stepping, start = prepared(kernels, self.integrator, rtol, atol, at)
         self._alone = Alone(kernels.name)
         self._now = now = MovingRows([stepping() for _ in range(threads)], size)
         vars(self).update({name: getattr(now, name) for name in HELD})
         self._mechanism = checked_compiled(kernels).fingerprint
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
-        self.t[:], self.q[:], self.qd[:], self.p[:] = at.t, here.q, here.qd, here.p
+        self.t[:], self.q[:], self.qd[:], self.p[:] = at.t, start.q, start.qd, start.p
         self.drive(**inputs)
+        if has_events(kernels.model):
+            rows = (MovingRow(now, row) for row in range(size))
+            self._steps = tuple(through_events(kernels, self.integrator, rtol, atol, row) for row in rows)
         self._began = self.states
 
     def __repr__(self) -> str:
@@ -160,6 +172,16 @@ class Simulations:
     def stuck(self) -> np.ndarray:
         return self._now.statuses != 0
 
+    @property
+    def events(self) -> tuple[tuple[Happening, ...], ...]:
+        """Of each its events since the start; () for a model without events."""
+        return tuple(each.happened for each in self._steps)
+
+    @property
+    def stopped(self) -> np.ndarray:
+        """Which an event has ended, (N,)."""
+        return np.array([each.stopped for each in self._steps] or [False] * self.size)
+
     def drive(self, /, **inputs: ArrayLike) -> Simulations:
         """Give inputs by their names, one value or (N,); each keeps its value until it is given again. Raises ModelError for an unknown
         name and for what are no numbers; then none is changed."""
@@ -175,15 +197,15 @@ class Simulations:
     def _numbers(self, name: str, values: ArrayLike) -> np.ndarray:
         known_name(name, tuple(self._places), "step", "input")
         try:
-            found = numbers(values, f"step: {name}")
+            array = numbers(values, f"step: {name}")
         except NcgenError:
             raise ModelError(f"step: {name} is {shown(values)}; it must be a number, or {self.size} of them") from None
-        if found.shape not in ((), (self.size,)):
-            raise ModelError(f"step: {name} has the shape {found.shape}; it must be a number, or {self.size} of them")
-        if not np.all(np.isfinite(found)):
-            row = int(np.argmin(np.isfinite(np.broadcast_to(found, self.size))))
-            raise ModelError(f"step: {name} is {np.broadcast_to(found, self.size)[row]} for simulation {row}; it must be a finite number")
-        return found
+        if array.shape not in ((), (self.size,)):
+            raise ModelError(f"step: {name} has the shape {array.shape}; it must be a number, or {self.size} of them")
+        if not np.all(np.isfinite(array)):
+            row = int(np.argmin(np.isfinite(np.broadcast_to(array, self.size))))
+            raise ModelError(f"step: {name} is {np.broadcast_to(array, self.size)[row]} for simulation {row}; it must be a finite number")
+        return array
 
     def step(self, h: float, /, **inputs: ArrayLike) -> Simulations:
         """All on by h seconds, with inputs that keep their values meanwhile. Returns the simulations themselves.
@@ -195,10 +217,27 @@ class Simulations:
         with self._alone:
             if inputs:
                 self._drive(inputs)
+            if self._steps:
+                self._go_through_events(h)
+                return self
             moved = self._now.go_on(h)
         if not moved:
             raise self._refused(h)
         return self
+
+    def _go_through_events(self, h: float) -> None:
+        """All on by h seconds, one after the other. Raises ConvergenceError for the first that cannot, when the others have moved."""
+        raised: dict[int, NcgenError] = {}
+        for row, each in enumerate(self._steps):
+            try:
+                each.go_on(h)
+            except NcgenError as error:
+                raised[row] = error
+            self._now.statuses[row] = STATUS.index("not converged") if row in raised else 0
+        if raised:
+            row = min(raised)
+            more = f" (and {len(raised) - 1} others)" if len(raised) > 1 else ""
+            raise ConvergenceError(f"simulation {row} of {self.size}{more}: {raised[row]}") from raised[row]
 
     def _refused(self, h: float) -> Exception:
         rows = np.flatnonzero(self.stuck)
@@ -206,15 +245,15 @@ class Simulations:
         t, status = float(self.t[row]), STATUS[int(self._now.statuses[row])]
         words = f"simulation {row} of {self.size} does not get on by {h:.6g} s from t = {t:.6g} s ({status})"
         more = f", nor do {len(rows) - 1} others" if len(rows) > 1 else ""
-        found = on_the_way(self.kernels, self.q[row], self.qd[row], t, t + h, self.p[row])
-        return found or ConvergenceError(f"{self.kernels.name}: {words}{more}; those that are stuck stay where they were: reset them")
+        error = on_the_way(self.kernels, self.q[row], self.qd[row], t, t + h, self.p[row])
+        return error or ConvergenceError(f"{self.kernels.name}: {words}{more}; those that are stuck stay where they were: reset them")
 
     @property
     def states(self) -> States:
         """Where all are, as a copy."""
         now = self._now
         t, q, qd, work, p, next_step = (x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step))
-        return States(t, q, qd, work, p, next_step, self._mechanism)
+        return States(t, q, qd, work, p, next_step, self._mechanism, tuple(each.past for each in self._steps))
 
     def reset(self, rows: ArrayLike | None = None, states: States | None = None) -> Simulations:
         """Some of them back to their start, or to those rows of `states`. From there the same steps give the same bits.
@@ -236,6 +275,8 @@ class Simulations:
             for name, array in values.items():
                 getattr(now, name)[chosen] = array[chosen]
             now.statuses[chosen] = 0
+            for row in chosen.tolist() if source.pasts else ():
+                self._steps[row].go_back(source.pasts[row])
         return self
 
     def settle(self, rows: ArrayLike | None = None) -> Simulations:
@@ -243,8 +284,8 @@ class Simulations:
         with self._alone:
             for row in self._rows(rows).tolist():
                 if (status := self._now.settle(row)) != "ok":
-                    said = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
-                    raise ConvergenceError(f"{self.kernels.name}: {said}; start nearer to a closed position")
+                    problem = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
+                    raise ConvergenceError(f"{self.kernels.name}: {problem}; start nearer to a closed position")
                 self._now.next_step[row] = 0.0
         return self
 
@@ -253,36 +294,40 @@ class Simulations:
         if rows is None:
             return np.arange(self.size)
         try:
-            found = np.atleast_1d(rows)
+            array = np.atleast_1d(rows)
         except ValueError:  # lists of different lengths
-            found = np.empty(1)
-        if found.dtype == bool and found.shape == (self.size,):
-            return np.flatnonzero(found)
-        if not found.size:
+            array = np.empty(1)
+        if array.dtype == bool and array.shape == (self.size,):
+            return np.flatnonzero(array)
+        if not array.size:
             return np.arange(0)
-        whole = found.ndim == 1 and np.issubdtype(found.dtype, np.integer)
-        if not (whole and found.min() >= 0 and found.max() < self.size):
+        whole = array.ndim == 1 and np.issubdtype(array.dtype, np.integer)
+        if not (whole and array.min() >= 0 and array.max() < self.size):
             raise ModelError(
                 f"rows: {self.kernels.name} has simulations 0 to {self.size - 1}; give their numbers, or a mask ({self.size},)"
             )
-        return found
+        return array
 
     @property
     def qdd(self) -> np.ndarray:
         """Accelerations (N, n) with the present inputs. Raises ConvergenceError where there are none."""
         with self._alone:
+            if self._steps:
+                return np.array([each.accelerations() for each in self._steps])
             for row in range(self.size):
                 if (status := self._now.evaluate(row)) != "ok":
-                    said = f"simulation {row} has no accelerations at t = {self.t[row]:.6g} s ({status})"
-                    raise ConvergenceError(f"{self.kernels.name}: {said}")
+                    problem = f"simulation {row} has no accelerations at t = {self.t[row]:.6g} s ({status})"
+                    raise ConvergenceError(f"{self.kernels.name}: {problem}")
             return self._now.qdd.copy()
 
     @property
     def outputs(self) -> dict[str, np.ndarray]:
         """{label: values (N,)} of the model's outputs, one simulation after the other."""
+        for each in self._steps:
+            each.check_outputs()
         qdd = self.qdd if uses_accelerations(self.kernels.model) else np.zeros_like(self.q)
-        found = [outputs_at(self.kernels, *row) for row in zip(self.t, self.q, self.qd, qdd, self.p, strict=True)]
-        return dict(zip(self.kernels.model.outputs, np.array(found).T, strict=True))
+        rows = [outputs_at(self.kernels, *row) for row in zip(self.t, self.q, self.qd, qdd, self.p, strict=True)]
+        return dict(zip(self.kernels.model.outputs, np.array(rows).T, strict=True))
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A coordinate, rate(…) of one, an output or an input of all (N,), as a copy. Raises ModelError for another name."""

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 Search = Literal["proof", "sampled", "action", "start"]
 
+GAPS, JOINTS = ("rests", "leaves"), ("sticks", "slips", "turns")
+"""What may happen to a gap that is held closed, and to a joint with friction."""
+
 
 @dataclass(frozen=True, eq=False)
 class Happening:
@@ -45,9 +48,11 @@ class Happening:
         return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in vars(self).items()}
 
     @classmethod
-    def of(cls, told: dict[str, Any]) -> Happening:
+    def of(cls, record: dict[str, Any]) -> Happening:
         """From what `plain` said. Raises TypeError for what it does not say."""
-        values: dict[str, Any] = {name: np.array(value, dtype=float) if isinstance(value, list) else value for name, value in told.items()}
+        values: dict[str, Any] = {
+            name: np.array(value, dtype=float) if isinstance(value, list) else value for name, value in record.items()
+        }
         return cls(**values)
 
     def __repr__(self) -> str:
