@@ -208,7 +208,6 @@ def called() -> ncgen.Model:
         (called, "c", "called cannot be exported: event seen calls a Python function"),
         (ball, "html", "ball cannot be exported: this export does not support events yet (floor); take c,"),
         (ball, "wasm", "ball cannot be exported: this export does not support events yet (floor); take c,"),
-        (ball, "numpy", "ball cannot be exported: this export does not support events yet (floor); take c,"),
         (ball, "casadi", "ball cannot be exported: this export does not support events yet (floor); take c,"),
     ],
     ids=lambda x: x if isinstance(x, str) else x.__name__,

@@ -23,8 +23,11 @@ enum { NCGEN_SET, NCGEN_SET_VELOCITY, NCGEN_IMPACT, NCGEN_STOP };
 enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
 
 /* What these functions return besides: bounces accumulate at a gap that is to be held closed, which nobody does here; events bring about
- * each other without end; there are several impacts at one instant without a law; a gap is below zero at the start. */
-enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP };
+ * each other without end; there are several impacts at one instant without a law; a gap is below zero at the start; an event has ended the
+ * motion before. */
+enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED };
+
+struct ncgen_breaks;
 
 typedef struct ncgen_action {
     int event, kind, place, value; /* value: its number among those of `values` */
@@ -61,6 +64,11 @@ int ncgen_happen(const ncgen_driven *d, const ncgen_events *events, ncgen_real *
  * nearly: whether what is not clear of zero counts, too. Returns how many are due, or a negative status. */
 int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
     ncgen_passage *passage);
+
+/* ncgen_go_on through events, whose conditions options->event watches with the passage's signs, to t_end, past the first instant of events
+ * before it where `one` is set, or to the event that ends the motion. breaks: NULL, or where laws of time change their formula. */
+int ncgen_go_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
+    ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics);
 
 #ifdef __cplusplus
 }

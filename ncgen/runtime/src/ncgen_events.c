@@ -4,6 +4,7 @@
  * u = W qd + dg/dt, Newton's law of impact is 0 <= L, u_after + e u_before >= 0, one of both zero (Moreau 1988).
  */
 #include "ncgen_events.h"
+#include "ncgen_breaks.h"
 #include "ncgen_vectors.h"
 
 enum { MOST_ROUNDS = 1000, MOST_TURNS = 10000, MOST_SWEEPS = 100000 };
@@ -420,4 +421,31 @@ int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, con
         some += passage->due[k];
     }
     return status == NCGEN_OK ? some : -status;
+}
+
+static long events_so_far(const ncgen_events *events, const ncgen_passage *passage)
+{
+    long sum = 0;
+    for (int k = 0; k < events->count; ++k)
+        sum += passage->happened[k];
+    return sum;
+}
+
+int ncgen_go_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
+    ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
+{
+    const long before = events_so_far(events, passage);
+    if (*passage->stopped)
+        return NCGEN_STOPPED;
+    const int some = ncgen_look_for_events(d, events, p, moment, 0, passage);
+    int status = some < 0 ? -some : some > 0 ? ncgen_happen(d, events, p, moment, passage) : NCGEN_OK;
+    while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
+        status = breaks ? ncgen_go_on_in_parts(d, breaks, p, moment, t_end, statistics) : ncgen_go_on(d, p, moment, t_end, statistics);
+        if (status != NCGEN_OK || !statistics->stopped)
+            continue;
+        for (int k = 0; k < events->count; ++k)
+            passage->due[k] = d->options->event->crossed[k];
+        status = ncgen_happen(d, events, p, moment, passage);
+    }
+    return status;
 }
