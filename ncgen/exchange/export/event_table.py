@@ -26,7 +26,7 @@ LAWS = {"": "NCGEN_NO_LAW", "simultaneous": "NCGEN_SIMULTANEOUS", "in turn": "NC
 
 
 @dataclass(frozen=True)
-class Row:
+class ActionRow:
     """One action, with the members of `ncgen_action`."""
 
     event: int
@@ -47,9 +47,9 @@ class EventTable:
         return tuple(self.kernels.model.events.values())
 
     @cached_property
-    def _filled(self) -> tuple[list[Row], list[tuple[str, Scalar]]]:
+    def _filled(self) -> tuple[list[ActionRow], list[tuple[str, Scalar]]]:
         """The rows in the order of the events, and what their values are, each with the words that messages call it by."""
-        rows: list[Row] = []
+        rows: list[ActionRow] = []
         values: list[tuple[str, Scalar]] = []
 
         def value(where: str, expression: Scalar) -> int:
@@ -61,12 +61,12 @@ class EventTable:
             changes = {name: value for action in event.do if isinstance(action, Change) for name, value in action.values.items()}
             velocities = {name for name in changes if name not in self.kernels.parameters}
             impacts = [action for action in event.do if isinstance(action, Impact)]
-            rows += [Row(k, "NCGEN_IMPACT", int(a.rest == "end"), value(where, a.restitution)) for a in impacts]  # type: ignore[arg-type]
+            rows += [ActionRow(k, "NCGEN_IMPACT", int(a.rest == "end"), value(where, a.restitution)) for a in impacts]  # type: ignore[arg-type]
             for name in sorted(changes, key=lambda name: name in velocities):
                 place = self.kernels.index[coordinate_of(name)] if name in velocities else self.kernels.parameters.index(name)
                 kind = "NCGEN_SET_VELOCITY" if name in velocities else "NCGEN_SET"
-                rows.append(Row(k, kind, place, value(f"{where}, {name}", changes[name])))
-            rows += [Row(k, "NCGEN_STOP") for action in event.do if isinstance(action, Stop)]
+                rows.append(ActionRow(k, kind, place, value(f"{where}, {name}", changes[name])))
+            rows += [ActionRow(k, "NCGEN_STOP") for action in event.do if isinstance(action, Stop)]
         return rows, values
 
     @cached_property
