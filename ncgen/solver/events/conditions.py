@@ -136,6 +136,11 @@ class EventFunctions:
         rates = [(f"friction {each.name}", symbol_of(rate_name(each.coordinate))) for each in self.frictions.values()]
         return [*((f"event {event.name}", event.when) for event in self.events), *rates]
 
+    @property
+    def read_inputs(self) -> EventFunctions:
+        """Those that read inputs where p has them."""
+        return EventFunctions(self.kernels.driven_by(None))
+
     def restitution(self, k: int, at: State) -> float:
         """Of an event's impact; 0 for other events."""
         event = self.events[k]
