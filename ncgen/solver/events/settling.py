@@ -117,7 +117,7 @@ class Settling:
             return True
         if k in self.functions.frictions:
             return k in due or (at.p[self._place(self.functions.frictions[k].slip)] == 0.0 and self._is_still(k, at))
-        values, scales = self.functions.values(at)[0], self.functions.scales(at)
+        values, scales = self.functions.weighed(at)
         return bool(abs(values[k]) <= CLOSED * scales[k]) and self._is_still(k, at) and (k in held or k not in due)
 
     def _is_still(self, k: int, at: State) -> bool:
