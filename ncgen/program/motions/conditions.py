@@ -59,8 +59,8 @@ def assemble_conditions(
     """
     lines = Lines(equations)
     graph, n = lines.graph, len(equations.free)
-    gaps = [_node(lines, *each) for each in conditions]
-    sizes = [_node(lines, where, terms_of(expression)) for where, expression in conditions]
+    gaps = [expression_node(lines, *each) for each in conditions]
+    sizes = [expression_node(lines, where, terms_of(expression)) for where, expression in conditions]
     variables = [*(graph.load("q", i) for i in range(n)), *(graph.load("qd", i) for i in range(n)), graph.load("t", 0)]
     slopes, zero = [gradient(graph, gap, variables) for gap in gaps], graph.const(0.0)
     along = {variables[i]: variables[n + i] for i in range(n)} | {variables[n + i]: graph.load("qdd", i) for i in range(n)}
@@ -71,8 +71,8 @@ def assemble_conditions(
         "conditions": [node for pair in zip(gaps, sizes, strict=True) for node in pair],
         "condition_slopes": [found.get(v, zero) for found in slopes for v in variables],
         "condition_rates": [*rates, *second],
-        "action_values": [_node(lines, *each) for each in values],
-        "element_values": [_node(lines, *each) for each in elements],
+        "action_values": [expression_node(lines, *each) for each in values],
+        "element_values": [expression_node(lines, *each) for each in elements],
     }
     programs = {name: lines.program(name, INPUTS[name], nodes) for name, nodes in outputs.items() if nodes}
     for program in programs.values():
@@ -88,21 +88,27 @@ def assemble_mode_conditions(
     held: its words, and static friction or None for a gap; rows (m,): natural sizes of the constraints, with which multipliers are compared
     """
     lines = Lines(equations)
-    graph = lines.graph
-    found = [_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
-    lam = AccelerationNodes(lines, sizes).lam
+    found = [expression_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
+    found += load_conditions(lines, AccelerationNodes(lines, sizes).lam, held, rows)
+    program = lines.program("conditions", INPUTS["conditions"], found)
+    verify(program, input_lengths(equations))
+    return {"conditions": program}
+
+
+def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[tuple[str, Scalar | None]], rows: np.ndarray) -> list[int]:
+    """Return nodes of values and sizes of the conditions of loads; lam (m,): nodes of all multipliers, others as of
+    `assemble_mode_conditions`."""
+    graph, nodes = lines.graph, list[int]()
     all_loads = graph.sum([graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(lam, rows, strict=True)])
     for k, (where, static) in enumerate(held, len(lam) - len(held)):
         load, size = graph.neg(lam[k]), graph.mul(graph.const(1 / float(rows[k])), all_loads)
         if static is None:
-            found += [load, size]
+            nodes += [load, size]
             continue
-        most = _node(lines, where, static)
+        most = expression_node(lines, where, static)
         size = graph.add(most, size)
-        found += [graph.sub(most, load), size, graph.add(most, load), size]
-    program = lines.program("conditions", INPUTS["conditions"], found)
-    verify(program, input_lengths(equations))
-    return {"conditions": program}
+        nodes += [graph.sub(most, load), size, graph.add(most, load), size]
+    return nodes
 
 
 def terms_of(expression: Scalar) -> sympy.Expr:
@@ -125,7 +131,8 @@ def degree_of(expression: Scalar, moving: set[str]) -> int | None:
     return None if poly is None else poly.total_degree()
 
 
-def _node(lines: Lines, where: str, given: Scalar) -> int:
+def expression_node(lines: Lines, where: str, given: Scalar) -> int:
+    """Return the node of an expression. Raises ModelError, with what messages call it, where it mentions what the model does not have."""
     import sympy
 
     expression = sympy.sympify(given)

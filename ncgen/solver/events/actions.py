@@ -14,7 +14,7 @@ from ncgen.model.actions import Call, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gaps
-from ncgen.solver.events.state import State
+from ncgen.solver.events.state import Done, State
 from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.trajectories.happening import Happening, Search
@@ -28,11 +28,15 @@ CLOSED = 1e-10
 
 @dataclass(eq=False)
 class Instant:
-    """What happens at one instant. at: the state so far; happened: in order; stops: True where the run ends here"""
+    """What happens at one instant.
+
+    at: the state so far; happened, done: in order; stops: True where the run ends here
+    """
 
     functions: EventFunctions
     at: State
     happened: list[Happening] = field(default_factory=list)
+    done: list[Done] = field(default_factory=list)
     stops: bool = False
 
     @property
@@ -77,6 +81,7 @@ class Instant:
                     raise ModelError(f"event {event.name}: its function returned {shown(told)}; return {{name: value}} or None")
                 self._set(told or {}, event.name)
         self._set(self.functions.numbers(self.at).get(k, {}), event.name)
+        self.done.append(Done((k,), False, start, self.at))
         self._note(k, search, start)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
@@ -119,6 +124,11 @@ class Instant:
         where = f"{kernels.name} at t = {start.t:.6g} s"
         hit = gaps.in_turn(start.qd, where) if order == "in turn" else gaps.all_at_once(start.qd)
         self.at = replace(start, qd=hit.qd)
+        before = start
+        for turn, velocities in hit.turns:
+            after = replace(start, qd=velocities)
+            self.done.append(Done(tuple(taking[number] for number in turn), True, before, after))
+            before = after
         for number, k in enumerate(taking):
             if hit.impulses[number] > 0:
                 search = searches.get(k, "action")

@@ -150,6 +150,11 @@ class EventFunctions:
         return float(value) if is_number(value) else float(self._call("element_values", at)[self._elements.index((where, value))])
 
     @cached_property
+    def named_values(self) -> list[tuple[str, Scalar]]:
+        """(words, value) of what actions change by expressions, in the order of `changes_of`, and then of elements."""
+        return [*((f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)), *self._elements]
+
+    @cached_property
     def _elements(self) -> list[tuple[str, Value]]:
         """(words, value) of restitutions and static frictions that are expressions."""
         pairs = [(f"event {event.name}", event.impact.restitution) for event in self.events if event.impact]
@@ -158,7 +163,7 @@ class EventFunctions:
 
     def _made(self) -> CompiledFunctions:
         kernels, conditions = self.kernels, self.conditions
-        values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)]
+        values = self.named_values[: len(changes_of(self.events))]
         count = len(conditions)
         sizes = {
             "conditions": 2 * count,

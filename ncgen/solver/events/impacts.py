@@ -26,11 +26,15 @@ OPENING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Hit:
-    """Velocities qd (n,) after impacts, and of every gap its impulse (N s, or N m s) and the kinetic energy (J) that it takes."""
+    """Velocities qd (n,) after impacts, and of every gap its impulse (N s, or N m s) and the kinetic energy (J) that it takes.
+
+    turns: numbers of the gaps that are hit together, and velocities (n,) after that, one group after the other
+    """
 
     qd: np.ndarray
     impulses: np.ndarray
     lost: np.ndarray
+    turns: tuple[tuple[tuple[int, ...], np.ndarray], ...]
 
 
 class Gaps:
@@ -73,16 +77,17 @@ class Gaps:
 
     def in_turn(self, qd: np.ndarray, where: str) -> Hit:
         """One gap after the other, the one that closes fastest first, until none does. Raises ConvergenceError where that has no end."""
-        before, impulses, lost = qd, np.zeros(len(self.W)), np.zeros(len(self.W))
+        before, impulses, lost, turns = qd, np.zeros(len(self.W)), np.zeros(len(self.W)), list[tuple[tuple[int, ...], np.ndarray]]()
         for _ in range(MOST_TURNS):
             closing = np.flatnonzero(self.closing(qd))
             if not len(closing):
-                return Hit(qd, impulses, lost)
+                return Hit(qd, impulses, lost, tuple(turns))
             u = self.velocities(qd)
             k = int(closing[np.argmin(u[closing])])
             push = -(1 + self.restitution[k]) * u[k] / self.G[k, k]
             qd = qd + push * self.response[:, k]
             impulses[k] += push
+            turns.append(((k,), qd))
             lost[k] -= push * u[k] * (1 - self.restitution[k]) / 2
         raise ConvergenceError(
             f"{where}: impacts of {', '.join(self.names)} in turn do not end after {MOST_TURNS} of them, velocities from "
@@ -92,4 +97,4 @@ class Gaps:
     def _hit(self, qd: np.ndarray, impulses: np.ndarray) -> Hit:
         after = qd + self.response @ impulses
         mean = (self.velocities(qd) + self.velocities(after)) / 2
-        return Hit(after, impulses, -impulses * mean)
+        return Hit(after, impulses, -impulses * mean, ((tuple(np.flatnonzero(impulses > 0).tolist()), after),))

@@ -15,7 +15,7 @@ from ncgen.solver.events.conditions import NOISE, EventFunctions
 from ncgen.solver.events.modes import Mode, count_of, load_conditions, rank_of, variant
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.settling import Settling
-from ncgen.solver.events.state import State
+from ncgen.solver.events.state import Occurrence, State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
@@ -69,7 +69,7 @@ class Loop:
             if reason or part.stopped is None:
                 return reason
             stops = self._is_stop(part.crossed)
-            if self._act(self._due(part.crossed)) or stops:
+            if self._act(self._due(part.crossed), part.crossed) or stops:
                 return self._finish()
             if not self.at.t < end:
                 return self._rows_at_end()
@@ -168,8 +168,8 @@ class Loop:
         self.at, self.signs, self.held = at, signs, held
         self.mode = variant(self.kernels, tuple(self.settling.rows[k] for k in held))
 
-    def _act(self, due: dict[int, Search]) -> bool:
-        """Carry out events, and find the mode that follows; returns whether the run ends with them."""
+    def _act(self, due: dict[int, Search], crossed: tuple[int, ...] = ()) -> bool:
+        """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
         before = self.at
         instant = Instant(self.functions, before)
         instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
@@ -180,13 +180,16 @@ class Loop:
         self.at = found.at
         self._note(before, instant.happened, found.happened, dict(rests.values()))
         self._set_signs(due)
+        names = tuple(dict.fromkeys(each.name for each in (*instant.happened, *found.happened)))
+        stops = instant.stops or bool(ended)
+        self.passage.instants.append(Occurrence(before, self.at, self.held, found.held, crossed, tuple(instant.done), stops, names))
         if found.held != self.held:
             self.held, self.first_step = found.held, 0.0
             self.mode = variant(self.kernels, tuple(self.settling.rows[k] for k in found.held))
             self.passage.modes.append(Mode(self.at.t, tuple(self.settling.rows[k].name for k in found.held), self.mode))
         if ended:
             self.passage.rests = f"event {ended[0]}: bounces accumulate at t = {dict(rests.values())[ended[0]]:.9g} s, where the run ends"
-        return instant.stops or bool(ended)
+        return stops
 
     def _note(self, before: State, happened: list[Happening], modes: list[Happening], limits: dict[str, float]) -> None:
         """Add what happened to what the run has met, and its energy to the work."""
