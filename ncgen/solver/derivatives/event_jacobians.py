@@ -10,7 +10,7 @@ Changes are those of [q; q̇; p], N = 2 n + n_p numbers, since actions change pa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from ncgen.model.actions import Call
 from ncgen.model.elements import coordinate_of
 from ncgen.model.values import is_number
 from ncgen.solver.events.conditions import EventFunctions, changes_of
-from ncgen.solver.events.modes import Held, count_of, variant
+from ncgen.solver.events.modes import Held, count_of, load_conditions, variant
 from ncgen.solver.events.state import Done, Occurrence, State
 from ncgen.solver.events.tangents import EventTangents
 from ncgen.solver.formalisms import accelerations_by
@@ -28,8 +28,9 @@ from ncgen.solver.formalisms.instant import scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.positions.rank import scaled_jacobian
 
-TANGENTIAL = 1e-9
-"""A condition touches zero where its rate is below this fraction of the sizes of its terms."""
+TANGENTIAL, SLOW = 1e-9, 1e-6
+"""A condition touches zero where its rate is below these fractions of the sizes of the rate's terms, and of the condition's own size over
+the motion's length: rounding of the condition, 1e-13 of its size, then says nothing about when it is zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +48,10 @@ class EventJacobian:
 
 
 class EventJacobians:
-    """Those of a run. driven: numbers of the parameters that are inputs which change with time"""
+    """Those of a run. driven: numbers of the parameters that are inputs which change with time; length: of the motion (s)"""
 
-    def __init__(self, kernels: Kernels, driven: Sequence[int]) -> None:
-        self.kernels, self.functions, self.driven = kernels, EventFunctions(kernels), list(driven)
+    def __init__(self, kernels: Kernels, driven: Sequence[int], length: float) -> None:
+        self.kernels, self.functions, self.driven, self.length = kernels, EventFunctions(kernels), list(driven), length
         self.tangents = EventTangents(self.functions)
         self.rows = {row.number: row for row in self.functions.rows}
         self.n = kernels.n
@@ -103,9 +104,16 @@ class EventJacobians:
         if np.any(by_state[2 * self.n :][self.driven]):
             raise self._none(name, f"{where} depends on an input that changes with time", "write that input as an expression of m.time")
         rate, size = by_time + by_state @ flow, abs(by_time) + np.abs(by_state) @ np.abs(flow)
-        if not abs(rate) > TANGENTIAL * size:
+        if not abs(rate) > max(TANGENTIAL * size, SLOW * self._scale(k, o) / self.length):
             raise self._none(name, f"{where} only touches its condition", "move it")
         return -by_state / rate
+
+    def _scale(self, k: int, o: Occurrence) -> float:
+        """The size of a condition."""
+        if k < self.functions.count:
+            return float(self.functions.weighed(o.before)[1][k])
+        held, at = self._held(o.held_before), replace(o.before, p=self.kernels.present(o.before.t, o.before.p))
+        return float(load_conditions(self.functions, self.mode(o.held_before), held).at(at)[1][k - self.functions.count])
 
     def _acts(self, k: int) -> bool:
         """Whether something follows from a condition."""

@@ -40,8 +40,8 @@ class EventSensitivity:
     """How an event changes, columns in the order of `Sensitivities.names`.
 
     t: s; name: of the event; what: of modes, as in `run.events`
-    t_by (columns,): derivatives of its time; q_by, before_by, after_by (n, columns): of the position and the velocities before and after it,
-        at the event itself, which moves
+    t_by (columns,): derivatives of its time; q_by, before_by, after_by (n, columns): of the position, and of the velocities before and
+        after it, at the event itself, which moves
     """
 
     t: float
@@ -103,7 +103,7 @@ class EventMotion:
         told = signals.told if signals else ()
         first = len(kernels.p0) - len(told)
         driven = [first + i for i, signal in enumerate(told) if signal is not None]
-        self._jacobians = EventJacobians(kernels.driven_by(signals), driven)
+        self._jacobians = EventJacobians(kernels.driven_by(signals), driven, float(times[-1] - times[0]))
         self._through: list[EventJacobian] = [self._jacobians(o) for o in self.instants]
         self._begun = make(kernels, initial, times[:2], follows)
         self.p, self.names = self._begun.p, self._begun.names
