@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
     from ncgen.model.elements import Component, Element
+    from ncgen.model.contacts import Contact
     from ncgen.model.events import Event, Friction
     from ncgen.model.facts import Fact
     from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor
@@ -43,6 +44,7 @@ class Contents:
     conditions: on values that depend on parameters and stand in no body and no row of the catalogue by themselves, such as radii
     events: what happens where conditions are fulfilled on the way, by name
     frictions: dry friction that sticks, by name
+    contacts: friction of rigid contacts, by the names of their events
     facts: how the model was told
     frames: of links, by their names in a robot's file
     limits: {coordinate: (lowest, highest) value of its joint in a robot's file, rad or m}
@@ -71,6 +73,7 @@ class Contents:
     conditions: list[Condition]
     events: dict[str, Event]
     frictions: dict[str, Friction]
+    contacts: dict[str, Contact]
     gravity_field: tuple[Value, ...]
     branches: dict[str, tuple[Parameter, ...]]
     chosen_independent: tuple[str, ...]
