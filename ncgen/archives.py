@@ -40,11 +40,11 @@ def arrays(path: Path, names: Collection[str] | None = None) -> dict[str, np.nda
                 members = archive.infolist()
                 if sum(member.file_size for member in members) > MOST_TIMES * os.fstat(file.fileno()).st_size:
                     raise ValueError("an archive that unpacks to far more than it is")
-                found = {member.filename.removesuffix(MEMBER): member for member in members if member.filename.endswith(MEMBER)}
-                if len(found) < len(members):
+                stored = {member.filename.removesuffix(MEMBER): member for member in members if member.filename.endswith(MEMBER)}
+                if len(stored) < len(members):
                     raise ValueError("a member is no array, or there twice")
-                wanted = [name for name in found if names is None or name in names]
-                return {name: _array(archive.read(found[name]), name) for name in wanted}
+                wanted = [name for name in stored if names is None or name in names]
+                return {name: _array(archive.read(stored[name]), name) for name in wanted}
         except BROKEN as error:
             raise ValueError(" ".join(str(error).split()) or type(error).__name__) from error
 

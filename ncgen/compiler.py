@@ -138,7 +138,7 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
     from ncgen.toolchain.cache import compiled
     from ncgen.toolchain.compilers import flags_for
 
-    sources = sources_of(model, emission, timings, kept=backend != "numpy")
+    sources = sources_of(model, emission, timings, cached=backend != "numpy")
     if backend != "numpy":
         try:
             files = timings.stage("emit", lambda: sources.c)
@@ -151,14 +151,14 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
     return timings.stage("load", NumPyKernels, sources)
 
 
-def sources_of(model: Model | Sources, emission: str, timings: Timings, kept: bool = True) -> Sources:
+def sources_of(model: Model | Sources, emission: str, timings: Timings, cached: bool = True) -> Sources:
     """Sources of a model, generated or, where they may be, as they were kept from before."""
     from ncgen.emit.sources import Sources
 
     if isinstance(model, Sources):
         return model
     model = checked_model(model)
-    if not kept:
+    if not cached:
         return generate(model, emission, timings)
     from ncgen.mechanism import recall
 

@@ -21,8 +21,8 @@ SHOWN = 60
 
 def shortened(text: str, limit: int = LONGEST_LINE) -> str:
     """A text in one line of at most `limit` characters: what is too long loses its middle, and nothing in it moves the cursor."""
-    kept = text if len(text) <= limit else text[: limit - limit // 2] + text[-(limit // 2) :]  # nothing longer is looked at
-    line = "".join(c if c.isprintable() else " " if c.isspace() else "\N{REPLACEMENT CHARACTER}" for c in kept)
+    shown = text if len(text) <= limit else text[: limit - limit // 2] + text[-(limit // 2) :]  # nothing longer is looked at
+    line = "".join(c if c.isprintable() else " " if c.isspace() else "\N{REPLACEMENT CHARACTER}" for c in shown)
     if len(text) <= limit:
         return line
     return f"{line[: limit - limit // 2 - 1]}…{line[limit - limit // 2 :]}"

@@ -72,12 +72,12 @@ def output_was(former: str) -> Callable[[Method], Method]:
 
     def decorate(function: Method) -> Method:
         @wraps(function)
-        def renamed(*args: Any, **given: Any) -> Any:
-            if former in given:
-                if "output" in given:
+        def renamed(*args: Any, **keywords: Any) -> Any:
+            if former in keywords:
+                if "output" in keywords:
                     raise ModelError(f"{function.__name__}: {former} is the former name of output, and both are given; give output")
-                given["output"] = given.pop(former)
-            return function(*args, **given)
+                keywords["output"] = keywords.pop(former)
+            return function(*args, **keywords)
 
         return cast(Method, renamed)
 
@@ -147,11 +147,11 @@ def _flocked(file: IO[bytes]) -> bool:
 # -- writing ---------------------------------------------------------------------------------------------------------------
 
 
-def path_of(given: str | os.PathLike[str], kind: str = "file") -> Path:
+def path_of(output: str | os.PathLike[str], kind: str = "file") -> Path:
     """A path that something is to be written to. Raises NcgenError for what is none."""
-    if not isinstance(given, (str, os.PathLike)) or not str(given):
-        raise NcgenError(f"output: {shown(given)} given; name a {kind}")
-    return Path(given)
+    if not isinstance(output, (str, os.PathLike)) or not str(output):
+        raise NcgenError(f"output: {shown(output)} given; name a {kind}")
+    return Path(output)
 
 
 def write_text(path: Path, text: str) -> Path:

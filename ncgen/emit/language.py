@@ -33,7 +33,7 @@ class Language(Protocol):
 
 def languages() -> tuple[str, ...]:
     """The names of all languages."""
-    return tuple(sorted(found.name for found in iter_modules(ncgen.emit.__path__) if found.ispkg))
+    return tuple(sorted(module.name for module in iter_modules(ncgen.emit.__path__) if module.ispkg))
 
 
 def language(name: str) -> Language:

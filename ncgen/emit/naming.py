@@ -75,10 +75,10 @@ class Label:
 
 def labels(names: Sequence[str]) -> list[Label]:
     """Names of constants in C, all of them different."""
-    found: dict[str, str] = {}
+    constants: dict[str, str] = {}
     for name in names:
         wish = label = identifier(name).upper()
-        while label in found:
-            label = f"{wish}_{len(found)}"
-        found[label] = name
-    return [Label(label, name) for label, name in found.items()]
+        while label in constants:
+            label = f"{wish}_{len(constants)}"
+        constants[label] = name
+    return [Label(label, name) for label, name in constants.items()]

@@ -85,13 +85,13 @@ def _mentioned(source: str) -> frozenset[str]:
 
 def _headers(source: str) -> set[str]:
     """What a source of the library includes, and what that includes."""
-    found: set[str] = set()
+    headers: set[str] = set()
     waiting = [source]
     while waiting:
-        included = set(re.findall(r'^#include "([^"]+)"', runtime_text(waiting.pop()), flags=re.MULTILINE)) - found
-        found |= included
+        included = set(re.findall(r'^#include "([^"]+)"', runtime_text(waiting.pop()), flags=re.MULTILINE)) - headers
+        headers |= included
         waiting += included
-    return found
+    return headers
 
 
 def adjoint_names() -> tuple[str, ...]:
@@ -109,25 +109,25 @@ def needed_by(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:
 
     defined: macros that are defined, so that nothing behind `#ifndef` of one is included
     """
-    found: dict[str, None] = {}
+    files: dict[str, None] = {}
     waiting = [*sources]
     while waiting:
         name = waiting.pop()
-        if name in found:
+        if name in files:
             continue
-        found[name] = None
+        files[name] = None
         text = settled(runtime_text(name), defined)
         headers = re.findall(r'^#include "([^"]+)"', text, flags=re.MULTILINE)
         bodies = [f"{header[:-2]}.c" for header in headers]
         waiting += [*headers, *(body for body in bodies if (FOLDER / "src" / body).is_file())]
-    return tuple(sorted(found, key=lambda name: (name.endswith(".c"), name)))
+    return tuple(sorted(files, key=lambda name: (name.endswith(".c"), name)))
 
 
 def settled(text: str, defined: Sequence[str]) -> str:
     """A text with what is left of every `#ifndef` of some macros, which has no other one inside, once they are defined."""
     for macro in defined:
         branches = rf"^#ifndef {macro}\n(?:(?!#else|#endif).*\n)*(?:#else.*\n((?:(?!#endif).*\n)*))?#endif.*\n"
-        text = re.sub(branches, lambda found: found[1] or "", text, flags=re.MULTILINE)
+        text = re.sub(branches, lambda match: match[1] or "", text, flags=re.MULTILINE)
     return text
 
 
@@ -147,10 +147,10 @@ def runtime_text(name: str) -> str:
 
 def constant_of(source: str, name: str) -> int:
     """A whole number that a source of the library names in an enum, such as the last turn of a loop. Raises KeyError where it has none."""
-    found = re.search(rf"\b{name} = (\d+)", runtime_text(source))
-    if not found:
+    match = re.search(rf"\b{name} = (\d+)", runtime_text(source))
+    if not match:
         raise KeyError(name)
-    return int(found[1])
+    return int(match[1])
 
 
 def widest_tableau() -> int:

@@ -99,11 +99,11 @@ class Spelling(ABC):
         names = Names([*program.inputs, program.output, *SHARED.values(), *self.reserved], self.prefix)
         written = write(block, self, names)
         lines: list[str] = []
-        said = ""
+        comment = ""
         for store, before, value in zip(block.stores, written.before, written.values, strict=True):
-            if isinstance(store, Store) and store.comment not in ("", said):
-                said = store.comment
-                lines.append(self.comment(comment_text(said)))
+            if isinstance(store, Store) and store.comment not in ("", comment):
+                comment = store.comment
+                lines.append(self.comment(comment_text(comment)))
             lines += [self.assignment(new, block) for new in before]
             lines.append(self.store(store, value, block))
         return {

@@ -44,8 +44,8 @@ def numbers(given: ArrayLike | None, what: str, complex_too: bool = False) -> np
         raise NcgenError(f"{what} is complex; real numbers are needed here, kernels of backend='numpy' take complex ones")
     kind = Complex if complex_too else Real
     if array.dtype.kind not in "biufcO" or (array.dtype.kind == "O" and not all(isinstance(x, kind) for x in array.flat)):
-        said = repr(given).replace("\n", " ")
-        raise NcgenError(f"{what} has a value that is not a number: {said if len(said) <= ECHOED else said[:ECHOED] + '…'}")
+        echoed = repr(given).replace("\n", " ")
+        raise NcgenError(f"{what} has a value that is not a number: {echoed if len(echoed) <= ECHOED else echoed[:ECHOED] + '…'}")
     if array.dtype.kind == "O":
         try:
             array = array.astype(complex if any(np.iscomplexobj(x) for x in array.flat) else float)
@@ -66,11 +66,11 @@ def sized(values: ArrayLike | None, count: int, what: str, complex_too: bool = F
     return array
 
 
-def place(array: object, shape: tuple[int, ...], what: str, beside: Iterable[np.ndarray] = ()) -> np.ndarray:
+def place(array: object, shape: tuple[int, ...], what: str, other_arrays: Iterable[np.ndarray] = ()) -> np.ndarray:
     """The array itself, where C may write. Raises NcgenError for another one, or one that shares memory with those it is written beside."""
     if not (isinstance(array, np.ndarray) and array.dtype == float and array.flags.carray and array.shape == shape):
         raise NcgenError(f"{what} must be a contiguous array of {shape} doubles that may be written to")
-    if any(np.may_share_memory(array, other) for other in beside):
+    if any(np.may_share_memory(array, other) for other in other_arrays):
         raise NcgenError(f"{what} shares memory with an argument; give an array of its own")
     return array
 
@@ -92,8 +92,8 @@ def pointer(ffi: Interface, array: np.ndarray | None, kind: str = "double[]", co
         return ffi.NULL
     dtype = DTYPES.get(kind) or _dtype(ffi, kind)
     if type(array) is not np.ndarray or array.dtype != dtype or not (array.flags.carray or _is_laid(array.flags)):
-        said = f"{array.dtype}, strides {array.strides}" if isinstance(array, np.ndarray) else ""
-        raise NcgenError(f"{what}: {type(array).__name__} {said} on its way to C; a contiguous array of {dtype} is needed")
+        description = f"{array.dtype}, strides {array.strides}" if isinstance(array, np.ndarray) else ""
+        raise NcgenError(f"{what}: {type(array).__name__} {description} on its way to C; a contiguous array of {dtype} is needed")
     if count is not None and array.size != count:
         raise NcgenError(f"{what}: {counted(array.size, 'number')} on their way to C, which takes {count}")
     return ffi.from_buffer(kind, array)

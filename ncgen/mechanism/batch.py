@@ -127,8 +127,8 @@ class Batch(ABC):
         if out is None:
             out = np.empty((count, program.size))
         else:
-            beside = [array for array in (t, q, qd, p) if array is not None]
-            out = place(out, (count, program.size), f"{kernels.name}.batch.{kernel}: out", beside)
+            other_arrays = [array for array in (t, q, qd, p) if array is not None]
+            out = place(out, (count, program.size), f"{kernels.name}.batch.{kernel}: out", other_arrays)
         self._evaluate(kernel, t, q, qd, p, out)
         return out
 
@@ -180,8 +180,8 @@ class CompiledBatch(Batch):
 
     def _pays(self, program: Program) -> bool:
         moved = program.size + self.kernels.n * sum(name in program.inputs for name in ("q", "qd"))
-        found = cost(program)
-        return found.total + (FUNCTION - 1) * found.calls >= self._least * moved
+        price = cost(program)
+        return price.total + (FUNCTION - 1) * price.calls >= self._least * moved
 
     @cached_property
     def _in_lanes(self) -> _Loop:
@@ -233,8 +233,8 @@ def in_lanes(
     width: how many states stand side by side in a vector: what the library that calls these sources was compiled for. The compiler would
         choose its own, which may be another where it is another compiler, or has lost a flag meanwhile; None for a library that calls
     """
-    told = () if width is None else (f"-DNCGEN_LANES={width}",)
-    return loaded(files | runtime_files(*HEADERS, "ncgen_lanes.h"), declarations, base, (*flags, *told))
+    extra_flags = () if width is None else (f"-DNCGEN_LANES={width}",)
+    return loaded(files | runtime_files(*HEADERS, "ncgen_lanes.h"), declarations, base, (*flags, *extra_flags))
 
 
 @once

@@ -56,7 +56,7 @@ def break_times(
     p: np.ndarray,
     start: float,
     end: float,
-    told: Sequence[Signal | Function | None] = (),
+    signals: Sequence[Signal | Function | None] = (),
     rounding: float = DOUBLE,
 ) -> np.ndarray:
     """Find the breaks of a run, shape (B, 2) in s, ascending: where a step has to end, and where the next but one begins.
@@ -67,19 +67,19 @@ def break_times(
     one to the other, `UNCERTAINTY` before and after the jump. A row may begin at the start or end at the end.
     """
     laws = time_laws(kernels)
-    if not laws.has_breaks and not any(told):
+    if not laws.has_breaks and not any(signals):
         return NO_BREAKS
     gap = UNCERTAINTY * max(rounding, DOUBLE) * max(abs(start), abs(end))  # the times are doubles
-    found = []
+    breaks = []
     if laws.has_breaks:
-        driven = tuple(len(p) - len(told) + i for i, signal in enumerate(told) if signal is not None)
+        driven = tuple(len(p) - len(signals) + i for i, signal in enumerate(signals) if signal is not None)
         key = p[list(laws.parameters)].tobytes(), start, end, gap, driven
-        found.append(kernels.remember("breaks in time", key, lambda: _of_laws(laws, p, start, end, gap, driven), KEPT))
-    for signal in told:
+        breaks.append(kernels.remember("breaks in time", key, lambda: _of_laws(laws, p, start, end, gap, driven), KEPT))
+    for signal in signals:
         if signal is not None:
             times = signal.knots if isinstance(signal, Signal) else quick_changes_of(signal, start, end)
-            found.append(np.column_stack([times, times]))
-    return merged(np.concatenate(found), start, end, gap)
+            breaks.append(np.column_stack([times, times]))
+    return merged(np.concatenate(breaks), start, end, gap)
 
 
 def breaks_of_laws(kernels: Kernels, laws: TimeLaws, start: float, end: float) -> np.ndarray:
@@ -92,16 +92,16 @@ def _of_laws(laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float
     """The breaks of the model's own laws, (K, 2) in no order. driven: positions in p of what changes otherwise"""
     given: dict[Input, float] = {Input("p", k): float(p[k]) for k in laws.parameters}
     lines = _straight_lines(laws.ops, given, driven)
-    found = [NO_BREAKS]
+    breaks = [NO_BREAKS]
     for switch, times in _by_switch(laws, lines, given, start, end, gap):
         half = gap if switch.jumps else 0.0
-        found.append(NO_BREAKS if times is None else np.column_stack([times - half, times + half]))
-    places = np.concatenate(found).ravel()
+        breaks.append(NO_BREAKS if times is None else np.column_stack([times - half, times + half]))
+    places = np.concatenate(breaks).ravel()
     for node in laws.narrow:
         if lines[node] is True:
             times = quick_changes(*_cut(laws.ops, lines, node), given, start, end, places)
-            found.append(np.column_stack([times, times]))
-    return np.concatenate(found)
+            breaks.append(np.column_stack([times, times]))
+    return np.concatenate(breaks)
 
 
 def _cut(ops: Sequence[Op], lines: Sequence[Line], node: int) -> tuple[list[Op], int]:
@@ -152,7 +152,7 @@ def _by_switch(
 ) -> Iterator[tuple[Switch, np.ndarray | None]]:
     """As of `switch_times`; lines: what the nodes are over time."""
     rounding = DOUBLE * max(abs(start), abs(end))
-    found: list[np.ndarray] = []
+    times_of: list[np.ndarray] = []
     for switch in laws.switches:
         times: np.ndarray | None
         if lines[switch.argument] is None:
@@ -160,11 +160,11 @@ def _by_switch(
         elif isinstance(line := lines[switch.argument], tuple):
             times = _on_a_line(*line, switch.pieces, start, end)
         else:
-            inner = np.unique(np.concatenate([np.empty(0), *(found[k] for k in switch.inner)]))
+            inner = np.unique(np.concatenate([np.empty(0), *(times_of[k] for k in switch.inner)]))
             times = _on_a_curve(laws.ops, switch, given, _intervals(inner, start, end, gap), rounding)
         if times is not None:
             times = times[(times >= start) & (times <= end)]
-        found.append(np.empty(0) if times is None else times)
+        times_of.append(np.empty(0) if times is None else times)
         yield switch, times
 
 
@@ -246,7 +246,7 @@ def _on_a_curve(
     if switch.slope is None:
         return np.empty(0)
     low, high = intervals
-    found: list[np.ndarray] = []
+    parts: list[np.ndarray] = []
     bounds = partial(ranges, ops, (switch.argument, switch.slope))
     while len(low):
         bound = {key: (np.asarray(value), np.asarray(value)) for key, value in given.items()}
@@ -257,13 +257,13 @@ def _on_a_curve(
         narrow = high - low <= NARROWEST * rounding
         decided = (falls > 0) | (rises < 0) | narrow | (np.count_nonzero(inside) > MOST_INTERVALS)
         times = _between(ops, switch, given, low[inside & decided], high[inside & decided], rounding)
-        if times is None or sum(map(len, found)) + len(times) > MOST_BREAKS:
+        if times is None or sum(map(len, parts)) + len(times) > MOST_BREAKS:
             return None
-        found.append(times)
+        parts.append(times)
         low, high = low[inside & ~decided], high[inside & ~decided]
         middle = low + (high - low) / 2
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-    return np.unique(np.concatenate([np.empty(0), *found]))
+    return np.unique(np.concatenate([np.empty(0), *parts]))
 
 
 def _between(
@@ -297,13 +297,13 @@ def break_times_of_each(kernels: Kernels, p: np.ndarray, start: float, end: floa
     if not laws.has_breaks:
         return None
     known: dict[bytes, np.ndarray] = {}
-    reads, found = list(laws.parameters), []
+    reads, breaks = list(laws.parameters), []
     for row in p:
         key = row[reads].tobytes()
         if key not in known:
             known[key] = break_times(kernels, row, start, end)
-        found.append(known[key])
-    return found
+        breaks.append(known[key])
+    return breaks
 
 
 def beside(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:

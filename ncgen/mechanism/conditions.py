@@ -50,11 +50,11 @@ class Watched:
         numbers = [np.array(a, dtype=number.dtype) for a in (conditions.values, nodes, inverse, samples)]
         self._arrays = *integers, *numbers
         names = "coordinates", "directions", "signs"
-        told = {name: pointer(ffi, a, "int[]") for name, a in zip(names, integers, strict=True)}
-        told |= {name: pointer(ffi, a, number.array) for name, a in zip(("values", "nodes", "inverse", "samples"), numbers, strict=True)}
+        members = {name: pointer(ffi, a, "int[]") for name, a in zip(names, integers, strict=True)}
+        members |= {name: pointer(ffi, a, number.array) for name, a in zip(("values", "nodes", "inverse", "samples"), numbers, strict=True)}
         function = ffi.cast("ncgen_velocity_kernel *", conditions.function or 0)
-        told |= {"count": count, "degree": conditions.degree, "crossed": pointer(ffi, self._crossed, "int[]"), "function": function}
-        self.struct: InC = ffi.new("ncgen_event *", told)
+        members |= {"count": count, "degree": conditions.degree, "crossed": pointer(ffi, self._crossed, "int[]"), "function": function}
+        self.struct: InC = ffi.new("ncgen_event *", members)
 
     @property
     def crossed(self) -> tuple[int, ...]:

@@ -48,11 +48,11 @@ class Direct:
 
     def __init__(self, kernels: CompiledKernels, name: str) -> None:
         program = kernels.programs.programs.get(name)
-        said = f"{kernels.name}.{name}"
+        called = f"{kernels.name}.{name}"
         if program is None:
-            raise NcgenError(f"{said}: there is no such kernel here; there are {', '.join(kernels.programs.programs)}")
+            raise NcgenError(f"{called}: there is no such kernel here; there are {', '.join(kernels.programs.programs)}")
         if kernels.model.callbacks and name in ("force", "energy"):
-            raise NcgenError(f"{said}: the model calls a Python function; call kernels.{name} instead")
+            raise NcgenError(f"{called}: the model calls a Python function; call kernels.{name} instead")
         ffi, library = _caller()
         frame = ffi.new("ncgen_frame *")
         setattr(frame, "velocity" if "qd" in program.inputs else "position", kernels.function(name))
@@ -62,7 +62,7 @@ class Direct:
             # A view of memory that C owns: unlike an array that owns its numbers it cannot be resized.
             self._set(array, np.frombuffer(ffi.buffer(numbers_in_c))[:size])
         self.q[:], self.p[:] = kernels.q0, kernels.p0
-        self._set("_name", said)
+        self._set("_name", called)
         self._set("_frame", frame)
         self._set("_run", partial(library.ncgen_call, frame))
         self._set("_owner", kernels)  # the library lives as long

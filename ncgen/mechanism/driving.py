@@ -59,12 +59,12 @@ class Driver:
     raised: what a function raised, or None
     """
 
-    def __init__(self, told: Sequence[Pieces | Function | None], number: Number, breaks: ArrayLike = ()) -> None:
+    def __init__(self, laws: Sequence[Pieces | Function | None], number: Number, breaks: ArrayLike = ()) -> None:
         self._ffi: Interface = runtime_abi(number.name)
         self.raised: BaseException | None = None
-        self._is_told = any(told)
-        self.functions = {i: each for i, each in enumerate(told) if callable(each) and not isinstance(each, Pieces)}
-        pieces = [each if isinstance(each, Pieces) else None for each in told]
+        self._is_told = any(laws)
+        self.functions = {i: each for i, each in enumerate(laws) if callable(each) and not isinstance(each, Pieces)}
+        pieces = [each if isinstance(each, Pieces) else None for each in laws]
         self._arrays = [
             np.cumsum([0, *(len(each.knots) if each else 0 for each in pieces)]).astype(np.intc),
             np.concatenate([np.empty(0), *(each.knots for each in pieces if each)]).astype(number.dtype),
@@ -74,7 +74,7 @@ class Driver:
         kinds = "int[]", number.array, number.array, number.array
         start, knots, coefficients, ends = (pointer(self._ffi, a, kind) for a, kind in zip(self._arrays, kinds, strict=True))
         self._handle = self._ffi.new_handle(self)
-        self._piecewise: InC = self._ffi.new("ncgen_piecewise *", {"count": len(told), "start": start, "knots": knots})
+        self._piecewise: InC = self._ffi.new("ncgen_piecewise *", {"count": len(laws), "start": start, "knots": knots})
         self._piecewise.coefficients = coefficients
         if self.functions:
             self._piecewise.others, self._piecewise.context = _asked(number.name), self._handle
@@ -82,13 +82,13 @@ class Driver:
 
     def signals(self, function: InC) -> InC:
         """The struct for a run; function: `ncgen_piecewise_inputs` of the runtime."""
-        told = {
+        members = {
             "inputs": function if self._is_told else self._ffi.NULL,
             "context": self._piecewise,
             "n_breaks": self.n_breaks,
             "breaks": self.breaks,
         }
-        return self._ffi.new("ncgen_signals *", told)
+        return self._ffi.new("ncgen_signals *", members)
 
 
 @once

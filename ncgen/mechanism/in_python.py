@@ -113,14 +113,14 @@ class KernelsInPython(InPython):
 
     def tangents(self) -> InC:
         """An ncgen_tangents."""
-        found = self._kernels.tangents
+        of_state = self._kernels.tangents
         made = self.ffi.new("ncgen_tangents *", {"abi_version": abi_version(), "struct_size": self.ffi.sizeof("ncgen_tangents")})
-        for name, program in found.programs.programs.items():
+        for name, program in of_state.programs.programs.items():
 
             def values(*given: Any, name: str = name, program: Program = program) -> np.ndarray:
-                return found.values(name, dict(zip(program.inputs, given, strict=True)))
+                return of_state.values(name, dict(zip(program.inputs, given, strict=True)))
 
-            setattr(made, f"{name}_pattern", self.pattern(found.programs.patterns[name]))
+            setattr(made, f"{name}_pattern", self.pattern(of_state.programs.patterns[name]))
             setattr(made, name, self.kernel(program.inputs, program.size, values))
         return made
 

@@ -170,9 +170,9 @@ class Kernels(ABC):
     def _row_changes(self) -> list[float]:
         """The norm of every row's gradient, coordinates measured in their sizes: at the start or a tenth of the mechanism away, where it is
         larger, since it may vanish at the start; 1 where it vanishes at both. Three digits, so that all machines agree."""
-        aside = 0.1 * self.column_sizes * np.cos(np.arange(self.n))
+        change = 0.1 * self.column_sizes * np.cos(np.arange(self.n))
         with np.errstate(all="ignore"):
-            norms = [np.linalg.norm(self.jacobian(q, 0.0, self.p0) * self.column_sizes, axis=1) for q in (self.q0, self.q0 + aside)]
+            norms = [np.linalg.norm(self.jacobian(q, 0.0, self.p0) * self.column_sizes, axis=1) for q in (self.q0, self.q0 + change)]
         largest = np.max(np.where(np.isfinite(norms), norms, 0.0), axis=0)
         return [float(f"{norm:.3g}") or 1.0 for norm in largest]
 
@@ -374,8 +374,8 @@ class Kernels(ABC):
 
     def dense_tangents(self, name: str, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
         """One that takes no more than q (K, n), t (K,) and p (n_p,), of a few states one after the other, (K, rows, columns)."""
-        found = [self._tangent_values(name, {"q": at, "t": now, "p": p}) for at, now in zip(q, t.tolist(), strict=True)]
-        return self._dense(found[0][0], np.array([values for _, values in found]))
+        rows = [self._tangent_values(name, {"q": at, "t": now, "p": p}) for at, now in zip(q, t.tolist(), strict=True)]
+        return self._dense(rows[0][0], np.array([values for _, values in rows]))
 
     def _tangent(self, name: str, **given: ArrayLike | None) -> csr_array:
         return self._sparse(*self._tangent_values(name, given))
@@ -399,8 +399,8 @@ class Kernels(ABC):
 
     def jacobians(self, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Φ_q of a few states q (K, n) at t (K,) one after the other, (K, m, n): nothing is compiled for it."""
-        found = [self.values("phi_q", now, at, None, p) for at, now in zip(q, t.tolist(), strict=True)]
-        return self._dense(self.phi_q_pattern, np.array(found))
+        rows = [self.values("phi_q", now, at, None, p) for at, now in zip(q, t.tolist(), strict=True)]
+        return self._dense(self.phi_q_pattern, np.array(rows))
 
     def dense_jacobians(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Φ_q of many states, (B, m, n)."""
@@ -450,13 +450,13 @@ class Kernels(ABC):
     def _instant(self, t: ArrayLike, kernel: str) -> float | complex | np.ndarray:
         """A time, or many for kernels that take batches. Raises NcgenError for others."""
         try:
-            found = numbers(t, f"{self.name}.{kernel}: t", complex_too=self.batches)
+            value = numbers(t, f"{self.name}.{kernel}: t", complex_too=self.batches)
         except NcgenError:
-            found = None
-        if found is None or (found.ndim and not self.batches):
+            value = None
+        if value is None or (value.ndim and not self.batches):
             wanted = "numbers are needed" if self.batches else "compiled kernels take one real number"
             raise NcgenError(f"{self.name}.{kernel}: t is {shown(t)}; {wanted}")
-        return found if found.ndim else found.item()
+        return value if value.ndim else value.item()
 
     @staticmethod
     def _sparse(pattern: Pattern, values: np.ndarray) -> csr_array:

@@ -38,8 +38,8 @@ class Progress:
     name: of the mechanism; end: where the simulation is to arrive (s), None where nobody can say, as where an event ends it
     """
 
-    def __init__(self, tell: Callable[[float], None] | None, name: str = "", end: float | None = None) -> None:
-        self._tell, self._last, self._clock = tell, -inf, -inf
+    def __init__(self, report: Callable[[float], None] | None, name: str = "", end: float | None = None) -> None:
+        self._tell, self._last, self._clock = report, -inf, -inf
         self._name, self._end, self._stages, self._mark = name, end, 0, -inf
 
     def __call__(self, t: float) -> None:

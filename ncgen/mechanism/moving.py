@@ -100,9 +100,9 @@ class Stepping:
                 return status
             if after >= t_end:
                 break
-            found = self._cross(self.kernels, q, qd, before, after, p)
-            qd[:], moment.t, moment.work = found.qd, after, moment.work + found.work
-            self.impulses += found.impulses
+            crossing = self._cross(self.kernels, q, qd, before, after, p)
+            qd[:], moment.t, moment.work = crossing.qd, after, moment.work + crossing.work
+            self.impulses += crossing.impulses
         moment.t, self.statistics.evaluations = t_end, evaluations
         return 0
 
@@ -117,9 +117,9 @@ class Stepping:
             return
         last = t + AHEAD * (t_end - t)
         parameters, margin = np.asarray(p, dtype=float), 2 * NEAREST * DOUBLE * max(abs(t), abs(last))
-        found = break_times(self.kernels, parameters, t - margin, last)  # a step may have ended at the middle of one
-        self._jumps = driver_jumps(self.kernels, parameters, np.asarray(q, dtype=float), found)
-        self._breaks = found.ravel().astype(self.number.dtype)
+        breaks = break_times(self.kernels, parameters, t - margin, last)  # a step may have ended at the middle of one
+        self._jumps = driver_jumps(self.kernels, parameters, np.asarray(q, dtype=float), breaks)
+        self._breaks = breaks.ravel().astype(self.number.dtype)
         self._signals = self.ffi.new("ncgen_signals *", {"n_breaks": len(self._breaks), "breaks": self.pointer(self._breaks)})
         self._options.signals, self._known = self._signals, (t, last, reads)
 
@@ -202,11 +202,11 @@ class MovingRows:
         self.p = np.zeros((count, len(kernels.p0)))
         self.statuses = np.zeros(count, np.intc)
         self._moments = ffi.new("ncgen_moment[]", count)
-        seen = np.frombuffer(ffi.buffer(self._moments), dtype=MOMENT)
+        moments = np.frombuffer(ffi.buffer(self._moments), dtype=MOMENT)
         for name in ("q", "qd", "qdd"):
             rows = getattr(self, name)
-            seen[name] = rows.ctypes.data + np.arange(count) * rows.strides[0]
-        self.t, self.work, self.next_step = seen["t"], seen["work"], seen["next_step"]
+            moments[name] = rows.ctypes.data + np.arange(count) * rows.strides[0]
+        self.t, self.work, self.next_step = moments["t"], moments["work"], moments["next_step"]
         ends = np.linspace(0, count, len(steppings) + 1).astype(int)
         self._parts = [part for part in zip(steppings, ends[:-1].tolist(), ends[1:].tolist(), strict=True) if part[1] < part[2]]
         self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
@@ -233,8 +233,8 @@ class MovingRows:
     def _one_after_the_other(self, h: float, stepping: Stepping, first: int, last: int) -> None:
         """The same, each with the breaks of its own parameters."""
         for row in range(first, last):
-            here, t_end = (self.p[row], self.q[row], self.qd[row]), self.t[row] + h
-            self.statuses[row] = stepping.go_on(self._moments + row, *here, t_end)
+            arrays, t_end = (self.p[row], self.q[row], self.qd[row]), self.t[row] + h
+            self.statuses[row] = stepping.go_on(self._moments + row, *arrays, t_end)
 
     def settle(self, row: int) -> str:
         """One row's position and velocities onto the constraints: "ok", or why not."""

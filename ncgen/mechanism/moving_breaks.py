@@ -80,33 +80,33 @@ class _Slopes:
     by_parameters: list[dict[int, int]] = field(default_factory=list)
 
 
-def moving_breaks(kernels: Kernels, p: np.ndarray, times: np.ndarray, told: Sequence[Signal | Function | None] = ()) -> MovingBreaks:
+def moving_breaks(kernels: Kernels, p: np.ndarray, times: np.ndarray, signals: Sequence[Signal | Function | None] = ()) -> MovingBreaks:
     """Find the breaks of a motion over the times (K,) of a grid (s), and how they move with parameters p (n_p,).
 
     told: what drives the inputs, as of `break_times`
     """
     start, end, count = float(times[0]), float(times[-1]), len(p)
-    laws, rows = time_laws(kernels, any(told)), break_times(kernels, p, start, end, told)
+    laws, rows = time_laws(kernels, any(signals)), break_times(kernels, p, start, end, signals)
     if not laws.switches:
         return MovingBreaks(rows, np.zeros((len(rows), count)))
-    slopes = kernels.remember("laws of time by parameters", any(told), lambda: _slopes(laws))
+    slopes = kernels.remember("laws of time by parameters", any(signals), lambda: _slopes(laws))
     given = {Input("p", k): float(p[k]) for k in laws.parameters}
-    driven = [count - len(told) + i for i, signal in enumerate(told) if signal is not None]
+    driven = [count - len(signals) + i for i, signal in enumerate(signals) if signal is not None]
     gap = UNCERTAINTY * DOUBLE * max(abs(start), abs(end))
-    found, unknown, bending = [rows], set[int](), set[int]()
-    held = np.concatenate([np.empty(0), *(signal.knots[_jumps(signal)] for signal in told if isinstance(signal, Signal))])
+    breaks, unknown, bending = [rows], set[int](), set[int]()
+    held = np.concatenate([np.empty(0), *(signal.knots[_jumps(signal)] for signal in signals if isinstance(signal, Signal))])
     jumps = [(held, np.zeros((len(held), count)))]
     for k, (switch, at) in enumerate(switch_times(laws, p, start, end, gap, driven)):
         movers = slopes.by_parameters[k]
         if at is None:
             unknown |= movers.keys() if switch.jumps else set()
         elif movers and len(at):
-            found.append(np.column_stack([at - gap, at + gap]))
+            breaks.append(np.column_stack([at - gap, at + gap]))
         if switch.bends and (at is None or len(at)):
             bending |= movers.keys()
         if switch.jumps and at is not None and len(at):
             jumps.append((at, _rates(slopes, k, given, at, count)))
-    rows = merged(np.concatenate(found), start, end, gap)
+    rows = merged(np.concatenate(breaks), start, end, gap)
     at, rates = (np.concatenate(parts) for parts in zip(*jumps, strict=True))
     return MovingBreaks(rows, _by_row(rows, at, rates, start, end), frozenset(unknown), frozenset(bending))
 
@@ -117,22 +117,22 @@ def _slopes(laws: TimeLaws) -> _Slopes:
     for op in laws.ops:
         place.append(graph.copied(op, [place[a] for a in op.args]))
     loads = {op.input.position: place[k] for k, op in enumerate(laws.ops) if op.code == "load" and op.input.array == "p"}
-    one, found = graph.const(1.0), list[dict[int, int]]()
+    one, slopes = graph.const(1.0), list[dict[int, int]]()
     for switch in laws.switches:
         argument = place[switch.argument]
         below = graph.below([argument])
         nodes = {k: tangent(graph, [argument], {load: one}).get(argument) for k, load in loads.items() if load in below}
-        found.append({k: node for k, node in nodes.items() if node is not None})
+        slopes.append({k: node for k, node in nodes.items() if node is not None})
     by_time = [None if switch.slope is None else place[switch.slope] for switch in laws.switches]
-    return _Slopes(tuple(graph.ops), by_time, found)
+    return _Slopes(tuple(graph.ops), by_time, slopes)
 
 
 def _rates(slopes: _Slopes, switch: int, given: Mapping[Input, float], at: np.ndarray, count: int) -> np.ndarray:
     """dτ/dp at times when the argument of a switch passes knots, (times, count)."""
-    rates, by_time, here = np.zeros((len(at), count)), slopes.by_time[switch], {**given, TIME: at}
+    rates, by_time, inputs_there = np.zeros((len(at), count)), slopes.by_time[switch], {**given, TIME: at}
     for k, node in slopes.by_parameters[switch].items():
         with np.errstate(all="ignore"):
-            rate = np.divide(-values(slopes.ops, node, here), 0.0 if by_time is None else values(slopes.ops, by_time, here))
+            rate = np.divide(-values(slopes.ops, node, inputs_there), 0.0 if by_time is None else values(slopes.ops, by_time, inputs_there))
         rates[:, k] = np.where(np.isfinite(rate), rate, np.nan)
     return rates
 
@@ -147,10 +147,10 @@ def _by_row(rows: np.ndarray, at: np.ndarray, rates: np.ndarray, start: float, e
     np.minimum.at(least, place, rates[inside])
     np.maximum.at(most, place, rates[inside])
     least, most = (np.where(np.isinf(each), 0.0, each) for each in (least, most))
-    found = np.where(most - least <= SAME * np.maximum(np.abs(least), np.abs(most)), most, np.nan)
+    moved = np.where(most - least <= SAME * np.maximum(np.abs(least), np.abs(most)), most, np.nan)
     ends = (rows[:, 0] <= start) | (rows[:, 1] >= end)
-    found[ends] = np.where(found[ends] == 0.0, 0.0, np.nan)
-    return found
+    moved[ends] = np.where(moved[ends] == 0.0, 0.0, np.nan)
+    return moved
 
 
 def _jumps(signal: Signal) -> np.ndarray:

@@ -104,13 +104,13 @@ def quick_changes_of(function: Function, start: float, end: float) -> np.ndarray
 
 
 def _asked(function: Function, times: np.ndarray) -> np.ndarray:
-    found = np.full(len(times), np.nan)
+    values = np.full(len(times), np.nan)
     for k, t in enumerate(times.tolist()):
         try:
-            found[k] = float(function(t))
+            values[k] = float(function(t))
         except Exception:  # the run calls it again where it needs it, and tells what it raises there
             continue
-    return found
+    return values
 
 
 def _at(ops: Sequence[Op], node: int, given: Mapping[Input, float], t: np.ndarray) -> np.ndarray:
@@ -122,8 +122,8 @@ def _widths(ops: Sequence[Op], node: int, given: Mapping[Input, float], low: np.
     bound = {key: (np.asarray(value), np.asarray(value)) for key, value in given.items()}
     least, most = ranges(ops, [node], {**bound, TIME: (low, high)})[0]
     with np.errstate(all="ignore"):
-        found = np.broadcast_to(most - least, low.shape)
-    return np.where(np.isfinite(found), found, 1e300)
+        widths = np.broadcast_to(most - least, low.shape)
+    return np.where(np.isfinite(widths), widths, 1e300)
 
 
 def _size(x: np.ndarray) -> float:
@@ -150,9 +150,9 @@ def _flanks(t: np.ndarray, x: np.ndarray, jump: float = 0.0) -> np.ndarray:
         last = np.append(-1, rises)[np.searchsorted(rises, falls)]  # before each fall; the start of the run where there is none
         falls = falls[falls - last <= PLACES + 2]
         backward = _beside(-ends[::-1], ratio, len(lengths) - 1 - falls)
-        found = np.unique(np.concatenate([_beside(ends, ratio, rises), -backward]))
-        if len(found) <= most:
-            return found
+        breaks = np.unique(np.concatenate([_beside(ends, ratio, rises), -backward]))
+        if len(breaks) <= most:
+            return breaks
     return np.empty(0)
 
 
@@ -167,11 +167,11 @@ def _beside(ends: np.ndarray, ratio: float, slow: np.ndarray) -> np.ndarray:
     lengths = np.diff(ends)
     fast = lengths[slow + 1]
     outside = ends[slow + 1, None] - fast[:, None] * DISTANCES
-    found = [outside[outside > ends[slow, None]], ends[slow + 1]]
+    breaks = [outside[outside > ends[slow, None]], ends[slow + 1]]
     for _ in range(PLACES):
         keep = slow + 2 < len(ends) - 1
         slow, fast = slow[keep] + 1, fast[keep]
         keep = lengths[slow] <= ratio * fast
         slow, fast = slow[keep], fast[keep]
-        found.append(ends[slow + 1])
-    return np.concatenate(found)
+        breaks.append(ends[slow + 1])
+    return np.concatenate(breaks)

@@ -52,35 +52,35 @@ _keys: dict[int, str | None] = {}
 
 def key(model: Model, emission: str) -> str | None:
     """What the sources of a model are kept under; None for a model that cannot be told from others."""
-    told = digest(model)
-    return told and hashlib.sha256(f"{_generator()}\n{emission}\n{told}".encode()).hexdigest()[:40]
+    model_digest = digest(model)
+    return model_digest and hashlib.sha256(f"{_generator()}\n{emission}\n{model_digest}".encode()).hexdigest()[:40]
 
 
 def recall(model: Model, emission: str, key: str) -> Sources | None:
     """The sources of a model that was compiled before, or None."""
-    found = kept(KIND, key)
-    if found is None:
+    entry = kept(KIND, key)
+    if entry is None:
         return None
     with undisturbed():
-        programs, phi_q, mass, omitted, files = _restored(found)
+        programs, phi_q, mass, omitted, files = _restored(entry)
     equations = Deferred(model)  # it derives what it lacks of them when asked
     return Sources(Programs(equations, programs, phi_q, mass, emission, omitted), {"c": files})
 
 
 def remember(key: str, sources: Sources) -> None:
     """Keep the sources of a model."""
-    found = sources.programs
-    keep(KIND, key, _plain((found.programs, found.phi_q, found.mass, found.omitted, sources.c)), LARGEST)
+    programs = sources.programs
+    keep(KIND, key, _plain((programs.programs, programs.phi_q, programs.mass, programs.omitted, sources.c)), LARGEST)
 
 
-def derived(programs: Programs, told: str, make: Callable[[], Files]) -> Files:
+def derived(programs: Programs, description: str, make: Callable[[], Files]) -> Files:
     """C files that are made for a mechanism beside its own, from the cache or made now.
 
     told: what they are, in words that tell them from others of the same mechanism
     """
     own = _key_of(programs)
     with undisturbed():
-        return make() if own is None else shared(f"{own}\n{told}", make)
+        return make() if own is None else shared(f"{own}\n{description}", make)
 
 
 def derived_tangents(programs: Programs, kind: str, make: Callable[[], TangentPrograms]) -> TangentPrograms:
@@ -90,9 +90,9 @@ def derived_tangents(programs: Programs, kind: str, make: Callable[[], TangentPr
         if own is None:
             return make()
         named = hashlib.sha256(f"{own}\n{kind}".encode()).hexdigest()[:40]
-        found = kept(KIND, named)
-        if found is not None:
-            return TangentPrograms(kind, *_restored(found))
+        entry = kept(KIND, named)
+        if entry is not None:
+            return TangentPrograms(kind, *_restored(entry))
         made = make()
         keep(KIND, named, _plain((made.programs, made.patterns)), LARGEST)
     return made
@@ -107,14 +107,14 @@ def _key_of(programs: Programs) -> str | None:
     return _keys[number]
 
 
-def shared(told: str, make: Callable[[], Files]) -> Files:
+def shared(description: str, make: Callable[[], Files]) -> Files:
     """C files that are the same for all mechanisms, likewise; told: what they are, in words that tell them from others."""
-    named = hashlib.sha256(f"{_generator('solver', 'mechanism')}\n{told}".encode()).hexdigest()[:40]
-    found = kept(KIND, named)
-    if found is None:
-        found = make()
-        keep(KIND, named, found, LARGEST)
-    return found
+    named = hashlib.sha256(f"{_generator('solver', 'mechanism')}\n{description}".encode()).hexdigest()[:40]
+    files = kept(KIND, named)
+    if files is None:
+        files = make()
+        keep(KIND, named, files, LARGEST)
+    return files
 
 
 def _plain(value: Any) -> Json:

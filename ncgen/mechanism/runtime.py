@@ -449,13 +449,13 @@ class ConstrainedDynamics(Dynamics):
         self,
         kernels: Kernels,
         number: str = "double",
-        seen: Callable[[], Seen | None] | None = None,
+        samples_of: Callable[[], Seen | None] | None = None,
         tables: TreeTables | None = None,
         part: Part = "explicit",
     ) -> None:
         runtime = beside(number, part)
         runtime.start()
-        motion = None if seen is None else self._written_out(kernels, number, seen)
+        motion = None if samples_of is None else self._written_out(kernels, number, samples_of)
         runtime.join()
         super().__init__(kernels, number)
         self.singular_mass = singular = not is_definite(kernels)
@@ -465,7 +465,7 @@ class ConstrainedDynamics(Dynamics):
         self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)
         self._dynamics.elimination = self._elimination
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
-        self._seen = seen
+        self._seen = samples_of
         self.is_emitted = motion is not None
         self.is_recursive = self.is_emitted or tables is not None
         if motion is not None:
@@ -485,9 +485,9 @@ class ConstrainedDynamics(Dynamics):
         return super()._uses_tangents(method, options)
 
     @staticmethod
-    def _written_out(kernels: Kernels, number: str, seen: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:
+    def _written_out(kernels: Kernels, number: str, samples_of: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:
         """What gives the emitted motion, if there is one, and the library that it lives in."""
-        files = motion_source(kernels, seen)
+        files = motion_source(kernels, samples_of)
         if not files:
             return None
         getter = f"{prefix_of(kernels.name)}_recursion"

@@ -99,14 +99,14 @@ class Taped:
         self.driven = self._stages(INTEGRATORS[method], inputs)
         self._sizes = replace(self._sizes, n_inputs=self.driven.values.shape[2])
 
-    def _stages(self, method: Integrator, told: Sequence[Pieces | Function | None]) -> Driven:
+    def _stages(self, method: Integrator, signals: Sequence[Pieces | Function | None]) -> Driven:
         """The inputs of all stages."""
         begun = self._times[:-1, None]
         nodes = np.array([float(c) for c in method.coefficients.c[: method.coefficients.stages]])
         t, begun = np.broadcast_arrays(begun + nodes * np.diff(self._times)[:, None], begun)
-        first = self._parameters - len(told)
-        values = [self._p[first + i] + 0 * t if signal is None else told_at(signal, t, begun) for i, signal in enumerate(told)]
-        return Driven(t, begun, np.array(values).reshape(len(told), *t.shape).transpose(1, 2, 0))
+        first = self._parameters - len(signals)
+        values = [self._p[first + i] + 0 * t if signal is None else told_at(signal, t, begun) for i, signal in enumerate(signals)]
+        return Driven(t, begun, np.array(values).reshape(len(signals), *t.shape).transpose(1, 2, 0))
 
     def _take_room(self, method: str, steps: int) -> None:
         """A tape for so many steps."""
@@ -170,9 +170,9 @@ class Taped:
 
     def at_all_steps(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
         """Weights (steps + 1, 2 n) of [q, q̇] from those at the times of the grid."""
-        seen = np.hstack([by_q, by_qd])
-        weights = np.zeros((len(self._times), seen.shape[1]), dtype=seen.dtype)
-        weights[self._seen] = seen
+        rows = np.hstack([by_q, by_qd])
+        weights = np.zeros((len(self._times), rows.shape[1]), dtype=rows.dtype)
+        weights[self._seen] = rows
         return weights
 
     def forward(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -304,11 +304,11 @@ class Segmented:
 
     def forward(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As of `Taped`."""
-        found = [(dq[None], dqd[None])]
+        rows = [(dq[None], dqd[None])]
         for begin, end in pairwise(self._bounds):
-            q, qd = self._segment(slice(begin, end + 1)).forward(found[-1][0][-1], found[-1][1][-1], dp)
-            found.append((q[1:], qd[1:]))
-        first, second = (np.concatenate(parts) for parts in zip(*found, strict=True))
+            q, qd = self._segment(slice(begin, end + 1)).forward(rows[-1][0][-1], rows[-1][1][-1], dp)
+            rows.append((q[1:], qd[1:]))
+        first, second = (np.concatenate(parts) for parts in zip(*rows, strict=True))
         return first, second
 
 

@@ -107,8 +107,8 @@ def _laws(kernels: Kernels, changing: Collection[Input]) -> TimeLaws:
         jumps, bends = _discontinuous(op)
         switches.append((node, Switch(argument, slope, pieces, jumps, bends, tuple(numbers[b] for b in below if b in numbers))))
     place = {numbers[node]: k for k, (node, _) in enumerate(switches)}
-    found = [replace(s, inner=tuple(place[i] for i in sorted(s.inner) if i in place)) for _, s in switches]
-    return _without_others(own, found, narrow)
+    mended = [replace(s, inner=tuple(place[i] for i in sorted(s.inner) if i in place)) for _, s in switches]
+    return _without_others(own, mended, narrow)
 
 
 def slope_in_time(graph: Graph, node: int) -> int | None:
@@ -121,7 +121,7 @@ def _narrow_nodes(graph: Graph, roots: Iterable[int]) -> tuple[int, ...]:
     polynomial of time. Sums change as their terms do, and of what only its sign is asked for there are breaks."""
     signs = {node for node, op in enumerate(graph.ops) if op.code == "sign"}
     degrees = degrees_in_time(graph, graph.below(roots, signs))
-    found: list[int] = []
+    narrow: list[int] = []
     for node, degree in degrees.items():
         op, below = graph.ops[node], [degrees.get(a, 0.0) for a in graph.ops[node].args]
         if op.code == "mul":
@@ -131,8 +131,8 @@ def _narrow_nodes(graph: Graph, roots: Iterable[int]) -> tuple[int, ...]:
         else:
             is_narrow = degree > 0.0 and not is_slow(op, below) and op.code not in SWITCHING
         if is_narrow:
-            found.append(node)
-    return tuple(found)
+            narrow.append(node)
+    return tuple(narrow)
 
 
 def is_slow(op: Op, below: Sequence[float]) -> bool:

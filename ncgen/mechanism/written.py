@@ -22,7 +22,9 @@ Seen: TypeAlias = tuple[Split, Sequence[Sample]]
 """Independent coordinates, and typical positions."""
 
 
-def motion_source(kernels: Kernels, seen: Callable[[], Seen | None], kind: Literal["motion", "tangent", "adjoint"] = "motion") -> Files:
+def motion_source(
+    kernels: Kernels, samples_of: Callable[[], Seen | None], kind: Literal["motion", "tangent", "adjoint"] = "motion"
+) -> Files:
     """{file name: text} of the motion of all coordinates by recursion, or of its derivatives; {} where there is none. Of a model with
     functions of Python its derivative takes their forces as one more input.
 
@@ -33,8 +35,8 @@ def motion_source(kernels: Kernels, seen: Callable[[], Seen | None], kind: Liter
     def assembled() -> MotionPrograms | None:
         from ncgen.program.motions.dynamics import assemble_motion
 
-        found = seen()
-        return assemble_motion(equations, *found, kernels.column_sizes, forced) if found else None
+        samples = samples_of()
+        return assemble_motion(equations, *samples, kernels.column_sizes, forced) if samples else None
 
     def made() -> Files:
         from ncgen.program.motions.dynamics import differentiated
@@ -74,5 +76,7 @@ class Written:
     def files(self) -> Files:
         """{file name: text}."""
         kernels = self.kernels
-        told = f"dynamics {self.split} {self.around} {self.refine}"
-        return recall.derived(kernels.programs, told, lambda: dynamics_files(self.programs, kernels.programs.equations, kernels.row_sizes))
+        description = f"dynamics {self.split} {self.around} {self.refine}"
+        return recall.derived(
+            kernels.programs, description, lambda: dynamics_files(self.programs, kernels.programs.equations, kernels.row_sizes)
+        )

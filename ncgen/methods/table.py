@@ -161,8 +161,8 @@ INTEGRATORS = {
 """By name, in the order of their numbers in C."""
 
 
-def _of_accelerations(name: str, help: str, stabilisation: str = "projection", is_ordinary: bool = True, **own: float) -> Formalism:
-    return Formalism(name, help, is_ordinary=is_ordinary, options={"stabilisation": stabilisation, "omega": 10.0, "xi": 1.0, **own})
+def _of_accelerations(name: str, help: str, stabilisation: str = "projection", is_ordinary: bool = True, **defaults: float) -> Formalism:
+    return Formalism(name, help, is_ordinary=is_ordinary, options={"stabilisation": stabilisation, "omega": 10.0, "xi": 1.0, **defaults})
 
 
 FORMALISMS = {
@@ -247,17 +247,17 @@ def steps_constraints(formalism: Formalism, integrator: Integrator) -> bool:
     return formalism.name in integrator.steps
 
 
-def options_of(formalism: Formalism, integrator: Integrator, given: dict[str, Any] | None) -> dict[str, Any]:
+def options_of(formalism: Formalism, integrator: Integrator, options: dict[str, Any] | None) -> dict[str, Any]:
     """The defaults of a method with the caller's options in their place. Raises ModelError for unknown or impossible ones."""
     defaults = integrator.options if steps_constraints(formalism, integrator) else formalism.options
-    if not isinstance(given, dict | None):
-        raise ModelError(f"options: {shown(given)} given; give a dictionary {{name: value}}")
-    for name, value in (given or {}).items():
+    if not isinstance(options, dict | None):
+        raise ModelError(f"options: {shown(options)} given; give a dictionary {{name: value}}")
+    for name, value in (options or {}).items():
         if name not in defaults:
             method = f"{formalism.name} with {integrator.name}"
             raise ModelError(f"option {_text(name)}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
         _check_option(name, value, defaults[name])
-    return {**defaults, **(given or {})}
+    return {**defaults, **(options or {})}
 
 
 def _check_option(name: str, value: object, default: object) -> None:

@@ -159,13 +159,13 @@ def _forests(size: int, largest: int) -> Iterator[Tree]:
     if size == 0:
         yield ()
         return
-    seen = set()
+    forests = set()
     for first in range(min(size, largest), 0, -1):
         for tree in _of_size(first):
             for rest in _forests(size - first, first):
                 forest = tuple(sorted((tree, *rest)))
-                if forest not in seen:
-                    seen.add(forest)
+                if forest not in forests:
+                    forests.add(forest)
                     yield forest
 
 

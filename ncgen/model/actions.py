@@ -101,7 +101,9 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
     if isinstance(given, (Change, Stop, Call)):
         return (given,)
     if isinstance(given, Impact):
-        return (Impact(_between_0_and_1(model, given.restitution, where), given.order, given.rest),)
+        from ncgen.model.arguments import value
+
+        return (Impact(value(model, given.restitution, f"{where}, restitution"), given.order, given.rest),)
     if isinstance(given, str) and given == STOP:
         return (Stop(),)
     if isinstance(given, Mapping):
@@ -111,16 +113,6 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
     if callable(given):
         return (Call(cast("Callable[..., Mapping[str, float] | None]", given)),)
     raise ModelError(f'{where}: {shown(given)} is no action; give "stop", ncgen.impact(…), {{name: value}} or a function')
-
-
-def _between_0_and_1(model: Contents, given: object, where: str) -> Value:
-    from ncgen.model.arguments import value
-    from ncgen.model.values import evaluate
-
-    found = value(model, given, f"{where}, restitution")
-    if not 0 <= (number := evaluate(found, model.parameters, where)) <= 1:
-        raise ModelError(f"{where}: restitution {number:g}; give a number from 0 to 1")
-    return found
 
 
 def _changed(model: Contents, name: object, value: object, where: str) -> Scalar:

@@ -25,7 +25,7 @@ PARALLEL = 1e-6
 UNIT_LENGTH = 1e-9
 """How far a unit vector's length may be from 1, and by how much rounding may lift a cosine above 1."""
 
-RELATIONS = {">": operator.gt, ">=": operator.ge, "!=": operator.ne}
+RELATIONS = {">": operator.gt, ">=": operator.ge, "!=": operator.ne, "<": operator.lt, "<=": operator.le}
 
 
 class Condition(ABC):
@@ -80,6 +80,49 @@ class Bound(Condition):
     def sentence(self, numbers: np.ndarray) -> str:
         number = f"{self.said} {numbers[0]:g} {self.unit}".rstrip()
         return f"{number}; {self.remedy}"
+
+
+@dataclass(frozen=True, eq=False)
+class Between(Condition):
+    """A value from one number to another. said: what stands before the number in the message"""
+
+    said: str
+    value: Value
+    lowest: float
+    highest: float
+
+    @property
+    def values(self) -> tuple[Value, ...]:
+        return (self.value,)
+
+    def holds(self, numbers: np.ndarray) -> np.ndarray:
+        return (self.lowest <= numbers[..., 0]) & (numbers[..., 0] <= self.highest)
+
+    def sentence(self, numbers: np.ndarray) -> str:
+        return f"{self.said} {numbers[0]:g}; give a number from {self.lowest:g} to {self.highest:g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Ordered(Condition):
+    """Two values, the first of which is less than the second, or not more.
+
+    relation: "<" or "<="; said: the message, in which {0} and {1} are the numbers
+    """
+
+    lower: Value
+    relation: str
+    upper: Value
+    said: str
+
+    @property
+    def values(self) -> tuple[Value, ...]:
+        return (self.lower, self.upper)
+
+    def holds(self, numbers: np.ndarray) -> np.ndarray:
+        return RELATIONS[self.relation](numbers[..., 0], numbers[..., 1])
+
+    def sentence(self, numbers: np.ndarray) -> str:
+        return self.said.format(f"{numbers[0]:g}", f"{numbers[1]:g}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ncgen.errors import ModelError, one_of
-from ncgen.model.actions import actions_of, impact
+from ncgen.model.actions import impact
 from ncgen.model.bodies import Body
-from ncgen.model.conditions import Bound
+from ncgen.model.conditions import Between, Bound
 from ncgen.model.curves import Curve
 from ncgen.model.elements import Direction, Point
-from ncgen.model.events import Event, Events
+from ncgen.model.events import Event
 from ncgen.model.facts import fact
+from ncgen.model.frictions import Frictions
 from ncgen.model.touching import Surface, Tip, Touching, touching
 from ncgen.model.values import Number, Scalar, Value, as_sympy, is_number, symbol_of
 
@@ -23,11 +24,13 @@ LAWS = ("newton", "poisson")
 class Contact:
     """A rigid contact with friction, by the name of its event.
 
+    place: of what touches, three expressions (m)
     sliding: m/s, one expression in the plane, two in space; friction: coefficient; tangential: restitution of the sliding velocity
     slip: names of the parameters that say in which direction it slides
     """
 
     name: str
+    place: tuple[Scalar, ...]
     sliding: tuple[Scalar, ...]
     friction: Value
     tangential: Value
@@ -40,7 +43,7 @@ class Contact:
         return sum(as_sympy(w) * symbol_of(name) for w, name in zip(self.sliding, self.slip, strict=True))
 
 
-class Contacts(Events):
+class Contacts(Frictions):
     """The part of a model that owns contacts."""
 
     @fact
@@ -138,7 +141,7 @@ class Contacts(Events):
         if not (is_number(damping) and damping == 0.0 and exponent == 1.0):
             raise ModelError(f"{where}: damping and exponent belong to a compliant contact; give its stiffness, or leave them out")
         self._rub(name, found, friction, tangential, law)
-        return self.event(name, found.gap, "falling", actions_of(self, impact(restitution, order, rest), where))
+        return self.event(name, found.gap, "falling", impact(restitution, order, rest))
 
     # -- helpers -------------------------------------------------------------------------------
 
@@ -167,7 +170,8 @@ class Contacts(Events):
     def _rub(self, name: str, found: Touching, friction: Value, tangential: Value, law: str) -> None:
         """Keep the friction of a rigid contact, unless it has none."""
         where = f"contact {name}"
-        self._require_sign(where, ">=", friction=friction, tangential=tangential)
+        self._require_sign(where, ">=", friction=friction)
+        self._require(Between(f"{where}: tangential restitution", tangential, 0.0, 1.0))
         if is_number(friction) and friction == 0.0:
             if not (is_number(tangential) and tangential == 0.0):
                 raise ModelError(f"{where}: tangential restitution needs friction, which is 0; give friction, or leave tangential out")
@@ -177,7 +181,7 @@ class Contacts(Events):
             raise ModelError(f'{where}: tangential restitution goes with law="newton" only; leave one of the two out')
         marks = ("slip",) if len(found.sliding) == 1 else ("slip1", "slip2")
         slip = tuple(self.parameter(f"{name}.{mark}", 0.0).name for mark in marks)
-        self.contacts[name] = Contact(name, found.sliding, friction, tangential, law, slip)
+        self.contacts[name] = Contact(name, found.place, found.sliding, friction, tangential, law, slip)
 
     def _comply(self, name: str, gap: Scalar, stiffness: Value, damping: Value, exponent: Number, given: dict[str, Value]) -> None:
         """A compliant contact: a force while it touches, with a break of the step where it does and where it no longer does."""

@@ -14,13 +14,14 @@ from ncgen.model.elements import AXES, Point, Spatial
 if TYPE_CHECKING:
     from ncgen.model.bodies import Body, BodyFrame
     from ncgen.model.conditions import Condition
+    from ncgen.model.contacts import Contact
     from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
     from ncgen.model.elements import Component, Element
-    from ncgen.model.contacts import Contact
-    from ncgen.model.events import Event, Friction
+    from ncgen.model.events import Event
     from ncgen.model.facts import Fact
     from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor
+    from ncgen.model.frictions import Friction
     from ncgen.model.outputs import Output
     from ncgen.model.rigid import Claims
     from ncgen.model.rows import Row

@@ -27,9 +27,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Touching:
-    """gap: m, negative where the bodies overlap; sliding: m/s of the first body past the second, one expression in the plane, two in space"""
+    """gap: m, negative where the bodies overlap; place: the point of the first body that touches (m), three expressions
+
+    sliding: m/s of the first body past the second, one expression in the plane, two in space
+    """
 
     gap: Scalar
+    place: tuple[Scalar, ...]
     sliding: tuple[Scalar, ...]
 
 
@@ -74,14 +78,14 @@ def touching(tip: Tip, surface: Surface, initial: dict[str, float], where: str) 
     if surface.curve is not None and not flat:
         raise ModelError(f"{where}: a curve is touched in the plane only; in space take a sphere, a cylinder or a plane")
     gap, normal, offset = _distance(tip, surface, where)
-    contact = _position(tip.point) + offset - _position(surface.point)
+    place = _position(tip.point) + offset
     own = _velocity(tip.point) + _carried(tip.body, offset, where)
-    other = _velocity(surface.point) + _carried(surface.body, contact, where) if not surface.is_ground else 0 * own
+    other = _velocity(surface.point) + _carried(surface.body, place - _position(surface.point), where) if not surface.is_ground else 0 * own
     if flat:
         tangents = [_vector((normal[1], -normal[0], 0))]
     else:
         tangents = _tangents(normal, surface, initial)
-    return Touching(gap, tuple(t.dot(own - other) for t in tangents))
+    return Touching(gap, tuple(place), tuple(t.dot(own - other) for t in tangents))
 
 
 def _distance(tip: Tip, surface: Surface, where: str) -> tuple[Scalar, Three, Three]:

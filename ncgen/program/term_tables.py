@@ -67,10 +67,10 @@ class Placed(NamedTuple):
 
     def numbers(self, number: int) -> list[float]:
         """What the table holds of it; number: that of its type."""
-        found = [number, self.row]
+        entries = [number, self.row]
         for constant, pairs in self.forms:
-            found += [constant, len(pairs), *(x for pair in pairs for x in pair)]
-        return [*found, *self.data]
+            entries += [constant, len(pairs), *(x for pair in pairs for x in pair)]
+        return [*entries, *self.data]
 
 
 def term_table(equations: Equations) -> np.ndarray:
@@ -85,10 +85,10 @@ def term_table(equations: Equations) -> np.ndarray:
 def laid_out(n: int, m: int, rows: Sequence[Placed], others: Sequence[Placed]) -> np.ndarray:
     """The table of n coordinates and m constraint equations, whose terms are `rows`, and other terms."""
     numbers = {template.key: k for k, template in enumerate(types())}
-    found: list[float] = [n, m, len(rows) + len(others), len(rows)]
+    table: list[float] = [n, m, len(rows) + len(others), len(rows)]
     for placed in (*rows, *others):
-        found += placed.numbers(numbers[placed.key])
-    return np.array(found, dtype=float)
+        table += placed.numbers(numbers[placed.key])
+    return np.array(table, dtype=float)
 
 
 def _placed(equations: Equations, term: Term) -> Iterable[Placed]:
@@ -116,16 +116,16 @@ def _placed(equations: Equations, term: Term) -> Iterable[Placed]:
 
 def _pushes(equations: Equations, term: Term) -> list[Placed]:
     """A user's constant force."""
-    found: list[Placed] = []
+    placed_terms: list[Placed] = []
     for output, expression in term.template.outputs.items():
         if output.name == "force":
             ((_, component),) = term.scalars[output.scalars[0]]
             if expression.free_symbols:
                 raise ModelError(f"{term.label}: {expression} is not constant; the tables hold constant forces alone")
-            found.append(Placed("push", -1, [(0.0, [(1.0, equations.index[component])])], [float(expression)]))
+            placed_terms.append(Placed("push", -1, [(0.0, [(1.0, equations.index[component])])], [float(expression)]))
         elif output.name == "potential":
             raise ModelError(f"{term.label}: the tables hold no potential of a user; use springs")
-    return found
+    return placed_terms
 
 
 def _polynomial(equations: Equations, term: Term) -> list[Placed]:
@@ -138,12 +138,12 @@ def _polynomial(equations: Equations, term: Term) -> list[Placed]:
     written = term.template.outputs[templates.Output("phi")].subs({sympy.Symbol(k, real=True): v for k, v in values.items()})
     free = [sympy.Symbol(name, real=True) for name in names if name not in values]
     try:
-        found = sympy.Poly(written, *free, templates.time())
+        polynomial = sympy.Poly(written, *free, templates.time())
     except sympy.PolynomialError:
-        found = None
-    if found is None or term.template.outputs[templates.Output("nu")].has(*free):
+        polynomial = None
+    if polynomial is None or term.template.outputs[templates.Output("nu")].has(*free):
         raise ModelError(f"{term.label}: {written} is no constraint that tables hold; write a polynomial of degree 2 in the coordinates")
-    return _products(equations, term, found, [names[s.name] for s in free])
+    return _products(equations, term, polynomial, [names[s.name] for s in free])
 
 
 def _products(equations: Equations, term: Term, written: sympy.Poly, components: Sequence[Component]) -> list[Placed]:
@@ -164,14 +164,14 @@ def _products(equations: Equations, term: Term, written: sympy.Poly, components:
         else:
             constant -= value
     row = term.row if term.row is not None else -1
-    found: list[Placed] = []
+    placed_terms: list[Placed] = []
     for k in range(0, max(len(products), 1), PRODUCTS):
         part = products[k : k + PRODUCTS]
         empty = [(0.0, [])] * (PRODUCTS - len(part))
         a = [(0.0, [(value, i)]) for value, i, _ in part] + empty
         b = [(0.0, [(1.0, j)]) for _, _, j in part] + empty
         s = (constant, linear) if k == 0 else (0.0, [])
-        found.append(Placed("slide", row, [*a, *b, s], [1.0, 1.0]))
+        placed_terms.append(Placed("slide", row, [*a, *b, s], [1.0, 1.0]))
     if speed:
-        found.append(Placed("drive", row, [(0.0, [])], [0.0, -speed, 0.0, 0.0, 0.0, 1.0]))
-    return found
+        placed_terms.append(Placed("drive", row, [(0.0, [])], [0.0, -speed, 0.0, 0.0, 0.0, 1.0]))
+    return placed_terms

@@ -94,8 +94,8 @@ def build_equations(model: Model, owner: Owner | None = None, massless: Collecti
         bodies = [body for body in bodies if Owner("body", body.name) == owner]
     released = _released(model, owner)
     masses, forces = _inertia_terms(model, bodies, released, model.rotors if owner is None else ())
-    own = model.forces if owner is None else _borne_by(model, owner)
-    forces += _alike([_load(names, force) if isinstance(force, Load) else _force(names, force, released) for force in own])
+    borne = model.forces if owner is None else _borne_by(model, owner)
+    forces += _alike([_load(names, force) if isinstance(force, Load) else _force(names, force, released) for force in borne])
     forces += build_springs(model).forces if owner is None else ()
     return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted), released)
 
@@ -266,11 +266,11 @@ def _alike(forces: Sequence[Term]) -> list[Term]:
         if term.template.equation == templates.USER_FORCE:
             plain[k] = templates.without_names(term.template)
             shared[tuple(plain[k].outputs.items())].append(k)
-    found = list(forces)
+    terms = list(forces)
     for numbers in shared.values():
         for k in numbers if len(numbers) >= MANY else ():
-            found[k] = replace(forces[k], template=plain[numbers[0]])
-    return found
+            terms[k] = replace(forces[k], template=plain[numbers[0]])
+    return terms
 
 
 def _borne_by(model: Model, owner: Owner) -> list[Force | Couple]:

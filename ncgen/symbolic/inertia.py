@@ -72,25 +72,25 @@ def standard_inertia(body: Body, parameters: dict[str, Parameter]) -> StandardIn
 def _over_basis(body: Body, basis: tuple[Spatial, ...], parameters: dict[str, Parameter]) -> StandardInertia:
     inertia = body.own_inertia
     base = next(e for e in basis if isinstance(e, Point))
-    others = [e for e in basis if e is not base]
+    elements = [e for e in basis if e is not base]
     forms: list[Form] = [((1.0, base.components),)]
-    for element in others:
+    for element in elements:
         forms.append(((1.0, element.components), (-1.0, base.components)) if isinstance(element, Point) else ((1.0, element.components),))
-    axes = [_exact(e.given) for e in others]
+    axes = [_exact(e.given) for e in elements]
     origin = _exact(base.given)
-    axes = [[x - (o if isinstance(e, Point) else 0) for x, o in zip(v, origin, strict=True)] for v, e in zip(axes, others, strict=True)]
-    if len(others) < 2 and not (others and _is_planar(base, others[0])):
+    axes = [[x - (o if isinstance(e, Point) else 0) for x, o in zip(v, origin, strict=True)] for v, e in zip(axes, elements, strict=True)]
+    if len(elements) < 2 and not (elements and _is_planar(base, elements[0])):
         offset = [c - o for c, o in zip(_exact(inertia.com), origin, strict=True)]
-        small = _bar(body, inertia, axes[0], offset, forms, parameters) if others else None
+        small = _bar(body, inertia, axes[0], offset, forms, parameters) if elements else None
         return small or _point_mass(body, inertia, offset, forms, parameters)
-    if len(others) == 1:
+    if len(elements) == 1:
         forms.append(((1.0, NORMAL.components),))
         axes.append(_exact([0.0, 0.0, 1.0]))
     crossed = len(axes) == 2
     if crossed:
         axes.append(list(cross(axes[0], axes[1])))
-    matrix, *more = (_standard(part, axes, origin, parameters) for part in inertia.parts or (inertia,))
-    for other in more:
+    matrix, *further = (_standard(part, axes, origin, parameters) for part in inertia.parts or (inertia,))
+    for other in further:
         matrix = tuple(tuple(_plus(a, b) for a, b in zip(*rows, strict=True)) for rows in zip(matrix, other, strict=True))
     return StandardInertia(tuple(forms), matrix, crossed)
 
@@ -140,7 +140,7 @@ def _standard(
 
 def _combined(shares: Sequence[Exact], values: Sequence[Exact], size: float) -> Exact:
     """Σ share · value, of shares that are numbers, with each term of the values once and none whose share is rounding next to `size`."""
-    number, found = Fraction(0), defaultdict["sympy.Expr", Fraction](Fraction)
+    number, coefficients = Fraction(0), defaultdict["sympy.Expr", Fraction](Fraction)
     for share, value in zip(shares, values, strict=True):
         assert isinstance(share, Fraction | int)
         if isinstance(value, Fraction):
@@ -150,12 +150,14 @@ def _combined(shares: Sequence[Exact], values: Sequence[Exact], size: float) -> 
             if term == 1:
                 number += share * Fraction(float(factor))
             else:
-                found[term] += share * Fraction(float(factor))
-    if not found:
+                coefficients[term] += share * Fraction(float(factor))
+    if not coefficients:
         return number
     import sympy
 
-    terms = [sympy.Float(float(share)) * term if share != 1 else term for term, share in found.items() if abs(share) > ROUNDING * size]
+    terms = [
+        sympy.Float(float(share)) * term if share != 1 else term for term, share in coefficients.items() if abs(share) > ROUNDING * size
+    ]
     return sympy.Add(*terms, *([sympy.Float(float(number))] if number else [])) if terms else number
 
 

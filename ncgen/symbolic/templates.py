@@ -193,8 +193,10 @@ def derived_force(kind: ForceType) -> Template:
     scalars = sum(map(vector, kind.vectors), ()) + kind.scalars
     data = {name: sympy.Symbol(name, real=True) for name in kind.data}
     if kind.forces is not None:
-        found = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **data)
-        return Template(kind.key, kind.equation, scalars, kind.data, _working(dict(enumerate(chain.from_iterable(found))), scalars))
+        outputs_of_kind = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **data)
+        return Template(
+            kind.key, kind.equation, scalars, kind.data, _working(dict(enumerate(chain.from_iterable(outputs_of_kind))), scalars)
+        )
     x, v, direction = _stretch(scalars)
     at = sympy.Dummy("x", real=True)
     slope = sympy.factor_terms(kind.potential(sympy, at, **data).diff(at))  # of k (x - L0)^2/2 it is k (2 x - 2 L0)/2 before
@@ -220,9 +222,9 @@ def varying_force(
     old = [*symbols(coordinates), *rates(coordinates), *symbols(numbers)]
     rules = dict(zip(old, [*symbols(mine), *rates(mine), *symbols(data)], strict=True))
     constants = {name: replaced(e, rules) for name, e in zip(kind.data, written, strict=True)}
-    found = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **constants)
+    outputs = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **constants)
     scalars = (*sum(map(vector, kind.vectors), ()), *mine)
-    return Template(key, kind.equation, scalars, data, _working(dict(enumerate(chain.from_iterable(found))), scalars))
+    return Template(key, kind.equation, scalars, data, _working(dict(enumerate(chain.from_iterable(outputs))), scalars))
 
 
 @cache
@@ -290,10 +292,10 @@ def user_potential(key: str, scalars: tuple[str, ...], data: tuple[str, ...], po
     return Template(key, "user potential", scalars, data, outputs)
 
 
-def _inertia(scalars: tuple[str, ...], kinetic: sympy.Expr, more: Outputs | None = None) -> Outputs:
+def _inertia(scalars: tuple[str, ...], kinetic: sympy.Expr, extra: Outputs | None = None) -> Outputs:
     """Outputs from a kinetic energy ½ vᵀMv, a quadratic form of the rates of the scalars; more: other outputs."""
     speeds = rates(scalars)
-    outputs: Outputs = {Output("kinetic"): kinetic, **(more or {})}
+    outputs: Outputs = {Output("kinetic"): kinetic, **(extra or {})}
     for k, speed in enumerate(speeds):
         momentum = kinetic.diff(speed)
         for l, other in enumerate(speeds):

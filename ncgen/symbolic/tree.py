@@ -80,19 +80,19 @@ class Tree:
     @cached_property
     def paths(self) -> list[list[int]]:
         """For every link the numbers of all rates that move it."""
-        found: list[list[int]] = []
-        for link, own in zip(self.links, self.rates, strict=True):
-            found.append([*(found[link.parent] if link.parent is not None else []), *own])
-        return found
+        chains: list[list[int]] = []
+        for link, numbers in zip(self.links, self.rates, strict=True):
+            chains.append([*(chains[link.parent] if link.parent is not None else []), *numbers])
+        return chains
 
     def chain(self, number: int) -> list[int]:
         """The links from the root to one, both included."""
-        found: list[int] = []
+        links: list[int] = []
         link: int | None = number
         while link is not None:
-            found.append(link)
+            links.append(link)
             link = self.links[link].parent
-        return found[::-1]
+        return links[::-1]
 
 
 def spanning_tree(model: Model) -> Tree:
@@ -160,16 +160,16 @@ class Slide:
 def sliding_of(model: Model) -> dict[frozenset[Body], Slide]:
     """{two bodies: how one slides along the other}, of the model's sliders and cylindrical joints."""
     bodies = {**model.bodies, model.ground.name: model.ground}
-    found: dict[frozenset[Body], Slide] = {}
+    slides: dict[frozenset[Body], Slide] = {}
     for row in model.rows:
         kind, _, names = row.owner.name.partition(" ")
         if row.owner.kind == "joint" and kind in SLIDING and isinstance(along := row.arguments.get("a"), Combination):
             pair = frozenset(bodies[name] for name in names.split("-"))
-            known = found.setdefault(pair, Slide(tuple(e for e in along.elements if isinstance(e, Point)), True))
+            known = slides.setdefault(pair, Slide(tuple(e for e in along.elements if isinstance(e, Point)), True))
             other = row.arguments.get("b")
             across = (*known.across, other) if isinstance(other, Combination) else known.across
-            found[pair] = Slide(known.points, known.turns and SLIDING[kind], across)
-    return found
+            slides[pair] = Slide(known.points, known.turns and SLIDING[kind], across)
+    return slides
 
 
 def joint_between(body: Body, shared: Sequence[Spatial], slide: Slide | None) -> tuple[Screw, ...]:
@@ -197,8 +197,8 @@ def _on_ground(body: Body, slide: Slide | None) -> tuple[Screw, ...]:
         return screws
     turns = [screw for screw in screws if screw.point] if not (body.frame.planar and _is_level(body)) else []
     point = max(body.points, key=lambda p: sum(c.fixed for c in p.components))
-    kept = [screw for screw, component in zip(moves, point.components, strict=False) if not component.fixed]
-    return (*kept, *(Screw(screw.axis, point) for screw in turns))
+    components = [screw for screw, component in zip(moves, point.components, strict=False) if not component.fixed]
+    return (*components, *(Screw(screw.axis, point) for screw in turns))
 
 
 def _is_level(body: Body) -> bool:
@@ -223,23 +223,23 @@ def _line(slide: Slide, directions: Sequence[Combination]) -> Combination | None
 
 def _independent(directions: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Up to two of them that are not parallel."""
-    found: list[np.ndarray] = []
+    independent: list[np.ndarray] = []
     for direction in directions:
-        if len(found) < 2 and all(float(np.linalg.norm(np.cross(direction, other))) > PARALLEL for other in found):
-            found.append(direction)
-    return found
+        if len(independent) < 2 and all(float(np.linalg.norm(np.cross(direction, other))) > PARALLEL for other in independent):
+            independent.append(direction)
+    return independent
 
 
 def _directions(elements: Iterable[Spatial]) -> list[Combination]:
     """Up to two independent directions among elements: vectors, and segments between points."""
     elements = list(elements)
     points = [e for e in elements if isinstance(e, Point)]
-    found: list[Combination] = []
+    independent: list[Combination] = []
     vectors = [as_combination(e) for e in elements if isinstance(e, Vector)]
     for direction in (*vectors, *(p - points[0] for p in points[1:])):
-        if len(found) < 2 and _is_new(direction, found):
-            found.append(direction)
-    return found
+        if len(independent) < 2 and _is_new(direction, independent):
+            independent.append(direction)
+    return independent
 
 
 def _across(body: Body, elements: Iterable[Spatial]) -> list[Combination]:
@@ -247,10 +247,11 @@ def _across(body: Body, elements: Iterable[Spatial]) -> list[Combination]:
     return [d for d in _directions(elements) if not (body.frame.planar and _is_normal(d))]
 
 
-def _is_new(direction: Combination, others: Collection[Combination]) -> bool:
+def _is_new(direction: Combination, directions: Collection[Combination]) -> bool:
     length = float(np.linalg.norm(direction.initial))
     return length > 0 and all(
-        float(np.linalg.norm(np.cross(direction.initial, o.initial))) > PARALLEL * length * float(np.linalg.norm(o.initial)) for o in others
+        float(np.linalg.norm(np.cross(direction.initial, o.initial))) > PARALLEL * length * float(np.linalg.norm(o.initial))
+        for o in directions
     )
 
 

@@ -173,11 +173,11 @@ def _build(
 
 def _objects(siblings: Sequence[Sibling], compiler: Compiler, libraries: tuple[str, ...]) -> dict[str, Path]:
     """{source: its object} of siblings that this compiler has built: those that are as they were written."""
-    found: dict[str, Path] = {}
+    objects: dict[str, Path] = {}
     for sibling in siblings:
-        if not found.keys() >= set(sibling.sources):
-            found = _objects_of(sibling, compiler, libraries) | found
-    return found
+        if not objects.keys() >= set(sibling.sources):
+            objects = _objects_of(sibling, compiler, libraries) | objects
+    return objects
 
 
 def _objects_of(sibling: Sibling, compiler: Compiler, libraries: tuple[str, ...]) -> dict[str, Path]:
@@ -186,8 +186,8 @@ def _objects_of(sibling: Sibling, compiler: Compiler, libraries: tuple[str, ...]
     entries = [folder / _key(sibling.files, compiler, flags, libraries) for folder in folders()]
     entry, record = next(((entry, record) for entry in entries if (record := _record(entry, True))), (Path(), None))
     known: dict[str, str] = record.get("objects", {}) if record else {}
-    found = {source: path for source, path in compilers.objects_of(entry).items() if source in sibling.sources} if known else {}
-    return {source: path for source, path in found.items() if not intruder(path) and _digest(path) == known.get(source)}
+    objects = {source: path for source, path in compilers.objects_of(entry).items() if source in sibling.sources} if known else {}
+    return {source: path for source, path in objects.items() if not intruder(path) and _digest(path) == known.get(source)}
 
 
 def _record(entry: Path, loads: bool) -> dict[str, Any] | None:
@@ -233,12 +233,12 @@ def _publish(work: Path, entry: Path, loads: bool) -> None:
 
 def _discard(entry: Path) -> None:
     """Put an entry aside with one rename, so that nobody sees it half removed, and remove it."""
-    aside = entry.parent / f"{TEMPORARY}{secrets.token_hex(4)}"
+    removed = entry.parent / f"{TEMPORARY}{secrets.token_hex(4)}"
     try:
-        os.rename(entry, aside)
+        os.rename(entry, removed)
     except FileNotFoundError:
         return  # another process was quicker
-    shutil.rmtree(aside, ignore_errors=True)
+    shutil.rmtree(removed, ignore_errors=True)
 
 
 @dataclass(frozen=True)
@@ -253,17 +253,17 @@ class CacheEntry:
 
 def entries() -> list[CacheEntry]:
     """What the cache holds, newest first; folders that are no entries are not listed."""
-    found = []
+    listed = []
     for folder in cache_folder().glob("*"):
         try:
             if _is_entry(folder):
                 files = [f for f in folder.iterdir() if f.is_file()]
                 size = sum(f.stat().st_size for f in files)
                 age = time.time() - (folder / RECORD).stat().st_mtime
-                found.append(CacheEntry(folder.name, tuple(sorted(f.name for f in files if f.suffix == ".c")), size, age))
+                listed.append(CacheEntry(folder.name, tuple(sorted(f.name for f in files if f.suffix == ".c")), size, age))
         except OSError:
             continue  # another process is clearing the cache, or it is not this user's
-    return sorted(found, key=lambda e: e.age)
+    return sorted(listed, key=lambda e: e.age)
 
 
 def _is_entry(folder: Path) -> bool:

@@ -85,11 +85,11 @@ def own_flags() -> tuple[str, ...]:
 
     Raises CompileError where it cannot be read.
     """
-    asked = os.environ.get("NCGEN_CFLAGS", "")
+    added = os.environ.get("NCGEN_CFLAGS", "")
     try:
-        return tuple(shlex.split(asked))
+        return tuple(shlex.split(added))
     except ValueError as error:
-        raise CompileError(f"NCGEN_CFLAGS={asked}: {error}; correct NCGEN_CFLAGS or unset it") from None
+        raise CompileError(f"NCGEN_CFLAGS={added}: {error}; correct NCGEN_CFLAGS or unset it") from None
 
 
 def flags_for(files: Mapping[str, str]) -> tuple[str, ...]:
@@ -158,11 +158,11 @@ def find_compilers() -> Iterator[Compiler]:
     if wanted.strip():
         yield _wanted(wanted)
         return
-    seen = set()
+    identities = set()
     for path in filter(None, map(shutil.which, ("cc", "gcc", "clang"))):
-        if (found := Compiler((path,), _identity(path))).identity not in seen:
-            seen.add(found.identity)
-            yield found
+        if (compiler := Compiler((path,), _identity(path))).identity not in identities:
+            identities.add(compiler.identity)
+            yield compiler
     if importlib.util.find_spec("ziglang"):
         yield zig()
 
@@ -195,11 +195,11 @@ def _identity(path: str) -> str:
 @cache
 def _machine() -> str:
     """The processor, which -march=native depends on, and the C library: what is built for one must not run on a lesser one."""
-    told = sorted({line for line in _cpuinfo() if line.startswith(("flags", "Features", "model name", "CPU part"))})
-    told += [platform.system(), platform.machine(), os.environ.get("PROCESSOR_IDENTIFIER", "")]
+    description = sorted({line for line in _cpuinfo() if line.startswith(("flags", "Features", "model name", "CPU part"))})
+    description += [platform.system(), platform.machine(), os.environ.get("PROCESSOR_IDENTIFIER", "")]
     if "CS_GNU_LIBC_VERSION" in getattr(os, "confstr_names", {}):
-        told.append(os.confstr("CS_GNU_LIBC_VERSION") or "")
-    return hashlib.sha256("\n".join(told).encode()).hexdigest()[:16]
+        description.append(os.confstr("CS_GNU_LIBC_VERSION") or "")
+    return hashlib.sha256("\n".join(description).encode()).hexdigest()[:16]
 
 
 # -- compiling -----------------------------------------------------------------------------------------------------------------
@@ -319,8 +319,8 @@ def unloadable(library: Path) -> str | None:
     try:
         ffi.dlclose(ffi.dlopen(str(library)))
     except OSError as error:
-        said = str(error).replace(f"cannot load library '{library}': ", "").replace(f"{library}: ", "")
-        return " ".join(said.split(".  Additionally")[0].split())
+        message = str(error).replace(f"cannot load library '{library}': ", "").replace(f"{library}: ", "")
+        return " ".join(message.split(".  Additionally")[0].split())
     return None
 
 

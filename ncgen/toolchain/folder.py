@@ -70,8 +70,8 @@ def folders() -> tuple[Path, ...]:
     problem = "there is no home folder" if str(folder).startswith("~") else intruder(real)
     if problem and real not in _stand_ins:
         _stand_in(real, f"cache folder {folder} is not used: {problem}")
-    found = () if problem else (real,)
-    return (*found, _stand_ins[real]) if real in _stand_ins else found
+    existing = () if problem else (real,)
+    return (*existing, _stand_ins[real]) if real in _stand_ins else existing
 
 
 def written(write: Callable[[Path], Result]) -> Result:
@@ -149,10 +149,10 @@ def _is_private(group: int) -> bool:
     import pwd
 
     try:
-        user, found = pwd.getpwuid(os.geteuid()).pw_name, grp.getgrgid(group)
+        user, entry = pwd.getpwuid(os.geteuid()).pw_name, grp.getgrgid(group)
     except KeyError:
         return False
-    return found.gr_name == user and set(found.gr_mem) <= {user}
+    return entry.gr_name == user and set(entry.gr_mem) <= {user}
 
 
 # -- small things that are kept, with a digest --------------------------------------------------------------------------------

@@ -40,8 +40,8 @@ def sources() -> dict[str, str]:
     """{file name: text} of all that is compiled."""
     runtime = needed_by("ncgen_driven.c", defined=MACROS)
     headers = tuple(name for name in RUNTIME_HEADERS if name not in runtime)
-    own = ("ncgen_table_run.h", "ncgen_table_run.c")
-    return generic_files() | runtime_files(*runtime, *headers, *own, defined=MACROS)
+    table_run = ("ncgen_table_run.h", "ncgen_table_run.c")
+    return generic_files() | runtime_files(*runtime, *headers, *table_run, defined=MACROS)
 
 
 def exported() -> list[str]:

@@ -18,6 +18,6 @@ class once(Generic[Result]):
         self.cache_clear = self._cached.cache_clear
         update_wrapper(self, function)
 
-    def __call__(self, *given: Hashable) -> Result:
+    def __call__(self, *arguments: Hashable) -> Result:
         with self._lock:
-            return self._cached(*given)
+            return self._cached(*arguments)

@@ -6,22 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from bouncing import G, ball
 from sliding import sliding_block
 
 import ncgen
 from ncgen.exchange.toml_writer import to_toml
-
-G = 9.81
-
-
-def ball(restitution=0.5, **options) -> ncgen.Model:
-    """1 kg, dropped from 1 m onto the floor."""
-    m = ncgen.Model("ball")
-    P = m.point("P", (0, 1), fixed="x")
-    m.body("ball", [P], mass=1.0)
-    m.gravity((0, -G))
-    m.event("floor", when=P.y, do=ncgen.impact(restitution=m.parameter("e", restitution), **options))
-    return m
 
 
 @pytest.fixture(scope="module")
@@ -252,7 +241,6 @@ def test_unknown_names_are_refused():
 @pytest.mark.parametrize(
     ("call", "what"),
     [
-        (lambda k: ncgen.start(k), "ncgen.start"),
         (lambda k: ncgen.start_batch(k, 2), "ncgen.start_batch"),
         (lambda k: ncgen.gradient(k, 1.0, 10, lambda q, qd: q[-1, 0]), "a derivative of a motion"),
         (lambda k: ncgen.simulate_batch(k, 1.0, q0=np.ones((2, 1))), "ncgen.simulate_batch"),
@@ -300,13 +288,27 @@ def test_numbers_out_of_their_range_are_refused(declare, message):
     assert str(refused.value) == message
 
 
-def test_parameters_out_of_their_range_are_refused_where_they_are_given():
+@pytest.mark.parametrize(
+    "declare, p, message",
+    [
+        (lambda m, x, k: m.friction(x, k), -1.0, "x.friction: coulomb is -1; give a number that is not negative"),
+        (lambda m, x, k: m.friction(x, 0.1, static=k), 0.05, "x.friction: static is 0.05, less than coulomb, 0.1; give at least as much"),
+        (lambda m, x, k: m.stop(x, -k, 0.7), -0.8, "x.stop: lower is 0.8 and upper 0.7; lower must be less"),
+        (lambda m, x, k: m.stop(x, -1.0, restitution=k), 1.5, "x.stop: restitution 1.5; give a number from 0 to 1"),
+        (lambda m, x, k: m.rope(m.elements["O"], m.elements["P"], 2.0, k), 1.5, "rope.O.P: restitution 1.5; give a number from 0 to 1"),
+        (lambda m, x, k: m.event("e", x, do=ncgen.impact(k)), 1.5, "event e, do: restitution 1.5; give a number from 0 to 1"),
+    ],
+)
+def test_parameters_out_of_their_range_are_refused_where_they_are_given(declare, p, message):
+    """Given to a run, or by an event on its way."""
     m = ncgen.Model("block")
     O, P = m.point("O", (0, 0), fixed=True), m.point("P", (0.5, 0), fixed="y")
     m.body("block", [P], mass=1.0)
-    m.friction(m.length("x", O, P), m.parameter("mu", 0.1))
+    declare(m, m.length("x", O, P), m.parameter("k", 0.5))
+    m.event("late", m.time - 0.15, "rising", {"k": p})
     kernels = ncgen.compile(m)
-    assert ncgen.simulate(kernels, 0.1, p={"mu": 0.05}).t[-1] == 0.1
-    with pytest.raises(ncgen.ModelError) as refused:
-        ncgen.simulate(kernels, 0.1, p={"mu": -1.0})
-    assert "x.friction: coulomb is -1; give a number that is not negative" in str(refused.value)
+    assert ncgen.simulate(kernels, 0.1, p={"k": 0.4}).t[-1] == 0.1
+    for duration, given, where in ((0.1, p, "p"), (0.2, 0.5, "event late at t = 0.15 s")):
+        with pytest.raises(ncgen.ModelError) as refused:
+            ncgen.simulate(kernels, duration, p={"k": given})
+        assert str(refused.value).endswith(f"{where}: with k = {p:g}, {message}")

@@ -10,7 +10,7 @@ from ncgen.emit.environment import render
 from ncgen.emit.naming import labels, prefix_of
 
 
-def linear_header(name: str, beside: str, matrices: Mapping[str, np.ndarray], names: Mapping[str, Sequence[str]]) -> str:
+def linear_header(name: str, source: str, matrices: Mapping[str, np.ndarray], names: Mapping[str, Sequence[str]]) -> str:
     """The text of a header: matrices {A, B, C, D: (rows, columns)} as constants with every digit, and what their places are called.
 
     beside: in words, what motions are near to; names: {state, input, output: names}
@@ -20,7 +20,7 @@ def linear_header(name: str, beside: str, matrices: Mapping[str, np.ndarray], na
         "c/linear.h.jinja",
         prefix=prefix,
         upper=prefix.upper(),
-        beside=beside,
+        beside=source,
         indices=[(kind, labels(each)) for kind, each in names.items()],
         matrices=[(letter, [[repr(float(x)) for x in row] for row in matrix]) for letter, matrix in matrices.items()],
     )

@@ -62,11 +62,12 @@ class C(Spelling):
         block = program.blocks[number]
         loads = {op.input.array for op in block.ops if op.code == "load"}
         stores = {store.array for store in block.stores}
-        given = [name for name in (*program.inputs, *SHARED.values(), *program.temporaries, program.output) if name in loads | stores]
+        arguments = [name for name in (*program.inputs, *SHARED.values(), *program.temporaries, program.output) if name in loads | stores]
         declared = [
-            "ncgen_real t" if name == "t" else f"{'' if name in stores else 'const '}ncgen_real *NCGEN_RESTRICT {name}" for name in given
+            "ncgen_real t" if name == "t" else f"{'' if name in stores else 'const '}ncgen_real *NCGEN_RESTRICT {name}"
+            for name in arguments
         ]
-        return {"function": f"{self.prefix}_{program.name}_{number + 1}", "declared": declared, "given": given}
+        return {"function": f"{self.prefix}_{program.name}_{number + 1}", "declared": declared, "given": arguments}
 
     def _angles(self, angles: tuple[int, ...]) -> Record:
         """Where the angles of a program lie: one after the other in q, or anywhere."""

@@ -38,10 +38,10 @@ def module(programs: Iterable[Program], prefix: str) -> bytes:
     names = set().union(*map(called, programs))
     imported = sorted(names - {SINCOS, PIECES} | (set(SHARED) if SINCOS in names else set()))
     imports = [Import("Math", name, Signature((F64,) * FUNCTIONS[name].arity, (F64,))) for name in imported]
-    own = sorted(names & {SINCOS, PIECES})
-    numbers = {name: k for k, name in enumerate([*imported, *own])}
+    helpers = sorted(names & {SINCOS, PIECES})
+    numbers = {name: k for k, name in enumerate([*imported, *helpers])}
     memory = Memory(_rooms(programs))
-    functions = [lookup() if name == PIECES else sincos(numbers["sin"], numbers["cos"]) for name in own]
+    functions = [lookup() if name == PIECES else sincos(numbers["sin"], numbers["cos"]) for name in helpers]
     functions += [function(program, prefix, memory, numbers) for program in programs]
     return binary.module(imports, functions, memory.start, memory.data, memory.heap)
 

@@ -38,8 +38,8 @@ def _in_c() -> tuple[float, list[tuple[str, str]]]:
     text = runtime_text("ncgen_math.h")
     limit, body = text.split("#define NCGEN_FAR ")[1].split("\n", 1)
     body = re.sub(r"/\*.*?\*/|\[i\]", "", body.split("NCGEN_SINCOS_FAR(")[0], flags=re.DOTALL)
-    found = re.findall(r"(?:const ncgen_(?:real|scalar) |^ +|, )(\w+) =\s+([^;,]+)(?=[;,])", body, re.MULTILINE)
-    return float(limit), [(name, " ".join(expression.split())) for name, expression in found]
+    assignments = re.findall(r"(?:const ncgen_(?:real|scalar) |^ +|, )(\w+) =\s+([^;,]+)(?=[;,])", body, re.MULTILINE)
+    return float(limit), [(name, " ".join(expression.split())) for name, expression in assignments]
 
 
 def _instructions(node: ast.expr, local: dict[str, int]) -> bytes:

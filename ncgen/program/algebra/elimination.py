@@ -141,8 +141,8 @@ def solve(graph: Graph, factors: Factors, right: dict[int, int]) -> dict[int, in
             for k, multiplier in below.items():
                 _subtract(graph, work, k, graph.mul(multiplier, work[i]))
     solution: dict[int, int] = {}
-    for (i, j), reciprocal, beside in zip(*map(reversed, (factors.pivots, factors.reciprocal, factors.upper)), strict=True):
-        for c, node in beside.items():
+    for (i, j), reciprocal, row_beyond in zip(*map(reversed, (factors.pivots, factors.reciprocal, factors.upper)), strict=True):
+        for c, node in row_beyond.items():
             if c in solution:
                 _subtract(graph, work, i, graph.mul(node, solution[c]))
         if i in work:
@@ -167,10 +167,10 @@ def solve_transposed(graph: Graph, factors: Factors, right: dict[int, int]) -> d
     """{row: node} of the solution of Aᵀ x = right."""
     work = dict(right)
     middle: dict[int, int] = {}
-    for (i, j), reciprocal, beside in zip(factors.pivots, factors.reciprocal, factors.upper, strict=True):
+    for (i, j), reciprocal, row_beyond in zip(factors.pivots, factors.reciprocal, factors.upper, strict=True):
         if j in work:
             middle[i] = graph.mul(work[j], reciprocal)
-            for c, node in beside.items():
+            for c, node in row_beyond.items():
                 _subtract(graph, work, c, graph.mul(node, middle[i]))
     for (i, _), below in zip(reversed(factors.pivots), reversed(factors.lower), strict=True):
         for k, multiplier in below.items():
@@ -253,15 +253,15 @@ def factor_symmetric(graph: Graph, matrix: Matrix, size: int, samples: Samples) 
         left.remove(k)
         reciprocal = graph.div(one, rows[k].pop(k))
         pivots = [sample[k].pop(k) for sample in numbers]
-        beside = sorted(rows[k])
-        multipliers = {i: graph.mul(rows[k][i], reciprocal) for i in beside}
-        for i in beside:
-            for j in (j for j in beside if j <= i):
+        later = sorted(rows[k])
+        multipliers = {i: graph.mul(rows[k][i], reciprocal) for i in later}
+        for i in later:
+            for j in (j for j in later if j <= i):
                 product = graph.mul(multipliers[i], rows[k][j])
                 rows[i][j] = rows[j][i] = graph.sub(rows[i][j], product) if j in rows[i] else graph.neg(product)
                 for sample, pivot in zip(numbers, pivots, strict=True):
                     sample[i][j] = sample[j][i] = sample[i].get(j, 0.0) - sample[k][i] * sample[k][j] / pivot
-        for i in beside:
+        for i in later:
             del rows[i][k]
             for sample in numbers:
                 del sample[i][k]

@@ -26,8 +26,8 @@ def tangent_of(program: Program, equations: Terms, outputs: int, prepared: int =
     """f_tangent of the first outputs. prepared: how many numbers follow the parameters in p"""
     graph, lengths = Graph(), reads(program, equations, prepared)
     moved, nodes = written_out(graph, program, lengths)
-    found = tangent(graph, nodes[:outputs], {node: graph.load(SEED, k) for k, node in enumerate(moved)})
-    changes = [found.get(node, graph.const(0.0)) for node in nodes[:outputs]]
+    tangents = tangent(graph, nodes[:outputs], {node: graph.load(SEED, k) for k, node in enumerate(moved)})
+    changes = [tangents.get(node, graph.const(0.0)) for node in nodes[:outputs]]
     made = line(graph, f"{program.name}_tangent", (*program.inputs, SEED), changes, equations)
     verify(made, {**lengths, SEED: len(moved)})
     return made
@@ -41,8 +41,8 @@ def adjoint_of(program: Program, equations: Terms, outputs: int, prepared: int =
     for k, node in enumerate(nodes[:outputs]):
         bar = graph.load(BAR, k)
         weights[node] = graph.add(weights[node], bar) if node in weights else bar
-    found = adjoints(graph, weights, moved)
-    slopes = [found.get(node, graph.const(0.0)) for node in moved]
+    gradients = adjoints(graph, weights, moved)
+    slopes = [gradients.get(node, graph.const(0.0)) for node in moved]
     made = line(graph, f"{program.name}_adjoint", (*program.inputs, BAR), slopes, equations)
     verify(made, {**lengths, BAR: outputs})
     return made

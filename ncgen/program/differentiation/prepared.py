@@ -67,11 +67,11 @@ def _frontier(graph: Graph, parameters: int, outputs: Sequence[Sequence[int]]) -
     """What depends on parameters alone and is computed, and read by what does not, or by nobody but a store."""
     known = _known(graph.ops, parameters)
     stored = [node for nodes in outputs for node in nodes]
-    found: set[int] = {node for node in stored if known[node]}
+    frontier: set[int] = {node for node in stored if known[node]}
     for node in graph.below(stored):
         if not known[node]:
-            found.update(a for a in graph.ops[node].args if known[a])
-    return sorted(node for node in found if graph.ops[node].args)
+            frontier.update(a for a in graph.ops[node].args if known[a])
+    return sorted(node for node in frontier if graph.ops[node].args)
 
 
 def _without(graph: Graph, outputs: Sequence[int], place: Mapping[int, int]) -> tuple[Graph, dict[int, int]]:

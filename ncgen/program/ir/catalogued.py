@@ -23,11 +23,11 @@ Operations: TypeAlias = tuple[tuple[Op, ...], dict[Output, int]]
 @cache
 def catalogued() -> dict[str, Operations]:
     """{key of a template: its operations}."""
-    found: dict[str, Operations] = {}
+    operations: dict[str, Operations] = {}
     for key, (ops, outputs) in json.loads(FILE.read_text(encoding="utf-8")).items():
         nodes = {Output(name, tuple(scalars)): node for name, scalars, node in outputs}
-        found[key] = tuple([Op(code, tuple(args), leaf) for code, args, leaf in ops]), nodes
-    return found
+        operations[key] = tuple([Op(code, tuple(args), leaf) for code, args, leaf in ops]), nodes
+    return operations
 
 
 def derived() -> str:

@@ -23,15 +23,15 @@ def adjoints(graph: Graph, weights: Mapping[int, int], variables: Collection[int
     weights: {output: node of its weight}
     """
     active = _active(graph, weights, variables)
-    found = dict(weights)
+    sensitivities = dict(weights)
     for node in reversed(active):
-        if node not in found or not graph.ops[node].args:
+        if node not in sensitivities or not graph.ops[node].args:
             continue
         for argument, slope in zip(graph.ops[node].args, slopes(graph, node), strict=True):
             if argument in active:
-                share = graph.mul(found[node], slope())
-                found[argument] = graph.add(found[argument], share) if argument in found else share
-    return {v: found[v] for v in variables if v in found and graph.value(found[v]) != 0.0}
+                share = graph.mul(sensitivities[node], slope())
+                sensitivities[argument] = graph.add(sensitivities[argument], share) if argument in sensitivities else share
+    return {v: sensitivities[v] for v in variables if v in sensitivities and graph.value(sensitivities[v]) != 0.0}
 
 
 def tangent(graph: Graph, outputs: Collection[int], direction: dict[int, int]) -> dict[int, int]:

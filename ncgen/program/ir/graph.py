@@ -109,14 +109,14 @@ class Graph:
 
     def below(self, nodes: Iterable[int], ends: Container[int] = ()) -> set[int]:
         """Nodes and all that they need; what the ends need is not looked at. In the order of their numbers arguments come first."""
-        found: set[int] = set()
+        reached: set[int] = set()
         waiting = list(nodes)
         while waiting:
             node = waiting.pop()
-            if node not in found:
-                found.add(node)
+            if node not in reached:
+                reached.add(node)
                 waiting.extend(() if node in ends else self.ops[node].args)
-        return found
+        return reached
 
     # -- leaves --------------------------------------------------------------------------------
 

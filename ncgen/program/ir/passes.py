@@ -93,9 +93,9 @@ def schedule(block: B) -> B:
     for node, op in enumerate(block.ops):
         depth[node] = 1 + max((depth[a] for a in op.args), default=0)
     order: list[int] = []
-    seen: set[int] = set()
+    visited: set[int] = set()
     for store in block.stores:
-        for node in _depth_first(block, store.node, seen, depth):
+        for node in _depth_first(block, store.node, visited, depth):
             order.append(node)
     return _keep(block, order)
 
@@ -144,15 +144,15 @@ def _reachable(block: Block) -> list[int]:
     return [node for node, lives in enumerate(alive) if lives]
 
 
-def _depth_first(block: Block, root: int, seen: set[int], depth: Sequence[int] | None = None) -> Iterator[int]:
+def _depth_first(block: Block, root: int, visited: set[int], depth: Sequence[int] | None = None) -> Iterator[int]:
     """New operations below a root, arguments first, the deepest of them before the others; iterative, since graphs can be deep."""
     stack = [(root, False)]
     while stack:
         node, done = stack.pop()
         if done:
             yield node
-        elif node not in seen:
-            seen.add(node)
+        elif node not in visited:
+            visited.add(node)
             stack.append((node, True))
             arguments = block.ops[node].args[::-1]
             stack.extend((a, False) for a in (sorted(arguments, key=depth.__getitem__) if depth else arguments))

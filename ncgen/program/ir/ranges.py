@@ -166,13 +166,13 @@ def _product(one: Interval, other: Interval) -> Interval:
 
 def _of_pieces(pieces: Pieces, a: np.ndarray, b: np.ndarray) -> Interval:
     """Where an interval lies in one piece by Horner's rule on intervals, else nothing is known."""
-    here = levels_below(pieces, a, "right")
-    same = (here == levels_below(pieces, b, "left")) | (a == b)
+    level = levels_below(pieces, a, "right")
+    same = (level == levels_below(pieces, b, "left")) | (a == b)
     turns = np.floor((a - pieces.knots[0]) / pieces.period) if pieces.period else np.zeros_like(a)
     row = np.array(pieces.rows)[np.searchsorted(pieces.knots, a - turns * pieces.period, "right")]
     s = (a - turns * pieces.period - row[..., 0], b - turns * pieces.period - row[..., 0])
-    found = (row[..., -1], row[..., -1])
+    value = (row[..., -1], row[..., -1])
     for k in range(row.shape[-1] - 2, 0, -1):
-        low, high = _product(found, s)
-        found = (low + row[..., k], high + row[..., k])
-    return np.where(same, found[0], -np.inf), np.where(same, found[1], np.inf)
+        low, high = _product(value, s)
+        value = (low + row[..., k], high + row[..., k])
+    return np.where(same, value[0], -np.inf), np.where(same, value[1], np.inf)

@@ -61,10 +61,10 @@ class Sampling:
         return [{place: float(v[k]) for place, v in values.items()} for k in range(self.count)]
 
     def _missing(self, node: int) -> list[int]:
-        waiting, found = [node], set()
+        waiting, missing = [node], set()
         while waiting:
             part = waiting.pop()
-            if part not in self._known and part not in found:
-                found.add(part)
+            if part not in self._known and part not in missing:
+                missing.add(part)
                 waiting += self.graph.ops[part].args
-        return sorted(found)
+        return sorted(missing)

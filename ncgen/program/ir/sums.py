@@ -51,16 +51,16 @@ def added(left: Form, right: Form) -> Sum:
 
 def terms(form: Form) -> list[Term]:
     """From left to right."""
-    found: list[Term] = []
+    forms: list[Term] = []
     waiting = [form]
     while waiting:
         form = waiting.pop()
         if isinstance(form, Term):
-            found.append(form)
+            forms.append(form)
         else:
             left, right, _ = form
             waiting += (right, left)
-    return found
+    return forms
 
 
 def factors(product: Product) -> list[int]:
@@ -69,15 +69,15 @@ def factors(product: Product) -> list[int]:
         return [product]
     if isinstance(product[0], int) and isinstance(product[1], int):
         return [product[0], product[1]]
-    found: list[int] = []
+    products: list[int] = []
     waiting: list[Product] = [product]
     while waiting:
         product = waiting.pop()
         if isinstance(product, int):
-            found.append(product)
+            products.append(product)
         else:
             waiting += product[::-1]
-    return found
+    return products
 
 
 def inside(form: Form, factor: int) -> Form | None:

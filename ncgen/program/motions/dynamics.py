@@ -70,9 +70,9 @@ class DynamicsPrograms:
         """Whether newton gives the dependent coordinates, in closed form."""
         return self.newton.size == len(self.split.dependent)
 
-    def close(self, q: MutableSequence[Any], found: Sequence[Any]) -> list[Any]:
+    def close(self, q: MutableSequence[Any], results: Sequence[Any]) -> list[Any]:
         """Move the dependent coordinates of q as newton's results say; by how much each has moved."""
-        steps = [x - q[c] if self.closes else x for c, x in zip(self.split.dependent, found, strict=False)]
+        steps = [x - q[c] if self.closes else x for c, x in zip(self.split.dependent, results, strict=False)]
         for c, step in zip(self.split.dependent, steps, strict=True):
             q[c] += step
         return steps
@@ -124,13 +124,13 @@ def accelerations(equations: Terms, split: Split, samples: Sequence[Sample], siz
     more than operations (refine) it is the only way: recursions have nothing that could be refined.
     """
     is_large = len(equations.free) * len(split.independent) > MANY
-    found: dict[str, Program] = {}
+    programs: dict[str, Program] = {}
     if is_large or not refine:
         with suppress(NoRecursion, EliminationError):
-            found = assemble_recursions(equations, split, samples, np.asarray(sizes))
-    if not (found and is_large):
-        found["all coordinates"] = by_all_coordinates(equations, split, samples, sizes, refine)
-    return found
+            programs = assemble_recursions(equations, split, samples, np.asarray(sizes))
+    if not (programs and is_large):
+        programs["all coordinates"] = by_all_coordinates(equations, split, samples, sizes, refine)
+    return programs
 
 
 def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, forced: bool = False) -> MotionPrograms | None:
@@ -143,10 +143,10 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
     except (NoRecursion, EliminationError, SingularError):
         return None
     prepare, (derivative, velocities, closed) = take_out(parts, equations)
-    found = MotionPrograms(derivative, velocities, closed, prepare)
-    for program in found.all:
-        verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + found.prepared})
-    return found
+    motion = MotionPrograms(derivative, velocities, closed, prepare)
+    for program in motion.all:
+        verify(program, {"t": 1, "q": n, "qd": n, "forces": n, "p": len(equations.parameters) + motion.prepared})
+    return motion
 
 
 def differentiated(programs: MotionPrograms, equations: Terms, kind: str) -> MotionPrograms:

@@ -59,15 +59,15 @@ def load_nodes(lines: Lines) -> list[int]:
     graph, equations = lines.graph, lines.equations
     springs = _Share(lines, build_springs(equations.model))
     pulls = {equations.free[i]: node for i, node in springs.vector(KERNELS["force"]).items()}
-    found: list[int] = []
+    nodes: list[int] = []
     for body in equations.model.bodies.values():
         share = _Share(lines, build_equations(equations.model, Owner("body", body.name)))
         balance = share.balance()
         for element in body.elements:
             f = [balance.get(c, graph.const(0.0)) for c in element.components]
             f = [graph.sub(node, pulls.pop(c)) if c in pulls else node for c, node in zip(element.components, f, strict=True)]
-            found += _cross(graph, [share.place(c, "q") for c in element.components], f) if isinstance(element, Vector) else f
-    return found
+            nodes += _cross(graph, [share.place(c, "q") for c in element.components], f) if isinstance(element, Vector) else f
+    return nodes
 
 
 def _cross(graph: Graph, u: Sequence[int], f: Sequence[int]) -> list[int]:

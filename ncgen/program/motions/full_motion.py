@@ -104,19 +104,19 @@ def _verified(built: FullMotion, equations: Terms) -> FullMotion:
 
 
 class Saddle:
-    """H in a graph, rows numbered after coordinates; A is H without e."""
+    """H in a graph, rows numbered after coordinates; A is H without e, which is an input of the program or a number."""
 
-    def __init__(self, lines: Lines, sizes: MotionSizes, rows: Iterable[int]) -> None:
+    def __init__(self, lines: Lines, sizes: MotionSizes, rows: Iterable[int], e: float | None = None) -> None:
         self.lines, self.graph, self.n = lines, lines.graph, len(lines.equations.free)
         self.place = {r: self.n + k for k, r in enumerate(rows)}
         self.jacobian = {(r, c): node for (r, c), node in lines.matrix(KERNELS["phi_q"]).items() if r in self.place}
         self.A = lines.matrix(KERNELS["mass"])
         for (r, c), node in self.jacobian.items():
             self.A[self.place[r], c] = self.A[c, self.place[r]] = node
-        self.factors = self._factors(sizes)
+        self.factors = self._factors(sizes, self.graph.load("e", 0) if e is None else self.graph.const(e))
 
-    def _factors(self, sizes: MotionSizes) -> SymmetricFactors:
-        graph, e = self.graph, self.graph.load("e", 0)
+    def _factors(self, sizes: MotionSizes, e: int) -> SymmetricFactors:
+        graph = self.graph
         H = dict(self.A)
         for c in range(self.n):
             extra = graph.mul(graph.const(float(sizes.W[c])), e)
@@ -156,11 +156,11 @@ class Saddle:
         along: {node: its change}
         """
         graph = self.graph
-        found = tangent(graph, [*right.values(), *self.A.values()], along)
-        sums = {i: [found[node]] for i, node in right.items() if node in found}
+        changes_of = tangent(graph, [*right.values(), *self.A.values()], along)
+        sums = {i: [changes_of[node]] for i, node in right.items() if node in changes_of}
         for (i, j), node in sorted(self.A.items()):
-            if node in found and j in x:
-                sums.setdefault(i, []).append(graph.neg(graph.mul(found[node], x[j])))
+            if node in changes_of and j in x:
+                sums.setdefault(i, []).append(graph.neg(graph.mul(changes_of[node], x[j])))
         return solve({i: graph.sum(nodes) for i, nodes in sums.items()})
 
     def times_jacobian(self, x: Sequence[int]) -> Vector:
@@ -243,8 +243,8 @@ class _Motion:
         x = self.saddle.change(self.x, self.right, along, self.saddle.refined)
         along |= {self.x[k]: x.get(k, zero) for k in self.x if graph.value(self.x[k]) is None}
         scalars = [self.power, self.kinetic, self.potential]
-        found = tangent(graph, scalars, along)
-        outputs = [*rates, *(x.get(k, zero) for k in range(self.n + self.m)), *(found.get(node, zero) for node in scalars)]
+        changes = tangent(graph, scalars, along)
+        outputs = [*rates, *(x.get(k, zero) for k in range(self.n + self.m)), *(changes.get(node, zero) for node in scalars)]
         return lines.program("motion_tangent", ("t", "q", "qd", "p", "e", "seed"), outputs)
 
 

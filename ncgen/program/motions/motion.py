@@ -57,13 +57,13 @@ def _momentum(work: Recursion) -> Column:
     graph, rates = work.graph, work.rates
     rest = {c: graph.sub(graph.load("qd", c), rate) for c, rate in enumerate(work.lines.rates)}
     loads: Loads = {}
-    found: Column = {}
+    momentum: Column = {}
     for c, node in sorted(times(graph, work.masses, rest).items()):
         if c in rates.where:
             rates.load(loads, c, node)
         else:
-            found[rates.own[c]] = node
-    return found | rates.place.inward(loads, {})
+            momentum[rates.own[c]] = node
+    return momentum | rates.place.inward(loads, {})
 
 
 def _growth(work: Recursion) -> int:

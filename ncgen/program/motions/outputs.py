@@ -46,8 +46,8 @@ def assemble_outputs(equations: Terms) -> tuple[Program, Program]:
     sizes = input_lengths(equations)
     moved = [(array, k) for array in INPUTS[1:] for k in range(sizes[array])]
     along = {lines.graph.load(*leaf): lines.graph.load("seed", k) for k, leaf in enumerate(moved)}
-    found = tangent(lines.graph, nodes, along)
-    slope = lines.program("outputs_tangent", (*INPUTS, "seed"), [found.get(node, lines.graph.const(0.0)) for node in nodes])
+    changes = tangent(lines.graph, nodes, along)
+    slope = lines.program("outputs_tangent", (*INPUTS, "seed"), [changes.get(node, lines.graph.const(0.0)) for node in nodes])
     for each in (program, slope):
         verify(each, sizes | {"seed": len(moved)})
     return program, slope
@@ -62,8 +62,8 @@ def assemble_load_slopes(equations: Terms) -> Program:
     graph = lines.graph
     known = _known(lines) | {name: partial(graph.load, "felt", k) for k, name in enumerate(names)}
     nodes = [_node(lines, output, known) for output in equations.model.outputs.values()]
-    found = tangent(graph, nodes, {graph.load("felt", k): graph.load("seed", k) for k in range(len(names))})
-    program = lines.program("load_slopes", LOAD_INPUTS, [found.get(node, graph.const(0.0)) for node in nodes])
+    changes = tangent(graph, nodes, {graph.load("felt", k): graph.load("seed", k) for k in range(len(names))})
+    program = lines.program("load_slopes", LOAD_INPUTS, [changes.get(node, graph.const(0.0)) for node in nodes])
     verify(program, input_lengths(equations) | {"felt": len(names), "seed": len(names)})
     return program
 
@@ -96,24 +96,24 @@ def _refused(lines: Lines, name: str) -> str:
 
 def _known(lines: Lines) -> Known:
     """All that an output can mention."""
-    found: Known = {TIME: partial(lines.graph.load, "t", 0)}
-    found |= {p.name: partial(lines.graph.load, "p", i) for i, p in enumerate(lines.equations.parameters)}
+    readers: Known = {TIME: partial(lines.graph.load, "t", 0)}
+    readers |= {p.name: partial(lines.graph.load, "p", i) for i, p in enumerate(lines.equations.parameters)}
     for component in lines.equations.model.components:
         rate = rate_name(component.name)
         for name, array in ((component.name, "q"), (rate, "qd"), (rate_name(rate), "qdd")):
-            found[name] = partial(read_component, lines, array, component)
-    return found | _loads(lines)
+            readers[name] = partial(read_component, lines, array, component)
+    return readers | _loads(lines)
 
 
 def _loads(lines: Lines) -> Known:
     """Joint loads, which are put into the graph once the first of them is mentioned, and driver forces."""
     graph, equations = lines.graph, lines.equations
     nodes = cache(lambda: load_nodes(lines))
-    found: Known = {name: partial(lambda k: nodes()[k], k) for k, name in enumerate(_load_words(equations))}
+    readers: Known = {name: partial(lambda k: nodes()[k], k) for k, name in enumerate(_load_words(equations))}
     for r, row in enumerate(equations.model.rows):
         if row.owner.kind == "driver":
-            found[driver_name(row.owner.name)] = lambda r=r: graph.neg(graph.load("lam", r))
-    return found
+            readers[driver_name(row.owner.name)] = lambda r=r: graph.neg(graph.load("lam", r))
+    return readers
 
 
 def read_component(lines: Lines, array: str, component: Component) -> int:

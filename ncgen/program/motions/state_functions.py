@@ -95,8 +95,8 @@ class StateFunction:
         nodes = self.along.nodes if self.along else self.nodes
         if self.along:
             seeds = {load: self.graph.load("seed", k) for k, load in enumerate(self.along.variables)}
-            found = tangent(self.graph, nodes, seeds)
-            nodes, read = [found.get(node, self.graph.const(0.0)) for node in nodes], read | {"seed": len(seeds)}
+            changes = tangent(self.graph, nodes, seeds)
+            nodes, read = [changes.get(node, self.graph.const(0.0)) for node in nodes], read | {"seed": len(seeds)}
         block = finish(written(self.graph, "out", nodes))
         program = cut(Program(f"entries_of_{self.name}", tuple(read), "out", len(nodes), (block,)))
         verify(program, read)
@@ -140,8 +140,8 @@ class StateFunction:
             for (row, _), node in result.entries.items()
         ]
         loads = self.variables
-        found = {loads[x]: node for x, node in gradient(graph, graph.sum(parts), loads).items()}
-        results = [_vector(f"adj_{a.name}", [found.get((a.name, k), graph.const(0.0)) for k in range(a.size)]) for a in self.inputs]
+        derivatives = {loads[x]: node for x, node in gradient(graph, graph.sum(parts), loads).items()}
+        results = [_vector(f"adj_{a.name}", [derivatives.get((a.name, k), graph.const(0.0)) for k in range(a.size)]) for a in self.inputs]
         return StateFunction(f"adj1_{self.name}", graph, (*self.inputs, *self._values(), *seeds), tuple(results))
 
     def _values(self) -> tuple[StateArgument, ...]:
@@ -160,7 +160,7 @@ def _slopes(graph: Graph, nodes: Iterable[int], loads: Mapping[int, tuple[str, i
     for load, leaf in loads.items():
         for node, slope in tangent(graph, wanted, {load: one}).items():
             by_input[node][leaf] = slope
-    return min(by_node, by_input, key=lambda found: operations(graph, (s for row in found.values() for s in row.values())))
+    return min(by_node, by_input, key=lambda slopes: operations(graph, (s for row in slopes.values() for s in row.values())))
 
 
 def _reached(graph: Graph, nodes: Iterable[int], loads: Mapping[int, tuple[str, int]]) -> Slopes:
@@ -206,8 +206,8 @@ def closed_functions(equations: Terms, acceleration: Program, rows: Sequence[int
     n = len(equations.free)
     work = _Work(equations, {"s": n, "v": velocities})
     graph, t, s, v, p = work.graph, *(work.given[name] for name in ("t", "s", "v", "p"))
-    found = inlined(graph, acceleration, {"t": t, "q": s, "zd": v, "p": p})
-    sd, vd = found[:n], found[n : n + velocities]
+    inlined_nodes = inlined(graph, acceleration, {"t": t, "q": s, "zd": v, "p": p})
+    sd, vd = inlined_nodes[:n], inlined_nodes[n : n + velocities]
     qdd = work.rates(sd, {t[0]: graph.const(1.0), **dict(zip([*s, *v], [*sd, *vd], strict=True))})
     lines = Lines(equations)
     phi = lines.vector(KERNELS["phi"])
@@ -229,8 +229,8 @@ class _Work:
 
     def rates(self, nodes: Sequence[int], motion: Mapping[int, int]) -> list[int]:
         """How nodes change where inputs change like this."""
-        found = tangent(self.graph, nodes, dict(motion))
-        return [found.get(node, self.graph.const(0.0)) for node in nodes]
+        changes = tangent(self.graph, nodes, dict(motion))
+        return [changes.get(node, self.graph.const(0.0)) for node in nodes]
 
     def outputs(self, q: list[int], qd: list[int], qdd: list[int]) -> list[StateFunction]:
         """[] where the model has none. They mention no loads: there are no multipliers here."""

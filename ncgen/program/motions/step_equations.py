@@ -132,8 +132,8 @@ class _Step:
             return []
         p, inputs = self.loads("p", 0, self.n_p - self.n_w), self.loads("w", INSTANTS.index(instant) * self.n_w, self.n_w)
         arrays = {"t": [self.times[instant]], "q": q, "qd": qd or [], "p": p + inputs}
-        found = inlined(self.graph, program, {name: [each.place for each in nodes] for name, nodes in arrays.items()})
-        return [Node(self.graph, node) for node in found]
+        outputs = inlined(self.graph, program, {name: [each.place for each in nodes] for name, nodes in arrays.items()})
+        return [Node(self.graph, node) for node in outputs]
 
     def vector(self, name: str, size: int, instant: str, q: Vector, qd: Vector | None = None) -> Vector:
         return self.kernel(name, instant, q, qd) or [self.zero] * size
@@ -150,10 +150,10 @@ class _Step:
         return dict(zip(self.programs.mass.positions(), self.kernel("mass", instant, q), strict=True))
 
     def times_vector(self, matrix: Entries, x: Vector, size: int) -> Vector:
-        found = [self.zero] * size
+        product = [self.zero] * size
         for (r, c), entry in matrix.items():
-            found[r] = found[r] + entry * x[c]
-        return found
+            product[r] = product[r] + entry * x[c]
+        return product
 
     def balance(self, mass: Entries, qdd: Vector, rows: Entries, lam: Vector, force: Vector) -> Vector:
         """M q̈ + Φ_qᵀ λ − Q."""
@@ -162,14 +162,14 @@ class _Step:
 
     def closure(self, q: Vector) -> Vector:
         """Φ at the end; of a rolling condition its integral by the midpoint rule."""
-        found = self.vector("phi", self.m, "end", q)
+        violation = self.vector("phi", self.m, "end", q)
         if not any(self.rolling):
-            return found
+            return violation
         middle = [(a + b) * 0.5 for a, b in zip(self.q, q, strict=True)]
         moved = self.times_vector(self.rows("middle", middle), sums(q, (-1.0, self.q)), self.m)
         nu = self.vector("nu", self.m, "middle", middle)
         rolled = sums(moved, (-self.h, nu))
-        return [a + b if rolls else a for a, b, rolls in zip(found, rolled, self.rolling, strict=True)]
+        return [a + b if rolls else a for a, b, rolls in zip(violation, rolled, self.rolling, strict=True)]
 
     def allowed(self, instant: str, q: Vector, qd: Vector) -> Vector:
         """Φ_q q̇ − ν."""
@@ -178,10 +178,10 @@ class _Step:
 
 def sums(first: Vector, *more: tuple[Node | float, Vector]) -> Vector:
     """first + Σ weight · vector."""
-    found = list(first)
+    total = list(first)
     for weight, vector in more:
-        found = [a + b * weight for a, b in zip(found, vector, strict=True)]
-    return found
+        total = [a + b * weight for a, b in zip(total, vector, strict=True)]
+    return total
 
 
 def _dot(a: Iterable[Node], b: Iterable[Node], zero: Node) -> Node:
@@ -298,11 +298,11 @@ def assemble_step(programs: Programs, method: str) -> StepEquations:
 def _slopes(graph: Graph, outputs: Sequence[int], columns: dict[tuple[str, int], int]) -> dict[tuple[int, int], int]:
     """{(row, column): node of the derivative}."""
     variables = {graph.load(*leaf): column for leaf, column in columns.items()}
-    found: dict[tuple[int, int], int] = {}
+    slopes: dict[tuple[int, int], int] = {}
     for row, output in enumerate(outputs):
         if output in variables:
-            found[row, variables[output]] = graph.const(1.0)
+            slopes[row, variables[output]] = graph.const(1.0)
             continue
         for variable, slope in gradient(graph, output, variables).items():
-            found[row, variables[variable]] = slope
-    return found
+            slopes[row, variables[variable]] = slope
+    return slopes

@@ -81,33 +81,33 @@ def accelerations(place: TreePlace, bodies: Sequence[Inertia | None], right: dic
     pull = [nothing] * len(links)
     steps: dict[int, tuple[Vector, Vector, int, int]] = {}
     for number in reversed(range(len(links))):
-        here, (moment, force) = beyond[number], pull[number]
+        beyond_joint, (moment, force) = beyond[number], pull[number]
         for k in reversed(place.own[number]):
-            if here is None:
+            if beyond_joint is None:
                 raise massless(place.lines.equations.model.name)
             axis, along = place.columns[k].axis, place.columns[k].along
-            angular, linear = here.times(space, axis, along)
+            angular, linear = beyond_joint.times(space, axis, along)
             reciprocal = graph.div(graph.const(1.0), graph.add(space.dot(axis, angular), space.dot(along, linear)))
             rest = graph.sub(right[k], graph.add(space.dot(axis, moment), space.dot(along, force)))
             steps[k] = angular, linear, reciprocal, rest
-            here = here.less(space, angular, linear, reciprocal)
+            beyond_joint = beyond_joint.less(space, angular, linear, reciprocal)
             share = graph.mul(reciprocal, rest)
             moment, force = space.add(moment, space.times(share, angular)), space.add(force, space.times(share, linear))
         parent = links[number].parent
-        if parent is not None and here is not None:
-            before, here = beyond[parent], here.shifted(space, place.shift[number])
-            beyond[parent] = here.plus(space, before) if before else here
+        if parent is not None and beyond_joint is not None:
+            before, beyond_joint = beyond[parent], beyond_joint.shifted(space, place.shift[number])
+            beyond[parent] = beyond_joint.plus(space, before) if before else beyond_joint
             force, moment = place.leaving(number, (force, moment))
             pull[parent] = space.add(pull[parent][0], moment), space.add(pull[parent][1], force)
-    found: dict[int, int] = {}
+    rates_changes: dict[int, int] = {}
     moving = [nothing] * len(links)
     for number, link in enumerate(links):
         turning, lift = place.arriving(number, moving[link.parent] if link.parent is not None else nothing)
         for k in place.own[number]:
             angular, linear, reciprocal, rest = steps[k]
             known = graph.add(space.dot(angular, turning), space.dot(linear, lift))
-            found[k] = graph.mul(reciprocal, graph.sub(rest, known))
-            turning = space.add(turning, space.times(found[k], place.columns[k].axis))
-            lift = space.add(lift, space.times(found[k], place.columns[k].along))
+            rates_changes[k] = graph.mul(reciprocal, graph.sub(rest, known))
+            turning = space.add(turning, space.times(rates_changes[k], place.columns[k].axis))
+            lift = space.add(lift, space.times(rates_changes[k], place.columns[k].along))
         moving[number] = turning, lift
-    return found
+    return rates_changes

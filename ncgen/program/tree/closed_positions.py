@@ -116,7 +116,7 @@ class _Placing:
         psi = graph.load("q", self.lines.equations.index[hinge.angle.components[0]])
         c, s = graph.call("cos", psi), graph.mul(graph.const(hinge.sign), graph.call("sin", psi))
         ahead = space.add(space.times(c, start[0]), space.times(s, across))
-        aside = space.sub(space.times(c, across), space.times(s, start[0]))
+        normal_part = space.sub(space.times(c, across), space.times(s, start[0]))
         sideways = np.cross(axis[1], start[1])
         cosine, sine = np.cos(turn), hinge.sign * np.sin(turn)
         frame = np.array([axis[1], cosine * start[1] + sine * sideways, cosine * sideways - sine * start[1]])
@@ -129,7 +129,7 @@ class _Placing:
             shares = frame @ (self._numbers(element) - (origin if isinstance(element, Point) else 0.0))
             shares[np.abs(shares) < ROUNDING * np.max(np.abs(shares))] = 0.0
             shares = np.where(np.abs(np.abs(shares) - 1.0) < ROUNDING, np.sign(shares), shares)
-            parts = [space.times(graph.const(float(x)), v) for x, v in zip(shares, (axis[0], ahead, aside), strict=True)]
+            parts = [space.times(graph.const(float(x)), v) for x, v in zip(shares, (axis[0], ahead, normal_part), strict=True)]
             self.placed[element] = space.sum([self._nodes(point), *parts] if isinstance(element, Point) else parts)
 
     def _unit(self, direction: Combination) -> tuple[Vector, np.ndarray]:

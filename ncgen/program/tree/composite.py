@@ -146,10 +146,10 @@ def needed_loads(
     """
     space = place.space
     more = place.twists(accelerations) if accelerations is not None else [(space.zero, space.zero)] * len(inertias)
-    found: Loads = {}
+    loads: Loads = {}
     for number, (body, (turned, moved)) in enumerate(zip(inertias, more, strict=True)):
         if body is not None:
             (turning, along), (change, lift) = velocity.twists[number], velocity.changes[number]
             lift = space.add(space.sub(lift, gravity), space.cross(turning, along))
-            found[number] = body.load(space, turning, space.add(lift, moved), space.add(change, turned))
-    return found
+            loads[number] = body.load(space, turning, space.add(lift, moved), space.add(change, turned))
+    return loads

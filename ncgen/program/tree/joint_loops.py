@@ -52,12 +52,12 @@ class JointLoops(Recursion):
 
     def programs(self, what: Made) -> dict[str, Program]:
         """By name."""
-        found = {program.name: program for program in (make(self) for make in MADE[what])}
+        made = {program.name: program for program in (make(self) for make in MADE[what])}
         rates = self.rates
         lengths = {"t": 1, "q": len(rates.equations.free), "x": rates.count, "p": len(rates.equations.parameters)}
-        for program in found.values():
+        for program in made.values():
             verify(program, lengths | dict.fromkeys(("v", "a", "dx", "dv"), len(self.R)))
-        return found
+        return made
 
     def _choose(self, rows: list[RateRow]) -> None:
         weights = dict.fromkeys(self.rates.measured, MEASURED)
@@ -91,8 +91,8 @@ class JointLoops(Recursion):
     def spread_rate(self) -> Program:
         graph = self.graph
         direction = {graph.load("q", c): rate for c, rate in enumerate(self.lines.rates)} | {graph.load("t", 0): self.one}
-        found = tangent(graph, self._entries, direction)
-        return self._program("spread_rate", MOVING, [found.get(node, self.zero) for node in self._entries])
+        changes = tangent(graph, self._entries, direction)
+        return self._program("spread_rate", MOVING, [changes.get(node, self.zero) for node in self._entries])
 
     @cached_property
     def _entries(self) -> list[int]:
@@ -129,8 +129,8 @@ class JointLoops(Recursion):
         """Forces of the independent rates against inertia and gravity."""
         place, graph = self.rates.place, self.graph
         rates = self.spread(self._loaded("a"), self.bias)
-        found = place.inward({}, needed_loads(place, self.velocity, self.loads.own, gravity_of(self.lines), rates[: self.joints]))
-        forces: Column = {k: graph.neg(node) for k, node in found.items()}
+        needed = place.inward({}, needed_loads(place, self.velocity, self.loads.own, gravity_of(self.lines), rates[: self.joints]))
+        forces: Column = {k: graph.neg(node) for k, node in needed.items()}
         if self.loads.mass:
             accelerations = self.over_coordinates(rates, self.velocity.accelerations(rates[: self.joints]))
             for (a, b), mass in sorted(self.loads.mass.items()):
@@ -154,8 +154,8 @@ class JointLoops(Recursion):
     def correction(self) -> Program:
         """dependent(t, q, r, p) -> what all rates change by where rows are off by r."""
         right = {i: self.graph.neg(self.graph.load("r", i)) for i in range(len(self.rows))}
-        found = self.particular(right)
-        return self.lines.program("dependent", ("t", "q", "r", "p"), [found.get(k, self.zero) for k in range(self.rates.count)])
+        changes = self.particular(right)
+        return self.lines.program("dependent", ("t", "q", "r", "p"), [changes.get(k, self.zero) for k in range(self.rates.count)])
 
 
 class _Closing:
@@ -222,9 +222,9 @@ class _Closing:
         return graph.sub(self.moved.placed(element, link)[row.axis], theirs[row.axis])
 
     def _number(self, node: int) -> float:
-        found = self.work.graph.value(node)
-        assert found is not None, "a row of ratios whose entries are no numbers"
-        return found
+        number = self.work.graph.value(node)
+        assert number is not None, "a row of ratios whose entries are no numbers"
+        return number
 
     def _start(self, k: int) -> int:
         """A rate's displacement, or a coordinate's value, in the initial position."""

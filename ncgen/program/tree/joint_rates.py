@@ -76,8 +76,8 @@ class _Joints:
         sizes = np.array([np.min(np.abs(self._values(matrix[i, i]))) for i in range(len(own))])
         for (i, j), node in matrix.items():
             matrix[i, j] = self._plain(node, float(np.sqrt(sizes[i] * sizes[j])))
-        beside = {e: self._beside(e, number) for e in moved}
-        right = [self._sum(weights, {e: self.space.dot(moved[e][k], v) for e, v in beside.items()}) for k in own]
+        offsets = {e: self._beside(e, number) for e in moved}
+        right = [self._sum(weights, {e: self.space.dot(moved[e][k], v) for e, v in offsets.items()}) for k in own]
         return solve_positive(self.graph, matrix, len(own), right)
 
     def _size(self, element: Spatial) -> float:
@@ -107,8 +107,8 @@ class _Joints:
         """What the node is in the position that is described, where it is that in all samples; else the node."""
         if not self.rates.equations.parameters:
             return node
-        found = self.rates.described(node)
-        return found if np.max(np.abs(self._values(found) - values)) <= CONSTANT * size else node
+        described = self.rates.described(node)
+        return described if np.max(np.abs(self._values(described) - values)) <= CONSTANT * size else node
 
     def _beside(self, element: Spatial, number: int) -> Vector:
         """An element's velocity without that of the link's parent."""
@@ -126,8 +126,8 @@ class _Joints:
         for e in elements:
             places = [c for c, (element, _) in self.rates.where.items() if element is e]
             sizes[e] = self._size(e) ** 2
-            found = (float(np.max(self._values(self.masses[c, c]))) for c in places if (c, c) in self.masses)
-            masses[e] = max(found, default=0.0) * sizes[e]
+            candidates = (float(np.max(self._values(self.masses[c, c]))) for c in places if (c, c) in self.masses)
+            masses[e] = max(candidates, default=0.0) * sizes[e]
         heaviest = max(masses.values()) or 1.0
         return {e: roughly(max(masses[e] / heaviest, LIGHTEST) / sizes[e]) for e in sizes}
 

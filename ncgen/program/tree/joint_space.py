@@ -64,8 +64,8 @@ def assemble_joint_space(equations: Terms, followed: Followed, what: Made) -> di
 def changes(graph: Graph, nodes: Sequence[int], moved: Sequence[int], count: int) -> list[int]:
     """How nodes change where the coordinates q change by `moved` and the rates v by dv, of which there are so many."""
     direction = {graph.load("q", c): node for c, node in enumerate(moved)} | {graph.load("v", k): graph.load("dv", k) for k in range(count)}
-    found = tangent(graph, nodes, direction)
-    return [found.get(node, graph.const(0.0)) for node in nodes]
+    tangents = tangent(graph, nodes, direction)
+    return [tangents.get(node, graph.const(0.0)) for node in nodes]
 
 
 def gravity_of(lines: Lines) -> Vector:
@@ -78,19 +78,19 @@ def momenta(place: TreePlace) -> list[int]:
     """Mass, first moment about the origin, and the momenta about the origin of every screw at rate 1."""
     space, graph, links = place.space, place.space.graph, place.tree.links
     composite = [own or nothing(space) for own in inertias_of(place)]
-    total, first, found = graph.const(0.0), space.zero, [graph.const(0.0)] * (6 * len(place.columns))
+    total, first, momentum = graph.const(0.0), space.zero, [graph.const(0.0)] * (6 * len(place.columns))
     for number in reversed(range(len(links))):
-        here, reference = composite[number], place.reference[number]
+        inertia, reference = composite[number], place.reference[number]
         for k in place.own[number]:
-            linear, angular = here.momentum(space, place.columns[k].axis, place.columns[k].along)
-            found[6 * k : 6 * k + 6] = [*linear, *space.add(angular, space.cross(reference, linear))]
+            linear, angular = inertia.momentum(space, place.columns[k].axis, place.columns[k].along)
+            momentum[6 * k : 6 * k + 6] = [*linear, *space.add(angular, space.cross(reference, linear))]
         parent = links[number].parent
         if parent is not None:
-            composite[parent] = composite[parent].plus(space, here.shifted(space, place.shift[number]))
+            composite[parent] = composite[parent].plus(space, inertia.shifted(space, place.shift[number]))
         else:
-            total = graph.add(total, here.mass)
-            first = space.sum((first, here.first, space.times(here.mass, reference)))
-    return [total, *first, *found]
+            total = graph.add(total, inertia.mass)
+            first = space.sum((first, inertia.first, space.times(inertia.mass, reference)))
+    return [total, *first, *momentum]
 
 
 class _Basics:
@@ -162,8 +162,8 @@ class _Basics:
         return self.program("loads_tangent", (*MOVING, *DIRECTION), self._changes(self._loads()))
 
     def momenta(self) -> Program:
-        total, found = momenta(self.place)[:4], momenta(self.place)[4:]
-        return self.program("momenta", POSITION, [*total, *(self.scaled(k // 6, node) for k, node in enumerate(found))])
+        total, angular = momenta(self.place)[:4], momenta(self.place)[4:]
+        return self.program("momenta", POSITION, [*total, *(self.scaled(k // 6, node) for k, node in enumerate(angular))])
 
     def regressor(self) -> Program:
         gravity, velocity = gravity_of(self.lines), TreeVelocity(self.place, self.rates())
@@ -184,10 +184,10 @@ class _Basics:
     def _inverse(self) -> list[int]:
         velocity = TreeVelocity(self.place, self.rates())
         needed = needed_loads(self.place, velocity, inertias_of(self.place), gravity_of(self.lines), self.rates("a"))
-        found = {k: self.graph.neg(node) for k, node in self.place.inward({}, needed).items()}
+        forces = {k: self.graph.neg(node) for k, node in self.place.inward({}, needed).items()}
         for (a, b), node in self.rotors.items():
-            found[a] = self.graph.add(found.get(a, self.graph.const(0.0)), self.graph.mul(node, self.rates("a")[b]))
-        return [self.scaled(k, found[k]) if k in found else self.graph.const(0.0) for k in range(self.count)]
+            forces[a] = self.graph.add(forces.get(a, self.graph.const(0.0)), self.graph.mul(node, self.rates("a")[b]))
+        return [self.scaled(k, forces[k]) if k in forces else self.graph.const(0.0) for k in range(self.count)]
 
     def _loads(self) -> list[int]:
         where, velocity = moving(self.lines.equations, self.tree), TreeVelocity(self.place, self.rates())
@@ -204,18 +204,18 @@ class _Basics:
                 add_force(self.place, loads, *where[c], node)
             else:
                 along.setdefault(self.followed[c][0], []).append(node)
-        found = {k: self.scaled(k, node) for k, node in self.place.inward(loads, {}).items()}
-        return [self.graph.sum([*along.get(k, []), *([found[k]] if k in found else [])]) for k in range(self.count)]
+        forces = {k: self.scaled(k, node) for k, node in self.place.inward(loads, {}).items()}
+        return [self.graph.sum([*along.get(k, []), *([forces[k]] if k in forces else [])]) for k in range(self.count)]
 
     @cached_property
     def rotors(self) -> Matrix:
         """Inertia of relative coordinates over the screws' rates."""
         shares = {c: (k, self.graph.const(share)) for c, (k, share) in self.followed.items()}
-        found: Matrix = {}
+        inertias: Matrix = {}
         for (a, b), node in self.lines.matrix(KERNELS["mass"]).items():
             (i, first), (j, second) = shares[a], shares[b]
-            found[i, j] = self.graph.mul(node, self.graph.mul(first, second))
-        return found
+            inertias[i, j] = self.graph.mul(node, self.graph.mul(first, second))
+        return inertias
 
 
 MADE = {

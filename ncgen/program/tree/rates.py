@@ -160,8 +160,8 @@ class Rates:
         if len(measured) != 1 or len(row) < 2 or not np.all(np.abs(self.sampling[row[measured[0]]]) > 0):
             return None
         ratios = {k: self._ratio(node, row[measured[0]]) for k, node in row.items()}
-        found = {k: ratio for k, ratio in ratios.items() if ratio is not None}
-        return found if len(found) == len(row) else None
+        known_ratios = {k: ratio for k, ratio in ratios.items() if ratio is not None}
+        return known_ratios if len(known_ratios) == len(row) else None
 
     def _ratio(self, a: int, b: int) -> int | None:
         """a/b as a number or of parameters alone; None where it changes with the position."""

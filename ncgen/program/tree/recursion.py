@@ -328,8 +328,8 @@ class Recursion:
             (k,) = [j for j in column if j in joints]
             for own in (j for j in column if j not in joints and j in forces):
                 right[k] = self.graph.add(right[k], self.graph.mul(column[k], forces[own]))
-        found = articulated.accelerations(self.rates.place, self.loads.own, right)
-        return [self.graph.mul(node, found[k]) for column in self.R for k, node in column.items() if k in joints]
+        solution = articulated.accelerations(self.rates.place, self.loads.own, right)
+        return [self.graph.mul(node, solution[k]) for column in self.R for k, node in column.items() if k in joints]
 
     def power(self, zdd: Sequence[int]) -> int:
         """Power of forces without a potential and of drivers, P − νᵀλ with Jᵀ λ = f − H ẋ on the dependent rates."""

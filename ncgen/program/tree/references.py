@@ -22,12 +22,12 @@ LOST = 1e3
 
 def reference_points(tree: Tree, parameters: dict[str, Parameter]) -> list[Point]:
     """For every link the point that it is told from; of a tree's first links the joint of its outermost one, where small bodies are."""
-    found: list[Point] = []
+    points: list[Point] = []
     starts = _outermost(tree)
     for number, link in enumerate(tree.links):
-        given = found[link.parent] if link.parent is not None else starts[number]
-        found.append(given if _is_near(link, given, parameters) else joint_point(link))
-    return found
+        given = points[link.parent] if link.parent is not None else starts[number]
+        points.append(given if _is_near(link, given, parameters) else joint_point(link))
+    return points
 
 
 def joint_point(link: Link) -> Point:
@@ -39,13 +39,13 @@ def _outermost(tree: Tree) -> Mapping[int, Point]:
     """{first link of a tree: the joint of that tree's outermost link}."""
     root: list[int] = []
     depth: list[int] = []
-    found: dict[int, int] = {}
+    outermost: dict[int, int] = {}
     for number, link in enumerate(tree.links):
         root.append(number if link.parent is None else root[link.parent])
         depth.append(0 if link.parent is None else depth[link.parent] + 1)
-        if depth[number] >= depth[found.setdefault(root[number], number)]:
-            found[root[number]] = number
-    return {first: joint_point(tree.links[last]) for first, last in found.items()}
+        if depth[number] >= depth[outermost.setdefault(root[number], number)]:
+            outermost[root[number]] = number
+    return {first: joint_point(tree.links[last]) for first, last in outermost.items()}
 
 
 def _is_near(link: Link, point: Point, parameters: dict[str, Parameter]) -> bool:

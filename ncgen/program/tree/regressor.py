@@ -46,11 +46,11 @@ class RegressorFrame(NamedTuple):
 
 def frames_of(model: Model, tree: Tree) -> list[RegressorFrame]:
     """Of every link: the frame of its body in a robot's file, else its first point and the global axes."""
-    found = []
+    frames = []
     for link in tree.links:
         named = next((frame for frame in model.frames.values() if frame.body == link.body.name), None)
-        found.append(RegressorFrame(named.rotation, named.position) if named else RegressorFrame(np.eye(3), link.body.points[0].initial))
-    return found
+        frames.append(RegressorFrame(named.rotation, named.position) if named else RegressorFrame(np.eye(3), link.body.points[0].initial))
+    return frames
 
 
 def regressor(
@@ -60,7 +60,7 @@ def regressor(
 
     accelerations: of the tree's rates; frames: of the links
     """
-    space, found = place.space, {}
+    space, columns = place.space, {}
     units = _units(place)
     moved = place.twists(accelerations)
     for number, frame in enumerate(frames):
@@ -78,21 +78,21 @@ def regressor(
                 column = place.columns[k]
                 axis, slide = (_along(place, axes, v) for v in (column.axis, space.add(column.along, space.cross(column.axis, lever))))
                 nodes = (space.graph.add(space.dot(axis, moment), space.dot(slide, force)) for force, moment in loads)
-                found.setdefault(k, {}).update(enumerate(nodes, len(NAMES) * number))
-    return found
+                columns.setdefault(k, {}).update(enumerate(nodes, len(NAMES) * number))
+    return columns
 
 
 def _units(place: TreePlace) -> list[Inertia]:
     """The inertia that one parameter alone says, for each."""
     zero, one = place.space.graph.const(0.0), place.space.graph.const(1.0)
     nothing = [zero] * 10
-    found = []
+    inertias = []
     for k in range(len(NAMES)):
         values = [*nothing[:k], one, *nothing[k + 1 :]]
         by_entry = dict(zip(ENTRIES, values[4:], strict=True))
         xx, yy, zz, xy, xz, yz = (by_entry[entry] for entry in PLACES)
-        found.append(Inertia(values[0], (values[1], values[2], values[3]), (xx, yy, zz, xy, xz, yz)))
-    return found
+        inertias.append(Inertia(values[0], (values[1], values[2], values[3]), (xx, yy, zz, xy, xz, yz)))
+    return inertias
 
 
 def _frame(place: TreePlace, number: int, frame: RegressorFrame) -> tuple[list[Vector], Vector]:

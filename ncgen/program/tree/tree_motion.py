@@ -59,8 +59,8 @@ class TreePlace:
 
     def lever(self, element: Spatial, link: int) -> Vector:
         """From the reference point to a point; of a vector itself."""
-        here = self.vector(element)
-        return self.space.sub(here, self.reference[link]) if isinstance(element, Point) else here
+        origin = self.vector(element)
+        return self.space.sub(origin, self.reference[link]) if isinstance(element, Point) else origin
 
     def moved(self, element: Spatial, link: int) -> dict[int, Vector]:
         """{rate: velocity of an element that moves with a link, at rate 1}."""
@@ -71,11 +71,11 @@ class TreePlace:
     def twists(self, rates: Sequence[int]) -> list[tuple[Vector, Vector]]:
         """(ω, v) of every link where the joints have these rates, or (ω̇, v̇) where the rates change like this."""
         space = self.space
-        found: list[tuple[Vector, Vector]] = []
+        pairs: list[tuple[Vector, Vector]] = []
         for number, link in enumerate(self.tree.links):
-            before = found[link.parent] if link.parent is not None else (space.zero, space.zero)
-            found.append(self.turned(self.arriving(number, before), ((rates[k], k) for k in self.own[number])))
-        return found
+            before = pairs[link.parent] if link.parent is not None else (space.zero, space.zero)
+            pairs.append(self.turned(self.arriving(number, before), ((rates[k], k) for k in self.own[number])))
+        return pairs
 
     def arriving(self, number: int, twist: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
         """A twist of a link's parent, or its change, as it is at the link's reference point."""
@@ -113,7 +113,7 @@ class TreePlace:
 
         loads: on the links, which are added up there; needed: what the links take of them
         """
-        space, found = self.space, {}
+        space, forces = self.space, {}
         for number in reversed(range(len(self.tree.links))):
             if number not in loads and number not in needed:
                 continue
@@ -122,12 +122,12 @@ class TreePlace:
                 force, moment = space.sub(force, needed[number][0]), space.sub(moment, needed[number][1])
             for k in self.own[number]:
                 column = self.columns[k]
-                found[k] = self.space.graph.add(space.dot(column.axis, moment), space.dot(column.along, force))
+                forces[k] = self.space.graph.add(space.dot(column.axis, moment), space.dot(column.along, force))
             if (parent := self.tree.links[number].parent) is not None:
                 before = loads.get(parent, (space.zero, space.zero))
                 force, moment = self.leaving(number, (force, moment))
                 loads[parent] = (space.add(before[0], force), space.add(before[1], moment))
-        return found
+        return forces
 
     def _shift(self, number: int) -> Vector | None:
         """From the parent's reference point to that of a link, None where it is the same."""

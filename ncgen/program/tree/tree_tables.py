@@ -139,7 +139,7 @@ class OpenTree:
     def _take_masses(self, pattern: Pattern, places: Sequence[TreePlace]) -> None:
         """Entries of M, each with a link that carries what it speaks of; as a pair where it is the same along all axes."""
         self._weigh(pattern, places[0])
-        found: dict[tuple[int, int, int], dict[tuple[int, int], int]] = defaultdict(dict)
+        masses_between: dict[tuple[int, int, int], dict[tuple[int, int], int]] = defaultdict(dict)
         for (i, j), value in pattern.positions().items():
             if i >= j:
                 if i == j and i in self.measured:
@@ -149,8 +149,8 @@ class OpenTree:
                 if i not in self.where or j not in self.where:
                     raise NoTables("a mass couples coordinates of no body")
                 (a, x), (b, y) = sorted((self.where[i], self.where[j]))
-                found[self._carrier(a, b), a, b][x, y] = value
-        for (link, a, b), entries in sorted(found.items()):
+                masses_between[self._carrier(a, b), a, b][x, y] = value
+        for (link, a, b), entries in sorted(masses_between.items()):
             values = np.array([[place.mass[value] for value in entries.values()] for place in places])
             if all(x == y for x, y in entries) and np.all(np.ptp(values, axis=1) <= 4 * np.finfo(float).eps * np.abs(values[:, 0])):
                 self.pairs.append((link, a, b, next(iter(entries.values()))))
@@ -210,10 +210,10 @@ class OpenTree:
                     others[i] += value * step[c]
         return block, others
 
-    def _closed(self, q: np.ndarray, look: Callable[[np.ndarray], TreePlace]) -> TreePlace:
+    def _closed(self, q: np.ndarray, place_at: Callable[[np.ndarray], TreePlace]) -> TreePlace:
         """The closed position near q, each link brought to those before it by the smallest change."""
         for _ in range(MOST_STEPS):
-            place = look(q)
+            place = place_at(q)
             if np.max(np.abs(place.phi), initial=0.0) <= CLOSED:
                 return place
             step = np.zeros(self.n)
@@ -227,26 +227,26 @@ class OpenTree:
     def _places(self) -> list[TreePlace]:
         """Closed positions: where the mechanism is, and two around it, with other parameters where there are any."""
         first, *others = self.around.looks
-        found = [self._closed(self.around.q, first)]
-        self._check_rows(found[0], [r for r, row in enumerate(self.rows) if all(c in self.where for c in row)])
+        closed_places = [self._closed(self.around.q, first)]
+        self._check_rows(closed_places[0], [r for r, row in enumerate(self.rows) if all(c in self.where for c in row)])
         for k, x in enumerate(self._random()):
-            moved = self.velocities(found[0].q, x)[: self.n] * (-1) ** k
-            guess = found[0].q + ASIDE * moved / np.max(np.abs(moved) / self.around.columns)
-            found.append(self._closed(guess, others[k % len(others)] if others else first))
-        return found
+            moved = self.velocities(closed_places[0].q, x)[: self.n] * (-1) ** k
+            guess = closed_places[0].q + ASIDE * moved / np.max(np.abs(moved) / self.around.columns)
+            closed_places.append(self._closed(guess, others[k % len(others)] if others else first))
+        return closed_places
 
     def _take_measured(self, places: Sequence[TreePlace]) -> None:
         """Which joint every measured coordinate measures: they are those that no body carries."""
-        tells: dict[int, int] = {}
+        measuring_rows: dict[int, int] = {}
         for r, row in enumerate(self.rows):
             others = [c for c in row if c not in self.where]
             if len(others) == 1:
-                tells.setdefault(others[0], r)
+                measuring_rows.setdefault(others[0], r)
         trials = [(place, x, self.velocities(place.q, x)) for place in places for x in self._random()]
         for c in (c for c in range(self.n) if c not in self.where):
-            if c not in tells:
+            if c not in measuring_rows:
                 raise NoTables("a coordinate of no body measures no joint")
-            rates = np.array([self._rate(c, tells[c], place, v) for place, _, v in trials])
+            rates = np.array([self._rate(c, measuring_rows[c], place, v) for place, _, v in trials])
             self.measured[c] = self._measures(self.own[self.group[c]], rates, np.array([x for _, x, _ in trials]))
 
     def _rate(self, c: int, row: int, place: TreePlace, v: np.ndarray) -> float:
@@ -275,7 +275,7 @@ class OpenTree:
         values = np.append(q, [component.initial for component in self.fixed])
         axes = [sum((weight * values[c] for weight, c in terms), np.zeros(3)) for terms in self.terms]
         origins = [values[c] for c in self.references]
-        found = np.zeros(len(values))
+        qd = np.zeros(len(values))
         twists: list[tuple[np.ndarray, np.ndarray]] = []
         for number, link in enumerate(self.tree.links):
             turning, along = np.zeros(3), np.zeros(3)
@@ -291,10 +291,10 @@ class OpenTree:
         turning, along = np.array(twists)[self.home].transpose(1, 0, 2)
         is_point = np.array([isinstance(element, Point) for element in self.elements])[:, None]
         levers = values[self.components] - np.where(is_point, np.array(origins)[self.home], 0.0)
-        found[self.components] = np.cross(turning, levers) + np.where(is_point, along, 0.0)
+        qd[self.components] = np.cross(turning, levers) + np.where(is_point, along, 0.0)
         for c, (k, ratio) in self.measured.items():
-            found[c] = ratio * rates[k]
-        return found
+            qd[c] = ratio * rates[k]
+        return qd
 
     def _check(self, place: TreePlace) -> None:
         """Raise NoTables where a row does not allow what the joints do, or lets more move."""

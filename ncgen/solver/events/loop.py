@@ -10,9 +10,9 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.conditions import OFF
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.events.actions import CLOSED, Instant, restitution_of
+from ncgen.solver.events.actions import CLOSED, Instant
 from ncgen.solver.events.conditions import NOISE, EventFunctions
-from ncgen.solver.events.modes import LoadConditions, Mode, rank_of, variant
+from ncgen.solver.events.modes import Mode, count_of, load_conditions, rank_of, variant
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.settling import Settling
 from ncgen.solver.events.state import State
@@ -33,26 +33,35 @@ def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, pas
 
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
-    return _Loop(engine, path, kernels, task, passage).run()
+    loop = Loop(engine, kernels, State(float(task.grid[0]), task.q, task.velocities, task.p), passage)
+    ends = loop.begin()
+    return loop.run(path, task, ends)
 
 
-class _Loop:
+class Loop:
     """The state of a run between two events: at, work (J), signs (C,): sides on which conditions begin; what is held, and the kernels of
-    that mode."""
+    that mode; first_step (s): what C tries first, 0 for its own choice."""
 
-    def __init__(self, engine: Engine, path: Path, kernels: Kernels, task: Task, passage: Passage) -> None:
-        self.engine, self.path, self.kernels, self.task, self.passage = engine, path, kernels, task, passage
+    path: Path
+    task: Task
+
+    def __init__(self, engine: Engine, kernels: Kernels, at: State, passage: Passage) -> None:
+        self.engine, self.kernels, self.passage = engine, kernels, passage
         self.functions = EventFunctions(kernels)
         self.settling = Settling(self.functions)
-        self.at = State(float(task.grid[0]), task.q, task.velocities, task.p)
-        self.work, self.first_step = 0.0, 0.0
+        self.at, self.work, self.first_step = at, 0.0, 0.0
         self.signs = np.zeros(self.functions.count, dtype=int)
         self.held: tuple[int, ...] = ()
         self.mode = kernels
 
-    def run(self) -> str | None:
-        end = float(self.task.grid[-1])
-        if self._begin():
+    def run(self, path: Path, task: Task, ends: bool = False) -> str | None:
+        """Complete an empty path over the grid of a task, which begins where the loop is; ends: whether it ends there, too.
+
+        Returns why the engine stopped before the end, or None. Raises what it raises.
+        """
+        self.path, self.task = path, task
+        end = float(task.grid[-1])
+        if ends:
             return self._finish()
         while True:
             part = Path.empty(self.kernels.n, None)
@@ -74,8 +83,8 @@ class _Loop:
         fresh = int(not (len(ahead) and ahead[0] == at.t))
         looks = np.append(np.zeros(fresh, dtype=bool), task.looks_from(first))
         settling, held = self.settling, self.held
-        loads = LoadConditions(self.functions, self.mode, len(held), lambda f, p: settling.margins(held, f, p)) if held else None
-        conditions = self.functions.watched(self.signs, task.stop, settling.directions(held, at.p), loads, settling.count(held))
+        loads = load_conditions(self.functions, self.mode, tuple(settling.rows[k] for k in held)) if held else None
+        conditions = self.functions.watched(self.signs, task.stop, settling.directions(held, at.p), loads)
         here = replace(
             task, grid=np.concatenate([[at.t] * fresh, ahead]), looks=looks, q=at.q, velocities=at.qd, p=at.p, conditions=conditions,
             rank=rank_of(self.mode, at), first_step=self.first_step, stop_when_stiff=False,
@@ -119,9 +128,9 @@ class _Loop:
 
     def _is_stop(self, crossed: tuple[int, ...]) -> bool:
         """Whether the run was told to stop there: that condition follows those of the mechanism and of the loads."""
-        return self.task.stop is not None and self.functions.count + self.settling.count(self.held) in crossed
+        return self.task.stop is not None and self.functions.count + count_of(self.settling.rows[k] for k in self.held) in crossed
 
-    def _begin(self) -> bool:
+    def begin(self) -> bool:
         """Events at the start: a condition that is zero there and moves on in its direction. Returns whether the run ends there.
 
         Raises ModelError for a gap that an impact is to close and that is open by less than nothing.
@@ -138,9 +147,26 @@ class _Loop:
                 )
             if is_zero and rates[k] and (np.sign(rates[k]) == functions.directions[k] or not functions.directions[k]):
                 due[k] = "start"
-            self.signs[k] = 1 if event.impact else int(np.sign(rates[k])) if is_zero else 0
+            self.signs[k] = 1 if event.impact else int(np.sign(rates[k] if is_zero else values[k]))
         self.at = self.settling.begin(at)
         return self._act(due) if due or functions.can_hold else False
+
+    def change(self, p: np.ndarray) -> bool:
+        """Go on with other parameters p (n_p,), which may bring about events. Returns whether the run ends with them."""
+        before = self.functions.values(self.at)[0]
+        self.at = replace(self.at, p=p)
+        due = Instant(self.functions, self.at).turned(before, ())
+        return self._act(due) if due or self.functions.can_hold else False
+
+    def arrive(self, at: State, work: float) -> None:
+        """Take on the state at the end of a run, and work (J), from which the next one begins."""
+        self.at, self.work = at, work
+        self._set_signs({})
+
+    def go_to(self, at: State, signs: np.ndarray, held: tuple[int, ...]) -> None:
+        """Take on a state that the loop was in before."""
+        self.at, self.signs, self.held = at, signs, held
+        self.mode = variant(self.kernels, tuple(self.settling.rows[k] for k in held))
 
     def _act(self, due: dict[int, Search]) -> bool:
         """Carry out events, and find the mode that follows; returns whether the run ends with them."""
@@ -198,7 +224,7 @@ class _Loop:
         rates, second = self.functions.rates(self.at, self._accelerations())
         scales = self.functions.scales(self.at)
         for k in impacts:
-            restitution = restitution_of(self.functions, k, self.at)
+            restitution = self.functions.restitution(k, self.at)
             speed, pull = max(float(rates[k]), 0.0), -float(second[k])
             if pull > 0 and speed**2 / (2 * pull) <= AT_REST * NOISE[self.functions.degree] * scales[k]:
                 found[k] = self.functions.events[k].name, self.at.t + (2 * speed / pull / (1 - restitution) if restitution < 1 else 0.0)

@@ -10,7 +10,7 @@ A step is one call of C. It finds out nothing about the mechanism that is not kn
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -23,7 +23,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse, cross
-from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, refuse_events, values_by_name
+from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, values_by_name
 from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments, takes
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.parameter_checks import check_parameters
@@ -37,6 +37,8 @@ from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, us
 
 if TYPE_CHECKING:
     from ncgen.mechanism.moving import Stepping
+    from ncgen.solver.events.steps import Past, Steps
+    from ncgen.solver.trajectories.happening import Happening
 
 
 REPLACED = {
@@ -60,7 +62,8 @@ class State:
     """A simulation at an instant: all that `reset` needs to go back to it.
 
     t: s; q, qd (n,): m and rad, and per second; work: J; p (n_p,): parameters and inputs; next_step: s, of error control, 0 where it has
-    to find one; mechanism: the fingerprint of its code, so that it is not taken for a state of another one
+    to find one; mechanism: the fingerprint of its code, so that it is not taken for a state of another one; past: of a model with events,
+    those so far and what is held
     """
 
     t: float
@@ -70,6 +73,7 @@ class State:
     p: np.ndarray
     next_step: float
     mechanism: str
+    past: Past | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         return f"<State of {len(self.q)} coordinates at t = {self.t:g} s>"
@@ -100,7 +104,6 @@ def start(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
     ConvergenceError, SingularError
         As `simulate` does for a start.
     """
-    refuse_events(checked_kernels(kernels).model, "ncgen.start")
     return Simulation(checked_kernels(kernels).driven_by(None), *stepped(kernels, arguments))
 
 
@@ -118,7 +121,10 @@ class Simulation:
     t: s; q, qd (n,): position and velocities, in the order of `kernels.coordinates`; work: J of drivers, inputs and other forces without
     a potential. q and qd are what C works on: `sim.q[:] = array` moves the mechanism, copy them to keep them, or take `state`.
     `sim["psi"]` is a coordinate, `sim["rate(psi)"]` its velocity, `sim["tip height"]` an output, `sim["tau"]` an input.
+    With a model that has events, steps go through them: `events` lists them, and `stopped` says that one has ended the motion.
     """
+
+    _steps: Steps | None = None
 
     def __init__(
         self, kernels: Kernels, integrator: str, rtol: float, atol: float | None, inputs: Mapping[str, float], at: Initial
@@ -133,6 +139,11 @@ class Simulation:
         self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, here.q, here.qd, here.p
         self._mechanism = compiled.checked_compiled(kernels).fingerprint
         self.drive(**inputs)
+        if kernels.model.events or kernels.model.frictions:
+            from ncgen.solver.events.steps import Steps
+
+            tolerances = Tolerances(rtol, absolute(rtol, atol), atol is None, 0.0)
+            self._steps = Steps(kernels, Method.of(ALL, self.integrator), tolerances, self._now)
 
     def __repr__(self) -> str:
         return f"<Simulation {self.kernels.name}: t = {self.t:g} s, {self.integrator}>"
@@ -177,12 +188,22 @@ class Simulation:
     @property
     def evaluations(self) -> int:
         """State derivatives of the last step."""
-        return self._now.evaluations
+        return self._steps.evaluations if self._steps else self._now.evaluations
 
     @property
     def impulses(self) -> tuple[Impulse, ...]:
         """What drivers did in the last step where the velocity of one jumped."""
-        return self._now.impulses
+        return self._steps.impulses if self._steps else self._now.impulses
+
+    @property
+    def events(self) -> tuple[Happening, ...]:
+        """The events since the start, as `run.events` has them; `reset` goes back to those of the state."""
+        return self._steps.happened if self._steps else ()
+
+    @property
+    def stopped(self) -> bool:
+        """True where an event has ended the motion, at the time `t` of the event."""
+        return self._steps is not None and self._steps.stopped
 
     def drive(self, /, **inputs: float) -> Simulation:
         """Give inputs by their names; each keeps its value until it is given again. Raises ModelError for an unknown name and no number."""
@@ -200,13 +221,17 @@ class Simulation:
     def step(self, h: float, /, **inputs: float) -> Simulation:
         """On by h seconds, with inputs that keep their values meanwhile. Returns the simulation itself.
 
-        Raises ConvergenceError or DomainError where it cannot go on; then it stays where it was.
+        An event that ends the motion ends the step. Raises ConvergenceError or DomainError where it cannot go on, ModelError where an event
+        has ended the motion before; then it stays where it was.
         """
         if not isinstance(h, float):
             h = positive(h, "h")
         with self._alone:
             if inputs:
                 self._drive(inputs)
+            if self._steps:
+                self._steps.go_on(h)
+                return self
             status = self._now.go_on(h)
         if status != "ok":
             raise self._refused(status, h)
@@ -227,7 +252,8 @@ class Simulation:
     def state(self) -> State:
         """Where it is, as a copy."""
         now = self._now
-        return State(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step, self._mechanism)
+        past = self._steps.past if self._steps else None
+        return State(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step, self._mechanism, past)
 
     def reset(self, state: State) -> Simulation:
         """Back to a state. From there the same steps give the same bits.
@@ -247,6 +273,8 @@ class Simulation:
         with self._alone:
             now.t, now.work, now.next_step = numbers
             now.q[:], now.qd[:], now.p[:] = arrays
+            if self._steps and state.past:
+                self._steps.go_back(state.past)
         return self
 
     def settle(self) -> Simulation:
@@ -262,6 +290,8 @@ class Simulation:
     def qdd(self) -> np.ndarray:
         """Accelerations (n,) with the present inputs. Raises ConvergenceError where there are none."""
         with self._alone:
+            if self._steps:
+                return self._steps.accelerations()
             status, qdd = self._now.evaluate(), self._now.qdd.copy()
         if status != "ok":
             raise ConvergenceError(f"{self.kernels.name}: there are no accelerations at t = {self.t:.6g} s ({status})")
@@ -270,6 +300,8 @@ class Simulation:
     @property
     def outputs(self) -> dict[str, float]:
         """{label: value} of the model's outputs. Warns, once for a mechanism, of loads in them that are not unique."""
+        if self._steps and self._steps.is_held and uses_loads(self.kernels.model):
+            raise ModelError(f"{self.kernels.name}: outputs of joint loads need a motion in which no gap and no joint is held")
         qdd = self.qdd if uses_accelerations(self.kernels.model) else np.zeros_like(self.q)
         values = outputs_at(self.kernels, self.t, self.q, self.qd, qdd, self._now.p)
         return dict(zip(self.kernels.model.outputs, values.tolist(), strict=True))
@@ -317,7 +349,7 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
     here = begin(kernels, at, partitioned=False)
     check_mass(kernels, here.q, at.t, here.p)
     rank = freedom_at(kernels, here.q, at.t, here.p).rank
-    least = NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
+    least = absolute(rtol, atol)
     sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
     from ncgen.mechanism.moving import Stepping
 
@@ -340,6 +372,11 @@ def known_text(name: object) -> str:
     if not isinstance(name, str):
         raise ModelError(f"{echo(name)} is no name; give that of a coordinate, a rate, an input or an output")
     return name
+
+
+def absolute(rtol: float, atol: float | None) -> float:
+    """The absolute tolerance, in natural sizes where it is not given. Raises ModelError for one that is not positive."""
+    return NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
 
 
 def explicit(integrator: str) -> str:

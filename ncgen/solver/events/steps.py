@@ -1,0 +1,153 @@
+"""A mechanism with events that goes on from call to call: the loop from event to event, begun anew where the last call ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, ModelError, warn
+from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, break_times
+from ncgen.mechanism.driver_jumps import driver_jumps
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.moving import Moving
+from ncgen.mechanism.time_laws import time_laws
+from ncgen.methods.method import Method
+from ncgen.solver.engines import compiled
+from ncgen.solver.engines.segments import in_segments
+from ncgen.solver.events.loop import Loop
+from ncgen.solver.events.passage import Passage
+from ncgen.solver.events.state import State
+from ncgen.solver.formalisms import accelerations_by
+from ncgen.solver.formalisms.impulse import Impulse
+from ncgen.solver.runs.path import Path
+from ncgen.solver.runs.task import Task
+from ncgen.solver.runs.tolerances import Tolerances
+from ncgen.solver.trajectories.happening import Happening
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """What a state has of events: at, where the loop was; signs (C,): sides of the conditions; held: numbers of what was held; stopped:
+    whether an event ended the motion; happened: all events so far"""
+
+    at: State
+    signs: np.ndarray
+    held: tuple[int, ...]
+    stopped: bool
+    happened: tuple[Happening, ...]
+
+
+class Steps:
+    """What carries a mechanism over its events, in the memory of its simulation.
+
+    happened: all events so far; stopped: whether one of them ended the motion; evaluations, impulses: of the last step
+    """
+
+    def __init__(self, kernels: Kernels, method: Method, tolerances: Tolerances, now: Moving) -> None:
+        self._kernels, self._method, self._tolerances, self._now = kernels, method, tolerances, now
+        self._has_breaks = time_laws(kernels).has_breaks
+        self.happened: tuple[Happening, ...] = ()
+        self.stopped, self.evaluations = False, 0
+        self.impulses: tuple[Impulse, ...] = ()
+        self._loop = self._begun()
+
+    # -- where it is ---------------------------------------------------------------------------
+
+    @property
+    def past(self) -> Past:
+        """As a state keeps it."""
+        loop = self._loop
+        return Past(loop.at, loop.signs, loop.held, self.stopped, self.happened)
+
+    def go_back(self, past: Past) -> None:
+        """To what a state kept; the simulation's own numbers are the caller's."""
+        self._loop.go_to(past.at, past.signs, past.held)
+        self.stopped, self.happened = past.stopped, past.happened
+
+    def accelerations(self) -> np.ndarray:
+        """(n,) with the present inputs and what is held."""
+        self.follow()
+        at = self._loop.at
+        return accelerations_by("lagrange").motion(self._loop.mode, at.q, at.qd, at.t, at.p, {}).qdd
+
+    @property
+    def is_held(self) -> bool:
+        """True where gaps rest or joints stick."""
+        return bool(self._loop.held)
+
+    def follow(self) -> None:
+        """Take on what the simulation was given since the last step: a state begins anew, and inputs may bring about events."""
+        now, at = self._now, self._loop.at
+        if not (now.t == at.t and np.array_equal(now.q, at.q) and np.array_equal(now.qd, at.qd)):
+            self._loop = self._begun()
+        elif not np.array_equal(now.p, at.p):
+            self._loop.work = now.work
+            self._note(self._loop.change(now.p.copy()))
+
+    def _begun(self) -> Loop:
+        now = self._now
+        loop = Loop(self._engine, self._kernels, State(now.t, now.q.copy(), now.qd.copy(), now.p.copy()), Passage())
+        loop.work = now.work
+        self._loop = loop
+        self._note(loop.begin())
+        return loop
+
+    def _note(self, stopped: bool) -> None:
+        """Show the state after events in the simulation's memory."""
+        loop, now, passage = self._loop, self._now, self._loop.passage
+        self.stopped = stopped
+        self.happened += tuple(passage.happened)
+        loop.passage = Passage()
+        now.t, now.work, now.next_step = loop.at.t, loop.work, loop.first_step
+        now.q[:], now.qd[:], now.p[:] = loop.at.q, loop.at.qd, loop.at.p
+        if passage.rests:
+            warn(f"{self._kernels.name}: {passage.rests}")
+
+    # -- steps ---------------------------------------------------------------------------------
+
+    def go_on(self, h: float) -> None:
+        """On by h seconds, or to the event that ends the motion.
+
+        Raises ModelError where one has ended it already, ConvergenceError or DomainError where it cannot go on; then it stays where it was.
+        """
+        now = self._now
+        kept = self.past, now.t, now.work, now.next_step, now.q.copy(), now.qd.copy(), now.p.copy()
+        try:
+            self.follow()
+            if self.stopped:
+                raise ModelError(
+                    f"{self._kernels.name}: an event ended the motion at t = {now.t:.9g} s; go back with sim.reset(state), or write other "
+                    "values to sim.q and sim.qd"
+                )
+            self._run(now.t + h)
+        except BaseException:
+            past, now.t, now.work, now.next_step, now.q[:], now.qd[:], now.p[:] = kept
+            self.go_back(past)
+            raise
+
+    def _run(self, t_end: float) -> None:
+        loop, task, path = self._loop, self._task(t_end), Path.empty(self._kernels.n, None)
+        loop.work, loop.first_step = self._now.work, self._now.next_step
+        if reason := loop.run(path, task):
+            raise ConvergenceError(f"{self._kernels.name}: {reason}; take other steps or tolerances")
+        if path.stopped is None:
+            loop.arrive(State(t_end, path.q[-1], path.qd[-1], loop.at.p), float(path.work[-1]))
+        self.evaluations, self.impulses = path.evaluations, tuple(path.impulses)
+        self._note(path.stopped is not None)
+
+    def _task(self, t_end: float) -> Task:
+        kernels, at, breaks = self._kernels, self._loop.at, NO_BREAKS
+        if self._has_breaks:
+            margin = 2 * NEAREST * DOUBLE * max(abs(at.t), abs(t_end))  # a step may have ended at the middle of one
+            breaks = break_times(kernels, at.p, at.t - margin, t_end)
+        jumps = driver_jumps(kernels, at.p, at.q, breaks)
+        times, step = np.array([at.t, t_end]), t_end - at.t
+        longest = step if self._method.has_fixed_step else np.inf
+        return Task(self._method, times, at.q, at.qd, at.p, longest, self._tolerances, breaks=breaks, jumps=jumps)
+
+    def _engine(self, path: Path, kernels: Kernels, task: Task) -> str | None:
+        def moved(path: Path, kernels: Kernels, task: Task) -> str | None:
+            return compiled.run_constrained(path, kernels, task, compiled.form_of(kernels, task.method))
+
+        return in_segments(moved, path, kernels, task, task.jumps)

@@ -1,0 +1,154 @@
+"""Events in simulations that are moved step by step: each against one run, and against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from bouncing import G, ball
+from sliding import sliding_block
+
+import ncgen
+
+
+def belt() -> ncgen.Model:
+    """1 kg on a spring of 1 N/m over a belt of 3 m/s, in the frame of the belt."""
+    m, u = sliding_block("belt")
+    m.torque(u, -(u + 3 * m.time))
+    m.friction(u, coulomb=3.0, static=5.0, name="belt")
+    return m
+
+
+def stepped(sim, count: int, h: float):
+    for _ in range(count):
+        sim.step(h)
+    return sim
+
+
+def test_steps_go_over_bounces():
+    """The state after each step is that of one run."""
+    kernels = ncgen.compile(ball())
+    sim, run = ncgen.start(kernels), ncgen.simulate(kernels, 1.3, points=131)
+    for k in range(1, 131):
+        sim.step(run.t[k] - run.t[k - 1])
+        assert sim.q == pytest.approx(run.q[k], abs=1e-12) and sim.qd == pytest.approx(run.qd[k], abs=1e-12)
+    assert [each.t for each in sim.events] == pytest.approx([each.t for each in run.events], abs=1e-12)
+    assert sim.work == pytest.approx(run.work[-1], abs=1e-12)
+    assert sim.events[1].t == pytest.approx(0.9030472819714618, rel=1e-13)
+
+
+def test_an_event_at_the_end_of_a_step_happens_once():
+    """Steps of the time of the fall end at the floor, or beside it by rounding."""
+    sim, fall = ncgen.start(ncgen.compile(ball())), math.sqrt(2 / G)
+    for count in (1, 2):
+        sim.step(fall)
+        assert sum(each.t < sim.t + 1e-12 for each in sim.events) == len(sim.events) <= count
+    sim.step(0.1)
+    assert [each.t for each in sim.events] == pytest.approx([fall, 2 * fall], rel=1e-12)
+
+
+def test_a_block_on_a_belt():
+    """Slip 2π − 2 atan(2/3), stick 4/3 s, in steps as in one run."""
+    kernels = ncgen.compile(belt())
+    start = dict(q0={"s": 1.0, "A.x": 1.0}, rtol=1e-13)
+    sim, run = ncgen.start(kernels, **start), ncgen.simulate(kernels, 14.0, points=141, **start)
+    stepped(sim, 140, 0.1)
+    slip = 2 * math.pi - 2 * math.atan(2 / 3)
+    seen = [each for each in sim.events if each.t > 0]
+    assert [each.t for each in seen] == pytest.approx(np.cumsum([4 / 3, slip] * 3)[: len(seen)], rel=1e-10) and len(seen) == 4
+    assert [each.what for each in sim.events] == [each.what for each in run.events]
+    assert sim.q == pytest.approx(run.q[-1], abs=1e-11) and sim.qd == pytest.approx(run.qd[-1], abs=1e-11)
+    assert sim.qdd == pytest.approx(run.qdd[-1], abs=1e-10)
+
+
+def test_an_oscillator_rests():
+    m, s = sliding_block("oscillator")
+    m.torque(s, -s)
+    m.friction(s, coulomb=1.0)
+    sim = ncgen.start(ncgen.compile(m), rtol=1e-11, q0={"s": 12.0, "A.x": 12.0}, qd0={"s": 6.0})
+    stepped(sim, 100, 0.5)
+    assert sim.events[-1].what == "sticks" and sim.events[-1].t == pytest.approx(22.42355635069909, rel=1e-9)
+    assert sim["s"] == pytest.approx(1 - (math.sqrt(205) - 14), abs=1e-10)
+
+
+def pushed() -> ncgen.Model:
+    m, s = sliding_block("pushed")
+    m.torque(s, m.input("push"))
+    m.friction(s, coulomb=1.0, static=2.0)
+    return m
+
+
+def test_a_push_that_changes_between_steps():
+    """It sticks below static friction, slips from the step on in which the push is more, and sticks again."""
+    sim = ncgen.start(ncgen.compile(pushed()))
+    sim.step(1.0, push=1.9)
+    assert abs(sim["s"]) < 1e-100 and abs(sim["rate(s)"]) < 1e-100
+    sim.step(1.0, push=2.5)
+    assert sim.events[-1].what == "slips" and sim.events[-1].t == 1.0
+    assert [sim["s"], sim["rate(s)"]] == pytest.approx([0.75, 1.5], rel=1e-12)
+    sim.step(3.0, push=0.0)
+    assert sim.events[-1].what == "sticks" and sim.events[-1].t == pytest.approx(3.5, rel=1e-12)
+    assert sim["s"] == pytest.approx(0.75 + 1.125, rel=1e-12) and sim["rate(s)"] == 0.0
+
+
+def test_a_condition_of_an_input():
+    """What a step is given may carry a condition to the other side at its beginning."""
+    m, s = sliding_block("switched")
+    u, count = m.input("u"), m.parameter("count", 0.0)
+    m.torque(s, u)
+    m.event("on", when=u - 1, direction="rising", do={"count": count + 1})
+    sim = ncgen.start(ncgen.compile(m))
+    sim.step(0.1, u=0.5).step(0.1, u=2.0).step(0.1).step(0.1, u=0.0).step(0.1, u=3.0)
+    assert [(each.name, round(each.t, 12)) for each in sim.events] == [("on", 0.1), ("on", 0.4)]
+    assert sim.p[sim.kernels.parameters.index("count")] == 2.0
+
+
+def test_back_to_a_state():
+    """The same steps give the same bits, also out of a mode in which the block sticks, and the same events."""
+    sim = ncgen.start(ncgen.compile(belt()), q0={"s": 1.0, "A.x": 1.0})
+    stepped(sim, 10, 0.1)
+    kept = sim.state
+    first = stepped(sim, 40, 0.1).state
+    again = stepped(sim.reset(kept), 40, 0.1).state
+    assert np.array_equal(first.q, again.q) and np.array_equal(first.qd, again.qd) and first.work == again.work
+    assert [each.t for each in first.past.happened] == [each.t for each in again.past.happened]
+    assert len(kept.past.happened) < len(first.past.happened)
+
+
+def test_a_state_that_is_written_begins_anew():
+    """A ball that is put up again falls again, and one put below its floor is refused; then nothing has moved."""
+    sim = ncgen.start(ncgen.compile(ball()))
+    stepped(sim, 20, 0.1)
+    sim.q[:], sim.qd[:] = 1.0, 0.0
+    sim.step(0.5)
+    assert sim.events[-1].t == pytest.approx(2.0 + math.sqrt(2 / G), rel=1e-12)
+    sim.q[:] = -0.1
+    with pytest.raises(ncgen.ModelError, match="event floor: the gap is -0.1"):
+        sim.step(0.1)
+    assert sim.q[0] == -0.1 and sim.t == pytest.approx(2.5)
+
+
+def test_an_event_that_ends_the_motion_ends_the_step():
+    m, s = sliding_block("ended")
+    m.event("half", when=s - 0.5, direction="rising", do="stop")
+    sim = ncgen.start(ncgen.compile(m), qd0={"s": 1.0})
+    kept = sim.state
+    sim.step(1.0)
+    assert sim.stopped and sim.t == pytest.approx(0.5, rel=1e-13) and sim["s"] == pytest.approx(0.5, rel=1e-13)
+    with pytest.raises(ncgen.ModelError, match="ended: an event ended the motion at t = 0.5 s"):
+        sim.step(1.0)
+    assert not sim.reset(kept).stopped and sim.step(0.25)["s"] == pytest.approx(0.25)
+
+
+def test_a_jump_of_a_driver_and_a_stop():
+    """A driver whose velocity jumps at 0.5 s carries a block to an event of its own time."""
+    m, s = sliding_block("driven")
+    m.drive(s, abs(m.time - 0.5))
+    m.event("up", when=s - 0.25, direction="either")
+    kernels = ncgen.compile(m)
+    start = {"q0": {"s": 0.5, "A.x": 0.5}}
+    run, sim = ncgen.simulate(kernels, 1.0, **start), stepped(ncgen.start(kernels, **start), 8, 0.125)
+    assert [each.t for each in sim.events] == pytest.approx([0.25, 0.75], rel=1e-12)
+    assert [each.t for each in run.events] == pytest.approx([0.25, 0.75], rel=1e-12)
+    assert sim.q == pytest.approx(run.q[-1], abs=1e-12) and sim.work == pytest.approx(run.work[-1], abs=1e-12)
