@@ -20,8 +20,12 @@ from ncgen.mechanism.functions import CompiledFunctions
 from ncgen.mechanism.functions import functions as functions_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
-from ncgen.model.values import Scalar, Value
-from ncgen.program.motions.conditions import INPUTS, assemble_mode_conditions
+from ncgen.mechanism.reactive import ReactiveForce
+from ncgen.model.contacts import Contact
+from ncgen.model.values import Scalar, Value, as_sympy
+from ncgen.program.motions.conditions import INPUTS, HeldLoad, assemble_mode_conditions
+from ncgen.program.motions.multipliers import STATE
+from ncgen.program.motions.sliding import Sliding, assemble_friction
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.loads.multipliers import motion_sizes, refusal_of_multipliers
@@ -37,13 +41,23 @@ DOMAIN = STATUS.index("domain")
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A constraint that a mode can have. number: of the condition that it belongs to; row: an expression that stays zero in the mode;
-    static: the friction that holds it, None for a gap"""
+    """Constraints that a mode can have together. number: of the condition that they belong to; rows: expressions that stay zero in the mode
+
+    static: the friction that holds a joint, None for others; rubs: the friction of a contact; sticks: whether these are the velocities of
+    such a contact, and not its gap
+    """
 
     number: int
     name: str
-    row: Scalar
+    rows: tuple[Scalar, ...]
     static: Value | None = None
+    rubs: Contact | None = None
+    sticks: bool = False
+
+    @property
+    def key(self) -> tuple[str, bool]:
+        """What tells it from others of a mechanism."""
+        return self.name, self.sticks
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,30 +73,70 @@ def variant(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     """The kernels of a mechanism with more constraints, which have the coordinates and parameters of the mechanism itself."""
     if not held:
         return kernels
-    key = tuple(each.name for each in held)
+    key = tuple(each.key for each in held)
     return kernels.remember("modes", key, lambda: _made(kernels, held)).driven_by(kernels._drive)
 
 
 def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     model = copy.deepcopy(kernels.model)
-    model.events, model.frictions, model.chosen_independent = {}, {}, ()
+    model.events, model.frictions, model.contacts, model.chosen_independent = {}, {}, {}, ()
     for each in held:
-        model.constrain(each.row, f"{each.name}, held")  # type: ignore[arg-type]
+        for row in each.rows:
+            hold = model.constrain_velocity if each.sticks else model.constrain
+            hold(row, f"{each.name}, held")  # type: ignore[arg-type]
     made = import_module("ncgen.compiler").compile(model, backend="c")
     if made.coordinates != kernels.coordinates or made.parameters != kernels.parameters:
         raise ModelError(
             f"{kernels.name}: {', '.join(each.name for each in held)} cannot be held; their constraints change the coordinates"
         )
+    if sliding := sliding_of(made, held):
+        made.model.callbacks.append(_friction(made, sliding))
     return made
 
 
-def loads_of(kernels: Kernels, count: int, at: State) -> tuple[np.ndarray, float]:
-    """The generalised forces (count,) of the last constraints of a variant: N along the gap or coordinate of each, N m about an angle.
+def sliding_of(kernels: Kernels, held: tuple[Held, ...]) -> tuple[Sliding, ...]:
+    """The contacts that slide in a mode: those whose gap is held while they do not stick. kernels: of the mode"""
+    sticking = {each.name for each in held if each.sticks}
+    return tuple(
+        Sliding(c.name, row, as_sympy(c.friction), c.sliding, c.slip)
+        for each, row in zip(held, first_rows(kernels, held), strict=True)
+        if (c := each.rubs) and c.name not in sticking
+    )
+
+
+def first_rows(kernels: Kernels, held: Sequence[Held]) -> list[int]:
+    """The numbers of the first constraints of what is held, which are the last ones of a mode."""
+    ends = np.cumsum([len(each.rows) for each in held])
+    return [int(kernels.m - ends[-1] + end - len(each.rows)) for each, end in zip(held, ends, strict=True)]
+
+
+def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
+    """The friction of contacts that slide. Raises ModelError where it cannot be compiled."""
+    names = ", ".join(each.name for each in sliding)
+    if why := refusal_of_multipliers(kernels):
+        raise ModelError(f"{kernels.name}: contact {names} cannot slide with friction: {why}; leave its friction out")
+    told = hashlib.sha256(repr([(s.name, s.row, str(s.friction), str(s.velocity), s.slip) for s in sliding]).encode()).hexdigest()[:16]
+    made = functions_of(
+        kernels, f"friction_{told}", {"friction_forces": STATE}, {"friction_forces": kernels.n},
+        {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)},
+        lambda: assemble_friction(kernels.programs.equations, motion_sizes(kernels), sliding),
+    )  # fmt: skip
+    assert isinstance(made, CompiledFunctions), "events need compiled kernels"
+    return ReactiveForce(made, "friction_forces")
+
+
+def loads_of(kernels: Kernels, held: tuple[Held, ...], at: State) -> tuple[list[np.ndarray], float]:
+    """The generalised forces of what is held in a mode, one for each of its constraints: N along a gap, coordinate or direction, N m about
+    an angle.
 
     And the largest multiplier of all constraints, with which they are compared.
     """
     found = accelerations_by("lagrange").motion(kernels, at.q, at.qd, at.t, kernels.present(at.t, at.p), {})
-    return -found.lam[kernels.m - count :], float(np.max(np.abs(found.lam)))
+    return _loads(kernels, held, found.lam), float(np.max(np.abs(found.lam)))
+
+
+def _loads(kernels: Kernels, held: tuple[Held, ...], lam: np.ndarray) -> list[np.ndarray]:
+    return [-lam[row : row + len(each.rows)] for each, row in zip(held, first_rows(kernels, held), strict=True)]
 
 
 def rank_of(kernels: Kernels, at: State) -> int:
@@ -108,8 +162,10 @@ class LoadConditions:
 
 
 def count_of(held: Iterable[Held]) -> int:
-    """How many conditions loads have: one of a gap, two of a joint."""
-    return sum(1 if each.static is None else 2 for each in held)
+    """How many conditions loads have: one of a gap or a contact that sticks, two of a joint; and one of all contacts that slide."""
+    held = tuple(held)
+    slides = {each.name for each in held if each.rubs and not each.sticks} - {each.name for each in held if each.sticks}
+    return sum(1 if each.static is None else 2 for each in held) + bool(slides)
 
 
 def load_conditions(functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...]) -> LoadConditions:
@@ -118,28 +174,47 @@ def load_conditions(functions: EventFunctions, kernels: Kernels, held: tuple[Hel
     if refusal_of_multipliers(kernels):
         called = _InPython(functions, kernels.driven_by(None), held)
         return LoadConditions(called.address, count, called)
-    made = kernels.remember("load conditions", tuple(each.name for each in held), lambda: _compiled(functions, kernels, held, count))
+    made = kernels.remember("load conditions", tuple(each.key for each in held), lambda: _compiled(functions, kernels, held, count))
     return LoadConditions(made.address("conditions"), count, made)
 
 
 def _compiled(functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...], count: int) -> CompiledFunctions:
-    conditions, loads = functions.conditions, [(each.name, each.static) for each in held]
-    told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *loads)]).encode()).hexdigest()[:16]
+    conditions, loads, sliding = functions.conditions, _held_loads(kernels, held), sliding_of(kernels, held)
+    told = [str((e.words, e.row, e.static, e.grip, e.directions)) for e in loads] + [str((s.row, s.velocity, s.friction)) for s in sliding]
+    told = hashlib.sha256(repr([*((where, str(e)) for where, e in conditions), *told]).encode()).hexdigest()[:16]  # type: ignore[assignment]
     counts = {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)}
     made = functions_of(
         kernels, f"mode_{told}", {"conditions": INPUTS["conditions"]}, {"conditions": 2 * (len(conditions) + count)}, counts,
-        lambda: assemble_mode_conditions(kernels.programs.equations, conditions, loads, motion_sizes(kernels)),
+        lambda: assemble_mode_conditions(kernels.programs.equations, conditions, loads, sliding, motion_sizes(kernels)),
     )  # fmt: skip
     assert isinstance(made, CompiledFunctions), "events need compiled kernels"
     return made
 
 
-def margins(held: tuple[Held, ...], loads: np.ndarray, statics: Sequence[float]) -> list[tuple[float, float]]:
-    """(how far a load may still go, size) of every condition of the loads (H,) of what is held."""
+def _held_loads(kernels: Kernels, held: tuple[Held, ...]) -> list[HeldLoad]:
+    rows = first_rows(kernels, held)
+    gaps = {each.name: row for each, row in zip(held, rows, strict=True) if each.rubs and not each.sticks}
+    return [
+        HeldLoad(each.name, row, grip=(gaps[each.name], as_sympy(each.rubs.friction)), directions=len(each.rows))
+        if each.rubs and each.sticks
+        else HeldLoad(each.name, row, None if each.static is None else as_sympy(each.static))
+        for each, row in zip(held, rows, strict=True)
+    ]
+
+
+def margins(held: tuple[Held, ...], loads: list[np.ndarray], limits: Sequence[float]) -> list[tuple[float, float]]:
+    """(how far a load may still go, size) of every condition of the loads of what is held. limits: static friction, or coefficients"""
     found: list[tuple[float, float]] = []
-    for each, load, most in zip(held, loads.tolist(), statics, strict=True):
-        size = most + abs(load)
-        found += [(load, abs(load))] if each.static is None else [(most - load, size), (most + load, size)]
+    normal = {each.name: float(load[0]) for each, load in zip(held, loads, strict=True) if each.rubs and not each.sticks}
+    for each, load, most in zip(held, loads, limits, strict=True):
+        force = float(load[0])
+        if each.sticks:
+            most, square = (most * normal[each.name]) ** 2, float(load @ load)
+            found.append((most - square, most + square))
+        elif each.static is not None:
+            found += [(most - force, most + abs(force)), (most + force, most + abs(force))]
+        else:
+            found.append((force, abs(force)))
     return found
 
 
@@ -157,8 +232,8 @@ class _InPython:
             state = [np.array(ffi.unpack(a, size) if size else [], dtype=float) for a, size in ((q, n), (qd, n), (p, n_p))]
             lam = accelerations_by("lagrange").motion(kernels, state[0], state[1], t, state[2], {}).lam
             at = State(t, *state)
-            statics = [0.0 if each.static is None else functions.static(each.number, at) for each in held]
-            for k, (value, size) in enumerate(margins(held, -lam[kernels.m - len(held) :], statics)):
+            limits = [functions.limit(each, at) for each in held]
+            for k, (value, size) in enumerate(margins(held, _loads(kernels, held, lam), limits)):
                 out[2 * (conditions + k)], out[2 * (conditions + k) + 1] = value, size
             return 0
 
