@@ -1,4 +1,4 @@
-"""Forces that follow from the loads of constraints, such as friction of contacts that slide: compiled functions among a model's callbacks."""
+"""Forces that follow from loads of constraints, such as friction of contacts that slide: compiled functions among a model's callbacks."""
 
 from __future__ import annotations
 

@@ -186,7 +186,12 @@ def _unit(direction: Direction) -> Three:
 
 def _symbols(direction: Combination, rate: bool = False) -> Three:
     """A combination, or its velocity, with numbers for what is fixed."""
-    return _vector([sum((_component(e.components[k], rate) if w == 1.0 else w * _component(e.components[k], rate)) for w, e in direction.terms) for k in range(3)])
+    return _vector(
+        [
+            sum((_component(e.components[k], rate) if w == 1.0 else w * _component(e.components[k], rate)) for w, e in direction.terms)
+            for k in range(3)
+        ]
+    )
 
 
 def _component(component: Component, rate: bool) -> Scalar:

@@ -69,7 +69,13 @@ class Instant:
         """Events, but for those done, whose conditions the last changes carried to the other side; before (C,): their values then."""
         after, _ = self.functions.values(self.at)
         small, ways = CLOSED * self.functions.scales(self.at), self.functions.directions
-        turned = (np.arange(len(before)) < len(self.functions.events)) & (before * after < 0) & (np.abs(before) > small) & (np.abs(after) > small) & (np.sign(after) * ways >= 0)
+        turned = (
+            (np.arange(len(before)) < len(self.functions.events))
+            & (before * after < 0)
+            & (np.abs(before) > small)
+            & (np.abs(after) > small)
+            & (np.sign(after) * ways >= 0)
+        )
         return {k: "action" for k in np.flatnonzero(turned).tolist() if k not in done}
 
     def _act(self, k: int, search: Search) -> None:
@@ -145,9 +151,7 @@ class Instant:
         sliding, gaps = functions.sliding(at), []
         slides = {gap: number for number, gap in functions.gaps.items()}
         for k in taking:
-            gap = Gap(
-                functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), np.zeros((0, self.kernels.n))
-            )
+            gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), np.zeros((0, self.kernels.n)))
             if k in slides:
                 number = slides[k]
                 gap = replace(

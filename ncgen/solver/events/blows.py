@@ -40,7 +40,7 @@ class Blow:
 
 
 def simultaneous(G: np.ndarray, u: np.ndarray, blows: Sequence[Blow]) -> np.ndarray | None:
-    """Impulses (r,) for velocities u (r,) and responses G (r, r); those of places that no contact has are zero. None where none are found."""
+    """Impulses (r,) for velocities u (r,) and responses G (r, r); those of places that no contact has are zero. None if none are found."""
     bias = u.copy()
     for blow in blows:
         if not blow.is_poisson:

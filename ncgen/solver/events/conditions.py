@@ -207,7 +207,9 @@ class EventFunctions:
         }
         sizes = {name: size for name, size in sizes.items() if size}
         counts = {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)}
-        told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements, *slides)]).encode()).hexdigest()[:16]
+        told = hashlib.sha256(
+            repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements, *slides)]).encode()
+        ).hexdigest()[:16]
         made = functions(
             kernels, f"events {told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
             lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements, slides),

@@ -75,8 +75,8 @@ class Gaps:
         self.G = self.W @ self.response
         if (stuck := np.flatnonzero(np.diag(self.G)[self.normal] <= 0)).size:
             raise SingularError(
-                f"{kernels.name}: event {self.names[stuck[0]]} at t = {at.t:.6g} s: no motion that the constraints allow changes its gap, so "
-                "no impulse can; leave the event out, or free a coordinate"
+                f"{kernels.name}: event {self.names[stuck[0]]} at t = {at.t:.6g} s: no motion that the constraints allow changes its gap, "
+                "so no impulse can; leave the event out, or free a coordinate"
             )
 
     def velocities(self, qd: np.ndarray) -> np.ndarray:
@@ -138,7 +138,7 @@ class Gaps:
         if found is None:
             names = ", ".join(self.names[k] for k in chosen)
             raise ConvergenceError(
-                f"{where}: no impulses of {names} satisfy the laws of impact and of friction together; take less friction, or order='in turn'"
+                f"{where}: no impulses of {names} satisfy the laws of impact and friction together; take less friction, or order='in turn'"
             )
         return found
 

@@ -43,9 +43,7 @@ def check_determined(functions: EventFunctions, kernels: Kernels, held: tuple[He
             raise undetermined(functions, [sliding[k] for k in chosen], at)
 
 
-def _responses(
-    functions: EventFunctions, kernels: Kernels, sliding: Sequence[Sliding], at: State
-) -> tuple[np.ndarray, np.ndarray]:
+def _responses(functions: EventFunctions, kernels: Kernels, sliding: Sequence[Sliding], at: State) -> tuple[np.ndarray, np.ndarray]:
     """A (k, k), and the same without friction: accelerations of gaps, all else that is held staying so, for loads of 1 N."""
     now = instant(kernels, at.q, at.qd, at.t, at.p)
     matrix = KKT(now.mass, now.jacobian, kernels)

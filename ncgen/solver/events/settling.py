@@ -19,7 +19,7 @@ from ncgen.solver.events.modes import Held, loads_of, sliding_of, variant
 from ncgen.solver.events.rubbing import check_determined, undetermined
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
-from ncgen.solver.trajectories.happening import Happening, Search
+from ncgen.solver.trajectories.happening import GAPS, JOINTS, Happening, Search
 
 SLACK = 1e-10
 """A load on the wrong side by less than this share of the largest is held."""
@@ -214,12 +214,12 @@ class Settling:
         happened = []
         for k, row in self.rows.items():
             slips = k in self.functions.frictions or row.sticks
-            words = ("sticks", "slips") if slips else ("rests", "leaves")
+            words = JOINTS if slips else GAPS
             change = words[0] if k in after and k not in before else words[1] if k in before and k not in after else ""
-            if row.sticks and change == "slips" and self.functions.gaps[k] not in after:
+            if row.sticks and change == JOINTS[1] and self.functions.gaps[k] not in after:
                 change = ""  # it leaves
             if slips and not change and k in due and k not in after and len(row.rows) == 1:
-                change = "turns"
+                change = JOINTS[2]
             if change:
                 search: Search = due.get(k, "sampled" if k in before else "action")
                 happened.append(Happening(at.t, row.name, search, at.q, start.qd, at.qd, what=change))

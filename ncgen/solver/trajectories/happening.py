@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 Search = Literal["proof", "sampled", "action", "start"]
 
+GAPS, JOINTS = ("rests", "leaves"), ("sticks", "slips", "turns")
+"""What may happen to a gap that is held closed, and to a joint with friction."""
+
 
 @dataclass(frozen=True, eq=False)
 class Happening:
