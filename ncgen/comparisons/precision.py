@@ -71,8 +71,8 @@ def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) 
     """The end of a run, found by two methods and kept in the cache folder. Raises NcgenError where neither succeeds."""
     facts = (kernels.fingerprint, duration, sorted(start.items()), TIGHT, __version__, np.__version__, scipy.__version__)
     key = hashlib.sha256(repr(facts).encode()).hexdigest()[:40]
-    if found := kept("references", key):
-        return PrecisionReference(np.array(found["q"]), found["doubt"])
+    if entry := kept("references", key):
+        return PrecisionReference(np.array(entry["q"]), entry["doubt"])
     ends = []
     for method in (("lagrange", "dop853"), ("coordinate-partitioning", "dop853"), ("lagrange", "dopri5")):
         try:
@@ -304,8 +304,8 @@ def _points(runs: list[dict]) -> tuple[list[float], list[float]]:
 
 def _unbeaten(done: list[dict]) -> list[dict]:
     """From the most exact on, every run that is quicker than all more exact ones."""
-    found: list[dict] = []
+    unbeaten: list[dict] = []
     for r in sorted(done, key=lambda r: (r["error"], r["seconds"])):
-        if not found or r["seconds"] < found[-1]["seconds"]:
-            found.append(r)
-    return found
+        if not unbeaten or r["seconds"] < unbeaten[-1]["seconds"]:
+            unbeaten.append(r)
+    return unbeaten

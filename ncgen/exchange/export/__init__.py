@@ -26,7 +26,7 @@ END = "_target"
 
 def targets() -> tuple[str, ...]:
     """The names of all targets."""
-    return tuple(sorted(found.name.removesuffix(END) for found in iter_modules(__path__) if found.name.endswith(END)))
+    return tuple(sorted(module.name.removesuffix(END) for module in iter_modules(__path__) if module.name.endswith(END)))
 
 
 def _package(model: Model) -> Package:

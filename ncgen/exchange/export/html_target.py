@@ -106,9 +106,9 @@ def _mechanism(package: Package) -> dict:
 
 def _freedom(package: Package) -> str:
     """The numbers of equations, coordinates and degrees of freedom, and what is redundant by name."""
-    kernels, found = package.kernels, freedom(package.kernels, package.q)
-    text = f"{counted(kernels.m, 'equation')}, {counted(kernels.n, 'coordinate')}: {counted(found.dof, 'degree')} of freedom"
-    names = [kernels.rows[redundancy.row].label for redundancy in found.redundant]
+    kernels, mobility = package.kernels, freedom(package.kernels, package.q)
+    text = f"{counted(kernels.m, 'equation')}, {counted(kernels.n, 'coordinate')}: {counted(mobility.dof, 'degree')} of freedom"
+    names = [kernels.rows[redundancy.row].label for redundancy in mobility.redundant]
     if not names:
         return f"{text}, nothing redundant."
     return f"{text}. Others imply {', '.join(names)}: how joint forces are shared is not determined."

@@ -170,8 +170,8 @@ class Package:
 
     def _costs(self, kernels: dict[str, int]) -> dict[str, object]:
         """Operations of a step in C: as a rule, and at most, with every loop of the runtime taken to its end."""
-        told = re.findall(r"^/\* (\w+): (\d+) operations", "\n".join(self.recursion.values()), flags=re.MULTILINE)
-        found = {name: int(count) for name, count in told}
+        comments = re.findall(r"^/\* (\w+): (\d+) operations", "\n".join(self.recursion.values()), flags=re.MULTILINE)
+        costs = {name: int(count) for name, count in comments}
         order = self._order
         below = np.diff(order.column_start)
         factor, solve = int(np.sum(below * (below + 3))), 4 * order.nonzeros + order.size
@@ -181,10 +181,10 @@ class Package:
         refinements = constant_of("ncgen_constrained.c", "REFINEMENT_LIMIT")
         positions, velocities = (constant_of("ncgen_projection.c", f"{kind}_LIMIT") for kind in ("POSITION", "VELOCITY"))
         most = 5 * (matrix + refinements * 2 * solve) + positions * (closing + matrix) + velocities * 2 * solve
-        if found:
-            usual = 5 * found["derivative"] + 2 * (found["newton"] + found["velocities"])
-            most += 5 * found["derivative"] + 2 * positions * found["newton"] + velocities * found["velocities"]
-        return {"recursion": found, "by_matrix": matrix, "usual": usual, "most": most}
+        if costs:
+            usual = 5 * costs["derivative"] + 2 * (costs["newton"] + costs["velocities"])
+            most += 5 * costs["derivative"] + 2 * positions * costs["newton"] + velocities * costs["velocities"]
+        return {"recursion": costs, "by_matrix": matrix, "usual": usual, "most": most}
 
     def _motion_programs(self) -> list[Program]:
         """What stands beside the kernels as functions."""
@@ -203,8 +203,8 @@ class Package:
         """What the model's outputs are, and how they change; [] without any."""
         if not self.kernels.model.outputs:
             return []
-        found = assemble_outputs(self.sources.programs.equations)
-        return [replace(program, name=name) for program, name in zip(found, ("outputs_of", "outputs_slope"), strict=True)]
+        programs = assemble_outputs(self.sources.programs.equations)
+        return [replace(program, name=name) for program, name in zip(programs, ("outputs_of", "outputs_slope"), strict=True)]
 
     def unit(self, coordinate: str) -> str:
         """Unit of a free coordinate: m, rad, or 1 for a component of a unit vector."""
@@ -233,7 +233,7 @@ def _simulation(kernels: Kernels) -> Run:
     """The run that the model describes. Raises ModelError where it cannot be asked for, or begins as no export does."""
     options = simulation_of(kernels.model)
     check_options(options)
-    run, refused = Run.asked(kernels, **options), f"{kernels.name} cannot be exported: its simulation"
+    run, refused = Run.from_arguments(kernels, **options), f"{kernels.name} cannot be exported: its simulation"
     if run.initial.t != 0:
         raise ModelError(f"{refused} begins at t0 = {run.initial.t:.6g} s, an export at 0; describe the motion from 0 on")
     for name, value, default in zip(kernels.parameters, run.initial.p, kernels.p0, strict=True):
@@ -258,7 +258,7 @@ def renamed(text: str, prefix: str) -> str:
     return re.sub(r"\bNCGEN_(?=\w)", f"{prefix.upper()}_NCGEN_", text)
 
 
-def without_runtime(target: str, own: str, prefix: str, records: dict, beside: tuple[str, ...]) -> dict[str, str]:
+def without_runtime(target: str, own: str, prefix: str, records: dict, headers_besides: tuple[str, ...]) -> dict[str, str]:
     """{path in the folder: text} of functions in C that need two headers of ncgen's and nothing of its runtime.
 
     own: the template of the functions, with its header; beside: templates of what else is in the folder
@@ -269,4 +269,4 @@ def without_runtime(target: str, own: str, prefix: str, records: dict, beside: t
 
     headers = {renamed(name, prefix): renamed(text, prefix) for name, text in runtime_files("ncgen.h", "ncgen_math.h").items()}
     functions = {f"{prefix}_{target}.{end}": filled(f"{own}.{end}") for end in "hc"}
-    return {**{name: filled(name) for name in beside}, **functions, **headers}
+    return {**{name: filled(name) for name in headers_besides}, **functions, **headers}

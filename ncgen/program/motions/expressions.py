@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 
-import sympy
-
 from ncgen.errors import ModelError, shortened
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import symbols_in
@@ -19,6 +17,8 @@ from ncgen.program.motions.outputs import read_component
 
 def expression_node(lines: Lines, where: str, given: Scalar) -> int:
     """The node of an expression. Raises ModelError, which begins with `where`, where it mentions what the model does not have."""
+    import sympy
+
     expression = sympy.sympify(given)
     known = {TIME: partial(lines.graph.load, "t", 0)}
     known |= {p.name: partial(lines.graph.load, "p", i) for i, p in enumerate(lines.equations.parameters)}

@@ -28,7 +28,7 @@ from ncgen.program.motions.multipliers import STATE
 from ncgen.program.motions.sliding import Sliding, assemble_friction
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.loads.multipliers import motion_sizes, refusal_of_multipliers
+from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.toolchain.abi import InC, Interface, runtime_abi
 
