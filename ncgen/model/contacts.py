@@ -13,7 +13,7 @@ from ncgen.model.elements import Direction, Point
 from ncgen.model.events import Event
 from ncgen.model.facts import fact
 from ncgen.model.frictions import Frictions
-from ncgen.model.touching import Surface, Tip, Touching, touching
+from ncgen.model.touching import ContactSurface, Tip, Touching, touching
 from ncgen.model.values import Number, Scalar, Value, as_sympy, is_number, symbol_of
 
 LAWS = ("newton", "poisson")
@@ -130,7 +130,7 @@ class Contacts(Frictions):
         self._check_sizes(where, radius, edge, axis, around, inside)
         self._check_bearers(where, body, point, on, at)
         tip = Tip(body, point, radius, edge)
-        surface = Surface(on, at, normal, axis, 0.0 if around is None else around, inside, curve, start, on is self.ground)
+        surface = ContactSurface(on, at, normal, axis, 0.0 if around is None else around, inside, curve, start, on is self.ground)
         numbers = {c.name: c.initial for c in self.components} | {p.name: p.default for p in self.parameters.values()}
         found = touching(tip, surface, numbers, where)
         one_of(law, f"{where}: law", LAWS)

@@ -48,7 +48,7 @@ class Tip:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class ContactSurface:
     """The second body's side, at a point: a plane (normal), a cylinder (axis, radius), a sphere (radius), or a curve in the plane.
 
     inside: the first body is within the sphere or cylinder; start: the direction from which the curve counts its angle
@@ -69,7 +69,7 @@ ROUNDING = 1e-14
 """Numbers of directions below this share of the largest are rounding."""
 
 
-def touching(tip: Tip, surface: Surface, initial: dict[str, float], where: str) -> Touching:
+def touching(tip: Tip, surface: ContactSurface, initial: dict[str, float], where: str) -> Touching:
     """The gap and the sliding velocity of a contact. Raises ModelError for what cannot touch.
 
     initial: numbers of coordinates and parameters in the initial position
@@ -88,7 +88,7 @@ def touching(tip: Tip, surface: Surface, initial: dict[str, float], where: str) 
     return Touching(gap, tuple(place), tuple(t.dot(own - other) for t in tangents))
 
 
-def _distance(tip: Tip, surface: Surface, where: str) -> tuple[Scalar, Three, Three]:
+def _distance(tip: Tip, surface: ContactSurface, where: str) -> tuple[Scalar, Three, Three]:
     """The gap, the unit normal towards the first body, and the point of the first body that touches, from its point on."""
     import sympy
 
@@ -116,7 +116,7 @@ def _distance(tip: Tip, surface: Surface, where: str) -> tuple[Scalar, Three, Th
     return side * (sympy.expand(across.dot(across)) - length**2) / (2 * length), normal, -reach * normal
 
 
-def _from_curve(across: Three, surface: Surface) -> tuple[Scalar, Three]:
+def _from_curve(across: Three, surface: ContactSurface) -> tuple[Scalar, Three]:
     """The distance from a curve, exact where it vanishes to the first order, and the normal there."""
     import sympy
 
@@ -156,7 +156,7 @@ def _without_rounding(matrix: list[list[Scalar]]) -> list[list[Scalar]]:
     return [[0 if is_number(x) and abs(x) < ROUNDING * largest else x for x in row] for row in matrix]
 
 
-def _tangents(normal: Three, surface: Surface, initial: dict[str, float]) -> list[Three]:
+def _tangents(normal: Three, surface: ContactSurface, initial: dict[str, float]) -> list[Three]:
     """Two unit vectors across the normal: of a cylinder along its axis and about it, else those of the initial position, turned along with
     the normal by the shortest way."""
     if surface.axis is not None:
