@@ -18,6 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
+import numpy as np
+
 from ncgen.model.expressions import symbols_in
 from ncgen.model.names import TIME
 from ncgen.model.values import Scalar
@@ -96,22 +98,31 @@ class HeldLoad:
 
 
 def assemble_mode_conditions(
-    equations: Terms, conditions: Sequence[Named], held: Sequence[HeldLoad], sliding: Sequence[Sliding], sizes: MotionSizes
+    equations: Terms,
+    conditions: Sequence[Named],
+    held: Sequence[HeldLoad],
+    sliding: Sequence[Sliding],
+    sizes: MotionSizes,
+    rows: np.ndarray,
 ) -> dict[str, Program]:
-    """The program `conditions` of a mode. held: its constraints, sliding: contacts that slide in it."""
+    """The program `conditions` of a mode.
+
+    held: its constraints; sliding: contacts that slide in it; rows (m,): natural sizes of constraints, with which multipliers are compared
+    """
     lines = Lines(equations)
     graph = lines.graph
     found = [expression_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
     motion = SlidingNodes(lines, sizes, sliding) if sliding else AccelerationNodes(lines, sizes)
+    sums = [graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(motion.lam, rows, strict=True)]
+    all_loads = graph.sum(sums)
     for each in held:
-        load = graph.neg(motion.lam[each.row])
-        size = graph.call("abs", load)
+        load, size = graph.neg(motion.lam[each.row]), graph.mul(graph.const(1 / float(rows[each.row])), all_loads)
         if each.grip is not None:
             gap, friction = each.grip
             most = graph.mul(expression_node(lines, each.words, friction), motion.lam[gap])
             most = graph.mul(most, most)
             force = graph.sum([graph.mul(x, x) for x in motion.lam[each.row : each.row + each.directions]])
-            found += [graph.sub(most, force), graph.add(most, force)]
+            found += [graph.sub(most, force), graph.sum([most, graph.mul(size, size)])]
         elif each.static is not None:
             most = expression_node(lines, each.words, each.static)
             size = graph.add(most, size)

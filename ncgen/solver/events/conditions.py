@@ -144,6 +144,11 @@ class EventFunctions:
         slides = [(f"contact {each.name}", each.forward) for each in self.contacts.values()]
         return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides]
 
+    @property
+    def read_inputs(self) -> EventFunctions:
+        """Those that read inputs where p has them."""
+        return EventFunctions(self.kernels.driven_by(None))
+
     def restitution(self, k: int, at: State) -> float:
         """Of an event's impact; 0 for other events."""
         event = self.events[k]

@@ -5,7 +5,7 @@ All that may be held is, then what a load of the wrong sign, or beyond friction,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from ncgen.mechanism.conditions import OFF
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.modes import Held, loads_of, sliding_of, variant
+from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of, variant
 from ncgen.solver.events.rubbing import check_determined, undetermined
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
@@ -23,6 +23,9 @@ from ncgen.solver.trajectories.happening import GAPS, JOINTS, Happening, Search
 
 SLACK = 1e-10
 """A load on the wrong side by less than this share of the largest is held."""
+
+CLEAR = 1e-6
+"""The same where velocities are those before a projection, which moves them by a rounding."""
 
 STANDSTILL = 1e-9
 """A gap opens, or a joint or a contact slips, if its velocity is above this share of what it adds up."""
@@ -73,9 +76,7 @@ class Settling:
                 number += 1
         if number in crossed and (sliding := sliding_of(mode, rows)):
             raise undetermined(self.functions, sliding, at)
-        if any(self.rows[k].sticks for k in self.left):
-            forces = dict(zip(held, loads_of(mode, rows, at)[0], strict=True))
-            self.left |= {k: -forces[k] / np.linalg.norm(forces[k]) for k in self.left if self.rows[k].sticks}
+        self.left |= {k: self._onwards(mode, held, k, at) for k in self.left if self.rows[k].sticks}
 
     # -- modes ---------------------------------------------------------------------------------
 
@@ -102,7 +103,7 @@ class Settling:
                 p[self._place(functions.frictions[k].held)] = at.q[self.kernels.index[functions.frictions[k].coordinate]]
         at = replace(at, p=p)
         for _ in range(len(self.rows) + 1):
-            at = replace(at, p=self._slipping(replace(at, q=start.q, qd=start.qd), wanted, released, due))
+            at = replace(at, p=self._slipping(replace(start, p=at.p), wanted, released))
             at, worst = self._tried(at, start, tuple(wanted), held)
             if worst is None:
                 break
@@ -113,20 +114,19 @@ class Settling:
             raise ConvergenceError(
                 f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
             )
+        p = at.p
+        for k, friction in functions.frictions.items():
+            if k not in wanted and k not in released and (p[self._place(friction.slip)] == 0.0 or k in due):
+                p[self._place(friction.slip)] = np.sign(functions.values(at)[0][k])
         self.left = released
         return Settled(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
 
-    def _slipping(self, at: State, wanted: Sequence[int], released: dict[int, np.ndarray], due: dict[int, Search]) -> np.ndarray:
-        """Parameters (n_p,) with the directions in which joints and contacts slip while others are held."""
+    def _slipping(self, at: State, wanted: Sequence[int], released: Mapping[int, np.ndarray]) -> np.ndarray:
+        """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and contacts slide as they move."""
         functions, p = self.functions, at.p.copy()
         for k, friction in functions.frictions.items():
-            place = self._place(friction.slip)
-            if k in wanted:
-                p[place] = 0.0
-            elif k in released:
-                p[place] = released[k][0]
-            elif p[place] == 0.0 or k in due:
-                p[place] = np.sign(functions.values(at)[0][k])
+            if k in wanted or k in released:
+                p[self._place(friction.slip)] = 0.0 if k in wanted else released[k][0]
         sliding = functions.sliding(at)
         for k, contact in functions.contacts.items():
             places, velocity = [self._place(name) for name in contact.slip], sliding[k][0]
@@ -183,29 +183,37 @@ class Settling:
             return replace(at, q=start.q, qd=start.qd), None
         rows = tuple(self.rows[k] for k in held)
         kernels = variant(self.kernels, rows)
-        q, _ = project_position(kernels, start.q, at.t, at.p)
-        at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
-        check_determined(self.functions, kernels, rows, at)
-        loads, largest = loads_of(kernels, rows, at)
-        normal = {k: float(load[0]) for k, load in zip(held, loads, strict=True)}
-        worst, excess = None, SLACK
-        for k, row, load in zip(held, rows, loads, strict=True):
-            over = self._excess(row, load, normal, largest, k in before, at)
-            if over > excess:
-                size = float(np.linalg.norm(load))
-                worst, excess = (k, -load / size if size else load), over
+        loads, p, worst = load_conditions(self.functions, kernels, rows), self.kernels.present(at.t, at.p), None
+        if all(k in self.functions.frictions for k in held):  # joints that stand still: their loads there say it without projecting
+            worst = self._worst(loads.at(replace(start, p=p)), held, before, CLEAR)
+        if worst is None:
+            q, _ = project_position(kernels, start.q, at.t, at.p)
+            at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
+            check_determined(self.functions, kernels, rows, at)
+            worst = self._worst(loads.at(replace(at, p=p)), held, before, SLACK)
+        if worst and self.rows[worst[0]].sticks:
+            worst = worst[0], self._onwards(kernels, held, worst[0], at)
         return at, worst
 
-    def _excess(self, row: Held, load: np.ndarray, normal: dict[int, float], largest: float, was_held: bool, at: State) -> float:
-        """By how much a load is beyond what holds its constraint, relative to the loads."""
-        if row.sticks:
-            most = self.functions.limit(row, at) * normal[self.functions.gaps[row.number]]
-            return (float(np.linalg.norm(load)) - most) / (max(abs(most), largest) or 1.0)
-        if row.static is not None:
-            most = self.functions.limit(row, at)
-            return (abs(float(load[0])) - most) / (max(most, largest) or 1.0)
-        pushed = float(load[0]) / largest if largest else 0.0
-        return -pushed if was_held else 2 * SLACK - pushed
+    def _onwards(self, mode: Kernels, held: tuple[int, ...], k: int, at: State) -> np.ndarray:
+        """The direction in which a contact begins to slide that its friction cannot hold."""
+        force = forces_of(mode, tuple(self.rows[each] for each in held), held.index(k), at)
+        size = float(np.linalg.norm(force))
+        return -force / size if size else force
+
+    def _worst(
+        self, loads: tuple[np.ndarray, np.ndarray], held: tuple[int, ...], before: tuple[int, ...], slack: float
+    ) -> tuple[int, np.ndarray] | None:
+        """Of conditions of loads, values and sizes, the constraint that is violated most, and its side."""
+        margins = iter([value / size if size else 0.0 for value, size in zip(*(each.tolist() for each in loads), strict=True)])
+        worst, excess = None, slack
+        for k in held:
+            is_joint = k in self.functions.frictions
+            for side in (-1.0, 1.0) if is_joint else (1.0,):
+                over = (0.0 if is_joint or self.rows[k].sticks or k in before else 2 * SLACK) - next(margins)
+                if over > excess:
+                    worst, excess = (k, np.array([side])), over
+        return worst
 
     def _happened(
         self, start: State, at: State, before: tuple[int, ...], after: tuple[int, ...], due: dict[int, Search]
