@@ -55,6 +55,9 @@ class EventFunctions:
     @cached_property
     def rows(self) -> tuple[Held, ...]:
         """The constraints that modes can have."""
+        return self.kernels.remember("rows of modes", (), self._rows)
+
+    def _rows(self) -> tuple[Held, ...]:
         closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         rubbing = self.kernels.model.contacts
         held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
@@ -95,7 +98,12 @@ class EventFunctions:
 
     def scales(self, at: State) -> np.ndarray:
         """What the conditions' values are compared with, (C,): the sizes of their terms, and what moving by natural sizes changes."""
-        return self.values(at)[1] + np.abs(self.slopes(at)[0]) @ self.kernels.column_sizes
+        return self.weighed(at)[1]
+
+    def weighed(self, at: State) -> tuple[np.ndarray, np.ndarray]:
+        """The conditions' values and `scales`, (C,) each."""
+        values, terms = self.values(at)
+        return values, terms + np.abs(self.slopes(at)[0]) @ self.kernels.column_sizes
 
     def slopes(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """Gradients ∂/∂q (C, n) and ∂/∂t (C,)."""

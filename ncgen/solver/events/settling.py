@@ -150,7 +150,7 @@ class Settling:
             return k in due or (at.p[self._place(self.functions.frictions[k].slip)] == 0.0 and self.is_still(k, at))
         if k in self.functions.contacts:
             return self.is_still(k, at, TURNING if k in due else STANDSTILL) or (k in due and len(self.rows[k].rows) == 1)
-        values, scales = self.functions.values(at)[0], self.functions.scales(at)
+        values, scales = self.functions.weighed(at)
         return bool(abs(values[k]) <= CLOSED * scales[k]) and self.is_still(k, at) and (k in held or k not in due)
 
     def is_still(self, k: int, at: State, share: float = STANDSTILL) -> bool:
