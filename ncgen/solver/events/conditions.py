@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -50,7 +51,7 @@ class EventFunctions:
     @cached_property
     def searches(self) -> tuple[Search, ...]:
         """How every condition is found."""
-        return tuple("sampled" if self._degree(when) is None else "proof" for _, when in self.conditions)
+        return tuple("sampled" if degree_within_step(when, self.kernels) is None else "proof" for _, when in self.conditions)
 
     @cached_property
     def rows(self) -> tuple[Held, ...]:
@@ -74,7 +75,7 @@ class EventFunctions:
     @cached_property
     def degree(self) -> int:
         """Of the polynomials in time that conditions are within a step."""
-        return QUADRATIC if any(self._degree(when) == 2 for _, when in self.conditions) else LINEAR
+        return most_degree(self.kernels)
 
     def watched(self, signs: np.ndarray, stop: Stop | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
         """What C is given.
@@ -121,7 +122,7 @@ class EventFunctions:
 
     def numbers(self, at: State) -> dict[int, dict[str, float]]:
         """{position of the event: {name: new value}} of what actions change."""
-        names = [(k, name) for k, name, _ in _changes(self.events)]
+        names = [(k, name) for k, name, _ in changes_of(self.events)]
         found = self._call("action_values", at) if names else ()
         told: dict[int, dict[str, float]] = {}
         for (k, name), value in zip(names, found, strict=True):
@@ -130,20 +131,6 @@ class EventFunctions:
 
     def _call(self, name: str, at: State) -> np.ndarray:
         return self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
-
-    @cached_property
-    def _moving(self) -> set[str]:
-        names = set(self.kernels.coordinates) | set(self.kernels.inputs)
-        return names | {rate_name(name) for name in self.kernels.coordinates}
-
-    def _degree(self, when: Scalar) -> int | None:
-        """1 or 2 where the condition is such a polynomial of what is one in time within a step; None for others."""
-        from ncgen.model.expressions import is_symbolic, symbols_in
-
-        if is_symbolic(when) and {s.name for s in symbols_in(when)} & set(self.kernels.inputs):
-            return None  # it may change in any way
-        found = degree_of(when, self._moving)
-        return max(found, 1) if found is not None and found <= 2 else None
 
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
@@ -207,7 +194,7 @@ class EventFunctions:
 
     def _made(self) -> CompiledFunctions:
         kernels, conditions = self.kernels, self.conditions
-        values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in _changes(self.events)]
+        values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)]
         slides = [(f"contact {each.name}", w) for each in self.contacts.values() for w in each.sliding]
         count = len(conditions)
         sizes = {
@@ -232,6 +219,23 @@ class EventFunctions:
         return made
 
 
-def _changes(events: tuple[Event, ...]) -> list[tuple[int, str, Scalar]]:
+def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:
+    """1 or 2 where a condition is such a polynomial of what is one in time within a step; None for others."""
+    from ncgen.model.expressions import is_symbolic, symbols_in
+
+    if is_symbolic(when) and {s.name for s in symbols_in(when)} & set(kernels.inputs):
+        return None  # it may change in any way
+    found = degree_of(when, {*kernels.coordinates, *map(rate_name, kernels.coordinates)})
+    return max(found, 1) if found is not None and found <= 2 else None
+
+
+def most_degree(kernels: Kernels) -> int:
+    """Of the polynomials in time that the conditions of a mechanism are within a step."""
+    model = kernels.model
+    whens = [*(event.when for event in model.events.values()), *(contact.forward for contact in model.contacts.values())]
+    return QUADRATIC if any(degree_within_step(when, kernels) == 2 for when in whens) else LINEAR
+
+
+def changes_of(events: Sequence[Event]) -> list[tuple[int, str, Scalar]]:
     """(position of the event, name, new value) of all that actions change by expressions."""
     return [(k, *pair) for k, event in enumerate(events) for a in event.do if isinstance(a, Change) for pair in a.values.items()]
