@@ -168,6 +168,14 @@ def friction() -> ncgen.Model:
     return m
 
 
+def touching() -> ncgen.Model:
+    m = ncgen.Model("touching")
+    O, C = m.point("O", (0, 0), fixed=True), m.point("C", (0, 1))
+    ball = m.body("ball", [C, m.point("D", (0.1, 1))], mass=1.0, com=(0, 1), inertia=0.004)
+    m.contact("floor", ball, C, m.ground, O, radius=0.1, normal=(0, 1), friction=0.3)
+    return m
+
+
 def called() -> ncgen.Model:
     m, s = sliding_block("called")
     m.event("seen", when=s - 0.5, do=lambda at, kernels: None)
@@ -178,6 +186,7 @@ def called() -> ncgen.Model:
     ("model", "target", "message"),
     [
         (friction, "c", "rubbing cannot be exported: joints that stick are not exported yet (s.friction)"),
+        (touching, "fmu2", "touching cannot be exported: contacts with friction or Poisson's law are not exported yet (floor)"),
         (called, "c", "called cannot be exported: event seen calls a Python function"),
         (ball, "html", "ball cannot be exported: this export does not support events yet (floor); take c,"),
         (ball, "wasm", "ball cannot be exported: this export does not support events yet (floor); take c,"),
