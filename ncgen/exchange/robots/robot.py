@@ -278,10 +278,10 @@ class Robot:
 
     def frames(self, base: Placement) -> dict[str, Placement]:
         """Those of all links where that of the root stands here and all coordinates are 0. Joints must be ordered."""
-        found = {self.root: base}
+        placements = {self.root: base}
         for joint in self.joints:
-            found[joint.child] = found[joint.parent] @ joint.placement
-        return found
+            placements[joint.child] = placements[joint.parent] @ joint.placement
+        return placements
 
     def _carried(self) -> dict[str, Joint]:
         """{link: the joint that carries it}, with all names looked up."""
