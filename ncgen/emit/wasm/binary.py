@@ -20,7 +20,7 @@ class Signature(NamedTuple):
     results: tuple[int, ...]
 
 
-class Function(NamedTuple):
+class WasmFunction(NamedTuple):
     """A function with a body: instructions without the final end, and how many local numbers of each type it needs."""
 
     name: str
@@ -73,7 +73,7 @@ def name(text: str) -> bytes:
     return unsigned(len(data)) + data
 
 
-def module(imports: list[Import], functions: list[Function], start: int, data: bytes, heap: int) -> bytes:
+def module(imports: list[Import], functions: list[WasmFunction], start: int, data: bytes, heap: int) -> bytes:
     """A module with `data` at the address `start` of its memory; `heap` is the first address behind all that it uses itself.
 
     It exports its functions, "memory" and the constant "ncgen_heap".
@@ -100,6 +100,6 @@ def _sized(content: bytes) -> bytes:
     return unsigned(len(content)) + content
 
 
-def _locals(function: Function) -> bytes:
+def _locals(function: WasmFunction) -> bytes:
     groups = [(function.integers, I32), (function.numbers, F64)]
     return vector(unsigned(count) + bytes([kind]) for count, kind in groups if count)
