@@ -173,7 +173,7 @@ def run(
     json_output: Json = False,
 ) -> None:
     """Generate, compile, check, simulate and draw a model."""
-    from ncgen.mechanism.runtime import beside, part_for
+    from ncgen.mechanism.runtime_library import beside, part_for
     from ncgen.methods.table import AUTO
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.running import run_record, write_outputs

@@ -22,7 +22,7 @@ from ncgen.comparisons.compare import NOISY
 from ncgen.comparisons.falls import own_run
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
-from ncgen.mechanism import runtime
+from ncgen.mechanism import runtime_library
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
@@ -111,7 +111,7 @@ def precision_records(model: Model, limit: float = LIMIT) -> list[dict]:
     known = reference(kernels, duration, start)
     numpy = compile(model, "numpy")
     measured = []
-    runtime.prepare(kernels)
+    runtime_library.prepare(kernels)
     for formalism, integrator in tried():
         for engine, used, number in _ways(formalism, integrator, kernels, numpy):
             measured += _ladder(used, known, duration, start, formalism, integrator, engine, number, limit)

@@ -28,12 +28,13 @@ SIX_DIGITS = 1e-5
 class Owner:
     """Who is responsible for a row or a mass: a body, a coordinate, a joint, a driver or the user.
 
-    bodies: names of those that a joint is between, as far as it says them
+    bodies: names of those that a joint is between, as far as it says them; joint: its kind, such as "prismatic"
     """
 
     kind: str
     name: str
     bodies: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    joint: str = field(default="", compare=False, repr=False)
 
     def __str__(self) -> str:
         return self.name if self.name.startswith(self.kind) else f"{self.kind} {self.name}"

@@ -29,7 +29,8 @@ def inspect(kernels: Kernels, mobility: Freedom | None = None) -> dict:
         whether the initial position is; initial: {angle: rad}; left_out: [{what, count, changes_motion}] of a robot's file, which
         the model does not have; assembled: [{joint, moved, unit}] of a robot whose loops were closed when it was read; omitted:
         [text] of what the generator simplified away; kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters:
-        {name: default}; tree: [{body, on, freedoms}], from the ground outward.
+        {name: default}; tree: [{body, on, freedoms}], from the ground outward; joints: [{kind, bodies, elements}];
+        drivers: {coordinate: law}.
     """
     mobility = mobility or freedom(kernels)
     model = kernels.model
@@ -53,6 +54,8 @@ def inspect(kernels: Kernels, mobility: Freedom | None = None) -> dict:
         "initial": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
         "kernels": _kernels(kernels.programs),
         "tree": _tree(spanning_tree(model)),
+        "joints": [{"kind": j.kind, "bodies": list(j.bodies), "elements": list(j.elements)} for j in model.joints],
+        "drivers": {driver.coordinate: str(driver.law) for driver in model.drivers},
         "parameters": {p.name: p.default for p in model.parameters.values()},
         "emission": kernels.programs.emission,
         "backend": kernels.backend,

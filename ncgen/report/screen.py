@@ -37,6 +37,11 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
             console.print(f"  of the file, {words}: {', '.join(contributions)}", markup=False)
     for line in _grouped(facts["omitted"]):
         console.print(f"  left out by the generator: {line}", markup=False)
+    for kind in dict.fromkeys(joint["kind"] for joint in facts["joints"]):
+        pairs = ["-".join(joint["bodies"]) or "between coordinates" for joint in facts["joints"] if joint["kind"] == kind]
+        console.print(f"  {len(pairs)} {kind}: {', '.join(pairs)}", markup=False)
+    if facts["drivers"]:
+        console.print(f"  driven: {', '.join(f'{name} = {law}' for name, law in facts['drivers'].items())}", markup=False)
     if facts["tree"]:
         links = ", ".join(f"{link['body']} on {link['on']} {link['freedoms']}" for link in facts["tree"])
         console.print(f"  spanning tree (degrees of freedom of its joints): {links}", markup=False)

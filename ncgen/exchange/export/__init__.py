@@ -44,7 +44,7 @@ def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] =
     model : Model
         Mechanism.
     to : str
-        Target: c, casadi, fmu2, fmu3, html, joints, numpy, python or wasm.
+        Target: c, casadi, fmu2, fmu3, html, joints, python or wasm.
     output : path
         Folder; it is created if it does not exist.
     platforms : sequence of str

@@ -25,10 +25,9 @@ from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.written import motion_source
-from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
 from ncgen.program.algebra.quasidefinite import Elimination, plan
-from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.full_loads import assemble_loads
 from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
@@ -45,11 +44,12 @@ from ncgen.solver.trajectories.outputs import uses_loads
 PUBLIC = ("ncgen.h",)
 """Headers of ncgen that an embedder reads; the others stay beside the sources."""
 
-NEWTON_STEPS = 4
-"""Newton steps by which a step of fixed length may close the loops at its end, where the language has no runtime of ncgen's."""
-
 RUNTIME = "ncgen_driven.c"
 """The file of the runtime that exports in C move by; what it needs comes along."""
+
+
+BREAKS = "ncgen_breaks.c"
+"""Likewise of those whose laws of time change their formula."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,8 @@ class Package:
     @cached_property
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
-        runtime = runtime_files(*HEADERS, *needed_by(RUNTIME, defined=(WITHOUT_TABLES,)), defined=(WITHOUT_TABLES,))
+        needed = needed_by(RUNTIME, *([BREAKS] if self.switching else []), defined=(WITHOUT_TABLES,))
+        runtime = runtime_files(*HEADERS, *needed, defined=(WITHOUT_TABLES,))
         files = self.sources.c | self.recursion | runtime
         records = self.records | self._described
         files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **records) for kind in "hc"}
@@ -101,25 +102,41 @@ class Package:
         return motion_source(self.kernels, lambda: own_positions(self.kernels))
 
     @cached_property
+    def rank(self) -> int:
+        """Of the Jacobian at the start."""
+        return freedom(self.kernels, self.q).rank
+
+    @cached_property
+    def singular_mass(self) -> bool:
+        """Whether some motion has no inertia."""
+        return not is_definite(self.kernels)
+
+    @cached_property
+    def conservative(self) -> bool:
+        """Whether there is no work to integrate."""
+        return is_conservative(self.kernels)
+
+    def elimination(self, phi_q: Pattern) -> Elimination:
+        """In which the matrix of the equations is eliminated, with a Jacobian of this pattern."""
+        return plan(self.kernels.mass_pattern, phi_q, rows_first=self.singular_mass)
+
+    @cached_property
     def _order(self) -> Elimination:
-        """In which the matrix of the equations is eliminated."""
-        kernels = self.kernels
-        return plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=not is_definite(kernels))
+        return self.elimination(self.kernels.phi_q_pattern)
 
     @property
     def _described(self) -> dict[str, object]:
         """What the runtime is told of the mechanism."""
         kernels, order = self.kernels, self._order
-        rank = freedom(kernels, self.q).rank
         arrays = {"start": self.q, "speeds": self.qd, "row_sizes": kernels.row_sizes, "column_sizes": kernels.column_sizes}
         return {
             **{name: [number(float(x)) for x in values] for name, values in arrays.items()},
             "elimination": {"size": order.size, "nonzeros": order.nonzeros, "tables": [(a, getattr(order, a)) for a in Elimination.ARRAYS]},
             "nonzeros": kernels.mass_pattern.nonzeros + kernels.phi_q_pattern.nonzeros,
-            "rank": rank,
-            "redundant": rank < kernels.m,
-            "singular_mass": not is_definite(kernels),
-            "conservative": is_conservative(kernels),
+            "rank": self.rank,
+            "redundant": self.rank < kernels.m,
+            "singular_mass": self.singular_mass,
+            "conservative": self.conservative,
             "widest": widest_tableau(),
         }
 
@@ -143,14 +160,9 @@ class Package:
             "parameters": programs.equations.parameters,
             "defaults": [float(value) for value in self.kernels.p0],
             "dof": self.dof,
-            "start": self.q.tolist(),
-            "speeds": self.qd.tolist(),
-            "row_sizes": self.kernels.row_sizes.tolist(),
             "duration": self.duration,
             "operations": operations,
             **self._costs(operations),
-            "newton_steps": NEWTON_STEPS,
-            "stages": [(str(node), str(weight)) for node, weight in INTEGRATORS["rk4"].coefficients.successive],
             "numbers": 4 + 3 * self.kernels.n,
             "inputs": self.kernels.inputs,
             "outputs": list(self.kernels.model.outputs.values()),

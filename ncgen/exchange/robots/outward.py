@@ -20,8 +20,9 @@ from ncgen.exchange.robots.told import acting, gravity_of, mass_of, origin_of
 from ncgen.model import Model
 from ncgen.model.arithmetic import unit
 from ncgen.model.forces import TorsionSpring
+from ncgen.model.pairs import Screw
 from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
-from ncgen.symbolic.tree import Screw, TreeLink
+from ncgen.symbolic.tree import TreeLink
 
 ROOT = "world"
 

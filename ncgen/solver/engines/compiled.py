@@ -42,8 +42,9 @@ from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneDynamics
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
     from ncgen.mechanism.library import CompiledKernels
-    from ncgen.mechanism.runtime import ConstrainedDynamics, DenseDynamics, EmittedDynamics, Outcome
+    from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics, Outcome
     from ncgen.mechanism.written import Seen
     from ncgen.program.ir.sampling import Sample
 
@@ -80,7 +81,7 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
     """
     from ncgen.mechanism.library import CompiledKernels
     from ncgen.mechanism.properties import uses_tangents
-    from ncgen.mechanism.runtime import has_runtime, part_for
+    from ncgen.mechanism.runtime_library import has_runtime, part_for
 
     name = method.integrator.name
     if not isinstance(kernels, CompiledKernels) and (engine in EMITTED or number != "double" or not has_runtime(part_for(name))):
@@ -135,7 +136,8 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
         every run; "tree" for those in loops over tables of an open tree; else of the factored matrix
     integrator: for which the runtime is compiled at the same time
     """
-    from ncgen.mechanism.runtime import ConstrainedDynamics, part_for
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+    from ncgen.mechanism.runtime_library import part_for
 
     def made() -> ConstrainedDynamics:
         samples_of = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
@@ -207,8 +209,9 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     method, grid, number, p = task.method, task.grid, task.number, task.p
     dynamics = all_coordinates(kernels, number, form, method.integrator.name)
     q, qd, work = task.q, task.velocities, 0.0
-    if dynamics.singular_mass and not dynamics.is_emitted:
-        # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
+    if dynamics.singular_mass and not dynamics.is_emitted and not task.first_step:
+        # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
+        # the step of a part before it has been checked.
         least_energy(kernels, q, float(grid[0]), p)
     settings = method.options
     in_c = settings_in_c(settings)

@@ -51,6 +51,9 @@ class EventFunctions:
     @cached_property
     def rows(self) -> tuple[Held, ...]:
         """The constraints that modes can have."""
+        return self.kernels.remember("rows of modes", (), self._rows)
+
+    def _rows(self) -> tuple[Held, ...]:
         contacts = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         held = [Held(k, event.name, event.when) for k, event in contacts]
         sticking = [Held(k, f.name, symbol_of(f.coordinate) - symbol_of(f.held), f.static) for k, f in self.frictions.items()]
@@ -88,7 +91,12 @@ class EventFunctions:
 
     def scales(self, at: State) -> np.ndarray:
         """What the conditions' values are compared with, (C,): the sizes of their terms, and what moving by natural sizes changes."""
-        return self.values(at)[1] + np.abs(self.slopes(at)[0]) @ self.kernels.column_sizes
+        return self.weighed(at)[1]
+
+    def weighed(self, at: State) -> tuple[np.ndarray, np.ndarray]:
+        """The conditions' values and `scales`, (C,) each."""
+        values, terms = self.values(at)
+        return values, terms + np.abs(self.slopes(at)[0]) @ self.kernels.column_sizes
 
     def slopes(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """Gradients ∂/∂q (C, n) and ∂/∂t (C,)."""
@@ -135,6 +143,11 @@ class EventFunctions:
         """(words, expression) of every condition."""
         rates = [(f"friction {each.name}", symbol_of(rate_name(each.coordinate))) for each in self.frictions.values()]
         return [*((f"event {event.name}", event.when) for event in self.events), *rates]
+
+    @property
+    def read_inputs(self) -> EventFunctions:
+        """Those that read inputs where p has them."""
+        return EventFunctions(self.kernels.driven_by(None))
 
     def restitution(self, k: int, at: State) -> float:
         """Of an event's impact; 0 for other events."""

@@ -5,6 +5,7 @@ All that may be held is, then what a load of the wrong sign, or beyond static fr
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,13 +14,16 @@ from ncgen.errors import ConvergenceError
 from ncgen.mechanism.conditions import OFF
 from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.modes import loads_of, variant
+from ncgen.solver.events.modes import load_conditions, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, Happening, Search
 
 SLACK = 1e-10
 """A load on the wrong side by less than this share of the largest is held."""
+
+CLEAR = 1e-6
+"""The same where velocities are those before a projection, which moves them by a rounding."""
 
 STANDSTILL = 1e-9
 """A gap opens, or a joint slips, if its velocity is above this share of what it adds up."""
@@ -82,7 +86,7 @@ class Settling:
                 p[self._place(functions.frictions[k].held)] = at.q[self.kernels.index[functions.frictions[k].coordinate]]
         at = replace(at, p=p)
         for _ in range(len(self.rows) + 1):
-            at, worst = self._tried(at, start, tuple(wanted), held)
+            at, worst = self._tried(replace(at, p=self._slipping(at, wanted, released)), start, tuple(wanted), held)
             if worst is None:
                 break
             released[worst[0]] = worst[1]
@@ -91,18 +95,21 @@ class Settling:
             raise ConvergenceError(
                 f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
             )
-        p = at.p.copy()
+        p = at.p
         for k, friction in functions.frictions.items():
-            place = self._place(friction.slip)
-            if k in wanted:
-                p[place] = 0.0
-            elif k in released:
-                p[place] = released[k]
-            elif p[place] == 0.0 or k in due:
-                p[place] = np.sign(functions.values(at)[0][k])
+            if k not in wanted and k not in released and (p[self._place(friction.slip)] == 0.0 or k in due):
+                p[self._place(friction.slip)] = np.sign(functions.values(at)[0][k])
         self.left = released
         at = replace(at, p=p)
         return Settled(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
+
+    def _slipping(self, at: State, held: Sequence[int], released: Mapping[int, float]) -> np.ndarray:
+        """Parameters in which what is held does not slip, and what was released does to its side."""
+        p = at.p.copy()
+        for k, friction in self.functions.frictions.items():
+            if k in held or k in released:
+                p[self._place(friction.slip)] = 0.0 if k in held else released[k]
+        return p
 
     def _may_hold(self, k: int, at: State, held: tuple[int, ...], due: dict[int, Search], resting: list[int]) -> bool:
         """Whether a gap is closed and does not open, or a joint does not move."""
@@ -110,7 +117,7 @@ class Settling:
             return True
         if k in self.functions.frictions:
             return k in due or (at.p[self._place(self.functions.frictions[k].slip)] == 0.0 and self._is_still(k, at))
-        values, scales = self.functions.values(at)[0], self.functions.scales(at)
+        values, scales = self.functions.weighed(at)
         return bool(abs(values[k]) <= CLOSED * scales[k]) and self._is_still(k, at) and (k in held or k not in due)
 
     def _is_still(self, k: int, at: State) -> bool:
@@ -131,21 +138,30 @@ class Settling:
         that was not is held only if it is pushed."""
         if not held:
             return replace(at, q=start.q, qd=start.qd), None
-        kernels = variant(self.kernels, tuple(self.rows[k] for k in held))
-        q, _ = project_position(kernels, start.q, at.t, at.p)
-        at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
-        loads, largest = loads_of(kernels, len(held), at)
-        worst, excess = None, SLACK
-        for k, load in zip(held, loads.tolist(), strict=True):
-            if k in self.functions.frictions:
-                most = self.functions.static(k, at)
-                over, side = (abs(load) - most) / (max(most, largest) or 1.0), -float(np.sign(load))
-            else:
-                pushed = load / largest if largest else 0.0
-                over, side = -pushed if k in before else 2 * SLACK - pushed, 1.0
-            if over > excess:
-                worst, excess = (k, side), over
+        rows = tuple(self.rows[k] for k in held)
+        kernels = variant(self.kernels, rows)
+        loads, p, worst = load_conditions(self.functions, kernels, rows), self.kernels.present(at.t, at.p), None
+        if all(k in self.functions.frictions for k in held):  # joints that stand still: their loads there say it without projecting
+            worst = self._worst(loads.at(replace(start, p=p)), held, before, CLEAR)
+        if worst is None:
+            q, _ = project_position(kernels, start.q, at.t, at.p)
+            at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
+            worst = self._worst(loads.at(replace(at, p=p)), held, before, SLACK)
         return at, worst
+
+    def _worst(
+        self, loads: tuple[np.ndarray, np.ndarray], held: tuple[int, ...], before: tuple[int, ...], slack: float
+    ) -> tuple[int, float] | None:
+        """Of conditions of loads, values and sizes, the constraint that is violated most, and its side."""
+        margins = iter([value / size if size else 0.0 for value, size in zip(*(each.tolist() for each in loads), strict=True)])
+        worst, excess = None, slack
+        for k in held:
+            is_joint = k in self.functions.frictions
+            for side in (-1.0, 1.0) if is_joint else (1.0,):
+                over = (0.0 if is_joint or k in before else 2 * SLACK) - next(margins)
+                if over > excess:
+                    worst, excess = (k, side), over
+        return worst
 
     def _happened(
         self, start: State, at: State, before: tuple[int, ...], after: tuple[int, ...], due: dict[int, Search]

@@ -9,7 +9,8 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import AXES, Point, Relative, Spatial
-from ncgen.symbolic.tree import Screw, Tree, moving
+from ncgen.model.pairs import Screw
+from ncgen.symbolic.tree import Tree, moving
 
 SAME = 1e-9
 """By which the share of a joint in a coordinate's rate may differ from 1, −1 or 0 and still be that."""

@@ -82,7 +82,7 @@ def meshes(run: Trajectory, pressure_angle: float) -> tuple[tuple[ToothMesh, ...
     """All pairs of sides along a run, and the labels of rows that stay couples; pressure_angle: rad."""
     tooth_meshes, couples = [], []
     for number, row in enumerate(run.kernels.rows):
-        if row.owner.kind != "joint" or row.owner.name.partition(" ")[0] not in ("gear", "rack"):
+        if row.owner.joint not in ("gear", "rack"):
             continue
         contacts = list(_contacts(run, number))
         if len(contacts) != 1:
