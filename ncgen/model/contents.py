@@ -14,6 +14,7 @@ from ncgen.model.elements import AXES, Point, Spatial
 if TYPE_CHECKING:
     from ncgen.model.bodies import Body, BodyFrame
     from ncgen.model.conditions import Condition
+    from ncgen.model.contacts import Contact
     from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
     from ncgen.model.elements import Component, Element
@@ -44,6 +45,7 @@ class Contents:
     conditions: on values that depend on parameters and stand in no body and no row of the catalogue by themselves, such as radii
     events: what happens where conditions are fulfilled on the way, by name
     frictions: dry friction that sticks, by name
+    contacts: friction of rigid contacts, by the names of their events
     facts: how the model was told
     frames: of links, by their names in a robot's file
     limits: {coordinate: (lowest, highest) value of its joint in a robot's file, rad or m}
@@ -72,6 +74,7 @@ class Contents:
     conditions: list[Condition]
     events: dict[str, Event]
     frictions: dict[str, Friction]
+    contacts: dict[str, Contact]
     gravity_field: tuple[Value, ...]
     branches: dict[str, tuple[Parameter, ...]]
     chosen_independent: tuple[str, ...]

@@ -120,7 +120,9 @@ def _is_known(name: str, known: Outline) -> bool:
 def event_names(model: Model) -> tuple[str, ...]:
     """What may be named of events: an event, a friction, and what either does to what is held."""
     contacts = [name for name, event in model.events.items() if event.impact]
-    held = [f"{name} {what}" for name in contacts for what in GAPS] + [f"{name} {what}" for name in model.frictions for what in JOINTS]
+    held = [f"{name} {what}" for name in contacts for what in GAPS] + [
+        f"{name} {what}" for name in (*model.frictions, *model.contacts) for what in JOINTS
+    ]
     return (*model.events, *model.frictions, *held)
 
 

@@ -82,6 +82,10 @@ def calls(s) -> dict[str, dict]:
         },
         "rope": {"start": s.A, "end": s.B, "length": 2.0, "restitution": 0.5, "name": "new"},
         "friction": {"coordinate": s.psi, "coulomb": 1.0, "static": 2.0, "viscous": 0.1, "stribeck": 0.01, "name": "new"},
+        "contact": {
+            "name": "new", "body": s.rod, "point": s.A, "on": s.arm, "at": s.B, "radius": 0.1, "around": 0.2, "axis": s.w, "inside": True,
+            "friction": 0.3, "restitution": 0.5, "tangential": 0.1, "law": "newton", "order": "in turn", "rest": "hold",
+        },
         "rolling": {"disc": s.rod, "centre": s.A, "axle": s.u, "across": s.w, "radius": 1.0, "normal": (0.0, 0.0, 1.0)},
         "gravity": {"field": (0, 0, -9.81)},
         "force": {"point": s.A, "vector": (1, 2, 3), "label": "mine"},

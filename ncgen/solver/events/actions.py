@@ -13,7 +13,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.impacts import Gaps
+from ncgen.solver.events.impacts import Gap, Gaps, Hit
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.parameter_checks import refused_parameters
@@ -22,18 +22,24 @@ from ncgen.solver.trajectories.happening import Happening, Search
 MOST_ROUNDS = 1000
 """Rounds of events that bring about others at one instant."""
 
+GAIN = 1e-9
+"""Energy that an impact may give, relative to that there is: rounding."""
+
 CLOSED = 1e-10
 """A gap is closed where it is smaller than this share of its scale."""
 
 
 @dataclass(eq=False)
 class Instant:
-    """What happens at one instant. at: the state so far; happened: in order; stops: True where the run ends here"""
+    """What happens at one instant. at: the state so far; happened: in order; stops: True where the run ends here; hit: whether there
+    were impacts; stuck: numbers of contacts that they leave sticking"""
 
     functions: EventFunctions
     at: State
     happened: list[Happening] = field(default_factory=list)
     stops: bool = False
+    stuck: list[int] = field(default_factory=list)
+    hit: bool = False
 
     @property
     def kernels(self) -> Kernels:
@@ -63,6 +69,7 @@ class Instant:
         """Events, but for those done, whose conditions the last changes carried to the other side; before (C,): their values then."""
         after, scales = self.functions.weighed(self.at)
         small, ways = CLOSED * scales, self.functions.directions
+        ways = np.where(np.arange(len(ways)) < len(self.functions.events), ways, np.nan)  # velocities of joints and contacts are no events
         turned = (before * after < 0) & (np.abs(before) > small) & (np.abs(after) > small) & (np.sign(after) * ways >= 0)
         return {k: "action" for k in np.flatnonzero(turned).tolist() if k not in done}
 
@@ -107,19 +114,19 @@ class Instant:
         all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
         values, scales = functions.weighed(start)
         taking = [k for k in all_impacts if k in due or abs(values[k]) <= CLOSED * scales[k]]
-        gradients, drift = functions.slopes(start)
-        gaps = Gaps(
-            kernels, start, gradients[taking], drift[taking], np.array([functions.restitution(k, start) for k in taking]),
-            tuple(functions.events[k].name for k in taking),
-        )  # fmt: skip
+        gaps = Gaps(kernels, start, self._gaps(taking))
         closing = gaps.closing(start.qd)
         if not np.any(closing):
             return
         order = self._order([k for k, closes in zip(taking, closing, strict=True) if closes], taking, gaps)
         where = f"{kernels.name} at t = {start.t:.6g} s"
-        hit = gaps.in_turn(start.qd, where) if order == "in turn" else gaps.all_at_once(start.qd)
-        self.at = replace(start, qd=hit.qd)
+        hit = gaps.in_turn(start.qd, where) if order == "in turn" else gaps.all_at_once(start.qd, where)
+        self.at, self.hit = replace(start, qd=hit.qd), True
+        self._check_energy(hit, gaps, where)
+        slides = {gap: number for number, gap in functions.gaps.items()}
         for number, k in enumerate(taking):
+            if hit.sticks[number]:
+                self.stuck.append(slides[k])
             if hit.impulses[number] > 0:
                 search = searches.get(k, "action")
                 self.happened.append(
@@ -132,6 +139,31 @@ class Instant:
             if len(functions.events[k].do) > 1:
                 self._act(k, searches[k])
 
+    def _gaps(self, taking: list[int]) -> list[Gap]:
+        """The gaps that take part in impacts, with their friction."""
+        functions, at = self.functions, self.at
+        gradients, drift = functions.slopes(at)
+        sliding, gaps = functions.sliding(at), []
+        slides = {gap: number for number, gap in functions.gaps.items()}
+        for k in taking:
+            gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), np.zeros((0, self.kernels.n)))
+            if k in slides:
+                number = slides[k]
+                gap = replace(
+                    gap, rubs=sliding[number][1], friction=functions.friction(number, at),
+                    tangential=functions.tangential(number, at), is_poisson=functions.contacts[number].law == "poisson",
+                )  # fmt: skip
+            gaps.append(gap)
+        return gaps
+
+    def _check_energy(self, hit: Hit, gaps: Gaps, where: str) -> None:
+        """Raise ModelError where a law of impact gives energy, as Newton's may with friction."""
+        if (lost := float(np.sum(hit.lost))) < -GAIN * float(np.sum(np.abs(hit.lost)) + abs(self._energy(self.at)[0])):
+            raise ModelError(
+                f"{where}: the impact of {', '.join(gaps.names)} would gain {-lost:.6g} J; with friction Newton's law may do so, "
+                'take law="poisson" or less restitution'
+            )
+
     def _order(self, closing: list[int], taking: list[int], gaps: Gaps) -> str:
         """The law of several impacts. Raises ModelError where it is not said and matters."""
         events = self.functions.events
@@ -141,8 +173,7 @@ class Instant:
                 f"{self.kernels.name}: impacts of {', '.join(gaps.names)} at one instant, t = {self.at.t:.6g} s, have different orders; "
                 "give all the same one"
             )
-        coupled = np.abs(gaps.G - np.diag(np.diag(gaps.G))) > 1e-12 * np.sqrt(np.outer(np.diag(gaps.G), np.diag(gaps.G)))
-        if not orders and np.any(coupled):
+        if not orders and gaps.are_coupled():
             raise ModelError(
                 f"{self.kernels.name}: several impacts at one instant, of {', '.join(gaps.names)} at t = {self.at.t:.6g} s, "
                 'where laws differ; say which holds, ncgen.impact(…, order="simultaneous") or order="in turn"'

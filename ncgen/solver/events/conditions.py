@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +13,7 @@ from ncgen.mechanism.conditions import LINEAR, OFF, QUADRATIC, Conditions
 from ncgen.mechanism.functions import CompiledFunctions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Change
+from ncgen.model.contacts import Contact
 from ncgen.model.elements import rate_name
 from ncgen.model.events import Event
 from ncgen.model.frictions import Friction
@@ -37,16 +39,19 @@ class EventFunctions:
         model = kernels.model
         self.kernels, self.events, self.named = kernels, tuple(model.events.values()), model.events
         self.frictions: dict[int, Friction] = dict(enumerate(model.frictions.values(), len(self.events)))
-        self.count = len(self.events) + len(self.frictions)
+        rubbing = enumerate(model.contacts.values(), len(self.events) + len(self.frictions))
+        self.contacts: dict[int, Contact] = dict(rubbing)
+        names = [event.name for event in self.events]
+        self.gaps = {k: names.index(contact.name) for k, contact in self.contacts.items()}
+        self.count = len(self.events) + len(self.frictions) + len(self.contacts)
         ways = [DIRECTIONS[event.direction] for event in self.events]
-        self.directions = np.array([*ways, *([OFF] * len(self.frictions))], dtype=int)
+        self.directions = np.array([*ways, *([OFF] * (self.count - len(self.events)))], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
 
     @cached_property
     def searches(self) -> tuple[Search, ...]:
         """How every condition is found."""
-        found: list[Search] = ["sampled" if self._degree(event) is None else "proof" for event in self.events]
-        return (*found, *(["proof"] * len(self.frictions)))  # type: ignore[return-value]
+        return tuple("sampled" if degree_within_step(when, self.kernels) is None else "proof" for _, when in self.conditions)
 
     @cached_property
     def rows(self) -> tuple[Held, ...]:
@@ -54,10 +59,13 @@ class EventFunctions:
         return self.kernels.remember("rows of modes", (), self._rows)
 
     def _rows(self) -> tuple[Held, ...]:
-        contacts = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
-        held = [Held(k, event.name, event.when) for k, event in contacts]
-        sticking = [Held(k, f.name, symbol_of(f.coordinate) - symbol_of(f.held), f.static) for k, f in self.frictions.items()]
-        return (*held, *sticking)
+        closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
+        rubbing = self.kernels.model.contacts
+        held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
+        sticking = [Held(k, f.name, (symbol_of(f.coordinate) - symbol_of(f.held),), f.static) for k, f in self.frictions.items()]
+        rests = {event.name for _, event in closing}
+        rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
+        return (*held, *sticking, *rolling)
 
     @property
     def can_hold(self) -> bool:
@@ -67,7 +75,7 @@ class EventFunctions:
     @cached_property
     def degree(self) -> int:
         """Of the polynomials in time that conditions are within a step."""
-        return QUADRATIC if any(self._degree(event) == 2 for event in self.events) else LINEAR
+        return most_degree(self.kernels)
 
     def watched(self, signs: np.ndarray, stop: StopCondition | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
         """What C is given.
@@ -114,7 +122,7 @@ class EventFunctions:
 
     def numbers(self, at: State) -> dict[int, dict[str, float]]:
         """{position of the event: {name: new value}} of what actions change."""
-        names = [(k, name) for k, name, _ in _changes(self.events)]
+        names = [(k, name) for k, name, _ in changes_of(self.events)]
         found = self._call("action_values", at) if names else ()
         told: dict[int, dict[str, float]] = {}
         for (k, name), value in zip(names, found, strict=True):
@@ -125,24 +133,11 @@ class EventFunctions:
         return self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
 
     @cached_property
-    def _moving(self) -> set[str]:
-        names = set(self.kernels.coordinates) | set(self.kernels.inputs)
-        return names | {rate_name(name) for name in self.kernels.coordinates}
-
-    def _degree(self, event: Event) -> int | None:
-        """1 or 2 where the condition is such a polynomial of what is one in time within a step; None for others."""
-        from ncgen.model.expressions import is_symbolic, symbols_in
-
-        if is_symbolic(event.when) and {s.name for s in symbols_in(event.when)} & set(self.kernels.inputs):
-            return None  # it may change in any way
-        found = degree_of(event.when, self._moving)
-        return max(found, 1) if found is not None and found <= 2 else None
-
-    @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of every condition."""
         rates = [(f"friction {each.name}", symbol_of(rate_name(each.coordinate))) for each in self.frictions.values()]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates]
+        slides = [(f"contact {each.name}", each.forward) for each in self.contacts.values()]
+        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides]
 
     @property
     def read_inputs(self) -> EventFunctions:
@@ -158,6 +153,32 @@ class EventFunctions:
         """Static friction of a friction (N or N m)."""
         return self._number(f"friction {self.frictions[k].name}", self.frictions[k].static, at)
 
+    def limit(self, held: Held, at: State) -> float:
+        """What holds it: static friction of a joint (N or N m), the coefficient of a contact that sticks; 0 of a gap."""
+        if held.sticks:
+            return self.friction(held.number, at)
+        return 0.0 if held.static is None else self.static(held.number, at)
+
+    def friction(self, k: int, at: State) -> float:
+        """Coefficient of friction of a contact."""
+        return self._number(f"contact {self.contacts[k].name}, friction", self.contacts[k].friction, at)
+
+    def tangential(self, k: int, at: State) -> float:
+        """Tangential restitution of a contact."""
+        return self._number(f"contact {self.contacts[k].name}, tangential", self.contacts[k].tangential, at)
+
+    def sliding(self, at: State) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+        """{contact: (velocities (d,) at which it slides, m/s, and their gradients (d, n) by q̇)}, d being 1 in the plane and 2 in space."""
+        if not self.contacts:
+            return {}
+        numbers = self._call("contact_velocities", at)
+        sizes, n, found, place = [len(c.sliding) for c in self.contacts.values()], self.kernels.n, {}, 0
+        slopes = numbers[sum(sizes) :].reshape(sum(sizes), n)
+        for k, size in zip(self.contacts, sizes, strict=True):
+            found[k] = numbers[place : place + size], slopes[place : place + size]
+            place += size
+        return found
+
     def _number(self, where: str, value: Value, at: State) -> float:
         """A number, or an expression of parameters."""
         return float(value) if is_number(value) else float(self._call("element_values", at)[self._elements.index((where, value))])
@@ -167,11 +188,14 @@ class EventFunctions:
         """(words, value) of restitutions and static frictions that are expressions."""
         pairs = [(f"event {event.name}", event.impact.restitution) for event in self.events if event.impact]
         pairs += [(f"friction {each.name}", each.static) for each in self.frictions.values()]
+        pairs += [(f"contact {each.name}, friction", each.friction) for each in self.contacts.values()]
+        pairs += [(f"contact {each.name}, tangential", each.tangential) for each in self.contacts.values()]
         return [pair for pair in pairs if not is_number(pair[1])]
 
     def _made(self) -> CompiledFunctions:
         kernels, conditions = self.kernels, self.conditions
-        values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in _changes(self.events)]
+        values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)]
+        slides = [(f"contact {each.name}", w) for each in self.contacts.values() for w in each.sliding]
         count = len(conditions)
         sizes = {
             "conditions": 2 * count,
@@ -179,19 +203,39 @@ class EventFunctions:
             "condition_rates": 2 * count,
             "action_values": len(values),
             "element_values": len(self._elements),
+            "contact_velocities": len(slides) * (kernels.n + 1),
         }
         sizes = {name: size for name, size in sizes.items() if size}
         counts = {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)}
-        told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements)]).encode()).hexdigest()[:16]
+        told = hashlib.sha256(
+            repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements, *slides)]).encode()
+        ).hexdigest()[:16]
         made = functions(
             kernels, f"events {told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
-            lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements),
+            lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements, slides),
         )  # fmt: skip
         if not isinstance(made, CompiledFunctions):
             raise ModelError(f"{kernels.name}: events need compiled kernels; compile the model with backend='c'")
         return made
 
 
-def _changes(events: tuple[Event, ...]) -> list[tuple[int, str, Scalar]]:
+def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:
+    """1 or 2 where a condition is such a polynomial of what is one in time within a step; None for others."""
+    from ncgen.model.expressions import is_symbolic, symbols_in
+
+    if is_symbolic(when) and {s.name for s in symbols_in(when)} & set(kernels.inputs):
+        return None  # it may change in any way
+    found = degree_of(when, {*kernels.coordinates, *map(rate_name, kernels.coordinates)})
+    return max(found, 1) if found is not None and found <= 2 else None
+
+
+def most_degree(kernels: Kernels) -> int:
+    """Of the polynomials in time that the conditions of a mechanism are within a step."""
+    model = kernels.model
+    whens = [*(event.when for event in model.events.values()), *(contact.forward for contact in model.contacts.values())]
+    return QUADRATIC if any(degree_within_step(when, kernels) == 2 for when in whens) else LINEAR
+
+
+def changes_of(events: Sequence[Event]) -> list[tuple[int, str, Scalar]]:
     """(position of the event, name, new value) of all that actions change by expressions."""
     return [(k, *pair) for k, event in enumerate(events) for a in event.do if isinstance(a, Change) for pair in a.values.items()]
