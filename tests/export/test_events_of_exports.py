@@ -172,7 +172,7 @@ def touching() -> ncgen.Model:
     m = ncgen.Model("touching")
     O, C = m.point("O", (0, 0), fixed=True), m.point("C", (0, 1))
     ball = m.body("ball", [C, m.point("D", (0.1, 1))], mass=1.0, com=(0, 1), inertia=0.004)
-    m.contact("floor", ball, C, m.ground, O, radius=0.1, normal=(0, 1), friction=0.3)
+    m.contact("floor", ball, C, m.ground, O, radius=0.1, normal=m.vector("up", (0, 1), fixed=True), friction=0.3)
     return m
 
 
