@@ -186,7 +186,7 @@ def called() -> ncgen.Model:
     ("model", "target", "message"),
     [
         (friction, "c", "rubbing cannot be exported: joints that stick are not exported yet (s.friction)"),
-        (touching, "fmu2", "touching cannot be exported: contacts with friction or Poisson's law are not exported yet (floor)"),
+        (touching, "fmu2", "touching cannot be exported: friction of contacts is not exported yet (floor)"),
         (called, "c", "called cannot be exported: event seen calls a Python function"),
         (ball, "html", "ball cannot be exported: this export does not support events yet (floor); take c,"),
         (ball, "wasm", "ball cannot be exported: this export does not support events yet (floor); take c,"),
