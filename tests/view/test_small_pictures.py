@@ -11,7 +11,7 @@ import pytest
 from ncgen.model import Model
 from ncgen.program.ir.blocks import Pattern
 from ncgen.view import curve_pictures, sketch
-from ncgen.view.curve_pictures import curve_pictures as drawn
+from ncgen.view.curve_pictures import curves as drawn
 from ncgen.view.scene import scene_of
 from ncgen.view.spots import MOST, spots
 from ncgen.view.svg import SvgDrawing, below_each_other
