@@ -10,8 +10,8 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.conditions import LINEAR, OFF, QUADRATIC, Conditions
-from ncgen.mechanism.functions import CompiledFunctions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import CompiledFunctions, functions
 from ncgen.model.actions import Change
 from ncgen.model.contacts import Contact
 from ncgen.model.elements import rate_name
@@ -21,7 +21,7 @@ from ncgen.model.values import Scalar, Value, is_number, symbol_of
 from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
 from ncgen.solver.events.modes import Held, LoadConditions
 from ncgen.solver.events.state import State
-from ncgen.solver.runs.stop import DIRECTIONS, Stop
+from ncgen.solver.runs.stop import DIRECTIONS, StopCondition
 from ncgen.solver.trajectories.happening import Search
 from ncgen.toolchain.abi import InC
 
@@ -77,7 +77,7 @@ class EventFunctions:
         """Of the polynomials in time that conditions are within a step."""
         return most_degree(self.kernels)
 
-    def watched(self, signs: np.ndarray, stop: Stop | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
+    def watched(self, signs: np.ndarray, stop: StopCondition | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
         """What C is given.
 
         signs (C,): sides on which conditions begin; directions (C,); loads: those of what is held, behind them; stop: the last one
