@@ -4,12 +4,17 @@ conditions(t, q, qd, p)            -> of every condition its value, and the size
 condition_slopes(t, q, qd, p)      -> of every condition ∂/∂q (n), ∂/∂q̇ (n) and ∂/∂t
 condition_rates(t, q, qd, qdd, p)  -> the C rates of change along the motion, then the C second derivatives, those of conditions without q̇
 action_values(t, q, qd, p)         -> the numbers that actions set
+element_values(t, q, qd, p)        -> restitutions and static frictions that are expressions
+
+In a mode the mechanism has more constraints, held ones, and `conditions` those of their loads behind its own: the load of a gap, static
+friction less and plus the load of a joint, each positive as long as the constraint is held.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from typing import TypeAlias
 
 import sympy
 
@@ -25,6 +30,8 @@ from ncgen.program.ir.lower import lower_value
 from ncgen.program.ir.verify import verify
 from ncgen.program.labels import labelled_errors
 from ncgen.program.lines import Lines
+from ncgen.program.motions.full_motion import MotionSizes
+from ncgen.program.motions.multipliers import AccelerationNodes
 from ncgen.program.motions.outputs import read_component
 from ncgen.symbolic.numbering import Terms
 
@@ -33,13 +40,17 @@ INPUTS = {
     "condition_slopes": ("t", "q", "qd", "p"),
     "condition_rates": ("t", "q", "qd", "qdd", "p"),
     "action_values": ("t", "q", "qd", "p"),
+    "element_values": ("t", "q", "qd", "p"),
 }
+
+Named: TypeAlias = tuple[str, Scalar]
+"""What messages call an expression, and the expression."""
 
 
 def assemble_conditions(
-    equations: Terms, conditions: Sequence[tuple[str, Scalar]], values: Sequence[tuple[str, Scalar]]
+    equations: Terms, conditions: Sequence[Named], values: Sequence[Named], elements: Sequence[Named]
 ) -> dict[str, Program]:
-    """The programs of conditions and values, each with the words that messages call it by.
+    """The programs of conditions and values of actions and elements, each with the words that messages call it by.
 
     Raises ModelError where one mentions what the model does not have.
     """
@@ -58,11 +69,34 @@ def assemble_conditions(
         "condition_slopes": [found.get(v, zero) for found in slopes for v in variables],
         "condition_rates": [*rates, *second],
         "action_values": [_node(lines, *each) for each in values],
+        "element_values": [_node(lines, *each) for each in elements],
     }
     programs = {name: lines.program(name, INPUTS[name], nodes) for name, nodes in outputs.items() if nodes}
     for program in programs.values():
         verify(program, input_lengths(equations))
     return programs
+
+
+def assemble_mode_conditions(
+    equations: Terms, conditions: Sequence[Named], held: Sequence[tuple[str, Scalar | None]], sizes: MotionSizes
+) -> dict[str, Program]:
+    """The program `conditions` of a mode, whose last constraints are held. held: its words, and static friction or None for a gap"""
+    lines = Lines(equations)
+    graph = lines.graph
+    found = [_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
+    lam = AccelerationNodes(lines, sizes).lam[len(equations.rows) - len(held) :]
+    for (where, static), multiplier in zip(held, lam, strict=True):
+        load = graph.neg(multiplier)
+        size = graph.call("abs", load)
+        if static is None:
+            found += [load, size]
+            continue
+        most = _node(lines, where, static)
+        size = graph.add(most, size)
+        found += [graph.sub(most, load), size, graph.add(most, load), size]
+    program = lines.program("conditions", INPUTS["conditions"], found)
+    verify(program, input_lengths(equations))
+    return {"conditions": program}
 
 
 def terms_of(expression: Scalar) -> sympy.Expr:

@@ -104,19 +104,19 @@ def _verified(built: FullMotion, equations: Terms) -> FullMotion:
 
 
 class Saddle:
-    """H in a graph, rows numbered after coordinates; A is H without e."""
+    """H in a graph, rows numbered after coordinates; A is H without e, which is an input of the program or a number."""
 
-    def __init__(self, lines: Lines, sizes: MotionSizes, rows: Iterable[int]) -> None:
+    def __init__(self, lines: Lines, sizes: MotionSizes, rows: Iterable[int], e: float | None = None) -> None:
         self.lines, self.graph, self.n = lines, lines.graph, len(lines.equations.free)
         self.place = {r: self.n + k for k, r in enumerate(rows)}
         self.jacobian = {(r, c): node for (r, c), node in lines.matrix(KERNELS["phi_q"]).items() if r in self.place}
         self.A = lines.matrix(KERNELS["mass"])
         for (r, c), node in self.jacobian.items():
             self.A[self.place[r], c] = self.A[c, self.place[r]] = node
-        self.factors = self._factors(sizes)
+        self.factors = self._factors(sizes, self.graph.load("e", 0) if e is None else self.graph.const(e))
 
-    def _factors(self, sizes: MotionSizes) -> SymmetricFactors:
-        graph, e = self.graph, self.graph.load("e", 0)
+    def _factors(self, sizes: MotionSizes, e: int) -> SymmetricFactors:
+        graph = self.graph
         H = dict(self.A)
         for c in range(self.n):
             extra = graph.mul(graph.const(float(sizes.W[c])), e)

@@ -12,7 +12,6 @@ from ncgen.errors import ConvergenceError, ModelError, shown
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call, Stop
 from ncgen.model.elements import coordinate_of
-from ncgen.model.values import as_sympy, evaluate, is_number
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gaps
 from ncgen.solver.events.state import State
@@ -110,7 +109,7 @@ class Instant:
         taking = [k for k in all_impacts if k in due or abs(values[k]) <= CLOSED * scales[k]]
         gradients, drift = functions.slopes(start)
         gaps = Gaps(
-            kernels, start, gradients[taking], drift[taking], np.array([restitution_of(self.functions, k, start) for k in taking]),
+            kernels, start, gradients[taking], drift[taking], np.array([functions.restitution(k, start) for k in taking]),
             tuple(functions.events[k].name for k in taking),
         )  # fmt: skip
         closing = gaps.closing(start.qd)
@@ -157,20 +156,6 @@ class Instant:
     def _energy(self, at: State) -> np.ndarray:
         """Kinetic and potential energy (J)."""
         return self.kernels.energy(at.q, at.qd, at.t, at.p)[:2]
-
-
-def restitution_of(functions: EventFunctions, k: int, at: State) -> float:
-    """Of an event's impact; 0 for other events."""
-    event = functions.events[k]
-    return number_of(functions.kernels, event.impact.restitution, at, f"event {event.name}") if event.impact else 0.0
-
-
-def number_of(kernels: Kernels, value: object, at: State, where: str) -> float:
-    """What a number or an expression of parameters is with the parameters of a state."""
-    if is_number(value):
-        return float(value)
-    present = {name: replace(number, default=float(v)) for (name, number), v in zip(kernels.model.numbers.items(), at.p, strict=True)}
-    return evaluate(as_sympy(value), present, where)  # type: ignore[arg-type]
 
 
 def _with_rates(kernels: Kernels, at: State, held: Mapping[int, float]) -> np.ndarray:

@@ -15,7 +15,7 @@ from ncgen.model.actions import Change
 from ncgen.model.elements import rate_name
 from ncgen.model.events import Event
 from ncgen.model.frictions import Friction
-from ncgen.model.values import Scalar, symbol_of
+from ncgen.model.values import Scalar, Value, is_number, symbol_of
 from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
 from ncgen.solver.events.modes import Held, LoadConditions
 from ncgen.solver.events.state import State
@@ -53,7 +53,7 @@ class EventFunctions:
         """The constraints that modes can have."""
         contacts = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         held = [Held(k, event.name, event.when) for k, event in contacts]
-        sticking = [Held(k, f.name, symbol_of(f.coordinate) - symbol_of(f.held)) for k, f in self.frictions.items()]
+        sticking = [Held(k, f.name, symbol_of(f.coordinate) - symbol_of(f.held), f.static) for k, f in self.frictions.items()]
         return (*held, *sticking)
 
     @property
@@ -66,11 +66,12 @@ class EventFunctions:
         """Of the polynomials in time that conditions are within a step."""
         return QUADRATIC if any(self._degree(event) == 2 for event in self.events) else LINEAR
 
-    def watched(self, signs: np.ndarray, stop: Stop | None, directions: np.ndarray, loads: LoadConditions | None, more: int) -> Conditions:
+    def watched(self, signs: np.ndarray, stop: Stop | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
         """What C is given.
 
-        signs (C,): sides on which conditions begin; directions (C,); loads: `more` conditions besides; stop: the last one
+        signs (C,): sides on which conditions begin; directions (C,); loads: those of what is held, behind them; stop: the last one
         """
+        more = loads.count if loads else 0
         count = self.count + more
         coordinates, values = np.full(count, -1), np.zeros(count)
         directions, signs = np.append(directions, [-1] * more), np.append(signs, [1] * more)
@@ -129,10 +130,34 @@ class EventFunctions:
         found = degree_of(event.when, self._moving)
         return max(found, 1) if found is not None and found <= 2 else None
 
+    @cached_property
+    def conditions(self) -> list[tuple[str, Scalar]]:
+        """(words, expression) of every condition."""
+        rates = [(f"friction {each.name}", symbol_of(rate_name(each.coordinate))) for each in self.frictions.values()]
+        return [*((f"event {event.name}", event.when) for event in self.events), *rates]
+
+    def restitution(self, k: int, at: State) -> float:
+        """Of an event's impact; 0 for other events."""
+        event = self.events[k]
+        return self._number(f"event {event.name}", event.impact.restitution, at) if event.impact else 0.0
+
+    def static(self, k: int, at: State) -> float:
+        """Static friction of a friction (N or N m)."""
+        return self._number(f"friction {self.frictions[k].name}", self.frictions[k].static, at)
+
+    def _number(self, where: str, value: Value, at: State) -> float:
+        """A number, or an expression of parameters."""
+        return float(value) if is_number(value) else float(self._call("element_values", at)[self._elements.index((where, value))])
+
+    @cached_property
+    def _elements(self) -> list[tuple[str, Value]]:
+        """(words, value) of restitutions and static frictions that are expressions."""
+        pairs = [(f"event {event.name}", event.impact.restitution) for event in self.events if event.impact]
+        pairs += [(f"friction {each.name}", each.static) for each in self.frictions.values()]
+        return [pair for pair in pairs if not is_number(pair[1])]
+
     def _made(self) -> CompiledFunctions:
-        kernels = self.kernels
-        conditions = [(f"event {event.name}", event.when) for event in self.events]
-        conditions += [(f"friction {each.name}", symbol_of(rate_name(each.coordinate))) for each in self.frictions.values()]
+        kernels, conditions = self.kernels, self.conditions
         values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in _changes(self.events)]
         count = len(conditions)
         sizes = {
@@ -140,13 +165,14 @@ class EventFunctions:
             "condition_slopes": count * (2 * kernels.n + 1),
             "condition_rates": 2 * count,
             "action_values": len(values),
+            "element_values": len(self._elements),
         }
         sizes = {name: size for name, size in sizes.items() if size}
         counts = {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)}
-        told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *values)]).encode()).hexdigest()[:16]
+        told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements)]).encode()).hexdigest()[:16]
         made = functions(
             kernels, f"events {told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
-            lambda: assemble_conditions(kernels.programs.equations, conditions, values),
+            lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements),
         )  # fmt: skip
         if not isinstance(made, CompiledFunctions):
             raise ModelError(f"{kernels.name}: events need compiled kernels; compile the model with backend='c'")

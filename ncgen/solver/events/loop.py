@@ -10,9 +10,9 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.conditions import OFF
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.events.actions import CLOSED, Instant, restitution_of
+from ncgen.solver.events.actions import CLOSED, Instant
 from ncgen.solver.events.conditions import NOISE, EventFunctions
-from ncgen.solver.events.modes import LoadConditions, Mode, rank_of, variant
+from ncgen.solver.events.modes import Mode, count_of, load_conditions, rank_of, variant
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.settling import Settling
 from ncgen.solver.events.state import State
@@ -83,8 +83,8 @@ class Loop:
         fresh = int(not (len(ahead) and ahead[0] == at.t))
         looks = np.append(np.zeros(fresh, dtype=bool), task.looks_from(first))
         settling, held = self.settling, self.held
-        loads = LoadConditions(self.functions, self.mode, len(held), lambda f, p: settling.margins(held, f, p)) if held else None
-        conditions = self.functions.watched(self.signs, task.stop, settling.directions(held, at.p), loads, settling.count(held))
+        loads = load_conditions(self.functions, self.mode, tuple(settling.rows[k] for k in held)) if held else None
+        conditions = self.functions.watched(self.signs, task.stop, settling.directions(held, at.p), loads)
         here = replace(
             task, grid=np.concatenate([[at.t] * fresh, ahead]), looks=looks, q=at.q, velocities=at.qd, p=at.p, conditions=conditions,
             rank=rank_of(self.mode, at), first_step=self.first_step, stop_when_stiff=False,
@@ -128,7 +128,7 @@ class Loop:
 
     def _is_stop(self, crossed: tuple[int, ...]) -> bool:
         """Whether the run was told to stop there: that condition follows those of the mechanism and of the loads."""
-        return self.task.stop is not None and self.functions.count + self.settling.count(self.held) in crossed
+        return self.task.stop is not None and self.functions.count + count_of(self.settling.rows[k] for k in self.held) in crossed
 
     def begin(self) -> bool:
         """Events at the start: a condition that is zero there and moves on in its direction. Returns whether the run ends there.
@@ -224,7 +224,7 @@ class Loop:
         rates, second = self.functions.rates(self.at, self._accelerations())
         scales = self.functions.scales(self.at)
         for k in impacts:
-            restitution = restitution_of(self.functions, k, self.at)
+            restitution = self.functions.restitution(k, self.at)
             speed, pull = max(float(rates[k]), 0.0), -float(second[k])
             if pull > 0 and speed**2 / (2 * pull) <= AT_REST * NOISE[self.functions.degree] * scales[k]:
                 found[k] = self.functions.events[k].name, self.at.t + (2 * speed / pull / (1 - restitution) if restitution < 1 else 0.0)

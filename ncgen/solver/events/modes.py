@@ -7,7 +7,8 @@ as fast as that of a plain model. A constraint is left by the sign, or the size,
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+import hashlib
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -15,16 +16,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.functions import CompiledFunctions
+from ncgen.mechanism.functions import functions as functions_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
-from ncgen.model.values import Scalar
+from ncgen.model.values import Scalar, Value
+from ncgen.program.motions.conditions import INPUTS, assemble_mode_conditions
+from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
+from ncgen.solver.loads.multipliers import motion_sizes, refusal_of_multipliers
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.toolchain.abi import InC, Interface, runtime_abi
 
 if TYPE_CHECKING:
     from ncgen.solver.events.conditions import EventFunctions
-    from ncgen.solver.events.state import State
 
 
 DOMAIN = STATUS.index("domain")
@@ -32,11 +37,13 @@ DOMAIN = STATUS.index("domain")
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A constraint that a mode can have. number: of the condition that it belongs to; row: an expression that stays zero in the mode"""
+    """A constraint that a mode can have. number: of the condition that it belongs to; row: an expression that stays zero in the mode;
+    static: the friction that holds it, None for a gap"""
 
     number: int
     name: str
     row: Scalar
+    static: Value | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,26 +90,75 @@ def rank_of(kernels: Kernels, at: State) -> int:
     return kernels.remember("rank in a mode", at.p.tobytes(), lambda: freedom_at(kernels, at.q, at.t, at.p).rank, 64)
 
 
+@dataclass(frozen=True, eq=False)
 class LoadConditions:
-    """Conditions of C, those of the mechanism's functions and behind them others on loads, called through Python.
+    """The conditions of a mechanism, and behind them those of the loads of what a mode holds, which are positive as long as it holds.
 
-    left: a function from the loads of the held constraints to pairs (value, size), each of which is positive as long as they hold
-    raised: what went wrong in a call, or None
+    address: of the function, as `Conditions` has it; count: how many there are of loads
     """
 
-    def __init__(
-        self, functions: EventFunctions, kernels: Kernels, count: int, left: Callable[[np.ndarray, np.ndarray], list[tuple[float, float]]]
-    ) -> None:
+    address: int
+    count: int
+    owner: object
+
+    @property
+    def raised(self) -> BaseException | None:
+        """What went wrong in a call of Python."""
+        return self.owner.raised if isinstance(self.owner, _InPython) else None
+
+
+def count_of(held: Iterable[Held]) -> int:
+    """How many conditions loads have: one of a gap, two of a joint."""
+    return sum(1 if each.static is None else 2 for each in held)
+
+
+def load_conditions(functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...]) -> LoadConditions:
+    """Those of a mode: compiled, but for models that call Python functions or have more unknowns than are emitted. kernels: of the mode"""
+    count = count_of(held)
+    if refusal_of_multipliers(kernels):
+        called = _InPython(functions, kernels.driven_by(None), held)
+        return LoadConditions(called.address, count, called)
+    made = kernels.remember("load conditions", tuple(each.name for each in held), lambda: _compiled(functions, kernels, held, count))
+    return LoadConditions(made.address("conditions"), count, made)
+
+
+def _compiled(functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...], count: int) -> CompiledFunctions:
+    conditions, loads = functions.conditions, [(each.name, each.static) for each in held]
+    told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *loads)]).encode()).hexdigest()[:16]
+    counts = {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)}
+    made = functions_of(
+        kernels, f"mode_{told}", {"conditions": INPUTS["conditions"]}, {"conditions": 2 * (len(conditions) + count)}, counts,
+        lambda: assemble_mode_conditions(kernels.programs.equations, conditions, loads, motion_sizes(kernels)),
+    )  # fmt: skip
+    assert isinstance(made, CompiledFunctions), "events need compiled kernels"
+    return made
+
+
+def margins(held: tuple[Held, ...], loads: np.ndarray, statics: Sequence[float]) -> list[tuple[float, float]]:
+    """(how far a load may still go, size) of every condition of the loads (H,) of what is held."""
+    found: list[tuple[float, float]] = []
+    for each, load, most in zip(held, loads.tolist(), statics, strict=True):
+        size = most + abs(load)
+        found += [(load, abs(load))] if each.static is None else [(most - load, size), (most + load, size)]
+    return found
+
+
+class _InPython:
+    """A function of C that calls Python. raised: what went wrong in a call, or None"""
+
+    def __init__(self, functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...]) -> None:
         ffi: Interface = runtime_abi("double")
         self.raised: BaseException | None = None
         n, n_p, conditions = kernels.n, len(kernels.p0), functions.count
-        plain, own = kernels.driven_by(None), functions.raw("conditions")
+        own = functions.raw("conditions")
 
         def evaluate(t: float, q: InC, qd: InC, p: InC, out: InC) -> int:
             own(t, q, qd, p, out)
             state = [np.array(ffi.unpack(a, size) if size else [], dtype=float) for a, size in ((q, n), (qd, n), (p, n_p))]
-            lam = accelerations_by("lagrange").motion(plain, state[0], state[1], t, state[2], {}).lam
-            for k, (value, size) in enumerate(left(-lam[kernels.m - count :], state[2])):
+            lam = accelerations_by("lagrange").motion(kernels, state[0], state[1], t, state[2], {}).lam
+            at = State(t, *state)
+            statics = [0.0 if each.static is None else functions.static(each.number, at) for each in held]
+            for k, (value, size) in enumerate(margins(held, -lam[kernels.m - len(held) :], statics)):
                 out[2 * (conditions + k)], out[2 * (conditions + k) + 1] = value, size
             return 0
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.conditions import OFF
-from ncgen.model.frictions import Friction
-from ncgen.solver.events.actions import CLOSED, number_of
+from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.modes import loads_of, variant
 from ncgen.solver.events.state import State
@@ -52,21 +51,6 @@ class Settling:
             ways[k] = -int(p[self._place(friction.slip)]) or OFF
         ways[list(held)] = OFF
         return ways
-
-    def count(self, held: tuple[int, ...]) -> int:
-        """How many conditions loads have: one of a gap, two of a joint."""
-        return sum(2 if k in self.functions.frictions else 1 for k in held)
-
-    def margins(self, held: tuple[int, ...], loads: np.ndarray, p: np.ndarray) -> list[tuple[float, float]]:
-        """Of every condition how far the load may still go, and its size."""
-        found: list[tuple[float, float]] = []
-        for k, load in zip(held, loads.tolist(), strict=True):
-            if k in self.functions.frictions:
-                most = self._static(k, p)
-                found += [(most - load, most + abs(load)), (most + load, most + abs(load))]
-            else:
-                found.append((load, abs(load)))
-        return found
 
     def release(self, held: tuple[int, ...], crossed: list[int]) -> None:
         """Note which constraints the load conditions of these numbers release, and to which side."""
@@ -154,7 +138,7 @@ class Settling:
         worst, excess = None, SLACK
         for k, load in zip(held, loads.tolist(), strict=True):
             if k in self.functions.frictions:
-                most = self._static(k, at.p)
+                most = self.functions.static(k, at)
                 over, side = (abs(load) - most) / (max(most, largest) or 1.0), -float(np.sign(load))
             else:
                 pushed = load / largest if largest else 0.0
@@ -178,11 +162,6 @@ class Settling:
                 search: Search = due.get(k, "sampled" if k in before else "action")
                 found.append(Happening(at.t, row.name, search, at.q, start.qd, at.qd, what=change))
         return found
-
-    def _static(self, k: int, p: np.ndarray) -> float:
-        friction: Friction = self.functions.frictions[k]
-        at = State(0.0, np.empty(0), np.empty(0), p)
-        return number_of(self.kernels, friction.static, at, f"friction {friction.name}")
 
     def _place(self, name: str) -> int:
         return self.kernels.parameters.index(name)
