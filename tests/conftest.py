@@ -16,10 +16,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("NCGEN_CFLAGS", "-O0")
 
 import pytest  # noqa: E402
-from times import pytest_addoption, pytest_collection_modifyitems, pytest_runtest_protocol  # noqa: E402, F401  # what pytest calls
 
 import ncgen  # noqa: E402
 from ncgen.exchange.examples import example_module  # noqa: E402
+
+pytest_plugins = ["times", "skips"]
 
 
 @pytest.fixture(scope="session")

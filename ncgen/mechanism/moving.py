@@ -250,3 +250,22 @@ class MovingRows:
     def _one(self, function: str, row: int) -> str:
         first = self._steppings[0]
         return STATUS[getattr(first.library, function)(first.driven, first.pointer(self.p[row : row + 1]), self._moments + row)]
+
+
+def _entry(name: str) -> Any:
+    """A number of a row."""
+
+    def put(self: MovingRow, value: float) -> None:
+        getattr(self.rows, name)[self.row] = value
+
+    return property(lambda self: float(getattr(self.rows, name)[self.row]), put)
+
+
+class MovingRow:
+    """One of many, with those members of a `Moving` that say where it is."""
+
+    def __init__(self, rows: MovingRows, row: int) -> None:
+        self.rows, self.row = rows, row
+        self.q, self.qd, self.p = rows.q[row], rows.qd[row], rows.p[row]
+
+    t, work, next_step = _entry("t"), _entry("work"), _entry("next_step")

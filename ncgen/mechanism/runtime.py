@@ -49,7 +49,7 @@ from ncgen.mechanism.written import Seen, Written, motion_source
 from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, find_integrator, number_in_c
 from ncgen.program.algebra.quasidefinite import Elimination, plan
 from ncgen.program.programs import Split
-from ncgen.program.tree.tree_tables import TreeTables
+from ncgen.program.tree.table_layout import TreeTables
 from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
 from ncgen.toolchain.cache import Sibling, compiled
 from ncgen.toolchain.compilers import FLAGS, flags_for

@@ -254,9 +254,14 @@ def real_numbers(given: Any, what: str) -> np.ndarray | None:
         return None
 
 
+def has_events(model: Model) -> bool:
+    """True for a model in which something happens on the way of a motion."""
+    return bool(model.events or model.frictions)
+
+
 def refuse_events(model: Model, what: str) -> None:
     """Raise ModelError for a model with events, which `what`, a public function, does not have yet."""
-    if model.events or model.frictions:
+    if has_events(model):
         names = shortened([*model.events, *model.frictions])
         raise ModelError(f"{model.name}: {what} does not support events yet ({names}); take ncgen.simulate, or leave them out")
 

@@ -241,9 +241,7 @@ def test_unknown_names_are_refused():
 @pytest.mark.parametrize(
     ("call", "what"),
     [
-        (lambda k: ncgen.start_batch(k, 2), "ncgen.start_batch"),
         (lambda k: ncgen.gradient(k, 1.0, 10, lambda q, qd: q[-1, 0]), "a derivative of a motion"),
-        (lambda k: ncgen.simulate_batch(k, 1.0, q0=np.ones((2, 1))), "ncgen.simulate_batch"),
         (lambda k: ncgen.study(k.model, {"e": [0.1, 0.2]}, keep="last(P.y)"), "ncgen.study"),
     ],
     ids=lambda x: x if isinstance(x, str) else "",

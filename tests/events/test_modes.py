@@ -10,6 +10,7 @@ from sliding import sliding_block
 
 import ncgen
 from ncgen.exchange.toml_writer import to_toml
+from ncgen.solver.events import modes
 
 G = 9.81
 
@@ -58,6 +59,26 @@ def test_an_oscillator_rests():
     assert run.events[-1].t == pytest.approx(22.42355635069909, rel=1e-9)
     assert run["s"][-1] == pytest.approx(1 - (math.sqrt(205) - 14), abs=1e-10)
     assert run["s"][-1] == run["s"][60] and run.energy_drift < 1e-8
+
+
+@pytest.mark.parametrize("calls_python", [False, True])
+def test_loads_in_c_and_in_python(monkeypatch, calls_python):
+    """A block slips where the push t exceeds static friction; C calls Python only where the model does."""
+    called = []
+    evaluate = modes.margins
+    monkeypatch.setattr(modes, "margins", lambda *given: called.append(given) or evaluate(*given))
+    m, s = sliding_block("push")
+    m.torque(s, m.time)
+    if calls_python:
+        m.callback(lambda t, q, qd, kernels: np.zeros(kernels.n))
+    most = m.parameter("most", 2.0)
+    m.friction(s, coulomb=1.0, static=most)
+    kernels = ncgen.compile(m)
+    for number in (2.0, 2.5):
+        run = ncgen.simulate(kernels, 3.0, rtol=1e-11, p={"most": number})
+        seen = [each for each in run.events if each.t > 0]
+        assert [each.what for each in seen] == ["slips"] and seen[0].t == pytest.approx(number, rel=1e-12)
+    assert bool(called) == calls_python
 
 
 def test_a_rope_becomes_slack_and_taut():

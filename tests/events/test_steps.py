@@ -136,7 +136,7 @@ def test_an_event_that_ends_the_motion_ends_the_step():
     kept = sim.state
     sim.step(1.0)
     assert sim.stopped and sim.t == pytest.approx(0.5, rel=1e-13) and sim["s"] == pytest.approx(0.5, rel=1e-13)
-    with pytest.raises(ncgen.ModelError, match="ended: an event ended the motion at t = 0.5 s"):
+    with pytest.raises(ncgen.ModelError, match="ended: an event has ended the motion at t = 0.5 s"):
         sim.step(1.0)
     assert not sim.reset(kept).stopped and sim.step(0.25)["s"] == pytest.approx(0.25)
 

@@ -102,3 +102,25 @@ def test_a_tree_accelerates_and_moves_as_the_matrix_says(crane):
         assert np.max(np.abs(crane.phi(state.q) / crane.row_sizes)) < 1e-13
     assert states["tree"].q == pytest.approx(states["dense"].q, abs=1e-7)
     assert states["tree"].qd == pytest.approx(states["dense"].qd, abs=1e-6)
+
+
+@pytest.mark.parametrize("integrator", [None, "dop853", "radau"])
+def test_stiffness_is_seen_alike_in_both_forms(monkeypatch, integrator):
+    """Damped joints, as robots' files have them: every form takes a joint's rate from its angle, so that steps are as many."""
+    model = example_module("arm").build(6)
+    for angle, damping in zip(model.chosen_independent, (5.0, 5.0, 5.0, 20.0, 50.0, 100.0), strict=True):
+        model.torsion_spring(model.elements[angle], damping=damping)
+    runs = []
+    for most in (0, compiled.MOST_RATES):
+        monkeypatch.setattr(compiled, "MOST_RATES", most)
+        kernels = ncgen.compile(model, backend="c")
+        start = {name: 0.5 * (-1) ** i for i, name in enumerate(model.chosen_independent)}
+        runs.append(ncgen.simulate(kernels, 0.5, rtol=1e-6, points=6, zd0=start, **({"integrator": integrator} if integrator else {})))
+    tree, emitted = runs
+    assert (tree.engine, emitted.engine) == ("tree", "emitted")
+    assert tree.made_with.replace("tree", "emitted") == emitted.made_with
+    assert tree.statistics.steps == pytest.approx(emitted.statistics.steps, rel=0.02)
+    assert tree.statistics.evaluations == pytest.approx(emitted.statistics.evaluations, rel=0.02)
+    assert tree.statistics.repeated_steps == emitted.statistics.repeated_steps
+    assert np.max(np.abs(tree.q[-1] - emitted.q[-1]) / kernels.column_sizes) < 1e-7
+    assert (integrator is None) == ("stiff" in emitted.made_with)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy
@@ -24,8 +23,8 @@ from ncgen.symbolic.tree import Screw, Tree, moving
 SAME = 1e-9
 """What differs less than this, over its size, is the same; and what is smaller is 0."""
 
-LIGHTEST = 1e-6
-"""An element without mass counts as one with this share of the heaviest one's."""
+LIGHTEST = 1e-2
+"""An element without mass counts as one with this share of the heaviest one's of its link."""
 
 RANDOM = 2
 """Random rates of all joints that every row is tried with."""
@@ -65,15 +64,6 @@ class Around:
     looks: Sequence[Callable[[np.ndarray], TreePlace]]
     rows: np.ndarray
     columns: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class TreeTables:
-    """The members of `ncgen_tree` by their names."""
-
-    counts: dict[str, int]
-    indices: dict[str, list[int]]
-    numbers: dict[str, list[float]]
 
 
 class OpenTree:
@@ -158,13 +148,22 @@ class OpenTree:
                 self.singles += [(link, a, x, b, y, value) for (x, y), value in sorted(entries.items())]
 
     def _weigh(self, pattern: Pattern, place: TreePlace) -> None:
-        """How much the velocity of an element counts where the rates of a joint are found: its mass, or some of the heaviest one's."""
+        """How much the velocity of an element counts where the rates of a joint are found, as `ncgen.program.tree.joint_rates` has it:
+        of one screw that of the element alone that it moves most, of several those of all, each with its mass."""
         diagonal = scipy.sparse.csr_array((place.mass, pattern.indices, pattern.indptr), shape=pattern.shape).diagonal()
         masses, size = np.zeros(len(self.elements)), np.ones(len(self.elements))
         for c, (e, _) in self.where.items():
             masses[e], size[e] = max(masses[e], diagonal[c]), self.around.columns[c]
-        heaviest = np.max(masses * size**2, initial=0.0) or 1.0
-        self.heaviness = (np.maximum(masses, LIGHTEST * heaviest / size**2) / heaviest).tolist()
+        heaviness, homes = masses * size**2, np.array(self.home)
+        for link, own in enumerate(self.own):
+            mine = np.flatnonzero(homes == link)
+            heaviest = np.max(heaviness[mine], initial=0.0) or 1.0
+            heaviness[mine] = np.maximum(heaviness[mine] / heaviest, LIGHTEST) / size[mine] ** 2
+            if len(own) == 1 and len(mine):
+                moved = self.velocities(place.q, np.arange(len(self.screws)) == own.start)[np.array(self.components)[mine]]
+                best = mine[np.argmax(heaviness[mine] * np.sum(moved**2, axis=1))]
+                heaviness[mine[mine != best]] = 0.0
+        self.heaviness = heaviness.tolist()
 
     def _carrier(self, a: int, b: int) -> int:
         """A link that two elements move with."""
@@ -323,67 +322,6 @@ class OpenTree:
             largest = np.max(np.abs(block), axis=1, initial=0.0)
             rank = int(np.linalg.matrix_rank(block / np.where(largest > 0, largest, 1.0)[:, None], tol=SAME)) if block.size else 0
             yield rank, len(block), len(unknowns) - len(self.own[link])
-
-    # -- as C reads them -----------------------------------------------------------------------
-
-    @cached_property
-    def tables(self) -> TreeTables:
-        """As C reads them."""
-        links = range(len(self.tree.links))
-        per_link = np.bincount(self.home, minlength=len(links)) if self.home else np.zeros(len(links), dtype=int)
-        place = [0] * self.n
-        for unknowns in self.unknowns:
-            for k, c in enumerate(unknowns):
-                place[c] = k
-        counts = {
-            "n_links": len(links), "n_screws": len(self.screws), "n_elements": len(self.elements), "n_fixed": len(self.fixed),
-            "n_measured": len(self.measured), "n_rotors": len(self.rotors),
-            "most_rows": max(map(len, self.closes)), "most_unknowns": max(map(len, self.unknowns)),
-        }  # fmt: skip
-        indices = {
-            "parent": [-1 if link.parent is None else link.parent for link in self.tree.links],
-            "reference": _flat(self.references),
-            "screw_start": _starts([len(own) for own in self.own]),
-            "turns": [int(screw.point is not None) for screw in self.screws],
-            "is_carried": [int(not screw.is_constant) for screw in self.screws],
-            "term_start": _starts([len(terms) for terms in self.terms]),
-            "terms": [c for terms in self.terms for _, components in terms for c in components],
-            "element_start": _starts(per_link.tolist()),
-            "elements": _flat(self.components),
-            "is_point": [int(isinstance(element, Point)) for element in self.elements],
-            "pair_start": _starts(_count(len(links), [pair[0] for pair in self.pairs])),
-            "pairs": _flat([pair[1:] for pair in self.pairs]),
-            "single_start": _starts(_count(len(links), [single[0] for single in self.singles])),
-            "singles": _flat([single[1:] for single in self.singles]),
-            "measured": _flat([(c, k) for c, (k, _) in self.measured.items()]),
-            "rotors": _flat([rotor[:2] for rotor in self.rotors]),
-            "row_start": _starts([len(rows) for rows in self.closes]),
-            "rows": _flat(self.closes),
-            "group": self.group,
-            "place": place,
-            "unknowns": _starts([len(unknowns) for unknowns in self.unknowns]),
-            "order": _flat(self.unknowns),
-        }
-        numbers = {
-            "weights": [weight for terms in self.terms for weight, _ in terms],
-            "heaviness": self.heaviness,
-            "ratios": [ratio for _, ratio in self.measured.values()],
-            "gears": [rotor[2] for rotor in self.rotors],
-            "fixed": [component.initial for component in self.fixed],
-        }
-        return TreeTables(counts, indices, numbers)
-
-
-def _starts(lengths: Sequence[int]) -> list[int]:
-    return [0, *np.cumsum(lengths, dtype=int).tolist()]
-
-
-def _flat(rows: Sequence[Sequence[int]]) -> list[int]:
-    return [number for row in rows for number in row]
-
-
-def _count(size: int, numbers: Sequence[int]) -> list[int]:
-    return np.bincount(np.array(numbers, dtype=int), minlength=size).tolist()
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

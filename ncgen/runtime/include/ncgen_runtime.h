@@ -97,6 +97,7 @@ typedef struct ncgen_tree {
     const int *singles;            /* 5 of each entry: element and axis, element and axis, number of its value */
     const int *measured;           /* 2 of each measured coordinate: itself, its screw */
     const ncgen_scalar *ratios;
+    const int *meter;              /* of a screw: the number of the measured coordinate that gives its rate; -1: elements do */
     const int *rotors;             /* 2 of each inertia along a measured coordinate: its screw, number of its value in the mass matrix */
     const ncgen_scalar *gears;     /* ratios squared */
     const int *row_start, *rows;   /* n_links + 1: the rows that close a link */

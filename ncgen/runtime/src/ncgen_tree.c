@@ -103,13 +103,15 @@ static void moved(const ncgen_tree_work *w, int element, int screw, ncgen_real *
 }
 
 /* The rates of a link's joint that fit the velocities of its elements best, the twist without them being known. */
-static int find_rates(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *qd, const ncgen_real *twist)
+static int fit_rates(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *qd, const ncgen_real *twist)
 {
     const ncgen_tree *tree = w->tree;
     const int first = tree->screw_start[link], count = tree->screw_start[link + 1] - first;
     ncgen_real square[MOST_SCREWS * MOST_SCREWS] = {0}, right[MOST_SCREWS] = {0}, column[3 * MOST_SCREWS];
     for (int e = tree->element_start[link]; e < tree->element_start[link + 1]; ++e) {
         ncgen_real rest[3];
+        if (!(tree->heaviness[e] > 0))
+            continue;
         carried(w, e, twist, rest);
         for (int i = 0; i < 3; ++i) {
             const int c = tree->elements[3 * e + i];
@@ -124,6 +126,20 @@ static int find_rates(const ncgen_run *r, ncgen_tree_work *w, int link, const nc
     }
     const int status = ncgen_solve_positive(count, square, right);
     ncgen_copy(count, right, w->rate + first);
+    return status;
+}
+
+/* The rates of a link's joint: of what is measured its own, which no error of the elements touches; of all else what fits best. */
+static int find_rates(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *qd, const ncgen_real *twist)
+{
+    const ncgen_tree *tree = w->tree;
+    int is_measured = 1;
+    for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k)
+        is_measured &= tree->meter[k] >= 0;
+    const int status = is_measured ? NCGEN_OK : fit_rates(r, w, link, qd, twist);
+    for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k)
+        if (tree->meter[k] >= 0)
+            w->rate[k] = qd[tree->measured[2 * tree->meter[k]]] / tree->ratios[tree->meter[k]];
     return status;
 }
 

@@ -15,6 +15,7 @@ from ncgen.methods.newmark import newmark
 from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.programs import Split
+from ncgen.program.tree.table_layout import tables_of
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.projection import least_energy
 from ncgen.solver.positions.assembly import assemble
@@ -139,7 +140,7 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
     def made() -> ConstrainedDynamics:
         seen = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
         tree = open_tree(kernels) if form == "tree" else None
-        return ConstrainedDynamics(kernels, number, seen, tree.tables if tree else None, part_for(integrator, seen is not None))
+        return ConstrainedDynamics(kernels, number, seen, tables_of(tree) if tree else None, part_for(integrator, seen is not None))
 
     return kernels.remember("constrained dynamics", (number, form), made)
 

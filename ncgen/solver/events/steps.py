@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +12,7 @@ from ncgen.errors import ConvergenceError, ModelError, warn
 from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, break_times
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.moving import Moving
+from ncgen.mechanism.moving import Moving, MovingRow
 from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.method import Method
 from ncgen.solver.engines import compiled
@@ -24,6 +26,7 @@ from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.happening import Happening
+from ncgen.solver.trajectories.outputs import uses_loads
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +47,13 @@ class Steps:
     happened: all events so far; stopped: whether one of them ended the motion; evaluations, impulses: of the last step
     """
 
-    def __init__(self, kernels: Kernels, method: Method, tolerances: Tolerances, now: Moving) -> None:
+    def __init__(self, kernels: Kernels, method: Method, tolerances: Tolerances, now: Moving | MovingRow) -> None:
         self._kernels, self._method, self._tolerances, self._now = kernels, method, tolerances, now
         self._has_breaks = time_laws(kernels).has_breaks
         self.happened: tuple[Happening, ...] = ()
         self.stopped, self.evaluations = False, 0
         self.impulses: tuple[Impulse, ...] = ()
-        self._loop = self._begun()
+        self._begin()
 
     # -- where it is ---------------------------------------------------------------------------
 
@@ -67,31 +70,32 @@ class Steps:
 
     def accelerations(self) -> np.ndarray:
         """(n,) with the present inputs and what is held."""
-        self.follow()
+        with self._or_back():
+            self._follow()
         at = self._loop.at
         return accelerations_by("lagrange").motion(self._loop.mode, at.q, at.qd, at.t, at.p, {}).qdd
 
-    @property
-    def is_held(self) -> bool:
-        """True where gaps rest or joints stick."""
-        return bool(self._loop.held)
+    def check_outputs(self) -> None:
+        """Raise ModelError for outputs of joint loads where gaps rest or joints stick."""
+        if self._loop.held and uses_loads(self._kernels.model):
+            raise ModelError(f"{self._kernels.name}: outputs of joint loads need a motion in which no gap and no joint is held")
 
-    def follow(self) -> None:
+    def _follow(self) -> None:
         """Take on what the simulation was given since the last step: a state begins anew, and inputs may bring about events."""
         now, at = self._now, self._loop.at
         if not (now.t == at.t and np.array_equal(now.q, at.q) and np.array_equal(now.qd, at.qd)):
-            self._loop = self._begun()
+            self._begin()
         elif not np.array_equal(now.p, at.p):
             self._loop.work = now.work
             self._note(self._loop.change(now.p.copy()))
 
-    def _begun(self) -> Loop:
+    def _begin(self) -> None:
         now = self._now
         loop = Loop(self._engine, self._kernels, State(now.t, now.q.copy(), now.qd.copy(), now.p.copy()), Passage())
         loop.work = now.work
+        stopped = loop.begin()
         self._loop = loop
-        self._note(loop.begin())
-        return loop
+        self._note(stopped)
 
     def _note(self, stopped: bool) -> None:
         """Show the state after events in the simulation's memory."""
@@ -106,23 +110,27 @@ class Steps:
 
     # -- steps ---------------------------------------------------------------------------------
 
-    def go_on(self, h: float) -> None:
-        """On by h seconds, or to the event that ends the motion.
+    def go_on(self, h: float) -> bool:
+        """On by h seconds, or to the event that ends the motion; False where one has ended it before.
 
-        Raises ModelError where one has ended it already, ConvergenceError or DomainError where it cannot go on; then it stays where it was.
+        Raises ConvergenceError or DomainError where it cannot go on, ModelError for a state that cannot begin; then nothing has moved.
         """
-        now = self._now
-        kept = self.past, now.t, now.work, now.next_step, now.q.copy(), now.qd.copy(), now.p.copy()
+        with self._or_back():
+            self._follow()
+            if not self.stopped:
+                self._run(self._now.t + h)
+                return True
+        return False
+
+    @contextmanager
+    def _or_back(self) -> Iterator[None]:
+        """Where something is raised all is as it was."""
+        now, past = self._now, self.past
+        numbers = now.t, now.work, now.next_step, now.q.copy(), now.qd.copy(), now.p.copy()
         try:
-            self.follow()
-            if self.stopped:
-                raise ModelError(
-                    f"{self._kernels.name}: an event ended the motion at t = {now.t:.9g} s; go back with sim.reset(state), or write other "
-                    "values to sim.q and sim.qd"
-                )
-            self._run(now.t + h)
+            yield
         except BaseException:
-            past, now.t, now.work, now.next_step, now.q[:], now.qd[:], now.p[:] = kept
+            now.t, now.work, now.next_step, now.q[:], now.qd[:], now.p[:] = numbers
             self.go_back(past)
             raise
 

@@ -13,8 +13,8 @@ from ncgen.program.motions.multipliers import STATE, assemble_multipliers
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.rank import trial_positions
 
-MOST_UNKNOWNS = 300
-"""Coordinates and constraints together up to which multipliers are emitted as straight-line code, which is compiled in some seconds."""
+MOST_UNKNOWNS = 100
+"""Coordinates and constraints together up to which multipliers are emitted: so many take 20,000 operations, which compile in 2 s."""
 
 
 def refusal_of_multipliers(kernels: Kernels) -> str:

@@ -17,7 +17,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.model.arguments import truth
 from ncgen.solver.engines.compiled import GROWTH
-from ncgen.solver.given import Given, checked_kernels, finite, names_of, refuse_events
+from ncgen.solver.given import Given, checked_kernels, finite, has_events, names_of
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import Choice, States, those_in_lanes
@@ -26,6 +26,8 @@ from ncgen.solver.runs.run import COMPILED, Run, count
 from ncgen.solver.runs.signals import Signal
 from ncgen.solver.runs.telling import Told, telling
 from ncgen.solver.runs.tolerances import Tolerances
+from ncgen.solver.trajectories.happening import Happening
+from ncgen.solver.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneOutcome
@@ -46,7 +48,8 @@ class BatchTrajectory:
     status (B,): "ok", "interrupted", or a sentence that says why a state did not arrive; its rows from there on are NaN
     steps (B,): accepted ones
     alone (B,): states that could not go on with the others, mostly since their independent coordinates became bad or a driver's velocity
-        jumps, so that they were simulated one at a time
+        jumps, so that they were simulated one at a time; with a model that has events all of them
+    events (B,): what happened at the model's events, of each state in the order of time; () for a model without events
     """
 
     kernels: Kernels
@@ -58,6 +61,7 @@ class BatchTrajectory:
     status: tuple[str, ...]
     steps: np.ndarray
     alone: np.ndarray
+    events: tuple[tuple[Happening, ...], ...] = ()
 
     def __repr__(self) -> str:
         return f"<BatchTrajectory {self.kernels.name}: {int(self.ok.sum())} of {len(self.q)} states arrived at {self.t[-1]:g} s>"
@@ -191,7 +195,7 @@ def simulate_batch(
     """Simulate a mechanism from many states, with many parameter sets, or both.
 
     Each state is a run of `simulate` with coordinate partitioning. The independent coordinates are chosen at the first regular state;
-    where they become ill-conditioned, that state is simulated by `simulate` in C.
+    where they become ill-conditioned, that state is simulated by `simulate` in C. So are all states of a model with events, in a loop.
 
     Parameters
     ----------
@@ -214,7 +218,7 @@ def simulate_batch(
     Returns
     -------
     BatchTrajectory
-        The motions; a state that fails, or takes a million steps, costs nothing but itself, and its status says why.
+        The motions; a state that fails, takes a million steps, or is ended by an event, costs nothing but itself, and its status says why.
 
     Raises
     ------
@@ -230,7 +234,6 @@ def simulate_batch(
     in_common: dict[str, Any] = {"integrator": "dopri5", **arguments, "formalism": "coordinate-partitioning"}
     q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
     run = Run.asked(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
-    refuse_events(kernels.model, "ncgen.simulate_batch")
     threads, method = asked_threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
     if inputs:
@@ -257,7 +260,7 @@ def side_by_side(
 
     run: its times and tolerances; threads, progress: as of `simulate_batch`; inputs: what changes with time, which lanes cannot follow
     """
-    done = _not_begun(run, states) if inputs else _begun(kernels, run, method, states, threads, progress)
+    done = _not_begun(run, states) if inputs or has_events(kernels.model) else _begun(kernels, run, method, states, threads, progress)
     exhausted = np.flatnonzero((done.steps >= MOST_STEPS) & (np.array(done.status) != "ok"))
     for i in exhausted:
         done.status[i] = (
@@ -343,11 +346,13 @@ class _Batch:
     done: LaneOutcome
     alone: np.ndarray
     progress: Callable[[float], None] | None
+    events: dict[int, tuple[Happening, ...]] = field(default_factory=dict)
 
     def trajectory(self) -> BatchTrajectory:
         done = self.done
         names, status = self.states.choice.names, tuple(done.status)
-        return BatchTrajectory(self.kernels, self.grid, done.q, done.qd, done.work, names, status, done.steps, self.alone)
+        events = tuple(self.events.get(i, ()) for i in range(len(status))) if has_events(self.kernels.model) else ()
+        return BatchTrajectory(self.kernels, self.grid, done.q, done.qd, done.work, names, status, done.steps, self.alone, events)
 
     def go_on_alone(self, duration: float, options: dict[str, Any]) -> None:
         """Simulate those that could not go on with the others; what they warn of is said once."""
@@ -370,7 +375,7 @@ class _Batch:
 
     def _simulate(self, i: int, duration: float, options: dict[str, Any]) -> str:
         """Simulate one state; its status."""
-        done, states = self.done, self.states
+        states = self.states
         start = dict(q0=states.q[i], zd0=states.zd[i], p=states.p[i], z=states.choice.names)
         try:
             run = simulate(self.kernels, duration, engine=COMPILED, **start, **options)  # in Python a hopeless state takes very long
@@ -378,8 +383,16 @@ class _Batch:
             return str(error)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             return f"{self.kernels.name}: a calculation failed ({' '.join(str(error).split())}); correct this state"
-        done.q[i], done.qd[i], done.work[i], done.steps[i] = run.q, run.qd, run.work, run.statistics.steps
-        return "ok"
+        return self._take(i, run)
+
+    def _take(self, i: int, run: Trajectory) -> str:
+        """Keep what one state gave, as far as it is on the grid; its status."""
+        done, count = self.done, len(run.t) if run.t[-1] == self.grid[len(run.t) - 1] else len(run.t) - 1
+        done.q[i, :count], done.qd[i, :count], done.work[i, :count] = run.q[:count], run.qd[:count], run.work[:count]
+        done.steps[i], self.events[i] = run.statistics.steps, run.events
+        if count == len(self.grid):
+            return "ok"
+        return f"{self.kernels.name}: event {run.events[-1].name} ended the motion at t = {run.t[-1]:.9g} s"
 
 
 def asked_threads(threads: int | None) -> int | None:

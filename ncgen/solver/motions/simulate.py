@@ -17,7 +17,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
 from ncgen.solver.events.passage import Passage, check_events
-from ncgen.solver.given import checked_kernels
+from ncgen.solver.given import checked_kernels, has_events
 from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
@@ -212,7 +212,7 @@ class _Motion:
         """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
         run, kernels = self.run, self.kernels
         form = self._form()
-        if kernels.model.events or kernels.model.frictions:
+        if has_events(kernels.model):
             check_events(kernels, self.choice.method, run)
         refused = "asked for" if run.engine == "python" else self._refusal()
         needs_c = run.engine in (COMPILED, "c", *EMITTED) or run.number != "double"
@@ -308,7 +308,7 @@ class _Motion:
 
             return in_segments(engine, path, kernels, task, self.jumps)
 
-        if not (kernels.model.events or kernels.model.frictions):
+        if not has_events(kernels.model):
             return whole(self.path, kernels, task)
         from ncgen.solver.events.loop import through_events
 

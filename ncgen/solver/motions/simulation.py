@@ -23,7 +23,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse, cross
-from ncgen.solver.given import array_of, checked_kernels, echo, finite, known_name, offer, positive, values_by_name
+from ncgen.solver.given import array_of, checked_kernels, echo, finite, has_events, known_name, offer, positive, values_by_name
 from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments, takes
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.parameter_checks import check_parameters
@@ -36,7 +36,7 @@ from ncgen.solver.runs.tolerances import NEAR_ZERO, Tolerances
 from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, uses_loads
 
 if TYPE_CHECKING:
-    from ncgen.mechanism.moving import Stepping
+    from ncgen.mechanism.moving import Moving, MovingRow, Stepping
     from ncgen.solver.events.steps import Past, Steps
     from ncgen.solver.trajectories.happening import Happening
 
@@ -139,11 +139,8 @@ class Simulation:
         self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, here.q, here.qd, here.p
         self._mechanism = compiled.checked_compiled(kernels).fingerprint
         self.drive(**inputs)
-        if kernels.model.events or kernels.model.frictions:
-            from ncgen.solver.events.steps import Steps
-
-            tolerances = Tolerances(rtol, absolute(rtol, atol), atol is None, 0.0)
-            self._steps = Steps(kernels, Method.of(ALL, self.integrator), tolerances, self._now)
+        if has_events(kernels.model):
+            self._steps = through_events(kernels, self.integrator, rtol, atol, self._now)
 
     def __repr__(self) -> str:
         return f"<Simulation {self.kernels.name}: t = {self.t:g} s, {self.integrator}>"
@@ -230,7 +227,11 @@ class Simulation:
             if inputs:
                 self._drive(inputs)
             if self._steps:
-                self._steps.go_on(h)
+                if not self._steps.go_on(h):
+                    raise ModelError(
+                        f"{self.kernels.name}: an event has ended the motion at t = {self.t:.9g} s; go back with sim.reset(state), or "
+                        "write other values to sim.q and sim.qd"
+                    )
                 return self
             status = self._now.go_on(h)
         if status != "ok":
@@ -300,8 +301,8 @@ class Simulation:
     @property
     def outputs(self) -> dict[str, float]:
         """{label: value} of the model's outputs. Warns, once for a mechanism, of loads in them that are not unique."""
-        if self._steps and self._steps.is_held and uses_loads(self.kernels.model):
-            raise ModelError(f"{self.kernels.name}: outputs of joint loads need a motion in which no gap and no joint is held")
+        if self._steps:
+            self._steps.check_outputs()
         qdd = self.qdd if uses_accelerations(self.kernels.model) else np.zeros_like(self.q)
         values = outputs_at(self.kernels, self.t, self.q, self.qd, qdd, self._now.p)
         return dict(zip(self.kernels.model.outputs, values.tolist(), strict=True))
@@ -372,6 +373,13 @@ def known_text(name: object) -> str:
     if not isinstance(name, str):
         raise ModelError(f"{echo(name)} is no name; give that of a coordinate, a rate, an input or an output")
     return name
+
+
+def through_events(kernels: Kernels, integrator: str, rtol: float, atol: float | None, now: Moving | MovingRow) -> Steps:
+    """What carries a mechanism over its events. Raises what a start with events raises."""
+    from ncgen.solver.events.steps import Steps
+
+    return Steps(kernels, Method.of(ALL, integrator), Tolerances(rtol, absolute(rtol, atol), atol is None, 0.0), now)
 
 
 def absolute(rtol: float, atol: float | None) -> float:

@@ -11,8 +11,8 @@ A step of all is one call of C for every thread. Each row moves by the same code
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Unpack
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ from ncgen.mechanism.library import STATUS
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines.compiled import checked_compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import array_of, checked_kernels, count, echo, known_name, positive, refuse_events
+from ncgen.solver.given import array_of, checked_kernels, count, echo, has_events, known_name, positive
 from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.motions.simulation import (
@@ -36,10 +36,15 @@ from ncgen.solver.motions.simulation import (
     outputs_at,
     prepared,
     stepped,
+    through_events,
 )
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial
 from ncgen.solver.trajectories.outputs import uses_accelerations
+
+if TYPE_CHECKING:
+    from ncgen.solver.events.steps import Past, Steps
+    from ncgen.solver.trajectories.happening import Happening
 
 HELD = ("t", "work", "q", "qd", "p")
 """Arrays of `Simulations` that C works on."""
@@ -47,7 +52,8 @@ HELD = ("t", "work", "q", "qd", "p")
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), as of `ncgen.solver.motions.simulation.State`."""
+    """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), pasts (N,) of a model with events, as of
+    `ncgen.solver.motions.simulation.State`."""
 
     t: np.ndarray
     q: np.ndarray
@@ -56,6 +62,7 @@ class States:
     p: np.ndarray
     next_step: np.ndarray
     mechanism: str
+    pasts: tuple[Past, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
         return f"<States of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
@@ -90,7 +97,6 @@ def start_batch(kernels: Kernels, variants: int, *, threads: int | None = 1, **a
 
     driven = checked_kernels(kernels).driven_by(None)
     size = count(variants, "variants")
-    refuse_events(driven.model, "ncgen.start_batch")
     if size * (3 * driven.n + len(driven.p0)) > MOST_NUMBERS:
         raise ModelError(
             f"variants: {size} simulations of {driven.n} coordinates take more than {MOST_NUMBERS * 8 / 2**30:.3g} GiB; ask for fewer"
@@ -106,7 +112,10 @@ class Simulations:
     on and may be written to: copy them to keep them, or take `states`; after writing to q or qd call `settle`.
     stuck (N,): who could not go on in the last step.
     `sims["psi"]` is a coordinate of all, `sims["rate(psi)"]` its velocity, `sims["tip height"]` an output, `sims["tau"]` an input, (N,).
+    With a model that has events, `events` lists those of each, and `stopped` says which an event has ended: these stay where they are.
     """
+
+    _steps: tuple[Steps, ...] = ()
 
     t: np.ndarray
     work: np.ndarray
@@ -125,7 +134,7 @@ class Simulations:
         inputs: Mapping[str, ArrayLike],
         at: Initial,
     ) -> None:
-        from ncgen.mechanism.moving import MovingRows
+        from ncgen.mechanism.moving import MovingRow, MovingRows
 
         self.kernels, self.integrator, self.size = kernels, explicit(integrator), size
         stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
@@ -136,6 +145,9 @@ class Simulations:
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
         self.t[:], self.q[:], self.qd[:], self.p[:] = at.t, here.q, here.qd, here.p
         self.drive(**inputs)
+        if has_events(kernels.model):
+            rows = (MovingRow(now, row) for row in range(size))
+            self._steps = tuple(through_events(kernels, self.integrator, rtol, atol, row) for row in rows)
         self._began = self.states
 
     def __repr__(self) -> str:
@@ -159,6 +171,16 @@ class Simulations:
     @property
     def stuck(self) -> np.ndarray:
         return self._now.statuses != 0
+
+    @property
+    def events(self) -> tuple[tuple[Happening, ...], ...]:
+        """Of each its events since the start; () for a model without events."""
+        return tuple(each.happened for each in self._steps)
+
+    @property
+    def stopped(self) -> np.ndarray:
+        """Which an event has ended, (N,)."""
+        return np.array([each.stopped for each in self._steps] or [False] * self.size)
 
     def drive(self, /, **inputs: ArrayLike) -> Simulations:
         """Give inputs by their names, one value or (N,); each keeps its value until it is given again. Raises ModelError for an unknown
@@ -195,10 +217,27 @@ class Simulations:
         with self._alone:
             if inputs:
                 self._drive(inputs)
+            if self._steps:
+                self._go_through_events(h)
+                return self
             moved = self._now.go_on(h)
         if not moved:
             raise self._refused(h)
         return self
+
+    def _go_through_events(self, h: float) -> None:
+        """All on by h seconds, one after the other. Raises ConvergenceError for the first that cannot, when the others have moved."""
+        raised: dict[int, NcgenError] = {}
+        for row, each in enumerate(self._steps):
+            try:
+                each.go_on(h)
+            except NcgenError as error:
+                raised[row] = error
+            self._now.statuses[row] = STATUS.index("not converged") if row in raised else 0
+        if raised:
+            row = min(raised)
+            more = f" (and {len(raised) - 1} others)" if len(raised) > 1 else ""
+            raise ConvergenceError(f"simulation {row} of {self.size}{more}: {raised[row]}") from raised[row]
 
     def _refused(self, h: float) -> Exception:
         rows = np.flatnonzero(self.stuck)
@@ -214,7 +253,7 @@ class Simulations:
         """Where all are, as a copy."""
         now = self._now
         t, q, qd, work, p, next_step = (x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step))
-        return States(t, q, qd, work, p, next_step, self._mechanism)
+        return States(t, q, qd, work, p, next_step, self._mechanism, tuple(each.past for each in self._steps))
 
     def reset(self, rows: ArrayLike | None = None, states: States | None = None) -> Simulations:
         """Some of them back to their start, or to those rows of `states`. From there the same steps give the same bits.
@@ -236,6 +275,8 @@ class Simulations:
             for name, array in values.items():
                 getattr(now, name)[chosen] = array[chosen]
             now.statuses[chosen] = 0
+            for row in chosen.tolist() if source.pasts else ():
+                self._steps[row].go_back(source.pasts[row])
         return self
 
     def settle(self, rows: ArrayLike | None = None) -> Simulations:
@@ -271,6 +312,8 @@ class Simulations:
     def qdd(self) -> np.ndarray:
         """Accelerations (N, n) with the present inputs. Raises ConvergenceError where there are none."""
         with self._alone:
+            if self._steps:
+                return np.array([each.accelerations() for each in self._steps])
             for row in range(self.size):
                 if (status := self._now.evaluate(row)) != "ok":
                     said = f"simulation {row} has no accelerations at t = {self.t[row]:.6g} s ({status})"
@@ -280,6 +323,8 @@ class Simulations:
     @property
     def outputs(self) -> dict[str, np.ndarray]:
         """{label: values (N,)} of the model's outputs, one simulation after the other."""
+        for each in self._steps:
+            each.check_outputs()
         qdd = self.qdd if uses_accelerations(self.kernels.model) else np.zeros_like(self.q)
         found = [outputs_at(self.kernels, *row) for row in zip(self.t, self.q, self.qd, qdd, self.p, strict=True)]
         return dict(zip(self.kernels.model.outputs, np.array(found).T, strict=True))

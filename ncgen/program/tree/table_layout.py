@@ -1,0 +1,81 @@
+"""The tables of an open tree as C reads them (`ncgen_tree` in ncgen_runtime.h)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.model.elements import Point
+from ncgen.program.tree.tree_tables import OpenTree
+
+
+@dataclass(frozen=True, eq=False)
+class TreeTables:
+    """The members of `ncgen_tree` by their names."""
+
+    counts: dict[str, int]
+    indices: dict[str, list[int]]
+    numbers: dict[str, list[float]]
+
+
+def tables_of(tree: OpenTree) -> TreeTables:
+    """As C reads them."""
+    links = range(len(tree.tree.links))
+    per_link = np.bincount(tree.home, minlength=len(links)) if tree.home else np.zeros(len(links), dtype=int)
+    place = [0] * tree.n
+    for unknowns in tree.unknowns:
+        for k, c in enumerate(unknowns):
+            place[c] = k
+    meters = {k: number for number, (k, _) in enumerate(tree.measured.values())}
+    counts = {
+        "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
+        "n_measured": len(tree.measured), "n_rotors": len(tree.rotors),
+        "most_rows": max(map(len, tree.closes)), "most_unknowns": max(map(len, tree.unknowns)),
+    }  # fmt: skip
+    indices = {
+        "parent": [-1 if link.parent is None else link.parent for link in tree.tree.links],
+        "reference": _flat(tree.references),
+        "screw_start": _starts([len(own) for own in tree.own]),
+        "turns": [int(screw.point is not None) for screw in tree.screws],
+        "is_carried": [int(not screw.is_constant) for screw in tree.screws],
+        "term_start": _starts([len(terms) for terms in tree.terms]),
+        "terms": [c for terms in tree.terms for _, components in terms for c in components],
+        "element_start": _starts(per_link.tolist()),
+        "elements": _flat(tree.components),
+        "is_point": [int(isinstance(element, Point)) for element in tree.elements],
+        "pair_start": _starts(_count(len(links), [pair[0] for pair in tree.pairs])),
+        "pairs": _flat([pair[1:] for pair in tree.pairs]),
+        "single_start": _starts(_count(len(links), [single[0] for single in tree.singles])),
+        "singles": _flat([single[1:] for single in tree.singles]),
+        "measured": _flat([(c, k) for c, (k, _) in tree.measured.items()]),
+        "meter": [meters.get(k, -1) for k in range(len(tree.screws))],
+        "rotors": _flat([rotor[:2] for rotor in tree.rotors]),
+        "row_start": _starts([len(rows) for rows in tree.closes]),
+        "rows": _flat(tree.closes),
+        "group": tree.group,
+        "place": place,
+        "unknowns": _starts([len(unknowns) for unknowns in tree.unknowns]),
+        "order": _flat(tree.unknowns),
+    }
+    numbers = {
+        "weights": [weight for terms in tree.terms for weight, _ in terms],
+        "heaviness": tree.heaviness,
+        "ratios": [ratio for _, ratio in tree.measured.values()],
+        "gears": [rotor[2] for rotor in tree.rotors],
+        "fixed": [component.initial for component in tree.fixed],
+    }
+    return TreeTables(counts, indices, numbers)
+
+
+def _starts(lengths: Sequence[int]) -> list[int]:
+    return [0, *np.cumsum(lengths, dtype=int).tolist()]
+
+
+def _flat(rows: Sequence[Sequence[int]]) -> list[int]:
+    return [number for row in rows for number in row]
+
+
+def _count(size: int, numbers: Sequence[int]) -> list[int]:
+    return np.bincount(np.array(numbers, dtype=int), minlength=size).tolist()
