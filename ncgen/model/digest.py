@@ -18,8 +18,8 @@ from ncgen.model.elements import Constant, Element
 from ncgen.model.model import Model
 
 BESIDE = (
-    "facts", "callbacks", "conditions", "events", "frictions", "drawing", "left_out", "assembled", "closing", "starts", "frames",
-    "simulation_options", "_related", "_telling", "_box",
+    "facts", "callbacks", "conditions", "events", "frictions", "ratchets", "locks", "beginnings", "drawing", "left_out", "assembled",
+    "closing", "starts", "frames", "simulation_options", "_related", "_telling", "_box",
 )  # fmt: skip
 """What a model also holds: how it was told, what is called from Python only, what happens on the way, what p must satisfy, what is shown,
 what is done with it. All else counts."""

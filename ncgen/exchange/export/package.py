@@ -34,6 +34,7 @@ from ncgen.program.motions.full_loads import assemble_loads
 from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
 from ncgen.program.motions.outputs import assemble_outputs
 from ncgen.solver.engines.compiled import own_positions
+from ncgen.solver.given import has_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.positions.rank import freedom, trial_positions
@@ -245,7 +246,7 @@ def _simulation(kernels: Kernels) -> Run:
 def _refusal(model: Model) -> str | None:
     if model.callbacks:
         return "it calls a Python function"
-    if model.events or model.frictions:
+    if has_events(model):
         return "exports do not support events yet"
     if model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps; use smooth angles"

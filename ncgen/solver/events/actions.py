@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,17 +10,20 @@ import scipy.sparse
 
 from ncgen.errors import ConvergenceError, ModelError, shown
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.actions import Call, Stop
+from ncgen.model.actions import Call, Stop, Switch
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.impacts import Gaps
+from ncgen.solver.events.impacts import Gaps, Hit
 from ncgen.solver.events.state import State
-from ncgen.solver.formalisms.projection import least_energy
+from ncgen.solver.formalisms.projection import least_energy, project_velocity, velocity_residual
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.trajectories.happening import Happening, Search
 
 MOST_ROUNDS = 1000
 """Rounds of events that bring about others at one instant."""
+
+LOCKED = 1e-9
+"""The largest share of its terms by which a velocity may miss the constraints after a lock has closed."""
 
 CLOSED = 1e-10
 """A gap is closed where it is smaller than this share of its scale."""
@@ -64,20 +67,64 @@ class Instant:
         after, _ = self.functions.values(self.at)
         small, ways = CLOSED * self.functions.scales(self.at), self.functions.directions
         turned = (before * after < 0) & (np.abs(before) > small) & (np.abs(after) > small) & (np.sign(after) * ways >= 0)
-        return {k: "action" for k in np.flatnonzero(turned).tolist() if k not in done}
+        return {k: "action" for k in np.flatnonzero(turned[: len(self.functions.events)]).tolist() if k not in done}
+
+    def lock(self, names: Sequence[str]) -> None:
+        """Close locks where they are, with the impulses of their constraints. Raises ModelError where others contradict them."""
+        functions, at, p = self.functions, self.at, self.at.p.copy()
+        if not (new := [name for name in names if name not in at.locked]):
+            return
+        for name in new:
+            lock = self.kernels.model.locks[name]
+            p[self.kernels.parameters.index(lock.held)] = functions.place(lock, at)
+        locked = tuple(name for name in functions.locks if name in (*at.locked, *new))
+        self.at = at = replace(at, p=p, locked=locked)
+        mode = functions.mode(at)
+        qd = project_velocity(mode, at.q, at.qd, at.t, at.p)
+        if not velocity_residual(mode, at.q, qd, at.t, at.p) <= LOCKED:
+            raise ModelError(
+                f"{self.kernels.name}: {', '.join(new)} cannot be locked at t = {at.t:.6g} s, since drivers or other locks move it; "
+                "free these first"
+            )
+        self.at = replace(at, qd=qd)
+
+    def free(self, name: str) -> None:
+        """Open a lock."""
+        self.at = replace(self.at, locked=tuple(each for each in self.at.locked if each != name))
+
+    def begin(self) -> None:
+        """Close the locks that are closed from the start on."""
+        for name, lock in self.kernels.model.locks.items():
+            if lock.closed:
+                start = self.at
+                self.lock([name])
+                self._note(name, "start", start, "locks")
+
+    def catch(self, due: Mapping[int, Search]) -> None:
+        """Stop ratchets that run backward, but for those that are due as they only just turn, by impulses that only push."""
+        start = self.at
+        taking = [k for k in self.functions.ratchets if k not in due and self.functions.values(start)[0][k] <= 0]
+        if not taking or not np.any((gaps := self._gaps(taking)).closing(start.qd)):
+            return
+        hit = gaps.all_at_once(start.qd)
+        self.at = replace(start, qd=hit.qd)
+        self._note_impulses(gaps.names, {}, hit, start)
 
     def _act(self, k: int, search: Search) -> None:
-        event, start = self.functions.events[k], self.at
+        event, start, what = self.functions.events[k], self.at, ""
         for action in event.do:
             if isinstance(action, Stop):
                 self.stops = True
+            elif isinstance(action, Switch):
+                self.lock([action.lock]) if action.closes else self.free(action.lock)
+                what = "locks" if action.closes else "frees"
             elif isinstance(action, Call):
                 told = action.function(self.at, self.kernels)
                 if told is not None and not isinstance(told, Mapping):
                     raise ModelError(f"event {event.name}: its function returned {shown(told)}; return {{name: value}} or None")
                 self._set(told or {}, event.name)
         self._set(self.functions.numbers(self.at).get(k, {}), event.name)
-        self._note(k, search, start)
+        self._note(event.name, search, start, what)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
         """Other inputs, parameters and velocities; those of other coordinates follow with the least kinetic energy of the change."""
@@ -97,42 +144,39 @@ class Instant:
             raise ModelError(f"event {where} at t = {at.t:.6g} s: {refused[0]}")
         self.at = replace(at, p=p)
         if held:
-            self.at = replace(self.at, qd=_with_rates(kernels, self.at, held))
+            self.at = replace(self.at, qd=_with_rates(self.functions.mode(self.at), self.at, held))
 
     def _impacts(self, due: list[int], searches: Mapping[int, Search]) -> None:
         """The impacts of the events that are due, with the gaps that are closed already taking part where several can."""
         if not due:
             return
-        kernels, functions, start = self.kernels, self.functions, self.at
+        functions, start = self.functions, self.at
         all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
         values, scales = functions.values(start)[0], functions.scales(start)
         taking = [k for k in all_impacts if k in due or abs(values[k]) <= CLOSED * scales[k]]
-        gradients, drift = functions.slopes(start)
-        gaps = Gaps(
-            kernels, start, gradients[taking], drift[taking], np.array([functions.restitution(k, start) for k in taking]),
-            tuple(functions.events[k].name for k in taking),
-        )  # fmt: skip
-        closing = gaps.closing(start.qd)
-        if not np.any(closing):
+        gaps = self._gaps([*taking, *(k for k in functions.ratchets if values[k] <= 0)])
+        if not np.any(gaps.closing(start.qd)):
             return
-        order = self._order([k for k, closes in zip(taking, closing, strict=True) if closes], taking, gaps)
-        where = f"{kernels.name} at t = {start.t:.6g} s"
+        order = self._order(taking, gaps)
+        where = f"{self.kernels.name} at t = {start.t:.6g} s"
         hit = gaps.in_turn(start.qd, where) if order == "in turn" else gaps.all_at_once(start.qd)
         self.at = replace(start, qd=hit.qd)
-        for number, k in enumerate(taking):
-            if hit.impulses[number] > 0:
-                search = searches.get(k, "action")
-                self.happened.append(
-                    Happening(
-                        start.t, functions.events[k].name, search, start.q, start.qd, hit.qd, float(hit.impulses[number]),
-                        float(hit.lost[number]),
-                    )
-                )  # fmt: skip
+        found = {functions.events[k].name: search for k, search in searches.items() if k < len(functions.events)}
+        self._note_impulses(gaps.names, found, hit, start)
         for k in due:  # what else they do
             if len(functions.events[k].do) > 1:
                 self._act(k, searches[k])
 
-    def _order(self, closing: list[int], taking: list[int], gaps: Gaps) -> str:
+    def _gaps(self, numbers: list[int]) -> Gaps:
+        """Those of events, and ratchets that do not run forward."""
+        functions, at, first = self.functions, self.at, len(self.functions.events)
+        gradients, drift = functions.slopes(at)
+        rows = [functions.rate_slopes(at)[k] if k >= first else gradients[k] for k in numbers]
+        names = tuple(functions.ratchets[k].name if k >= first else functions.events[k].name for k in numbers)
+        restitution = np.array([functions.restitution(k, at) if k < first else 0.0 for k in numbers])
+        return Gaps(functions.mode(at), at, np.array(rows), np.where(np.array(numbers) < first, drift[numbers], 0.0), restitution, names)
+
+    def _order(self, taking: list[int], gaps: Gaps) -> str:
         """The law of several impacts. Raises ModelError where it is not said and matters."""
         events = self.functions.events
         orders = {events[k].impact.order for k in taking if events[k].impact} - {""}  # type: ignore[union-attr]
@@ -145,13 +189,19 @@ class Instant:
         if not orders and np.any(coupled):
             raise ModelError(
                 f"{self.kernels.name}: several impacts at one instant, of {', '.join(gaps.names)} at t = {self.at.t:.6g} s, "
-                'where laws differ; say which holds, ncgen.impact(…, order="simultaneous") or order="in turn"'
+                'where laws differ; say which holds, order="simultaneous" or order="in turn" of ncgen.impact or of the element'
             )
         return next(iter(orders), "simultaneous")
 
-    def _note(self, k: int, search: Search, start: State) -> None:
+    def _note(self, name: str, search: Search, start: State, what: str) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
-        self.happened.append(Happening(start.t, self.functions.events[k].name, search, start.q, start.qd, self.at.qd, 0.0, lost))
+        self.happened.append(Happening(start.t, name, search, start.q, start.qd, self.at.qd, 0.0, lost, what=what))
+
+    def _note_impulses(self, names: Sequence[str], searches: Mapping[str, Search], hit: Hit, start: State) -> None:
+        """Of every gap that was hit."""
+        for name, impulse, lost in zip(names, hit.impulses.tolist(), hit.lost.tolist(), strict=True):
+            if impulse > 0:
+                self.happened.append(Happening(start.t, name, searches.get(name, "action"), start.q, start.qd, hit.qd, impulse, lost))
 
     def _energy(self, at: State) -> np.ndarray:
         """Kinetic and potential energy (J)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -13,11 +14,12 @@ from ncgen.mechanism.functions import CompiledFunctions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Change
 from ncgen.model.elements import rate_name
-from ncgen.model.events import Event
+from ncgen.model.events import Event, Lock
 from ncgen.model.frictions import Friction
-from ncgen.model.values import Scalar, Value, is_number, symbol_of
+from ncgen.model.one_sided import Ratchet
+from ncgen.model.values import Scalar, as_sympy, is_number, symbol_of
 from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
-from ncgen.solver.events.modes import Held, LoadConditions
+from ncgen.solver.events.modes import Held, LoadConditions, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.runs.stop import DIRECTIONS, Stop
 from ncgen.solver.trajectories.happening import Search
@@ -37,29 +39,41 @@ class EventFunctions:
         model = kernels.model
         self.kernels, self.events, self.named = kernels, tuple(model.events.values()), model.events
         self.frictions: dict[int, Friction] = dict(enumerate(model.frictions.values(), len(self.events)))
-        self.count = len(self.events) + len(self.frictions)
+        self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), len(self.events) + len(self.frictions)))
+        self.locks = {each.name: Held(-1, each.name, each.along.position - symbol_of(each.held)) for each in model.locks.values()}
+        self.count = len(self.events) + len(self.frictions) + len(self.ratchets)
         ways = [DIRECTIONS[event.direction] for event in self.events]
-        self.directions = np.array([*ways, *([OFF] * len(self.frictions))], dtype=int)
+        self.directions = np.array([*ways, *([OFF] * len(self.frictions)), *([DIRECTIONS["falling"]] * len(self.ratchets))], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
 
     @cached_property
     def searches(self) -> tuple[Search, ...]:
         """How every condition is found."""
         found: list[Search] = ["sampled" if self._degree(event) is None else "proof" for event in self.events]
-        return (*found, *(["proof"] * len(self.frictions)))  # type: ignore[return-value]
+        return (*found, *(["proof"] * (self.count - len(found))))  # type: ignore[return-value]
 
     @cached_property
     def rows(self) -> tuple[Held, ...]:
         """The constraints that modes can have."""
         contacts = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         held = [Held(k, event.name, event.when) for k, event in contacts]
-        sticking = [Held(k, f.name, symbol_of(f.coordinate) - symbol_of(f.held), f.static) for k, f in self.frictions.items()]
-        return (*held, *sticking)
+        sticking = [Held(k, f.name, f.along.position - symbol_of(f.held), f.static) for k, f in self.frictions.items()]
+        caught = [Held(k, r.name, r.along.position - symbol_of(r.held)) for k, r in self.ratchets.items()]
+        return (*held, *sticking, *caught)
+
+    @property
+    def moving(self) -> dict[int, Friction | Ratchet]:
+        """What is held by its velocity, by the numbers of its conditions."""
+        return {**self.frictions, **self.ratchets}
+
+    def mode(self, at: State, held: Sequence[Held] = ()) -> Kernels:
+        """The kernels of the mode in which these are held and the locks of a state are closed; held constraints are the last ones."""
+        return variant(self.kernels, (*(self.locks[name] for name in at.locked), *held))
 
     @property
     def can_hold(self) -> bool:
         """True where the mechanism has modes."""
-        return bool(self.rows)
+        return bool(self.rows or self.locks)
 
     @cached_property
     def degree(self) -> int:
@@ -78,7 +92,7 @@ class EventFunctions:
         if stop:
             coordinates, values = np.append(coordinates, stop.coordinate), np.append(values, stop.value)
             directions, signs = np.append(directions, stop.direction), np.append(signs, 0)
-        address = loads.address if loads else self._functions.address("conditions")
+        address = loads.address if loads else self._functions.address("conditions") if self.count else None
         return Conditions(coordinates, values, directions, signs, address, self.degree)
 
     def values(self, at: State) -> tuple[np.ndarray, np.ndarray]:
@@ -92,11 +106,20 @@ class EventFunctions:
 
     def slopes(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """Gradients ∂/∂q (C, n) and ∂/∂t (C,)."""
-        found = self._call("condition_slopes", at).reshape(self.count, -1)
+        found = self._slopes(at)
         return found[:, : self.kernels.n], found[:, -1]
+
+    def rate_slopes(self, at: State) -> np.ndarray:
+        """Gradients ∂/∂q̇ (C, n)."""
+        return self._slopes(at)[:, self.kernels.n : 2 * self.kernels.n]
+
+    def _slopes(self, at: State) -> np.ndarray:
+        return self._call("condition_slopes", at).reshape(self.count, 2 * self.kernels.n + 1)
 
     def rates(self, at: State, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivatives along the motion (C,), the second of conditions without velocities; qdd (n,): accelerations."""
+        if not self.count:
+            return np.empty(0), np.empty(0)
         found = self._functions("condition_rates", at.t, at.q, at.qd, qdd, self.kernels.present(at.t, at.p))
         return found[: self.count], found[self.count :]
 
@@ -114,6 +137,8 @@ class EventFunctions:
         return told
 
     def _call(self, name: str, at: State) -> np.ndarray:
+        if not self.count and name in ("conditions", "condition_slopes"):
+            return np.empty(0)
         return self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
 
     @cached_property
@@ -133,27 +158,39 @@ class EventFunctions:
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of every condition."""
-        rates = [(f"friction {each.name}", symbol_of(rate_name(each.coordinate))) for each in self.frictions.values()]
+        rates = [(each.name, each.along.rate) for each in self.moving.values()]
         return [*((f"event {event.name}", event.when) for event in self.events), *rates]
 
     def restitution(self, k: int, at: State) -> float:
         """Of an event's impact; 0 for other events."""
         event = self.events[k]
-        return self._number(f"event {event.name}", event.impact.restitution, at) if event.impact else 0.0
+        return self._number(f"event {event.name}", as_sympy(event.impact.restitution), at) if event.impact else 0.0
 
     def static(self, k: int, at: State) -> float:
         """Static friction of a friction (N or N m)."""
         return self._number(f"friction {self.frictions[k].name}", self.frictions[k].static, at)
 
-    def _number(self, where: str, value: Value, at: State) -> float:
-        """A number, or an expression of parameters."""
+    def place(self, of: Friction | Ratchet | Lock, at: State) -> float:
+        """Where what is held is (m or rad)."""
+        return self._number(of.name, of.along.position, at)
+
+    def beginnings(self, at: State) -> dict[str, float]:
+        """{name: number} of what parameters and inputs are at the start."""
+        return {name: self._number(name, value, at) for name, value in self.kernels.model.beginnings.items()}
+
+    def _number(self, where: str, value: Scalar, at: State) -> float:
+        """A number, or an expression."""
         return float(value) if is_number(value) else float(self._call("element_values", at)[self._elements.index((where, value))])
 
     @cached_property
-    def _elements(self) -> list[tuple[str, Value]]:
-        """(words, value) of restitutions and static frictions that are expressions."""
-        pairs = [(f"event {event.name}", event.impact.restitution) for event in self.events if event.impact]
+    def _elements(self) -> list[tuple[str, Scalar]]:
+        """(words, value) of restitutions, static frictions, places and beginnings that are expressions."""
+        pairs: list[tuple[str, Scalar]] = [
+            (f"event {event.name}", as_sympy(event.impact.restitution)) for event in self.events if event.impact
+        ]
         pairs += [(f"friction {each.name}", each.static) for each in self.frictions.values()]
+        pairs += [(each.name, each.along.position) for each in (*self.moving.values(), *self.kernels.model.locks.values())]
+        pairs += list(self.kernels.model.beginnings.items())
         return [pair for pair in pairs if not is_number(pair[1])]
 
     def _made(self) -> CompiledFunctions:

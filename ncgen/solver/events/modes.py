@@ -65,7 +65,7 @@ def variant(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
 
 def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     model = copy.deepcopy(kernels.model)
-    model.events, model.frictions, model.chosen_independent = {}, {}, ()
+    model.events, model.frictions, model.ratchets, model.locks, model.chosen_independent = {}, {}, {}, {}, ()
     for each in held:
         model.constrain(each.row, f"{each.name}, held")  # type: ignore[arg-type]
     made = import_module("ncgen.compiler").compile(model, backend="c")

@@ -13,7 +13,7 @@ from ncgen.errors import ConvergenceError
 from ncgen.mechanism.conditions import OFF
 from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.modes import loads_of, variant
+from ncgen.solver.events.modes import loads_of
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import Happening, Search
@@ -67,6 +67,8 @@ class Settling:
     def begin(self, at: State) -> State:
         """The state at the start, slip directions being those of the velocities."""
         values, p = self.functions.values(at)[0], at.p.copy()
+        for name, number in self.functions.beginnings(at).items():
+            p[self._place(name)] = number
         for k, friction in self.functions.frictions.items():
             p[self._place(friction.slip)] = 0.0 if self._is_still(k, at) else np.sign(values[k])
         return replace(at, p=p)
@@ -78,8 +80,8 @@ class Settling:
         wanted = [k for k in wanted if k not in released]
         p = at.p.copy()
         for k in wanted:
-            if k in functions.frictions and k not in held:
-                p[self._place(functions.frictions[k].held)] = at.q[self.kernels.index[functions.frictions[k].coordinate]]
+            if k in functions.moving and k not in held:
+                p[self._place(functions.moving[k].held)] = functions.place(functions.moving[k], at)
         at = replace(at, p=p)
         for _ in range(len(self.rows) + 1):
             at, worst = self._tried(at, start, tuple(wanted), held)
@@ -98,7 +100,7 @@ class Settling:
                 p[place] = 0.0
             elif k in released:
                 p[place] = released[k]
-            elif p[place] == 0.0 or k in due:
+            elif p[place] == 0.0 or k in due or not self._is_still(k, at):
                 p[place] = np.sign(functions.values(at)[0][k])
         self.left = released
         at = replace(at, p=p)
@@ -106,32 +108,30 @@ class Settling:
 
     def _may_hold(self, k: int, at: State, held: tuple[int, ...], due: dict[int, Search], resting: list[int]) -> bool:
         """Whether a gap is closed and does not open, or a joint does not move."""
-        if k in resting:
+        if k in resting or (k in self.functions.moving and (k in due or self._is_still(k, at))):
             return True
-        if k in self.functions.frictions:
-            return k in due or (at.p[self._place(self.functions.frictions[k].slip)] == 0.0 and self._is_still(k, at))
+        if k in self.functions.moving:
+            return False
         values, scales = self.functions.values(at)[0], self.functions.scales(at)
         return bool(abs(values[k]) <= CLOSED * scales[k]) and self._is_still(k, at) and (k in held or k not in due)
 
     def _is_still(self, k: int, at: State) -> bool:
         """Whether a gap does not change, or a joint does not move, but for rounding."""
-        if k in self.functions.frictions:
-            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * self.kernels.column_sizes[self._column(k)] * self._speed(at)
+        if k in self.functions.moving:
+            size = float(np.abs(self.functions.rate_slopes(at)[k]) @ self.kernels.column_sizes)
+            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * size * self._speed(at)
         slopes, drift = self.functions.slopes(at)
         return bool(abs(slopes[k] @ at.qd + drift[k]) <= STANDSTILL * (np.abs(slopes[k]) @ np.abs(at.qd) + abs(drift[k])))
 
     def _speed(self, at: State) -> float:
         return float(np.max(np.abs(at.qd) / self.kernels.column_sizes, initial=0.0))
 
-    def _column(self, k: int) -> int:
-        return self.kernels.index[self.functions.frictions[k].coordinate]
-
     def _tried(self, at: State, start: State, held: tuple[int, ...], before: tuple[int, ...]) -> tuple[State, tuple[int, float] | None]:
         """The state on the constraints of a mode, and the one that must be released with its side, or None. before: what was held; a gap
         that was not is held only if it is pushed."""
         if not held:
             return replace(at, q=start.q, qd=start.qd), None
-        kernels = variant(self.kernels, tuple(self.rows[k] for k in held))
+        kernels = self.functions.mode(at, [self.rows[k] for k in held])
         q, _ = project_position(kernels, start.q, at.t, at.p)
         at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
         loads, largest = loads_of(kernels, len(held), at)
@@ -154,7 +154,7 @@ class Settling:
         found = []
         for k, row in self.rows.items():
             is_joint = k in self.functions.frictions
-            words = ("sticks", "slips") if is_joint else ("rests", "leaves")
+            words = ("sticks", "slips") if is_joint else ("catches", "releases") if k in self.functions.ratchets else ("rests", "leaves")
             change = words[0] if k in after and k not in before else words[1] if k in before and k not in after else ""
             if is_joint and not change and k in due and k not in after:
                 change = "turns"
