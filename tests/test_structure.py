@@ -254,6 +254,12 @@ def test_describing_a_mechanism_is_quick():
     assert "sympy" in loaded_after(f"{describe}\nm.constrain(B.x - 1)")
 
 
+def test_a_run_from_the_cache_loads_no_sympy():
+    """What carries runs out is there without it: equations that are in the cache are not derived again."""
+    runs = "ncgen.compiler, ncgen.exchange.robots, ncgen.mechanism.runtime, ncgen.solver.motions.simulate"
+    assert "sympy" not in loaded_after(f"import {runs}")
+
+
 def tracked() -> set[str]:
     """Names at the top of the repository: those git knows, else those that lie there."""
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True) if (ROOT / ".git").exists() else None

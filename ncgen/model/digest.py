@@ -27,7 +27,15 @@ what is done with it. All else counts."""
 
 def digest(model: Model) -> str | None:
     """The digest of a model, 64 hexadecimal digits; None if it holds something that has no name and no value."""
-    told = {key: value for key, value in vars(model).items() if key not in BESIDE}
+    return _digest({key: value for key, value in vars(model).items() if key not in BESIDE})
+
+
+def digest_of_events(model: Model) -> str | None:
+    """The same of what happens on the way of its motions, which equations do not depend on."""
+    return _digest({"events": model.events, "frictions": model.frictions})
+
+
+def _digest(told: dict[str, object]) -> str | None:
     words: list[str] = []
     try:
         _words(told, set(), words)

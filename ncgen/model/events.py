@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
 from ncgen.errors import ModelError, one_of
-from ncgen.model.actions import Action, Call, Doing, Impact, Switch
+from ncgen.model.actions import Action, Call, Doing, Impact, Stop, Switch
 from ncgen.model.conditions import Between, Bound
 from ncgen.model.displacements import Displacement
 from ncgen.model.expressions import is_symbolic, symbols_in
@@ -33,6 +33,11 @@ class Event:
     def impact(self) -> Impact | None:
         """Its impact, if it is one."""
         return next((action for action in self.do if isinstance(action, Impact)), None)
+
+    @property
+    def is_last(self) -> bool:
+        """True if it may end a run."""
+        return any(isinstance(action, Stop) for action in self.do) or (self.impact is not None and self.impact.rest == "end")
 
     @property
     def is_called(self) -> bool:

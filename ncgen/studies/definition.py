@@ -16,11 +16,11 @@ from ncgen.errors import SHOWN, ModelError, counted, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.model import Model
-from ncgen.model.digest import digest
+from ncgen.model.digest import digest, digest_of_events
 from ncgen.model.elements import coordinate_of
 from ncgen.model.model import checked_model
 from ncgen.solver.given import count as whole
-from ncgen.solver.given import known_name, refuse_events, several
+from ncgen.solver.given import has_events, known_name, several
 from ncgen.solver.runs.run import Run, outline
 from ncgen.solver.runs.simulation_options import check_options, simulation_of
 from ncgen.solver.trajectories.outputs import uses_accelerations
@@ -75,7 +75,10 @@ class Study:
         run, known = Run.asked(model, **options), outline(model)
         if model.callbacks:
             raise ModelError(f"{model.name}: a force is a Python function, which is no data; a study needs a model that can travel")
-        refuse_events(model, "ncgen.study")
+        if called := [event.name for event in model.events.values() if event.is_called]:
+            raise ModelError(
+                f"{model.name}: event {called[0]} calls a Python function, which is no data; write what it does as expressions"
+            )
         for name, signal in (options.get("inputs") or {}).items():
             if callable(signal):
                 raise ModelError(f"inputs, {name}: a Python function is no data; give a number or a table of times and values")
@@ -90,6 +93,8 @@ class Study:
             raise ModelError(f"times: from {instants[0]:g} to {instants[-1]:g} s given; the run goes from {ends[0]:g} to {ends[1]:g} s")
         if len(instants) and run.stop is not None:
             raise ModelError("times: where a run may end before, it has no instants of its own; keep the end, or leave stop out")
+        if len(instants) and (ending := [event.name for event in model.events.values() if event.is_last]):
+            raise ModelError(f"times: event {ending[0]} may end a run before; keep the end, or leave the event out")
         steps = None if steps is None else whole(steps, "steps")
         study = cls(model, variants, columns, _apart(instants, ends), options, points, steps)
         study._check_names()
@@ -118,6 +123,10 @@ class Study:
         if bool(self.gradients) != (self.steps is not None):
             raise ModelError("steps: gradient(…) goes through steps of equal length, as ncgen.gradient does; give both or neither")
         for column in self.gradients:
+            if has_events(self.model):
+                raise ModelError(
+                    f"keep, {column.word}: the model has events, and studies have no gradients of such runs; leave one of them out"
+                )
             if given := [name for name in NO_GRADIENT if self.simulation.get(name)]:
                 raise ModelError(f"keep, {column.word}: {given[0]} is given, and such runs have no derivative; leave one of them out")
             if column.is_output(self.model) and uses_accelerations(self.model):
@@ -172,6 +181,8 @@ class Study:
             told, axes, self.design.kind, self.design.count, self.design.seed, [column.word for column in self.kept],
             [t.hex() for t in self.times.tolist()], [t.hex() for t in self.grid.tolist()], _plain(self.simulation),
         ] + ([self.steps] if self.steps else [])  # fmt: skip
+        if has_events(self.model):
+            said.append(digest_of_events(self.model) or hashlib.sha256(pickle.dumps((self.model.events, self.model.frictions))).hexdigest())
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
     @property

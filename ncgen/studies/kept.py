@@ -4,6 +4,8 @@ psi2, rate(psi2)   a coordinate, its velocity or an output of the model at the e
 max(…), min(…)     the largest and the smallest of them over the run
 history(…)         all of them at the study's `times`
 energy_drift, steps, time   as of a trajectory, the accepted steps, and the time (s) at the end
+first_time(floor), count(floor), impulse(floor), energy_lost(floor)   of an event of the model: when it happens first (s), how often, and
+                   the sums of its impulses and of the energy that it takes (J)
 gradient(…, mass)  how what stands first, a value at the end or an extreme, changes with a parameter or a `start(…)`;
 gradient(…)        with everything that varies, a column each
 """
@@ -19,18 +21,20 @@ from ncgen.errors import ModelError
 from ncgen.model import Model
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import Outline, known_name, names_of, offer
+from ncgen.solver.trajectories.happening import GAPS, JOINTS, Happening
 from ncgen.studies.design import started
 from ncgen.studies.extremes import extremes
 
 OVER = ("max", "min", "history")
 GRADIENT = "gradient"
 SPECIAL = ("energy_drift", "steps", "time")
+OF_EVENTS = ("first_time", "count", "impulse", "energy_lost")
 
 
 @dataclass(frozen=True)
 class Kept:
-    """One column. over: "end", an entry of OVER, or of SPECIAL; name: of a coordinate, `rate(…)` or output, "" of SPECIAL; by: with
-    what it changes, if it is a gradient of that."""
+    """One column. over: "end", an entry of OVER, of SPECIAL or of OF_EVENTS; name: of a coordinate, `rate(…)`, output or event, "" of
+    SPECIAL; by: with what it changes, if it is a gradient of that."""
 
     word: str
     over: str
@@ -45,9 +49,11 @@ class Kept:
         if word in SPECIAL:
             return cls(word, word)
         over, _, rest = word.partition("(")
+        if over in OF_EVENTS and rest.endswith(")"):
+            return cls(word, over, known_name(rest.removesuffix(")"), event_names(known.model), f"keep, {word}", "event"))
         name = rest.removesuffix(")") if over in OVER and rest.endswith(")") else word
         if not _is_known(name, known):
-            names = (*known.coordinates, *known.model.outputs, *SPECIAL)
+            names = (*known.coordinates, *known.model.outputs, *SPECIAL, *(f"{OF_EVENTS[0]}({each})" for each in known.model.events))
             raise ModelError(f"keep: {known.name} has no coordinate or output {name}; {offer(name, names)}")
         return cls(word, over, name)
 
@@ -55,6 +61,18 @@ class Kept:
     def whole(self) -> bool:
         """Whether the run between its ends counts."""
         return self.over in ("max", "min", "energy_drift")
+
+    @property
+    def is_count(self) -> bool:
+        """Whether it is a whole number."""
+        return self.over in ("steps", "count")
+
+    def of_events(self, happened: Sequence[Happening]) -> float:
+        """What is kept of the events of a run. NaN of an event that does not happen has a time."""
+        own = [each for each in happened if self.name in (f"{each.name} {each.what}".strip(), each.name if each.what in JOINTS else "")]
+        if self.over == "first_time":
+            return own[0].t if own else np.nan
+        return float(len(own) if self.over == "count" else sum(getattr(each, self.over) for each in own))
 
     def is_output(self, model: Model) -> bool:
         return self.name in model.outputs
@@ -64,7 +82,7 @@ def kept(words: Sequence[str] | str, known: Outline, varied: Sequence[str] = ())
     """Columns from their words; varied: names of what varies. Raises ModelError for one that means nothing, comes twice, or for none."""
     names = names_of(words, "keep")
     if not names:
-        words = f"coordinates, outputs, max(…), min(…), history(…), gradient(…), {', '.join(SPECIAL)}"
+        words = f"coordinates, outputs, max(…), min(…), history(…), gradient(…), {', '.join((*SPECIAL, *(f'{w}(…)' for w in OF_EVENTS)))}"
         raise ModelError(f"keep: nothing is kept of {known.name}; name {words}")
     found = [column for name in names for column in (_gradients(name, known, varied) or [Kept.of(name, known)])]
     if twice := [column.word for k, column in enumerate(found) if column in found[:k]]:
@@ -99,6 +117,13 @@ def _is_known(name: str, known: Outline) -> bool:
     return name in known.model.outputs or coordinate_of(name) in known.index
 
 
+def event_names(model: Model) -> tuple[str, ...]:
+    """What may be named of events: an event, a friction, and what either does to what is held."""
+    contacts = [name for name, event in model.events.items() if event.impact]
+    held = [f"{name} {what}" for name in contacts for what in GAPS] + [f"{name} {what}" for name in model.frictions for what in JOINTS]
+    return (*model.events, *model.frictions, *held)
+
+
 @dataclass(frozen=True, eq=False)
 class Histories:
     """Motions of B variants on K instants t (s): q, qd (B, K, n) in m and rad, outputs (B, K, outputs), NaN where a run did not arrive."""
@@ -128,3 +153,14 @@ class Histories:
         if kept.over == "history":
             return values[:, np.searchsorted(self.t, times)]
         return extremes(self.t, values, self.rates(kept.name))[kept.over == "max"]
+
+
+def with_events(motion: Histories, happened: Sequence[Happening]) -> Histories:
+    """One motion with two more instants at every event, before and after it, so that between instants it is smooth; without outputs."""
+    if not happened:
+        return motion
+    t = np.concatenate([np.repeat([each.t for each in happened], 2), motion.t])
+    q = np.vstack([*(each.q[None] for each in happened for _ in range(2)), motion.q[0]])
+    qd = np.vstack([*(v[None] for each in happened for v in (each.before, each.after)), motion.qd[0]])
+    order = np.argsort(t, kind="stable")  # at one time events stand before a row of the grid, which is behind them
+    return Histories(motion.index, (), t[order], q[order][None], qd[order][None], np.zeros((1, len(t), 0)))

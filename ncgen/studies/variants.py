@@ -19,7 +19,7 @@ from ncgen.compiler import compile
 from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
-from ncgen.solver.given import position
+from ncgen.solver.given import has_events, position
 from ncgen.solver.motions.batch import in_lanes, side_by_side
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import Choice, States, closed
@@ -28,9 +28,10 @@ from ncgen.solver.runs.run import EMITTED, Run
 from ncgen.solver.runs.start import begin, check_count, check_independent
 from ncgen.solver.trajectories.energy import drifts
 from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations
+from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.studies.definition import Study
 from ncgen.studies.design import argument_of
-from ncgen.studies.kept import Histories
+from ncgen.studies.kept import OF_EVENTS, Histories, with_events
 from ncgen.studies.slopes import Slopes
 
 FIRST = 64
@@ -149,6 +150,8 @@ class Bench:
 
     def _why_not_in_lanes(self) -> str | None:
         study, said = self.study, self.study.simulation
+        if has_events(study.model):
+            return "the model has events"
         given = [name for name in OWN if said.get(name)]
         if given:
             return f"{given[0]} is given"
@@ -284,7 +287,7 @@ class Bench:
         study, said = self.study, {}
         shapes = {column.word: (len(study.times),) if column.over == "history" else () for column in study.values}
         columns = {word: np.full((len(rows), *shape), np.nan) for word, shape in shapes.items()}
-        columns |= {column.word: np.zeros(len(rows), dtype=np.int64) for column in study.values if column.over == "steps"}
+        columns |= {column.word: np.zeros(len(rows), dtype=np.int64) for column in study.values if column.is_count}
         ok, told, ends = np.zeros(len(rows), dtype=bool), 0.0, np.full((len(rows), self.kernels.n), np.nan)
         for i, row in enumerate(rows):
             if progress and i / len(rows) - told >= TELLS:
@@ -309,15 +312,28 @@ class Bench:
         study, kernels = self.study, self.kernels
         try:
             run = simulate(kernels, **study.options(row), points=study.grid, progress=(lambda t: None) if progress else None)
-            outputs = np.zeros((len(run.t), 0))
-            if any(column.is_output(study.model) for column in study.values):
-                outputs = np.column_stack([*run.outputs.values()])
-            histories = Histories(kernels.index, tuple(kernels.model.outputs), run.t, run.q[None], run.qd[None], outputs[None])
-            own = {"steps": lambda: run.statistics.steps, "time": lambda: run.t[-1]}
-            own["energy_drift"] = lambda: run.energy_drift
-            kept = {c.word: own[c.over]() if c.over in own else histories.column(c, study.times)[0] for c in study.values}
-            return kept, run.q[-1]
+            return self._kept(run), run.q[-1]
         except NcgenError as error:
             return str(error)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             return f"{kernels.name}: a calculation failed ({' '.join(str(error).split())}); correct this variant"
+
+    def _kept(self, run: Trajectory) -> dict[str, Any]:
+        """What is kept of one motion."""
+        study, kernels = self.study, self.kernels
+        outputs = np.zeros((len(run.t), 0))
+        if any(column.is_output(study.model) for column in study.values):
+            outputs = np.column_stack([*run.outputs.values()])
+        histories = Histories(kernels.index, tuple(kernels.model.outputs), run.t, run.q[None], run.qd[None], outputs[None])
+        smooth = with_events(histories, run.events)
+        own = {"steps": lambda: run.statistics.steps, "time": lambda: run.t[-1], "energy_drift": lambda: run.energy_drift}
+        kept: dict[str, Any] = {}
+        for column in study.values:
+            if column.over in own:
+                kept[column.word] = own[column.over]()
+            elif column.over in OF_EVENTS:
+                kept[column.word] = column.of_events(run.events)
+            else:
+                is_smooth = column.over in ("max", "min") and not column.is_output(study.model)
+                kept[column.word] = (smooth if is_smooth else histories).column(column, study.times)[0]
+        return kept

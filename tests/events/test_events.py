@@ -242,7 +242,6 @@ def test_unknown_names_are_refused():
     ("call", "what"),
     [
         (lambda k: ncgen.gradient(k, 1.0, 10, lambda q, qd: q[-1, 0]), "a derivative of a motion"),
-        (lambda k: ncgen.study(k.model, {"e": [0.1, 0.2]}, keep="last(P.y)"), "ncgen.study"),
     ],
     ids=lambda x: x if isinstance(x, str) else "",
 )

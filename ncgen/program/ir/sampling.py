@@ -24,11 +24,6 @@ def roughly(number: float) -> float:
     return float(f"{number:.3g}")
 
 
-def firmly(matrix: np.ndarray) -> np.ndarray:
-    """A matrix whose columns are a little smaller the later they come, so that of equal ones the first is chosen, whatever the rounding."""
-    return matrix * (1.0 - 1e-6 * np.arange(matrix.shape[1]) / max(1, matrix.shape[1]))
-
-
 class Sampling:
     """The values of a graph's nodes in samples; each is computed when it is first asked for.
 

@@ -14,9 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TypeAlias
-
-import sympy
+from typing import TYPE_CHECKING, TypeAlias
 
 from ncgen.errors import ModelError, shortened
 from ncgen.model.elements import rate_name
@@ -34,6 +32,9 @@ from ncgen.program.motions.full_motion import MotionSizes
 from ncgen.program.motions.multipliers import AccelerationNodes
 from ncgen.program.motions.outputs import read_component
 from ncgen.symbolic.numbering import Terms
+
+if TYPE_CHECKING:
+    import sympy
 
 INPUTS = {
     "conditions": ("t", "q", "qd", "p"),
@@ -101,12 +102,16 @@ def assemble_mode_conditions(
 
 def terms_of(expression: Scalar) -> sympy.Expr:
     """The sum of the sizes of the terms of an expression; those of a polynomial are its monomials."""
+    import sympy
+
     terms = sympy.Add.make_args(sympy.expand(sympy.sympify(expression)))
     return sympy.Add(*(sympy.Abs(term) for term in terms))
 
 
 def degree_of(expression: Scalar, moving: set[str]) -> int | None:
     """The degree of an expression as a polynomial of the time and of coordinates and velocities of these names; None where it is none."""
+    import sympy
+
     formula = sympy.sympify(expression)
     symbols = [s for s in sorted(symbols_in(formula), key=str) if s.name == TIME or s.name in moving]
     if not symbols:
@@ -116,6 +121,8 @@ def degree_of(expression: Scalar, moving: set[str]) -> int | None:
 
 
 def _node(lines: Lines, where: str, given: Scalar) -> int:
+    import sympy
+
     expression = sympy.sympify(given)
     known = {TIME: partial(lines.graph.load, "t", 0)}
     known |= {p.name: partial(lines.graph.load, "p", i) for i, p in enumerate(lines.equations.parameters)}

@@ -11,15 +11,14 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
 
 import numpy as np
-import scipy
 
 from ncgen.model.elements import Point, Relative, Spatial
+from ncgen.program.algebra.pivoting import column_order
 from ncgen.program.algebra.space import Vector
 from ncgen.program.ir.graph import Input
-from ncgen.program.ir.sampling import Sample, Sampling, firmly
+from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
@@ -205,7 +204,7 @@ class Rates:
         matrices = self._numbers(rows)
         rank = max(int(np.linalg.matrix_rank(matrix, tol=10 * WELL)) for matrix in matrices) if rows else 0
         scale = np.array([weights.get(k, 1.0) for k in range(self.count)])
-        _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(firmly(matrices[0] * scale), mode="r", pivoting=True))
+        order = column_order(matrices[0] * scale)
         self.free = sorted(order[rank:].tolist())
 
     def kept(self, rows: list[RateRow]) -> list[RateRow]:
@@ -213,7 +212,7 @@ class Rates:
         dependent, matrices = self.dependent, self._numbers(rows)
         if len(rows) < len(dependent):
             raise NoRecursion(f"{len(rows)} rows for {len(dependent)} dependent rates")
-        _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(firmly(matrices[0][:, dependent].T), mode="r", pivoting=True))
+        order = column_order(matrices[0][:, dependent].T)
         taken = sorted(order[: len(dependent)].tolist())
         for matrix in matrices:
             values = np.linalg.svd(matrix[np.ix_(taken, dependent)], compute_uv=False)

@@ -17,7 +17,7 @@ from ncgen.solver.events.impacts import Gaps, Hit
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import least_energy, project_velocity, velocity_residual
 from ncgen.solver.parameter_checks import refused_parameters
-from ncgen.solver.trajectories.happening import Happening, Search
+from ncgen.solver.trajectories.happening import LOCKS, Happening, Search
 
 MOST_ROUNDS = 1000
 """Rounds of events that bring about others at one instant."""
@@ -98,7 +98,7 @@ class Instant:
             if lock.closed:
                 start = self.at
                 self.lock([name])
-                self._note(name, "start", start, "locks")
+                self._note(name, "start", start, LOCKS[0])
 
     def catch(self, due: Mapping[int, Search]) -> None:
         """Stop ratchets that run backward, but for those that are due as they only just turn, by impulses that only push."""
@@ -117,7 +117,7 @@ class Instant:
                 self.stops = True
             elif isinstance(action, Switch):
                 self.lock([action.lock]) if action.closes else self.free(action.lock)
-                what = "locks" if action.closes else "frees"
+                what = LOCKS[0 if action.closes else 1]
             elif isinstance(action, Call):
                 told = action.function(self.at, self.kernels)
                 if told is not None and not isinstance(told, Mapping):

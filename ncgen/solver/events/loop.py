@@ -180,7 +180,8 @@ class Loop:
         self.at = instant.at
         rests = self._resting(due)
         ended = [name for name, _ in rests.values() if self.functions.named[name].impact.rest == "end"]  # type: ignore[union-attr]
-        found = self.settling.settle(self.at, self.held, due, [k for k in rests if self.functions.events[k].name not in ended])
+        resting = [k for k in rests if self.functions.events[k].name not in ended]
+        found = self.settling.settle(before, self.at, self.held, due, resting)
         self.at = found.at
         self._note(before, instant.happened, found.happened, dict(rests.values()))
         self._set_signs(due)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Drive, Kernels
 from ncgen.methods.method import Method
-from ncgen.solver.events.modes import Mode
 from ncgen.solver.runs.run import Run
 from ncgen.solver.trajectories.happening import Happening
+
+if TYPE_CHECKING:
+    from ncgen.solver.events.modes import Mode
 
 
 @dataclass(eq=False)

@@ -16,7 +16,7 @@ from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.modes import loads_of
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
-from ncgen.solver.trajectories.happening import Happening, Search
+from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
 SLACK = 1e-10
 """A load on the wrong side by less than this share of the largest is held."""
@@ -35,12 +35,14 @@ class Settled:
 
 
 class Settling:
-    """rows: {number of a condition: what holds it}. left: numbers of what was released at this instant."""
+    """rows: {number of a condition: what holds it}. left: numbers of what was released at this instant; speed: the largest velocity at it,
+    in natural sizes per second"""
 
     def __init__(self, functions: EventFunctions) -> None:
         self.functions, self.kernels = functions, functions.kernels
         self.rows = {row.number: row for row in functions.rows}
         self.left: dict[int, float] = {}
+        self.speed = 0.0
 
     # -- what C watches ------------------------------------------------------------------------
 
@@ -53,30 +55,37 @@ class Settling:
         return ways
 
     def release(self, held: tuple[int, ...], crossed: list[int]) -> None:
-        """Note which constraints the load conditions of these numbers release, and to which side."""
-        self.left, number = {}, 0
+        """Note which constraints the load conditions of these numbers release, and to which side.
+
+        Where joints slip, gaps stay: what a joint bore may push them closed.
+        """
+        left, number = {}, 0
         for k in held:
             both = (1, -1) if k in self.functions.frictions else (1,)
             for side in both:
                 if number in crossed:
-                    self.left[k] = float(-side)
+                    left[k] = float(-side)
                 number += 1
+        slips = {k: side for k, side in left.items() if k in self.functions.frictions}
+        self.left = slips or left
 
     # -- modes ---------------------------------------------------------------------------------
 
     def begin(self, at: State) -> State:
         """The state at the start, slip directions being those of the velocities."""
-        values, p = self.functions.values(at)[0], at.p.copy()
+        values, p, self.speed = self.functions.values(at)[0], at.p.copy(), self._speed(at)
         for name, number in self.functions.beginnings(at).items():
             p[self._place(name)] = number
         for k, friction in self.functions.frictions.items():
             p[self._place(friction.slip)] = 0.0 if self._is_still(k, at) else np.sign(values[k])
         return replace(at, p=p)
 
-    def settle(self, at: State, held: tuple[int, ...], due: dict[int, Search], resting: list[int]) -> Settled:
-        """The mode after an instant. Raises ConvergenceError where none is found."""
+    def settle(self, before: State, at: State, held: tuple[int, ...], due: dict[int, Search], resting: list[int]) -> Settled:
+        """The mode after an instant; before, at: the states before and after its actions. Raises ConvergenceError where none is found."""
+        self.speed = max(self._speed(before), self._speed(at))
         functions, start, released = self.functions, at, dict(self.left)
-        wanted = [k for k in self.rows if self._may_hold(k, at, held, due, resting)]
+        still = [*resting, *held] if np.array_equal(before.qd, at.qd) else resting
+        wanted = [k for k in self.rows if k in still or self._may_hold(k, at, held, due)]
         wanted = [k for k in wanted if k not in released]
         p = at.p.copy()
         for k in wanted:
@@ -84,6 +93,7 @@ class Settling:
                 p[self._place(functions.moving[k].held)] = functions.place(functions.moving[k], at)
         at = replace(at, p=p)
         for _ in range(len(self.rows) + 1):
+            at = self._slipping(at, start, wanted, released, due)
             at, worst = self._tried(at, start, tuple(wanted), held)
             if worst is None:
                 break
@@ -93,25 +103,26 @@ class Settling:
             raise ConvergenceError(
                 f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
             )
-        p = at.p.copy()
-        for k, friction in functions.frictions.items():
+        self.left = released
+        return Settled(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
+
+    def _slipping(self, at: State, start: State, wanted: list[int], released: dict[int, float], due: dict[int, Search]) -> State:
+        """A state with the directions in which joints slip: that in which they were released, or that of their velocity at the start."""
+        p, values = at.p.copy(), self.functions.values(start)[0]
+        for k, friction in self.functions.frictions.items():
             place = self._place(friction.slip)
             if k in wanted:
                 p[place] = 0.0
             elif k in released:
                 p[place] = released[k]
-            elif p[place] == 0.0 or k in due or not self._is_still(k, at):
-                p[place] = np.sign(functions.values(at)[0][k])
-        self.left = released
-        at = replace(at, p=p)
-        return Settled(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
+            elif p[place] == 0.0 or k in due or not self._is_still(k, start):
+                p[place] = np.sign(values[k])
+        return replace(at, p=p)
 
-    def _may_hold(self, k: int, at: State, held: tuple[int, ...], due: dict[int, Search], resting: list[int]) -> bool:
+    def _may_hold(self, k: int, at: State, held: tuple[int, ...], due: dict[int, Search]) -> bool:
         """Whether a gap is closed and does not open, or a joint does not move."""
-        if k in resting or (k in self.functions.moving and (k in due or self._is_still(k, at))):
-            return True
         if k in self.functions.moving:
-            return False
+            return k in due or self._is_still(k, at)
         values, scales = self.functions.values(at)[0], self.functions.scales(at)
         return bool(abs(values[k]) <= CLOSED * scales[k]) and self._is_still(k, at) and (k in held or k not in due)
 
@@ -119,9 +130,10 @@ class Settling:
         """Whether a gap does not change, or a joint does not move, but for rounding."""
         if k in self.functions.moving:
             size = float(np.abs(self.functions.rate_slopes(at)[k]) @ self.kernels.column_sizes)
-            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * size * self._speed(at)
+            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * size * self.speed
         slopes, drift = self.functions.slopes(at)
-        return bool(abs(slopes[k] @ at.qd + drift[k]) <= STANDSTILL * (np.abs(slopes[k]) @ np.abs(at.qd) + abs(drift[k])))
+        size = np.abs(slopes[k]) @ self.kernels.column_sizes
+        return bool(abs(slopes[k] @ at.qd + drift[k]) <= STANDSTILL * (size * self.speed + abs(drift[k])))
 
     def _speed(self, at: State) -> float:
         return float(np.max(np.abs(at.qd) / self.kernels.column_sizes, initial=0.0))
@@ -154,10 +166,10 @@ class Settling:
         found = []
         for k, row in self.rows.items():
             is_joint = k in self.functions.frictions
-            words = ("sticks", "slips") if is_joint else ("catches", "releases") if k in self.functions.ratchets else ("rests", "leaves")
+            words = JOINTS if is_joint else RATCHETS if k in self.functions.ratchets else GAPS
             change = words[0] if k in after and k not in before else words[1] if k in before and k not in after else ""
             if is_joint and not change and k in due and k not in after:
-                change = "turns"
+                change = JOINTS[2]
             if change:
                 search: Search = due.get(k, "sampled" if k in before else "action")
                 found.append(Happening(at.t, row.name, search, at.q, start.qd, at.qd, what=change))

@@ -9,15 +9,14 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.recall import derived
-from ncgen.program.ir.sampling import firmly
+from ncgen.program.algebra.pivoting import column_order
 from ncgen.solver import given
 from ncgen.solver.given import Given
 from ncgen.solver.positions.open_tree import is_open_tree
@@ -65,12 +64,6 @@ def null_space(jacobian: np.ndarray) -> np.ndarray:
 def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
     """The `rank` rows that a QR factorisation with exchanges finds farthest from dependent, in their own order."""
     return np.sort(column_order(jacobian.T)[:rank])
-
-
-def column_order(matrix: np.ndarray) -> np.ndarray:
-    """The columns of a matrix as a QR factorisation with exchanges takes them, the farthest from dependent first."""
-    _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(firmly(matrix), mode="r", pivoting=True))  # SciPy has no types
-    return order
 
 
 def scaled_jacobian(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> np.ndarray:
