@@ -1,4 +1,4 @@
-"""The house keeps its order: who may import whom, what loading costs, and what lies at the top."""
+"""The package keeps its order: who may import whom, what loading costs, what lies at the top, and no name stands for two things."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -321,3 +322,37 @@ def test_no_circle_of_modules():
     names = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in modules()}
     needs = {name: {module(n, names) for n in eager(ast.parse(path.read_text(encoding="utf-8")))} - {name} for name, path in names.items()}
     assert circles(needs) == []
+
+
+SHARED_MODULES = {
+    "actions", "arguments", "batch", "conditions", "curves", "expressions", "files", "folder", "functions", "joint_loops",
+    "joint_space", "labels", "layout", "outputs", "rates", "running", "runtime", "spelling", "start", "tables", "tangents",
+    "variants", "written",
+}  # fmt: skip
+"""Names that several modules still have; the list may only become shorter."""
+
+SHARED_CLASSES = {
+    "Bound", "Call", "Choice", "Deferred", "Drawing", "Function", "Functions", "Inertia", "Input", "Instant", "Link", "Loop", "Moved",
+    "Names", "Output", "Part", "Pieces", "Reference", "Start", "State", "States", "Stop", "Term", "Tolerances", "TreePlace",
+    "Watched",
+}  # fmt: skip
+"""Names that several classes still have; the list may only become shorter."""
+
+
+def repeated(names: list[str]) -> set[str]:
+    """Names that come more than once."""
+    return {name for name, count in Counter(names).items() if count > 1}
+
+
+def classes_of(source: str) -> list[str]:
+    """Names of the classes of a module, those within others and within functions among them, but for private ones."""
+    names = [node.name for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef)]
+    return [name for name in names if not name.startswith("_")]
+
+
+def test_modules_have_names_of_their_own():
+    assert repeated([path.stem for path in PACKAGE.rglob("*.py") if path.stem != "__init__"]) == SHARED_MODULES
+
+
+def test_classes_have_names_of_their_own():
+    assert repeated([name for path in PACKAGE.rglob("*.py") for name in classes_of(path.read_text(encoding="utf-8"))]) == SHARED_CLASSES

@@ -56,8 +56,8 @@ for panel, commands in GROUPS.items():
         app.command(name, rich_help_panel=panel)(in_options(command))
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
+def _print_version(wanted: bool) -> None:
+    if wanted:
         out.print(f"ncgen {__version__}", markup=False)
         raise typer.Exit
 

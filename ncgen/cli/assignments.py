@@ -14,7 +14,7 @@ def assigned(option: str, typed: str | list[str] | None, word: str = "") -> dict
     word: one that may follow a number, as `psi=1.2,rising`, for messages; the value is then (number, word)
     Raises ModelError naming the option for another form, and for a name that comes twice.
     """
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for text in [typed] if isinstance(typed, str) else typed or ():
         name, _, value = text.rpartition("=")
         number, comma, behind = value.partition(",") if word else (value, "", "")
@@ -25,10 +25,10 @@ def assigned(option: str, typed: str | list[str] | None, word: str = "") -> dict
         if not name:
             also = f" or psi1=2.5,{word}" if word else ""
             raise ModelError(f"{option} {shortened(text)}: write it as name=number, for example psi1=2.5{also}")
-        if name in found:
+        if name in values:
             raise ModelError(f"{option} {shortened(text)}: {name} is given twice; give it once")
-        found[name] = (given, behind) if comma else given
-    return found or None
+        values[name] = (given, behind) if comma else given
+    return values or None
 
 
 def beside_its_own(model: Model, typed: dict[str, float] | None) -> dict[str, float] | None:

@@ -37,7 +37,7 @@ def check(file: Annotated[Path, typer.Argument(metavar="FILE", help="a model fil
     if model is None or problems:
         raise ModelError(f"{file.name}: {counted(len(problems), 'problem')}")
     sources_of(model)
-    counts = [counted(len(found), what) for found, what in ((model.components, "coordinate"), (model.rows, "row"), (model.bodies, "body"))]
+    counts = [counted(len(items), what) for items, what in ((model.components, "coordinate"), (model.rows, "row"), (model.bodies, "body"))]
     out.print(f"{file.name}: {', '.join(counts)}", markup=False)
 
 
@@ -98,9 +98,9 @@ def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all compil
     if clear:
         out.print(f"{counted(store.clear(), 'library')} removed from {store.cache_folder()}", markup=False)
         return
-    found = store.entries()
-    out.print(f"{store.cache_folder()}: {counted(len(found), 'library')}, {sum(e.size for e in found) / 1e6:.1f} MB", markup=False)
-    for entry in found:
+    cached = store.entries()
+    out.print(f"{store.cache_folder()}: {counted(len(cached), 'library')}, {sum(e.size for e in cached) / 1e6:.1f} MB", markup=False)
+    for entry in cached:
         out.print(f"  {entry.key[:12]}  {', '.join(entry.sources):<24} {entry.size / 1e3:8.0f} kB  {entry.age / 3600:6.1f} h", markup=False)
 
 

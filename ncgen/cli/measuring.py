@@ -62,11 +62,11 @@ def show_sections(
 
     records = []
     with progress(f"measuring {model}", 3.0) as advance:
-        for done, (title, found) in enumerate(sections, 1):
-            records += found
+        for done, (title, section) in enumerate(sections, 1):
+            records += section
             advance(done)
             if not json_output:
-                show_section(out, title, found, more)
+                show_section(out, title, section, more)
     if json_output:
         print(json.dumps(records, indent=1))
 
@@ -175,13 +175,13 @@ def _mistakes(model: Model, path: Path, json_output: bool) -> None:
     from ncgen.comparisons.mistakes import find_mistakes
     from ncgen.compiler import compile
 
-    found = find_mistakes(compile(model, "c"), path)
+    by_function = find_mistakes(compile(model, "c"), path)
     if json_output:
-        print(json.dumps({name: [asdict(m) for m in mistakes] for name, mistakes in found.items()}, indent=1))
+        print(json.dumps({name: [asdict(m) for m in mistakes] for name, mistakes in by_function.items()}, indent=1))
     else:
-        for name, mistakes in found.items():
+        for name, mistakes in by_function.items():
             show(mistakes or [f"{name}: no mistakes"])
-    if any(found.values()):
+    if any(by_function.values()):
         raise typer.Exit(1)
 
 

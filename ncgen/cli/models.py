@@ -173,7 +173,7 @@ def run(
     json_output: Json = False,
 ) -> None:
     """Generate, compile, check, simulate and draw a model."""
-    from ncgen.mechanism.runtime import beside, part_for
+    from ncgen.mechanism.runtime_library import beside, part_for
     from ncgen.methods.table import AUTO
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.running import run_record, write_outputs
@@ -198,12 +198,12 @@ def run(
             compiling[0].start()
 
     kernels, sources, seconds = _compiled(model, robot, backend, emission, check, lists_left_out=not json_output)
-    found = freedom(kernels)
+    mobility = freedom(kernels)
     if any(thread.is_alive() for thread in compiling):
         with progress("compiling the runtime", None):
             compiling[0].join()  # a compiler that still runs would disturb the times
     if not json_output:
-        show_inspection(out, facts_of(kernels, found), seconds, kernel_times(kernels))
+        show_inspection(out, facts_of(kernels, mobility), seconds, kernel_times(kernels))
     options = simulation_of(kernels.model, **given)
     with progress(f"simulating {options['duration']} s", options["duration"]) as advance:
         try:
@@ -217,7 +217,7 @@ def run(
             outputs = write_outputs(sources, trajectory, folder)
     else:
         outputs = []
-    record = run_record(trajectory, found, folder, outputs)
+    record = run_record(trajectory, mobility, folder, outputs)
     if json_output:
         print(json.dumps(record, indent=1))
     else:

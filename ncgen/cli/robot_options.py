@@ -71,12 +71,12 @@ def options(
     ] = None,
 ) -> dict[str, Any]:
     """Return arguments of `ncgen.load`. Raises ModelError naming a word that --with does not know."""
-    asked = having or []
-    for word in asked:
+    flags = having or []
+    for word in flags:
         if word not in JOINTS:
             raise ModelError(f"--with {word}: a robot can have {', '.join(JOINTS)}")
-    said = {"loops": loops, "inertias": inertias and inertias.replace("-", " "), "parameters": parameters, "frames": frame}
-    return {"floating": floating, **dict.fromkeys(asked, True), **{name: value for name, value in said.items() if value}}
+    choices = {"loops": loops, "inertias": inertias and inertias.replace("-", " "), "parameters": parameters, "frames": frame}
+    return {"floating": floating, **dict.fromkeys(flags, True), **{name: value for name, value in choices.items() if value}}
 
 
 def for_robots(command: Callable[..., None]) -> Callable[..., None]:

@@ -56,10 +56,10 @@ def study(
         raise ModelError("--workers and --cluster are both given; give one")
     writable("--plot", plot, PICTURES)
     writable("--table", table, (".csv", ".parquet"))
-    asked, folder = read_study(file), output or Path(f"{file.stem}-study")
+    definition, folder = read_study(file), output or Path(f"{file.stem}-study")
     try:
-        with timed(f"{asked.model.name}: {counted(asked.size, 'variant')}", asked.size) as advance:
-            result = carry_out(asked, folder, cluster or workers, threads, advance)
+        with timed(f"{definition.model.name}: {counted(definition.size, 'variant')}", definition.size) as advance:
+            result = carry_out(definition, folder, cluster or workers, threads, advance)
     except KeyboardInterrupt:
         kept = f"results so far are in {folder}; the same command resumes the study" if folder.is_dir() else "no results yet"
         err.print(f"ncgen: stopped; {kept}", markup=False)

@@ -41,11 +41,11 @@ def _blocks(file: Path, saved: Iterable[bool]) -> Iterator[list[str]]:
             yield [f"{file}: the file is gone; waiting for it"]
             continue
         try:
-            found = look(file, _ender(file))
+            round_now = look(file, _ender(file))
         except Saved:
             continue
-        yield told(found, ran)
-        ran = found if found.record else ran
+        yield told(round_now, ran)
+        ran = round_now if round_now.record else ran
 
 
 def _ender(file: Path) -> Callable[[float], None]:

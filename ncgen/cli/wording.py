@@ -45,9 +45,9 @@ def worded(message: str, options: Mapping[str, Any]) -> str:
     options : values by the names of a command's parameters; None where nothing was typed
     """
     for argument, option in _typed(message, options):
-        said, count = re.subn(rf"^((?:\S+: )?)(?:{argument})(?=: | is | and | ')", lambda found, option=option: found[1] + option, message)
+        text, count = re.subn(rf"^((?:\S+: )?)(?:{argument})(?=: | is | and | ')", lambda match, option=option: match[1] + option, message)
         if count:
-            return said
+            return text
     return message
 
 
@@ -67,5 +67,5 @@ def _meant(message: str, typed: Any) -> str:
     """That of several values, `phi=12` or a name, which the message mentions first; all of them where it mentions none."""
     values = [typed] if isinstance(typed, str) else typed
     places = {value: re.search(rf"(?<![\w.]){re.escape(value.rpartition('=')[0] or value)}(?!\w)", message) for value in values}
-    found = [(place.start(), value) for value, place in places.items() if place]
-    return min(found)[1] if found else ", ".join(values)
+    mentioned = [(place.start(), value) for value, place in places.items() if place]
+    return min(mentioned)[1] if mentioned else ", ".join(values)

@@ -59,20 +59,20 @@ def _kernel_records(kernels: CompiledKernels) -> Iterator[dict]:
     for name in (n for n in MEASURED if n in kernels.programs.programs):
         out = {way: batch.values(name, 0.0, q, qd, None) for way, batch in ways.items()}
         chosen = WAYS[isinstance(usual, CompiledBatch) and usual.in_lanes(name)]
-        there = out[chosen]
+        picked = out[chosen]
         own = kernels.values(name, 0.0, q[-1], qd[-1], None)
-        call = Call(kernels.function(name), there.shape[1], kernels)
+        call = Call(kernels.function(name), picked.shape[1], kernels)
         moves = "qd" in kernels.programs.programs[name].inputs
         runs: dict[str, Run] = {
-            ALONE_IN_C: each(0.0, q, qd, kernels.p0, call.function, moves, there),
+            ALONE_IN_C: each(0.0, q, qd, kernels.p0, call.function, moves, picked),
             "the same state in C": runner(0.0, q[0], qd[0], kernels.p0, [] if moves else [call], call if moves else None),
             "one at a time from Python": repeated(lambda name=name: kernels.values(name, 0.0, q[0], qd[0], None)),
         }
         for way, batch in ways.items():
             runs[way] = repeated(lambda batch=batch, name=name, out=out[way]: batch.values(name, 0.0, q, qd, None, out))
         # Last, since wide vectors lower the clock of some processors for a while, which copying does not mind.
-        spare = np.empty_like(there)
-        runs[WRITTEN] = repeated(lambda spare=spare, there=there: np.copyto(spare, there))
+        spare = np.empty_like(picked)
+        runs[WRITTEN] = repeated(lambda spare=spare, picked=picked: np.copyto(spare, picked))
         counts = dict.fromkeys((ALONE_IN_C, WRITTEN, *ways), STATES)
         error = max(_difference(found[-1], own) for found in out.values())
         for record in _records(name, measure(runs, ROUNDS), error, counts):

@@ -54,16 +54,16 @@ def kernel_records(model: Model, rate: float, others: Others = nobody) -> list[d
     if not names:
         return []
     inputs = Inputs.typical(kernels)
-    found = rivals(model, inputs, names) + others(kernels, inputs, names)
+    tools = rivals(model, inputs, names) + others(kernels, inputs, names)
     reference = {name: exact(kernels, name, inputs) for name in names}
-    spent = measure({(rival.name, case): run for rival in found for case, run in rival.runs.items()})
+    spent = measure({(rival.name, case): run for rival in tools for case, run in rival.runs.items()})
     records = []
     for case in (*names, "all"):
         parts = names if case == "all" else (case,)
         operations = sum(cost(kernels.programs.programs[name]).total for name in parts)
-        for rival in (r for r in found if case in r.runs):
+        for rival in (r for r in tools if case in r.runs):
             error = max(relative_error(rival.values(name), reference[name]) for name in parts)
-            records.append(_record(case, rival.name, error, spent[rival.name, case], spent[found[0].name, "all"]))
+            records.append(_record(case, rival.name, error, spent[rival.name, case], spent[tools[0].name, "all"]))
         records.append({"case": case, "tool": "floor", "error": None, "seconds": operations / rate, "operations": operations})
     return records
 

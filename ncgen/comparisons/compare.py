@@ -43,14 +43,14 @@ def compare(model: Model, users: Sequence[str] = (), others: Others = nobody) ->
     if not (kernels.m and names):
         return
     inputs = Inputs.typical(kernels)
-    found = all_rivals(model, inputs, names, list(users), others)
-    spent = measure({(r.name, k): run for r in found for k, run in r.runs.items() if k in (*COMPARED, "all")})
+    tools = all_rivals(model, inputs, names, list(users), others)
+    spent = measure({(r.name, k): run for r in tools for k, run in r.runs.items() if k in (*COMPARED, "all")})
     judges = {k: _Judge(kernels, k, inputs) for k in names}
     for kernel in (*COMPARED, "all"):
         parts = KERNELS if kernel == "all" else (kernel,)
         if not set(parts) <= set(names):
             continue
-        records = [record_of(r, kernel, spent[r.name, kernel], [judges[k](r) for k in parts]) for r in found if kernel in r.runs]
+        records = [record_of(r, kernel, spent[r.name, kernel], [judges[k](r) for k in parts]) for r in tools if kernel in r.runs]
         yield kernel, sorted(records, key=lambda record: record["seconds"])
 
 
@@ -73,9 +73,9 @@ def errors(rival: Rival, value: np.ndarray, reference: np.ndarray, size: np.ndar
     return relative_error(value, reference), float(np.max(ulps)), float(np.sqrt(np.mean(ulps**2)))
 
 
-def record_of(rival: Rival, kernel: str, spread: Spread, found: Sequence[tuple[float, float, float]]) -> dict:
+def record_of(rival: Rival, kernel: str, spread: Spread, errors: Sequence[tuple[float, float, float]]) -> dict:
     """found: what `errors` says of each part of the kernel."""
-    error, largest, rms = (max(column) for column in zip(*found, strict=True))
+    error, largest, rms = (max(column) for column in zip(*errors, strict=True))
     return {
         "kernel": kernel,
         "tool": rival.name,

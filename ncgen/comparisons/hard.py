@@ -49,12 +49,12 @@ def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: s
     warm(kernels, case, formalism=formalism, integrator=integrator, **options)
     start = time.perf_counter()
     try:
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as caught:
             run = simulate(kernels, case.duration, formalism=formalism, integrator=integrator, progress=time_limit(limit), **options)
     except (NcgenError, TimeIsUp) as error:
         return record | {"seconds": time.perf_counter() - start, "reason": str(error)}
     record |= {"engine": run.engine.split(":")[0], "seconds": run.statistics.seconds}
-    record |= {"said": "; ".join(str(warning.message) for warning in said) or None}
+    record |= {"said": "; ".join(str(warning.message) for warning in caught) or None}
     if not np.all(np.isfinite(run.q)):
         return record | {"reason": "the motion is not finite, and nothing said so"}
     return record | {"error": float(case.error(run)), "drift": float(run.energy_drift)}
@@ -77,6 +77,6 @@ def lines(records: list[dict]) -> Iterator[str]:
             if r["reason"]:
                 yield f"{method}{'':>34}{r['reason']}"
             else:
-                said = f"  {r['said']}" if r["said"] else ""
-                yield f"{method}{r['engine']:<8}{r['error']:>9.1e}{r['drift']:>9.1e}{r['seconds']:>7.2f} s{said}"
+                message = f"  {r['said']}" if r["said"] else ""
+                yield f"{method}{r['engine']:<8}{r['error']:>9.1e}{r['drift']:>9.1e}{r['seconds']:>7.2f} s{message}"
         yield ""

@@ -126,8 +126,8 @@ def _equal_crank_error(run: Trajectory) -> float:
         return _root(passed, start, start + 100.0, xtol=1e-14)
 
     angles = np.array([start if t == 0 else angle(t) for t in run.t])
-    found = np.column_stack([run["A.x"], run["A.y"], run["B.x"]])
-    return float(np.max(np.abs(found - np.column_stack([np.cos(angles), np.sin(angles), 2 * np.cos(angles)]))))
+    path = np.column_stack([run["A.x"], run["A.y"], run["B.x"]])
+    return float(np.max(np.abs(path - np.column_stack([np.cos(angles), np.sin(angles), 2 * np.cos(angles)]))))
 
 
 # -- benchmarks --------------------------------------------------------------------------------------------------------
@@ -146,8 +146,8 @@ def _bricard_error(run: Trajectory) -> float:
 
 
 def _governor_error(run: Trajectory) -> float:
-    found = (run["S.z"][-1], run["alpha1"][-1])
-    return float(np.max(np.abs(np.array(found) - (0.7432494247863, 0.2594913815434))))
+    ends = (run["S.z"][-1], run["alpha1"][-1])
+    return float(np.max(np.abs(np.array(ends) - (0.7432494247863, 0.2594913815434))))
 
 
 # -- tops --------------------------------------------------------------------------------------------------------------
@@ -164,8 +164,8 @@ def _top_error(run: Trajectory) -> float:
         return np.concatenate([(moment - np.cross(w, inertia * w)) / inertia, [-v @ w / 2], (s * w + np.cross(v, w)) / 2])
 
     start = [0, 150.0, -4.61538, 1, 0, 0, 0]
-    found = solve_ivp(slope, (0, run.t[-1]), start, method="DOP853", rtol=1e-13, atol=1e-13, t_eval=run.t)
-    centre = np.array([_turned(e, np.array([0, 1.0, 0])) for e in found.y[3:].T])
+    solution = solve_ivp(slope, (0, run.t[-1]), start, method="DOP853", rtol=1e-13, atol=1e-13, t_eval=run.t)
+    centre = np.array([_turned(e, np.array([0, 1.0, 0])) for e in solution.y[3:].T])
     return float(np.max(np.abs(sum(run.point(name) for name in "PQR") / 3 - centre)))
 
 
@@ -181,8 +181,8 @@ def _disc_error(run: Trajectory) -> float:
     """Newton's and Euler's equations of a disc that rolls, from the same start; of its centre."""
     lean, turning, radius = np.radians(20.0), 0.5, 0.3
     start = [lean, 0, 0, 0, 0, turning, 1.5 / radius]
-    found = solve_ivp(rolling_disc, (0, run.t[-1]), start, method="DOP853", t_eval=run.t, rtol=1e-13, atol=1e-13)
-    return float(np.max(np.abs(run.point("C") - disc_centre(found.y))))
+    solution = solve_ivp(rolling_disc, (0, run.t[-1]), start, method="DOP853", t_eval=run.t, rtol=1e-13, atol=1e-13)
+    return float(np.max(np.abs(run.point("C") - disc_centre(solution.y))))
 
 
 def rolling_disc(t: float, y: ArrayLike, mass: float = 2.0, radius: float = 0.3) -> list[float]:
@@ -204,8 +204,8 @@ def rolling_disc(t: float, y: ArrayLike, mass: float = 2.0, radius: float = 0.3)
 def disc_centre(y: np.ndarray, radius: float = 0.3) -> np.ndarray:
     """The disc's centre (K, 3) in m from states (7, K) of `rolling_disc`."""
     lean, heading, east, north = y[:4]
-    aside = radius * np.sin(lean)
-    return np.transpose([east - aside * np.sin(heading), north + aside * np.cos(heading), radius * np.cos(lean)])
+    shift = radius * np.sin(lean)
+    return np.transpose([east - shift * np.sin(heading), north + shift * np.cos(heading), radius * np.cos(lean)])
 
 
 PRINCIPAL = np.array([1.0, 2.0, 3.0])
@@ -230,8 +230,8 @@ def _free_body_error(run: Trajectory) -> float:
     """Angular velocity in the body's axes by Jacobi's elliptic functions (Landau & Lifshitz, Mechanics, §37)."""
     rates = run.angular_velocity("body")
     turned = run.rotation("body")
-    found = turned.inv().apply(rates)
-    return float(np.max(np.abs(found - free_rotation(run.t)))) / float(np.linalg.norm(SPIN))
+    body_rates = turned.inv().apply(rates)
+    return float(np.max(np.abs(body_rates - free_rotation(run.t)))) / float(np.linalg.norm(SPIN))
 
 
 def free_rotation(t: ArrayLike) -> np.ndarray:
@@ -278,8 +278,8 @@ def _pendulum_error(run: Trajectory, size: float = 1.0) -> float:
     """From rest at 90°: sin(θ/2) = √½ sn(K − √g t | ½), relative to the length."""
     sn, _, dn, _ = ellipj(ellipk(0.5) - np.sqrt(GRAVITY) * run.t, 0.5)
     s = np.sqrt(0.5) * sn
-    found = np.column_stack([run["B.x"], run["B.y"]]) / size
-    return float(np.max(np.abs(found - np.column_stack([-2 * s * dn, 2 * s * s - 1]))))
+    path = np.column_stack([run["B.x"], run["B.y"]]) / size
+    return float(np.max(np.abs(path - np.column_stack([-2 * s * dn, 2 * s * s - 1]))))
 
 
 def _double(upper: float, lower: float) -> Callable[[], Model]:
@@ -313,8 +313,8 @@ def _light_lower_error(run: Trajectory) -> float:
         dda = -GRAVITY * np.sin(a)
         return [da, db, dda, -GRAVITY * np.sin(b) + da**2 * np.sin(a - b) - dda * np.cos(a - b)]
 
-    found = solve_ivp(slope, (0, run.t[-1]), [np.pi / 2, np.pi / 2, 0, 0], method="DOP853", rtol=1e-12, atol=1e-12, t_eval=run.t)
-    a, b = found.y[:2]
+    solution = solve_ivp(slope, (0, run.t[-1]), [np.pi / 2, np.pi / 2, 0, 0], method="DOP853", rtol=1e-12, atol=1e-12, t_eval=run.t)
+    a, b = solution.y[:2]
     return float(np.max(np.hypot(run["C.x"] - np.sin(a) - np.sin(b), run["C.y"] + np.cos(a) + np.cos(b))))
 
 

@@ -93,8 +93,8 @@ def _of_function(kernels: Kernels, name: str, function: Callable[..., Any], posi
     right = {"phi": kernels.phi, "phi_q": kernels.jacobian, "gamma": kernels.gamma}[kernel]
     arguments = [(q, qd) if kernel == "gamma" else (q,) for q, qd in positions]
     good = np.array([right(*a) for a in arguments])
-    found = np.array([_called(name, function, a, good.shape[1:]) for a in arguments])
-    case = _Case(kernels, name, kernel, positions, found.reshape(POSITIONS, kernels.m, -1), good.reshape(POSITIONS, kernels.m, -1))
+    computed = np.array([_called(name, function, a, good.shape[1:]) for a in arguments])
+    case = _Case(kernels, name, kernel, positions, computed.reshape(POSITIONS, kernels.m, -1), good.reshape(POSITIONS, kernels.m, -1))
     return [mistake for row in range(kernels.m) for mistake in case.of_row(row)]
 
 
@@ -111,11 +111,11 @@ def _called(name: str, function: Callable[..., Any], arguments: Sequence[np.ndar
 class _Case:
     """One function: what it found and what is good, (positions, rows, columns)."""
 
-    def __init__(self, kernels: Kernels, name: str, kernel: str, positions: list[State], found: np.ndarray, good: np.ndarray) -> None:
+    def __init__(self, kernels: Kernels, name: str, kernel: str, positions: list[State], computed: np.ndarray, good: np.ndarray) -> None:
         self.kernels, self.name, self.kernel, self.positions = kernels, name, kernel, positions
-        self.found, self.good = found, good
+        self.computed, self.good = computed, good
         self.sizes = TOLERANCE * (np.max(np.abs(good), axis=(0, 2)) + 1e-300)
-        self.wrong = ~np.all(np.abs(found - good) <= self.sizes[None, :, None], axis=0)
+        self.wrong = ~np.all(np.abs(computed - good) <= self.sizes[None, :, None], axis=0)
 
     def same(self, row: int, one: np.ndarray, other: np.ndarray | float) -> bool:
         return bool(np.all(np.abs(one - other) <= self.sizes[row]))
@@ -133,54 +133,58 @@ class _Case:
 
     def _whole_row(self, row: int, columns: list[int]) -> tuple[str, str] | None:
         """An explanation of all that is wrong in a row of several numbers."""
-        found, good = self.found[:, row], self.good[:, row]
+        computed, good = self.computed[:, row], self.good[:, row]
         if self.kernel != "phi_q" or len(columns) < 2:
             return None
-        if np.all(self.wrong[row] == np.any(good != 0.0, axis=0)) and (factor := self._factor(row, found, good)) is not None:
+        if np.all(self.wrong[row] == np.any(good != 0.0, axis=0)) and (factor := self._factor(row, computed, good)) is not None:
             return _scaled(factor, "the whole row")
         for other in range(self.kernels.m):
-            if other != row and self.same(row, found, self.good[:, other]):
+            if other != row and self.same(row, computed, self.good[:, other]):
                 return "wrong row", f"it holds row {other + 1} ({self.kernels.rows[other].label})"
         return None
 
     def _entry(self, row: int, column: int, wrong: list[int]) -> tuple[str, str]:
-        found, good = self.found[:, row, column], self.good[:, row, column]
+        computed, good = self.computed[:, row, column], self.good[:, row, column]
         if self.kernel == "phi_q" and (moved := self._moved(row, column, wrong)):
             return moved
         if self.same(row, good, 0.0):
             return "extra entry", "there is a number where the derivative is zero"
-        if self.same(row, found, 0.0):
+        if self.same(row, computed, 0.0):
             return "missing entry", f"it is zero and should be {_shown(self._expression(row, column))}"
-        factor = self._factor(row, found, good)
+        factor = self._factor(row, computed, good)
         if factor is not None:
             return _scaled(factor, "it")
         return (
-            self._term(row, column, found - good)
-            or self._exchanged(row, column, found)
+            self._term(row, column, computed - good)
+            or self._exchanged(row, column, computed)
             or ("different", "it differs; no simple reason fits")
         )
 
     def _moved(self, row: int, column: int, wrong: list[int]) -> tuple[str, str] | None:
         """A number that belongs to another wrong column of the row, or to the same column of another row."""
-        names, found = self.kernels.coordinates, self.found[:, row, column]
-        if self.same(row, found, 0.0):
+        names, computed = self.kernels.coordinates, self.computed[:, row, column]
+        if self.same(row, computed, 0.0):
             return None
         for other in wrong:
-            if other != column and self.same(row, found, self.good[:, row, other]) and not self.same(row, found, self.good[:, row, column]):
-                back = self.same(row, self.found[:, row, other], self.good[:, row, column])
+            if (
+                other != column
+                and self.same(row, computed, self.good[:, row, other])
+                and not self.same(row, computed, self.good[:, row, column])
+            ):
+                back = self.same(row, self.computed[:, row, other], self.good[:, row, column])
                 zero = self.same(row, self.good[:, row, column], 0.0)
                 if back and not zero:
                     return "exchanged columns", f"columns {names[min(column, other)]} and {names[max(column, other)]} are exchanged"
                 return "wrong column", f"it holds what belongs to column {names[other]}"
         return None
 
-    def _factor(self, row: int, found: np.ndarray, good: np.ndarray) -> float | None:
+    def _factor(self, row: int, computed: np.ndarray, good: np.ndarray) -> float | None:
         """The number by which everything is multiplied, if it is one number."""
         place = np.abs(good) > self.sizes[row]
         if not np.any(place):
             return None
-        factor = float(np.median(found[place] / good[place]))
-        return factor if abs(factor) > 1e-6 and self.same(row, found, factor * good) else None
+        factor = float(np.median(computed[place] / good[place]))
+        return factor if abs(factor) > 1e-6 and self.same(row, computed, factor * good) else None
 
     def _term(self, row: int, column: int, difference: np.ndarray) -> tuple[str, str] | None:
         """A term of the sum, or all terms with a sine or cosine, that are missing, turned round, or multiplied."""
@@ -198,13 +202,13 @@ class _Case:
                 return "factor of a term", f"{what} multiplied by {times}"
         return None
 
-    def _exchanged(self, row: int, column: int, found: np.ndarray) -> tuple[str, str] | None:
+    def _exchanged(self, row: int, column: int, computed: np.ndarray) -> tuple[str, str] | None:
         """Sine and cosine in each other's place."""
         expression = self._expression(row, column)
         other = expression.replace(
             lambda e: isinstance(e, (sympy.sin, sympy.cos)), lambda e: (sympy.cos if e.func is sympy.sin else sympy.sin)(*e.args)
         )
-        if other != expression and self.same(row, found, self._numbers(other)):
+        if other != expression and self.same(row, computed, self._numbers(other)):
             return "sine and cosine", "sine and cosine are exchanged"
         return None
 

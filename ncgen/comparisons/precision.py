@@ -22,7 +22,7 @@ from ncgen.comparisons.compare import NOISY
 from ncgen.comparisons.falls import own_run
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
-from ncgen.mechanism import runtime
+from ncgen.mechanism import runtime_library
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
@@ -71,8 +71,8 @@ def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) 
     """The end of a run, found by two methods and kept in the cache folder. Raises NcgenError where neither succeeds."""
     facts = (kernels.fingerprint, duration, sorted(start.items()), TIGHT, __version__, np.__version__, scipy.__version__)
     key = hashlib.sha256(repr(facts).encode()).hexdigest()[:40]
-    if found := kept("references", key):
-        return PrecisionReference(np.array(found["q"]), found["doubt"])
+    if entry := kept("references", key):
+        return PrecisionReference(np.array(entry["q"]), entry["doubt"])
     ends = []
     for method in (("lagrange", "dop853"), ("coordinate-partitioning", "dop853"), ("lagrange", "dopri5")):
         try:
@@ -111,7 +111,7 @@ def precision_records(model: Model, limit: float = LIMIT) -> list[dict]:
     known = reference(kernels, duration, start)
     numpy = compile(model, "numpy")
     measured = []
-    runtime.prepare(kernels)
+    runtime_library.prepare(kernels)
     for formalism, integrator in tried():
         for engine, used, number in _ways(formalism, integrator, kernels, numpy):
             measured += _ladder(used, known, duration, start, formalism, integrator, engine, number, limit)
@@ -304,8 +304,8 @@ def _points(runs: list[dict]) -> tuple[list[float], list[float]]:
 
 def _unbeaten(done: list[dict]) -> list[dict]:
     """From the most exact on, every run that is quicker than all more exact ones."""
-    found: list[dict] = []
+    unbeaten: list[dict] = []
     for r in sorted(done, key=lambda r: (r["error"], r["seconds"])):
-        if not found or r["seconds"] < found[-1]["seconds"]:
-            found.append(r)
-    return found
+        if not unbeaten or r["seconds"] < unbeaten[-1]["seconds"]:
+            unbeaten.append(r)
+    return unbeaten

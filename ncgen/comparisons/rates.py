@@ -70,15 +70,17 @@ def derivative_records(
         return []
     zd = np.full(len(partitions.velocity.independent), SPEED)
     _, parts, programs = emitted_parts(kernels)
-    here, part = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0), partitions.velocity.independent
+    motion, part = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0), partitions.velocity.independent
     runs: dict[str, Run] = {
         name: runner(0.0, q, zd, kernels.p0, [parts[at] for at in positions], parts[velocity] if velocity else None)
         for name, (positions, velocity) in COMBINATIONS.items()
     }
     runs |= {"in Python": repeated(lambda: motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0))}
-    more = _student(kernels, q, zd) | others(kernels, q, zd) | _stage(kernels, q, here.qd, part)
+    more = _student(kernels, q, zd) | others(kernels, q, zd) | _stage(kernels, q, motion.qd, part)
     spent = measure(runs | {name: each.run for name, each in more.items()})
-    error = _error(kernels, q, parts, here.qdd[part]) | {name: relative_error(each.values(), here.qdd[part]) for name, each in more.items()}
+    error = _error(kernels, q, parts, motion.qdd[part]) | {
+        name: relative_error(each.values(), motion.qdd[part]) for name, each in more.items()
+    }
     counts = _counts(programs) | {name: each.operations for name, each in more.items()}
     return [_record(name, spread, counts.get(name), rate, error.get(name), (worst or {}).get(name)) for name, spread in spent.items()]
 
@@ -128,10 +130,10 @@ def _student(kernels: Kernels, q: np.ndarray, zd: np.ndarray) -> dict[str, Rated
 
 def _error(kernels: Kernels, q: np.ndarray, parts: dict[str, Call], expected: np.ndarray) -> dict[str, float]:
     """Errors of what the functions have just written."""
-    found = {"residual": float(np.max(np.abs(parts["phi"].out - exact(kernels, "phi", Inputs(q, q, kernels.p0)))))}
+    errors = {"residual": float(np.max(np.abs(parts["phi"].out - exact(kernels, "phi", Inputs(q, q, kernels.p0)))))}
     for name, call in (("accelerations", "acceleration"), ("all, with one Newton step", "acceleration"), (REFINED, REFINED)):
-        found[name] = relative_error(parts[call].out[kernels.n : kernels.n + len(expected)], expected)
-    return found
+        errors[name] = relative_error(parts[call].out[kernels.n : kernels.n + len(expected)], expected)
+    return errors
 
 
 def _record(name: str, spread: Spread, operations: int | None, rate: float, error: float | None, worst: float | None) -> dict:

@@ -73,15 +73,15 @@ MILLISECONDS = ("seconds", "mujoco")
 
 def robot_files(paths: Iterable[Path]) -> list[Path]:
     """The robots' files that are named or lie below the folders named, sorted. Raises ModelError where a path leads to none."""
-    found: list[Path] = []
+    files: list[Path] = []
     for path in paths:
         inside = [path] if path.is_file() else sorted(file for file in path.rglob("*") if file.suffix.lower() in SUFFIXES)
         if not inside:
             raise ModelError(f"{path}: no such file, and no folder with files that end with {', '.join(SUFFIXES)}")
-        found += inside
-    if not found:
+        files += inside
+    if not files:
         raise ModelError("bench robots: name robots' files (URDF, MJCF, SDF), or folders that hold some")
-    return found
+    return files
 
 
 def robot_records(files: Iterable[Path], limit: float = LIMIT) -> Iterator[dict]:
@@ -98,8 +98,8 @@ def robot_records(files: Iterable[Path], limit: float = LIMIT) -> Iterator[dict]
         record: dict[str, Any] = {"file": f"{file.parent.name}/{file.name}", "reason": None} | dict.fromkeys(NUMBERS)
         with tempfile.TemporaryDirectory() as folder:
             for stage in (*FIRSTS, "motion", *RIVALS):
-                found, reason = _in_child(stage, file, folder, end - time.perf_counter(), record.get("start", {}))
-                record |= found | {f"{stage}_reason" if stage in RIVALS else "reason": reason}
+                results, reason = _in_child(stage, file, folder, end - time.perf_counter(), record.get("start", {}))
+                record |= results | {f"{stage}_reason" if stage in RIVALS else "reason": reason}
                 if record["reason"]:
                     break
         if record["each"] and record["aba"]:
@@ -123,13 +123,13 @@ def _in_child(stage: str, file: Path, folder: str, seconds: float, start: dict[s
             reason = f"the file's time was over in {stage}"
         for stream in (out, err):
             stream.seek(0)
-        found: dict[str, Any] = {}
+        results: dict[str, Any] = {}
         for line in filter(lambda line: line.startswith("{"), out.read().splitlines()):
-            found |= json.loads(line)
-        said = err.read().strip().splitlines()
-    if reason and said and "ended" in reason:
-        reason = said[-1].removeprefix("ncgen.errors.").replace(str(file), file.name)
-    return found, reason
+            results |= json.loads(line)
+        messages = err.read().strip().splitlines()
+    if reason and messages and "ended" in reason:
+        reason = messages[-1].removeprefix("ncgen.errors.").replace(str(file), file.name)
+    return results, reason
 
 
 # -- what the processes do ---------------------------------------------------------------------------------------------
@@ -216,8 +216,8 @@ def _unstable(warning: str) -> None:
     raise NcgenError(f"MuJoCo: {warning}")
 
 
-def _tell(**found: Any) -> None:
-    print(json.dumps(found), flush=True)
+def _tell(**results: Any) -> None:
+    print(json.dumps(results), flush=True)
 
 
 # -- for people --------------------------------------------------------------------------------------------------------
@@ -249,8 +249,8 @@ def _cell(key: str, value: float | None) -> str:
 def summary(records: list[dict]) -> Iterator[str]:
     """The median and the worst of every number, and how many files there were."""
     for key in NUMBERS:
-        asked = [r for r in records if r[key] is not None and (key != "seconds" or r["duration"] == DURATIONS[-1])]
-        known = [(r[key], r["file"]) for r in asked]
+        measured = [r for r in records if r[key] is not None and (key != "seconds" or r["duration"] == DURATIONS[-1])]
+        known = [(r[key], r["file"]) for r in measured]
         if known and key != "freedom":
             worst, name = max(known)
             median = statistics.median(value for value, _ in known)

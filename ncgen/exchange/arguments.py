@@ -44,8 +44,8 @@ def convert(model: Model | None, parameter: inspect.Parameter, raw: object, wher
 
 def _converted(model: Model | None, kind: str, raw: object, where: str) -> object:
     with _told_at(where):
-        said = CONVERSIONS[kind](model, raw)
-    return READERS[kind](model, said, where) if model is not None and kind in READERS else said
+        converted = CONVERSIONS[kind](model, raw)
+    return READERS[kind](model, converted, where) if model is not None and kind in READERS else converted
 
 
 def _there(model: Model | None) -> Model:

@@ -38,14 +38,14 @@ takes time with the square of their number."""
 
 def compared(call: ast.Call) -> list[ast.expr]:
     """The expressions in a choice: its values, and the sides of its comparisons."""
-    found: list[ast.expr] = []
+    expressions: list[ast.expr] = []
     waiting: list[ast.expr] = list(call.args)
     while waiting:
         each = waiting.pop()
         inner = each.elts if isinstance(each, ast.Tuple) else _parts(each)
         waiting += inner
-        found += [] if inner else [each]
-    return found
+        expressions += [] if inner else [each]
+    return expressions
 
 
 Read: TypeAlias = "Callable[[ast.expr], Expr]"

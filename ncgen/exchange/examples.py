@@ -102,9 +102,9 @@ def load(path: str | Path, **robot: Unpack[RobotArguments]) -> Model:
     UserWarning
         Once, with the number of things in a robot's file that change the motion and are not modelled.
     """
-    asked = {**ROBOT_DEFAULTS, **robot}
-    having = {word: asked[word] for word in ("limits", "friction", "motors", "sensors")}
-    floating, loops, inertias, parameters, frames = (asked[word] for word in ("floating", "loops", "inertias", "parameters", "frames"))
+    options = {**ROBOT_DEFAULTS, **robot}
+    having = {word: options[word] for word in ("limits", "friction", "motors", "sensors")}
+    floating, loops, inertias, parameters, frames = (options[word] for word in ("floating", "loops", "inertias", "parameters", "frames"))
     file = as_path(path, "the name of an example or the path of a file")
     for word, given in (("floating", False if floating is None else floating), *having.items()):
         truth(given, word)

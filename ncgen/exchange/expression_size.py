@@ -77,8 +77,8 @@ class Measure:
             digits = number.bit_length() if isinstance(number, int) else 1
             return Size(self._number(node, partial(float, number)), digits, digits)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
-            found = self.size(node.operand, level + 1)
-            return replace(found, value=-found.value) if isinstance(node.op, ast.USub) and found.value is not None else found
+            operand = self.size(node.operand, level + 1)
+            return replace(operand, value=-operand.value) if isinstance(node.op, ast.USub) and operand.value is not None else operand
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
             return self._power(node, self.size(node.left, level + 1), self.size(node.right, level + 1))
         if isinstance(node, ast.BinOp) and isinstance(node.op, SUMS + PRODUCTS):

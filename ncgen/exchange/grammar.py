@@ -52,9 +52,9 @@ def parse_expression(text: str, known: Collection[str], curves: Mapping[str, Cur
     if taken := [name for name in of_all if name in (*FUNCTIONS, *CHOICES, RATE, DRIVER)]:
         raise ModelError(f"curve {taken[0]}: in the expressions of files that is the name of a function; choose another")
     Measure(text, of_all).size(tree)
-    found = _Reader(text, known, of_all).read(tree)
-    check_expression(found, quoted(text))
-    return found
+    remedy = _Reader(text, known, of_all).read(tree)
+    check_expression(remedy, quoted(text))
+    return remedy
 
 
 def parse_direction(text: str, elements: Mapping[str, Spatial]) -> Spatial | Combination:
@@ -120,8 +120,8 @@ class _Reader:
 
         if name not in self.known:
             part = shortened(_source(node, self.text), SHOWN)
-            said = "outputs have force(body, point).x, moment(body, vector).x and driver(coordinate), with axes x, y and z"
-            raise UnknownName(f"{quoted(self.text)}: {part}: there is no such load here; {said}", "")
+            words = "outputs have force(body, point).x, moment(body, vector).x and driver(coordinate), with axes x, y and z"
+            raise UnknownName(f"{quoted(self.text)}: {part}: there is no such load here; {words}", "")
         return sympy.Symbol(name, real=True)
 
     def _product(self, node: ast.BinOp) -> Expr:
@@ -165,8 +165,8 @@ class _Reader:
         if curve is STEP and len(arguments) == 3:
             return smooth_step(*map(self.read, arguments))
         if not 1 <= len(arguments) <= 2 or not isinstance(order, int):
-            said = " or its start and end" if curve is STEP else ""
-            raise ModelError(f"{quoted(self.text)}: {curve.name} takes one expression, and the order of its derivative{said}")
+            hint = " or its start and end" if curve is STEP else ""
+            raise ModelError(f"{quoted(self.text)}: {curve.name} takes one expression, and the order of its derivative{hint}")
         return curve(self.read(arguments[0]), order)
 
     def _name(self, name: str) -> Expr:

@@ -81,7 +81,7 @@ def _in_jax(function: MotionFunction) -> Callable[[Array, Array], tuple[Array, A
     jax = import_module("jax")
     forward, backward = operation(function.forward), operation(function.backward)
     moved = jax.custom_vjp(forward)
-    moved.defvjp(lambda p, rates: (forward(p, rates), (p, rates)), lambda here, by: backward(*here, *by))
+    moved.defvjp(lambda p, rates: (forward(p, rates), (p, rates)), lambda arguments, by: backward(*arguments, *by))
 
     def motion(p: Array, rates: Array) -> tuple[Array, Array]:
         p, rates = (_real(array, name, function.kernels.name) for array, name in ((p, "p"), (rates, "rates")))
@@ -98,9 +98,9 @@ def _real(array: Array, name: str, whose: str) -> Array:
     """An argument as an array of doubles. Raises ModelError for numbers that are not real."""
     jax = import_module("jax")
     try:
-        found = jax.numpy.asarray(array)
+        converted = jax.numpy.asarray(array)
     except (TypeError, ValueError):
         raise ModelError(f"{whose}: {name} is no array of numbers") from None
-    if not (jax.numpy.issubdtype(found.dtype, jax.numpy.floating) or jax.numpy.issubdtype(found.dtype, jax.numpy.integer)):
-        raise ModelError(f"{whose}: {name} is of type {found.dtype}; it must be real numbers")
-    return found.astype(float)
+    if not (jax.numpy.issubdtype(converted.dtype, jax.numpy.floating) or jax.numpy.issubdtype(converted.dtype, jax.numpy.integer)):
+        raise ModelError(f"{whose}: {name} is of type {converted.dtype}; it must be real numbers")
+    return converted.astype(float)

@@ -56,26 +56,26 @@ class MotionFunction:
         from how it does with q and q̇. Both raise as `ncgen.sensitivities` does, NcgenError for one motion of many
     """
 
-    def __init__(self, kernels: Kernels, door: str, asked: tuple[float, int], start: dict[str, Any]) -> None:
+    def __init__(self, kernels: Kernels, door: str, grid_of: tuple[float, int], start: dict[str, Any]) -> None:
         """door: what the user calls it; asked: duration (s) and steps; start: other arguments of `ncgen.sensitivities`.
 
         Raises as that does, and ModelError where p or initial rates are among them.
         """
         if {"p", "zd0", "qd0"} & start.keys():
             raise ModelError(f"{door}: p and the initial rates are the motion's own arguments; leave p, zd0 and qd0 out")
-        self.kernels, self._asked, self._start = kernels, asked, {name: value for name, value in start.items() if value is not None}
+        self.kernels, self._asked, self._start = kernels, grid_of, {name: value for name, value in start.items() if value is not None}
         self._last: tuple[bytes, Motion] | None = None
         self._one(kernels.p0, None)  # so that what cannot be is refused here
         self._z = rates_of(kernels, start)
-        start_of_one, rows = ((len(kernels.p0),), (len(self._z),)), ((asked[1] + 1, kernels.n),) * 2
+        start_of_one, rows = ((len(kernels.p0),), (len(self._z),)), ((grid_of[1] + 1, kernels.n),) * 2
         self.forward = ArrayFunction(self._forward, start_of_one, rows)
         self.backward = ArrayFunction(self._backward, (*start_of_one, *rows), start_of_one)
 
     def checked(self, p: Sequence[int], rates: Sequence[int]) -> None:
         """Raise ModelError for other shapes of arguments of one motion."""
-        for name, found, shape in zip(("p", "rates"), (p, rates), self.forward.given, strict=True):
-            if tuple(found) != shape:
-                raise ModelError(f"{self.kernels.name}: {name} has shape {tuple(found)}; it must be {shape}")
+        for name, actual, shape in zip(("p", "rates"), (p, rates), self.forward.given, strict=True):
+            if tuple(actual) != shape:
+                raise ModelError(f"{self.kernels.name}: {name} has shape {tuple(actual)}; it must be {shape}")
 
     @property
     def _is_for_lanes(self) -> bool:
@@ -123,11 +123,11 @@ class MotionFunction:
         given = {name: value for name, value in self._start.items() if name != "z"}
         return taped_batch(self.kernels, *self._asked, zd0=rates, p=p, z=self._z, **given)
 
-    def _completed(self, found: Swept) -> np.ndarray:
+    def _completed(self, swept: Swept) -> np.ndarray:
         """The slopes of many. Raises NcgenError where one did not come to its end."""
-        if bad := [i for i, word in enumerate(found.status) if word != "ok"]:
-            raise NcgenError(f"motion {bad[0]} of {len(found.status)}: {found.status[bad[0]]}")
-        return found.slopes
+        if bad := [i for i, word in enumerate(swept.status) if word != "ok"]:
+            raise NcgenError(f"motion {bad[0]} of {len(swept.status)}: {swept.status[bad[0]]}")
+        return swept.slopes
 
 
 def _one_after_the_other(call: Callable[..., None], leading: tuple[int, ...], arrays: Sequence[np.ndarray]) -> None:

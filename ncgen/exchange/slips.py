@@ -20,14 +20,14 @@ _AFTER_NUMBER = re.compile(r"(?<![\w.])((?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d
 
 def has_unit(text: str, known: Collection[str]) -> bool:
     """Return whether a text is a number with a unit, such as `2 kg`, that is no name of the model."""
-    found = _UNIT.match(text)
-    return bool(found) and found[1] in UNITS and found[1] not in known
+    match = _UNIT.match(text)
+    return bool(match) and match[1] in UNITS and match[1] not in known
 
 
 def repaired(text: str) -> str | None:
     """Return the expression that was probably meant by a text, such as `10*t` by `10 t`; None where nothing suggests itself."""
-    if found := _COMMA.fullmatch(text):
-        return f"{found[1]}.{found[2]}"
+    if match := _COMMA.fullmatch(text):
+        return f"{match[1]}.{match[2]}"
     meant = _APPLIED.sub(lambda call: f"{call[1]}({call[2]})" if call[2] else call[1], text.strip())
     meant = _AFTER_NUMBER.sub(r"\1*", _APART.sub("*", meant)).replace("^", "**")
     try:

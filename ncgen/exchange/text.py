@@ -76,5 +76,5 @@ def toml(text: str) -> dict[str, Any]:
 
 def _line_of_number(text: str) -> int:
     """The line of the longest run of digits."""
-    longest = max(re.finditer(r"[0-9A-Fa-f_]+", text), key=lambda found: len(found[0]), default=None)
+    longest = max(re.finditer(r"[0-9A-Fa-f_]+", text), key=lambda match: len(match[0]), default=None)
     return text.count("\n", 0, longest.start()) + 1 if longest else 1

@@ -99,22 +99,22 @@ class _Reading:
 
     def _head(self, top: FileTable, data: dict) -> Model:
         known = head().parameters
-        said = {key: value for key, value in data.items() if key in known}
-        if "name" not in said:
+        arguments = {key: value for key, value in data.items() if key in known}
+        if "name" not in arguments:
             self.problems.append(Problem(1, 'the file has no name; begin with name = "…"'))
         for key in data:
             if key in words() and key != "gravity":
                 self.problems.append(Problem(top.line_of(key), f"{key}: write every table with its own header line, as [[{key}]]"))
-            elif key not in said and key != "gravity":
+            elif key not in arguments and key != "gravity":
                 self.problems.append(Problem(top.line_of(key), f"{shown_key(key)}: unknown; {self._suggest(key, (*known, 'gravity'))}"))
-        self.model = model = self._begun(top, said)
+        self.model = model = self._begun(top, arguments)
         if "gravity" in data:
             self._gravity(FileTable("gravity", top.line_of("gravity")), data["gravity"])
         return model
 
-    def _begun(self, top: FileTable, said: dict) -> Model:
+    def _begun(self, top: FileTable, contents: dict) -> Model:
         """An empty model; where its name or an option cannot be taken, one without, so that the rest of the file is checked as well."""
-        arguments = self._arguments(None, "", top, head(), {"name": "model", **said})
+        arguments = self._arguments(None, "", top, head(), {"name": "model", **contents})
         try:
             if arguments is not None:
                 return Model(*arguments.args, **arguments.kwargs)
@@ -131,34 +131,34 @@ class _Reading:
 
     def _tell_all(self, tables: list[FileTable], data: dict) -> None:
         """Tables in the order in which their headers stand in the file, which TOML itself does not keep."""
-        seen: Counter[str] = Counter()
+        written_so_far: Counter[str] = Counter()
         for table in tables:
-            found = data[table.word] if isinstance(data[table.word], list) else [data[table.word]]
-            if seen[table.word] < len(found):  # a table may be opened again after tables within it
-                self._tell(table.word, table, found[seen[table.word]])
-            seen[table.word] += 1
+            entries = data[table.word] if isinstance(data[table.word], list) else [data[table.word]]
+            if written_so_far[table.word] < len(entries):  # a table may be opened again after tables within it
+                self._tell(table.word, table, entries[written_so_far[table.word]])
+            written_so_far[table.word] += 1
 
-    def _tell(self, word: str, table: FileTable, said: dict) -> None:
+    def _tell(self, word: str, table: FileTable, contents: dict) -> None:
         if word not in words():
             self.problems.append(Problem(table.line, f"[[{shown_key(word)}]]: unknown; {self._suggest(word, words())}"))
             return
-        arguments = self._arguments(self.model, word, table, signature_of(word), said)
+        arguments = self._arguments(self.model, word, table, signature_of(word), contents)
         try:
             if arguments is not None:
                 getattr(self.model, word)(*arguments.args, **arguments.kwargs)
                 return
         except ModelError as error:
             self._report(table.line, error)
-        if isinstance(said.get("name"), str):
-            self.missing.add(normal(said["name"]))
+        if isinstance(contents.get("name"), str):
+            self.missing.add(normal(contents["name"]))
 
     def _arguments(
-        self, model: Model | None, word: str, table: FileTable, signature: inspect.Signature, said: dict
+        self, model: Model | None, word: str, table: FileTable, signature: inspect.Signature, contents: dict
     ) -> inspect.BoundArguments | None:
         """The arguments of a call, or None where they cannot be given: then that has been reported."""
         place = f"{word}." if word else ""
         refused = False
-        for key in said:
+        for key in contents:
             if key not in signature.parameters:
                 self._report(
                     table.line_of(key), ModelError(f"{place}{shown_key(key)}: unknown; {self._suggest(key, signature.parameters)}")
@@ -166,13 +166,13 @@ class _Reading:
                 refused = True
         arguments = {}
         for key, parameter in signature.parameters.items():
-            if key not in said:
+            if key not in contents:
                 if is_required(parameter):
                     self._report(table.line, ModelError(f"{word}: {key} is missing"))
                     refused = True
                 continue
             try:
-                arguments[key] = convert(model, parameter, said[key], f"{place}{key}")
+                arguments[key] = convert(model, parameter, contents[key], f"{place}{key}")
             except ModelError as error:
                 self._report(table.line_of(key), error)
                 refused = True

@@ -38,10 +38,10 @@ def to_toml(model: Model, facts: Sequence[Fact] | None = None) -> str:
         head.append("scale = false")
     if model.form != "smooth":
         head.append(f"form = {_quoted(model.form, 'form')}")
-    told = model.facts if facts is None else facts
-    counts = Counter(fact.word for fact in told)
+    facts_told = model.facts if facts is None else facts
+    counts = Counter(fact.word for fact in facts_told)
     writer = _Writer(model)
-    tables = [writer.table(fact.word, fact.arguments, fact.word in ONCE and counts[fact.word] == 1) for fact in told]
+    tables = [writer.table(fact.word, fact.arguments, fact.word in ONCE and counts[fact.word] == 1) for fact in facts_told]
     return "\n".join(head) + "\n\n" + "\n".join(tables)
 
 

@@ -99,14 +99,14 @@ def _doubles(array: Tensor, name: str, whose: str) -> Tensor:
     """An argument as a tensor of doubles on the processor. Raises ModelError for what is none."""
     library = import_module("torch")
     try:
-        found = library.as_tensor(array.copy() if isinstance(array, np.ndarray) else array)  # PyTorch warns of what cannot be written to
+        tensor = library.as_tensor(array.copy() if isinstance(array, np.ndarray) else array)  # PyTorch warns of what cannot be written to
     except (TypeError, ValueError, RuntimeError):
         raise ModelError(f"{whose}: {name} is no array of numbers") from None
-    if found.dtype.is_complex or found.dtype == library.bool:
-        raise ModelError(f"{whose}: {name} is of type {str(found.dtype).removeprefix('torch.')}; it must be real numbers")
-    if found.device.type != "cpu":
-        raise ModelError(f"{whose}: {name} is on {found.device}; motions are computed by the processor: give {name}.cpu()")
-    return found.to(library.float64)
+    if tensor.dtype.is_complex or tensor.dtype == library.bool:
+        raise ModelError(f"{whose}: {name} is of type {str(tensor.dtype).removeprefix('torch.')}; it must be real numbers")
+    if tensor.device.type != "cpu":
+        raise ModelError(f"{whose}: {name} is on {tensor.device}; motions are computed by the processor: give {name}.cpu()")
+    return tensor.to(library.float64)
 
 
 @cache

@@ -43,7 +43,7 @@ def turnable(model: Model) -> Model:
     """
     if model.callbacks:
         return model
-    for words in (NUMBERS, {name: told for name, told in NUMBERS.items() if name != "point"}):
+    for words in (NUMBERS, {name: numbers for name, numbers in NUMBERS.items() if name != "point"}):
         facts = list(_turned(model, words))
         if sum(fact.word == "parameter" for fact in facts) <= MOST:
             return _read_again(model, facts)
@@ -97,9 +97,14 @@ def _named(fact: Fact, key: str, unit: str, taken: set[str], made: list[Paramete
 
 def _wish(fact: Fact, key: str, axis: str) -> str:
     """A name as in a model file, of what has a name, of the ends of what has none."""
-    told = fact.arguments
-    ends = "_".join(str(getattr(told[end], "name", told[end])) for end in ("start", "end", "first", "second") if end in told)
+    arguments = fact.arguments
+    ends = "_".join(str(getattr(arguments[end], "name", arguments[end])) for end in ("start", "end", "first", "second") if end in arguments)
     if fact.word == "gravity":
         return f"gravity.{axis}"
-    owner = told.get("label") or told.get("name") or ends or getattr(told.get("coordinate") or told.get("angle"), "name", fact.word)
+    owner = (
+        arguments.get("label")
+        or arguments.get("name")
+        or ends
+        or getattr(arguments.get("coordinate") or arguments.get("angle"), "name", fact.word)
+    )
     return ".".join(word(part, "parameter") for part in (*str(owner).split("."), key, axis) if part)

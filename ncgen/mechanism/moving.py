@@ -10,10 +10,10 @@ import numpy as np
 
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, break_times
+from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
-from ncgen.mechanism.runtime import ConstrainedDynamics
 from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC

@@ -14,11 +14,12 @@ from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.batch import aligned, in_lanes
 from ncgen.mechanism.break_times import NO_BREAKS
+from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 from ncgen.mechanism.driving import Function, Pieces, told_at
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import ANY_STEP
 from ncgen.mechanism.moving_breaks import Jump, Jumping
-from ncgen.mechanism.runtime import ConstrainedDynamics, Outcome
+from ncgen.mechanism.runtime import Outcome
 from ncgen.mechanism.sweep import SMALL, Numbers, Sizes, Sweep, dual_numbers
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, Integrator, number_in_c
 from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi

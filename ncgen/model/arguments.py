@@ -55,10 +55,10 @@ def read(model: Contents, word: str, bound: inspect.BoundArguments) -> None:
         where = label if isinstance(label, str) and label else " ".join([word, "-".join(subject)]).strip()
         what = where if key in UNSAID else f"{where}, {key}"
         many = parameter.kind is parameter.VAR_POSITIONAL
-        found = tuple(reader(model, each, what) for each in bound.arguments[key]) if many else reader(model, given, what)
-        if "name" not in bound.arguments and isinstance(found, (Spatial, Relative, Component, Body)):
-            subject.append(found.name)
-        bound.arguments[key] = found
+        result = tuple(reader(model, each, what) for each in bound.arguments[key]) if many else reader(model, given, what)
+        if "name" not in bound.arguments and isinstance(result, (Spatial, Relative, Component, Body)):
+            subject.append(result.name)
+        bound.arguments[key] = result
 
 
 def own(model: Contents, thing: object, kind: type[E], where: str) -> E:
@@ -94,20 +94,26 @@ def own_direction(model: Contents, thing: object, where: str) -> Combination:
 
 def value(model: Contents, given: object, where: str) -> Value:
     """A number, or a parameter or an expression of parameters of this model that is a number at their defaults."""
-    found = as_value(given, where)
-    _refuse_inputs(model, found, where)
-    if isinstance(found, Parameter) and model.parameters.get(found.name) is not found:
-        raise foreign(where, f"parameter {found.name}")
-    evaluate(found, model.parameters, where)
-    if is_symbolic(found) and found.is_Symbol:
-        (symbol,) = symbols_in(found)
+    result = as_value(given, where)
+    _refuse_inputs(model, result, where)
+    if isinstance(result, Parameter) and model.parameters.get(result.name) is not result:
+        raise foreign(where, f"parameter {result.name}")
+    evaluate(result, model.parameters, where)
+    if is_symbolic(result) and result.is_Symbol:
+        (symbol,) = symbols_in(result)
         return model.parameters[symbol.name]
-    return given if type(given) is int else found  # an integer stays one, in model files and in expressions
+    return given if type(given) is int else result  # an integer stays one, in model files and in expressions
 
 
-def _refuse_inputs(model: Contents, found: object, where: str) -> None:
+def _refuse_inputs(model: Contents, given_value: object, where: str) -> None:
     """Raise ModelError where a value mentions an input: its rates would be needed there, or work would be done that nobody counts."""
-    names = {found.name} if isinstance(found, Parameter) else {s.name for s in symbols_in(found)} if is_symbolic(found) else set()
+    names = (
+        {given_value.name}
+        if isinstance(given_value, Parameter)
+        else {s.name for s in symbols_in(given_value)}
+        if is_symbolic(given_value)
+        else set()
+    )
     if driven := [name for name in model.inputs if name in names]:
         remedy = "use a parameter here"
         raise ModelError(f"{where}: {driven[0]} is an input, which stands in forces, torques, couples and outputs only; {remedy}")
@@ -115,9 +121,9 @@ def _refuse_inputs(model: Contents, found: object, where: str) -> None:
 
 def _still(model: Contents, given: object, where: str) -> Scalar:
     """An expression without inputs."""
-    found = expression(given, where)
-    _refuse_inputs(model, found, where)
-    return found
+    result = expression(given, where)
+    _refuse_inputs(model, result, where)
+    return result
 
 
 def sequence(given: object, where: str, what: str) -> tuple[object, ...]:
@@ -129,12 +135,12 @@ def sequence(given: object, where: str, what: str) -> tuple[object, ...]:
 
 def expression(given: object, where: str) -> Scalar:
     """A number, or an expression of sympy. Raises ModelError for NaN, infinity, texts and things that are neither."""
-    found = as_sympy(given)
-    if not is_symbolic(found):
-        if not is_number(found):
+    result = as_sympy(given)
+    if not is_symbolic(result):
+        if not is_number(result):
             raise ModelError(f"{where}: {shown(given)} is not an expression; give a number, or one of coordinates, m.time and parameters")
-        return as_value(found, where)
-    return without_kinks(check_expression(found, where), where)
+        return as_value(result, where)
+    return without_kinks(check_expression(result, where), where)
 
 
 def _law(model: Contents, given: object, where: str) -> Expression:
@@ -143,10 +149,10 @@ def _law(model: Contents, given: object, where: str) -> Expression:
         raise ModelError(f"{where}: the model has {model.numbers[taken[0]]!r}, which a law calls {LAW[taken[0]]}; rename it")
     import sympy
 
-    told = given(*sympy.symbols(" ".join(LAW), real=True)) if callable(given) else given
-    found = expression(told, where)
-    _refuse_inputs(model, found, where)
-    return given if is_number(given) else sympy.sympify(found)
+    law = given(*sympy.symbols(" ".join(LAW), real=True)) if callable(given) else given
+    result = expression(law, where)
+    _refuse_inputs(model, result, where)
+    return given if is_number(given) else sympy.sympify(result)
 
 
 def coordinate(model: Contents, thing: object, where: str) -> Component | Relative:
@@ -221,9 +227,9 @@ def _held(model: Contents, given: object, where: str) -> bool | str:
 
 
 def _number(model: Contents, given: object, where: str) -> float:
-    if not is_number(found := as_value(given, where)):
+    if not is_number(result := as_value(given, where)):
         raise ModelError(f"{where}: {shown(given)} depends on parameters; give a number")
-    return found
+    return result
 
 
 def _numbers(model: Contents, given: object, where: str) -> tuple[float, ...]:

@@ -62,11 +62,11 @@ def weights(base: np.ndarray | Sequence[ArrayLike], target: ArrayLike) -> list[f
         for other in rows[k + 1 :]:
             share = other[k] / row[k]
             other[:] = [x - share * y for x, y in zip(other, row, strict=True)]
-    found: list[Fraction] = []
+    exact: list[Fraction] = []
     for row in reversed(rows):
-        k = len(rows) - 1 - len(found)
-        found.insert(0, (row[-1] - _sum(row[k + 1 : -1], found)) / row[k])
-    return [float(w) for w in found]
+        k = len(rows) - 1 - len(exact)
+        exact.insert(0, (row[-1] - _sum(row[k + 1 : -1], exact)) / row[k])
+    return [float(w) for w in exact]
 
 
 def _floats(a: ArrayLike) -> list[Any]:

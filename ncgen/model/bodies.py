@@ -182,11 +182,11 @@ class Body:
         return JointLoad(*force), JointLoad(*moment)
 
     def _load(self, given: Spatial | str, mine: Sequence[Spatial], what: str) -> JointLoad:
-        found = next((e for e in mine if e is given or e.name == given), None)
-        if found is None:
+        owner_element = next((e for e in mine if e is given or e.name == given), None)
+        if owner_element is None:
             known = ", ".join(e.name for e in mine)
             raise ModelError(f"body {self.name} has no {what} {shown(given)}; give one of its own: {known or 'it has none'}")
-        return JointLoad(*map(symbol_of, load_names(self, found)))
+        return JointLoad(*map(symbol_of, load_names(self, owner_element)))
 
     @property
     def basis(self) -> tuple[Spatial, ...]:
@@ -273,16 +273,16 @@ def choose_basis(body: Body) -> tuple[Spatial, ...]:
         across = [v for v in body.vectors if v.components[2].value == 0.0]
         return tuple((points + across)[:2])
     chosen: list[Spatial] = [body.points[0]]
-    found: list[np.ndarray] = []
+    directions: list[np.ndarray] = []
     for least in (0.2, 1e-3):
         for element in (*points, *body.vectors):
-            if element in chosen or len(found) == 3:
+            if element in chosen or len(directions) == 3:
                 continue
             direction = element.initial - (body.points[0].initial if isinstance(element, Point) else 0.0)
-            trial = found + [direction / max(np.linalg.norm(direction), 1e-300)]
+            trial = directions + [direction / max(np.linalg.norm(direction), 1e-300)]
             if np.linalg.svd(np.array(trial), compute_uv=False)[-1] > least:
                 chosen.append(element)
-                found = trial
+                directions = trial
     return tuple([e for e in chosen if isinstance(e, Point)] + [e for e in chosen if isinstance(e, Vector)])
 
 

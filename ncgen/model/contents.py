@@ -116,8 +116,8 @@ class Contents:
 
     def bearer(self, word: str) -> Element | Parameter | Component | Curve | None:
         """What has this name: an element, a parameter, a curve, or a coordinate of an element; None if nothing has."""
-        found = self.elements.get(word) or self.parameters.get(word) or self.inputs.get(word) or self.curves.get(word)
+        bearer_of_word = self.elements.get(word) or self.parameters.get(word) or self.inputs.get(word) or self.curves.get(word)
         owner, _, axis = word.rpartition(".")
-        if found is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):
+        if bearer_of_word is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):
             return getattr(self.elements[owner], axis)
-        return found
+        return bearer_of_word

@@ -35,10 +35,10 @@ def digest_of_events(model: Model) -> str | None:
     return _digest({"events": model.events, "frictions": model.frictions})
 
 
-def _digest(told: dict[str, object]) -> str | None:
+def _digest(contents: dict[str, object]) -> str | None:
     words: list[str] = []
     try:
-        _words(told, set(), words)
+        _words(contents, set(), words)
     except TypeError:
         return None
     return hashlib.sha256("\n".join(words).encode()).hexdigest()

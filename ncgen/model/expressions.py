@@ -74,8 +74,8 @@ def _value(node: sympy.Expr, arguments: list[float], what: str) -> float:
             f"{what}: an exact number of {len(bin(max(abs(node.p), node.q))) - 2} binary digits; {MOST_DIGITS} are allowed, correct it"
         )
     try:
-        found = node.func(*map(sympy.Float, arguments)) if arguments else node
-        value = float(found)
+        computed = node.func(*map(sympy.Float, arguments)) if arguments else node
+        value = float(computed)
     except (TypeError, OverflowError):  # what is not real, and what is beyond the doubles
         value = math.nan
     if not math.isfinite(value):

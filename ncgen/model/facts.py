@@ -37,7 +37,7 @@ def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], 
     To type checkers the method stays what it is: its annotations say what a user may pass, and what it finds is one of these.
     """
     signature = inspect.signature(method)
-    told: Callable[..., R] = method
+    called: Callable[..., R] = method
 
     @functools.wraps(method)
     def recorded(self: M, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -51,7 +51,7 @@ def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], 
         before = None if self._telling else _State(self, bound.arguments.values())
         self._telling = True
         try:
-            result = told(*bound.args, **bound.kwargs)
+            result = called(*bound.args, **bound.kwargs)
         except Exception:
             if before is not None:
                 before.restore()

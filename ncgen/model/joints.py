@@ -112,9 +112,9 @@ class Joints(Structure):
         others = (
             [*segments, *map(as_combination, b.vectors)] if b is not self.ground else [as_combination(Constant.of("x", (1.0, 0.0, 0.0)))]
         )
-        if seen := [other for other in others if np.linalg.norm(other.initial[:2]) > FLAT * max(1.0, np.linalg.norm(other.initial))]:
-            cosine, sine = _turned(along, seen[0])
-            now = _turned(along, seen[0], at_start=True)
+        if inclined := [other for other in others if np.linalg.norm(other.initial[:2]) > FLAT * max(1.0, np.linalg.norm(other.initial))]:
+            cosine, sine = _turned(along, inclined[0])
+            now = _turned(along, inclined[0], at_start=True)
             turning, start_value = (sine, now[1]) if abs(self._number(now[1], "")) <= abs(self._number(now[0], "")) else (cosine, now[0])
             self.constrain(turning - start_value, f"no turning of {b.name} on {a.name}", owner)
 
@@ -162,7 +162,7 @@ class Joints(Structure):
 
         2 constraint equations, 1 in the plane.
         """
-        owner = Owner("joint", f"{point.name} on line of {a.name}", (a.name,))
+        owner = Owner("joint", f"{point.name} on line of {a.name}", (a.name,), "point_on_line")
         if self._is_plane(a) and _single(axis) is None:
             self.extend(a, start)
             along = self._direction(axis, str(owner))
@@ -176,7 +176,7 @@ class Joints(Structure):
     def point_in_plane(self, a: Body, point: Point, start: Point, normal: Vector, owner: Owner | None = None) -> Row:
         """A point stays in a plane of body a: through `start`, normal to `normal`. 1 row."""
         self.extend(a, start, normal)
-        owner = owner or Owner("joint", f"{point.name} in plane of {a.name}", (a.name,))
+        owner = owner or Owner("joint", f"{point.name} in plane of {a.name}", (a.name,), "point_in_plane")
         segment = as_combination(point) - start
         height = measures.along(segment, as_combination(normal))
         size = measures.natural_length(segment, self.extent())
@@ -220,7 +220,7 @@ class Joints(Structure):
 
         self._check_rolling(disc, axle, across, radius, normal)
         self.extend(disc, centre, axle, across)
-        owner = Owner("joint", f"rolling of {disc.name}", (self.ground.name, disc.name))
+        owner = Owner("joint", f"rolling of {disc.name}", (self.ground.name, disc.name), "rolling")
         n = sympy.Matrix(normal)
         radius = as_sympy(radius)
         r, u, v = (sympy.Matrix([c.symbol for c in e.components]) for e in (centre, axle, across))
@@ -268,7 +268,7 @@ class Joints(Structure):
         a, b = (self._end(end, label, kind) for end in ends)
         if a.body is b.body or a.point is b.point:
             raise ModelError(f"close {label}: both ends belong to one body, so it changes nothing; leave it out")
-        owner, planar = Owner("joint", f"close {label}", (a.body.name, b.body.name)), any(e.body.frame.planar for e in (a, b))
+        owner, planar = Owner("joint", f"close {label}", (a.body.name, b.body.name), kind), any(e.body.frame.planar for e in (a, b))
         for k in range(2 if planar else 3):
             self.constrain(a.point.components[k].symbol - b.point.components[k].symbol, f"{label}.{AXES[k]}", owner)
         turns = {"hinge": [] if planar else _hinge(np.asarray(axis, dtype=float)), "weld": WELD[:1] if planar else WELD}.get(kind, [])
@@ -325,7 +325,8 @@ class Joints(Structure):
     def _turn_together(self, kind: str, first: Relative, second: Relative, balance: sympy.Expr) -> Row:
         if first is second:
             raise ModelError(f"{kind}: {first!r} is tied to itself; give two coordinates")
-        return self.constrain(balance, f"{kind} {first.name}, {second.name}", Owner("joint", f"{kind} {first.name}-{second.name}"))
+        owner = Owner("joint", f"{kind} {first.name}-{second.name}", joint=kind)
+        return self.constrain(balance, f"{kind} {first.name}, {second.name}", owner)
 
     def _share(self, a: Body, b: Body, *elements: Spatial) -> None:
         if a is b:
@@ -351,7 +352,7 @@ class Joints(Structure):
 
 
 def _joint(kind: str, a: Body, b: Body) -> Owner:
-    return Owner("joint", f"{kind} {a.name}-{b.name}", (a.name, b.name))
+    return Owner("joint", f"{kind} {a.name}-{b.name}", (a.name, b.name), kind)
 
 
 def _single(axis: Direction) -> Vector | None:

@@ -31,16 +31,16 @@ def without_kinks(expression: sympy.Expr, where: str) -> sympy.Expr:
     kinked = (sympy.Min, sympy.Max, sympy.Heaviside, sympy.Piecewise)
     if not expression.has(*kinked):
         return expression
-    told = {
+    replacements = {
         sympy.Min: lambda *args: reduce(lambda a, b: _chosen(b - a, a, b), _sorted(args)),
         sympy.Max: lambda *args: reduce(lambda a, b: _chosen(a - b, a, b), _sorted(args)),
         sympy.Heaviside: lambda x, *at_zero: (1 + sympy.sign(x)) / 2,
         sympy.Piecewise: lambda *cases: _piecewise(cases, where),
     }
     if (parts := _parts(expression, {})) > MOST_PARTS:
-        said = f"choices within choices make an expression of {parts} parts"
-        raise ModelError(f"{where}: {said}; {MOST_PARTS} are allowed, write it in parts")
-    return cast("sympy.Expr", _replaced(expression, told))
+        problem = f"choices within choices make an expression of {parts} parts"
+        raise ModelError(f"{where}: {problem}; {MOST_PARTS} are allowed, write it in parts")
+    return cast("sympy.Expr", _replaced(expression, replacements))
 
 
 def _parts(node: sympy.Basic, known: dict[sympy.Basic, int]) -> int:
@@ -58,12 +58,12 @@ def _parts(node: sympy.Basic, known: dict[sympy.Basic, int]) -> int:
     return known[node]
 
 
-def _replaced(node: sympy.Basic, told: dict[type, Callable[..., sympy.Basic]]) -> sympy.Basic:
+def _replaced(node: sympy.Basic, replacements: dict[type, Callable[..., sympy.Basic]]) -> sympy.Basic:
     """Inner ones first, every node once more with what its arguments became."""
     if not node.args:
         return node
-    arguments = [_replaced(argument, told) for argument in node.args]
-    make = told.get(type(node))
+    arguments = [_replaced(argument, replacements) for argument in node.args]
+    make = replacements.get(type(node))
     return make(*arguments) if make else node.func(*arguments)
 
 
@@ -87,14 +87,14 @@ def _piecewise(cases: tuple[sympy.Basic, ...], where: str) -> sympy.Expr:
     *before, (last, always) = [(cast("sympy.Expr", case.args[0]), case.args[1]) for case in cases]
     if always != sympy.true:
         raise ModelError(f"{where}: a Piecewise whose last case is not for all others; end it with (expression, True)")
-    found = last
+    result = last
     for value, condition in reversed(before):
         if _is_comparison(condition):
-            found = _chosen(_margin(condition), value, found)
+            result = _chosen(_margin(condition), value, result)
         else:
             weight = _weight(condition, where)
-            found = value * weight + found * (1 - weight)
-    return found
+            result = value * weight + result * (1 - weight)
+    return result
 
 
 def _is_comparison(condition: sympy.Basic) -> bool:
@@ -120,8 +120,8 @@ def _weight(condition: sympy.Basic, where: str) -> sympy.Expr:
         return sympy.Mul(*(_weight(each, where) for each in _in_order(condition)))
     if isinstance(condition, sympy.Or):
         return 1 - sympy.Mul(*(1 - _weight(each, where) for each in _in_order(condition)))
-    said = "compare two expressions by <, <=, > or >=, and join comparisons by &, | and ~"
-    raise ModelError(f"{where}: {shown(condition)} is no condition of a Piecewise here; {said}")
+    remedy = "compare two expressions by <, <=, > or >=, and join comparisons by &, | and ~"
+    raise ModelError(f"{where}: {shown(condition)} is no condition of a Piecewise here; {remedy}")
 
 
 def _in_order(condition: sympy.Basic) -> list[sympy.Basic]:

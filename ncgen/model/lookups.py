@@ -43,14 +43,14 @@ def curves_in(expression: sympy.Basic) -> set[Curve]:
     """The curves that an expression mentions."""
     import sympy
 
-    found: list[Any] = [each for each in expression.atoms(sympy.Function) if pieces_in(each)]
-    return {each.table.curve for each in found}
+    lookups: list[Any] = [each for each in expression.atoms(sympy.Function) if pieces_in(each)]
+    return {each.table.curve for each in lookups}
 
 
 def _value(x: Any, table: tuple[Any, Any, float]) -> Any:
     """What a lookup is at a number or an array in functions that sympy.lambdify makes; table: knots, rows and period of its pieces."""
-    found = Pieces(*table).at(np.asarray(x, dtype=float))
-    return found if found.ndim else float(found)
+    result = Pieces(*table).at(np.asarray(x, dtype=float))
+    return result if result.ndim else float(result)
 
 
 @cache

@@ -34,6 +34,7 @@ from ncgen.model.rigid import Frame
 from ncgen.model.rows import Owner
 
 if TYPE_CHECKING:
+    from ncgen.model.connections import ModelDriver, ModelJoint
     from ncgen.model.tables import Table, TableOptions
 
 LONGEST_NAME = 100
@@ -102,6 +103,20 @@ class Model(Joints, Locks, Pictures):
     def __repr__(self) -> str:
         parts = counted(len(self.components), "coordinate"), counted(len(self.rows), "row"), counted(len(self.bodies), "body")
         return f"<Model {self.name}: {', '.join(parts)}>"
+
+    @property
+    def joints(self) -> tuple[ModelJoint, ...]:
+        """The joints: what bodies share, and constraints between them."""
+        from ncgen.model.connections import joints_of
+
+        return joints_of(self)
+
+    @property
+    def drivers(self) -> tuple[ModelDriver, ...]:
+        """The drivers, in the order of their constraints."""
+        from ncgen.model.connections import drivers_of
+
+        return drivers_of(self)
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""

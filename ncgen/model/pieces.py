@@ -38,8 +38,8 @@ class Pieces:
     @property
     def constant(self) -> float | None:
         """What it is everywhere; None where it is not the same."""
-        found = {row[1:] for row in self.rows}
-        (coefficients,) = found if len(found) == 1 else ((0.0, 1.0),)
+        polynomials = {row[1:] for row in self.rows}
+        (coefficients,) = polynomials if len(polynomials) == 1 else ((0.0, 1.0),)
         return None if any(coefficients[1:]) else coefficients[0]
 
     def at(self, x: Any) -> Any:
@@ -93,8 +93,8 @@ def slopes_of(knots: tuple[float, ...], values: tuple[float, ...], end: str) -> 
     ]  # (below, on and above the diagonal, right-hand side)
     if end == "periodic":
         around = (h[0], 2.0 * (h[-1] + h[0]), h[-1], 3.0 * (h[0] * d[-1] + h[-1] * d[0]))
-        found = _solved_around([around, *inner])
-        return (*found, found[0])
+        slopes = _solved_around([around, *inner])
+        return (*slopes, slopes[0])
     first, last = _end(end, h, d), _end(end, h[::-1], d[::-1])
     return tuple(_solved([(0.0, *first), *inner, (last[1], last[0], 0.0, last[2])]))
 
@@ -130,10 +130,10 @@ def _solved(rows: list[tuple[float, float, float, float]]) -> list[float]:
         pivot = on - below * above
         above, right = over / pivot, (side - below * right) / pivot
         made.append((above, right))
-    found: list[float] = []
+    solution: list[float] = []
     for above, right in reversed(made):
-        found.append(right - above * found[-1] if found else right)
-    return found[::-1]
+        solution.append(right - above * solution[-1] if solution else right)
+    return solution[::-1]
 
 
 def _solved_around(rows: list[tuple[float, float, float, float]]) -> list[float]:

@@ -28,12 +28,13 @@ SIX_DIGITS = 1e-5
 class Owner:
     """Who is responsible for a row or a mass: a body, a coordinate, a joint, a driver or the user.
 
-    bodies: names of those that a joint is between, as far as it says them
+    bodies: names of those that a joint is between, as far as it says them; joint: its kind, such as "prismatic"
     """
 
     kind: str
     name: str
     bodies: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    joint: str = field(default="", compare=False, repr=False)
 
     def __str__(self) -> str:
         return self.name if self.name.startswith(self.kind) else f"{self.kind} {self.name}"
@@ -79,9 +80,9 @@ class Row:
 
     def direction(self, name: str) -> Combination:
         """What a vector argument of the row's type stands for."""
-        found = self.arguments[name]
-        assert isinstance(found, Combination), f"{self.label}: {name} is no vector"
-        return found
+        argument = self.arguments[name]
+        assert isinstance(argument, Combination), f"{self.label}: {name} is no vector"
+        return argument
 
 
 def natural_size(row: Row, number: Callable[[Value], float]) -> float | None:
@@ -144,8 +145,8 @@ def vector_vector(u: Spatial, v: Spatial, cosine: Value, owner: Owner, numeric: 
 def conditions(row: Row) -> list[Condition]:
     """What the data of a row must satisfy. A cosine that was measured is no data of the user's: it says where elements are."""
     key = row.type.key if row.type else ""
-    found: list[Condition] = [_length_condition(row)] if key in ("distance", "vector-segment") else []
-    return [*found, _cosine_condition(row)] if key in ("vector-segment", "vector-vector") and not row.measured else found
+    on_data: list[Condition] = [_length_condition(row)] if key in ("distance", "vector-segment") else []
+    return [*on_data, _cosine_condition(row)] if key in ("vector-segment", "vector-vector") and not row.measured else on_data
 
 
 def _length_condition(row: Row) -> Bound:

@@ -113,7 +113,7 @@ def _about(axis: int, angle: float) -> np.ndarray:
     """A rotation about a coordinate axis; quarters of a turn are exact where the angle is one with the digits that files have."""
     c, s = (0.0 if abs(x) < QUARTER else x for x in (math.cos(angle), math.sin(angle)))
     after, last = (axis + 1) % 3, (axis + 2) % 3
-    found = np.eye(3)
-    found[after, after] = found[last, last] = c
-    found[last, after], found[after, last] = s, -s
-    return found
+    rotation = np.eye(3)
+    rotation[after, after] = rotation[last, last] = c
+    rotation[last, after], rotation[after, last] = s, -s
+    return rotation

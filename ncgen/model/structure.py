@@ -262,7 +262,7 @@ class Structure(Coordinates):
 
     def _rest(self, body: Body) -> None:
         """Rows that keep a body where it stands: its origin, and three components of the first two directions of its base."""
-        frame, owner = body.frame, Owner("joint", f"rigid {body.name}-{self.ground.name}", (body.name, self.ground.name))
+        frame, owner = body.frame, Owner("joint", f"rigid {body.name}-{self.ground.name}", (body.name, self.ground.name), "rigid")
         made: list[Row] = []
         if frame.resting == 0 and frame.origin is not None and not all(c.fixed for c in frame.origin.components):
             place = self.point(self.free_name(f"{body.name}.rest"), frame.origin.given, fixed=True)

@@ -162,9 +162,9 @@ class _Tables:
         if name not in self.model.elements:
             count = sum(e.name.startswith(letter) and not isinstance(e, Angle) for e in self.model.elements.values())
             raise ModelError(f"{where}: {kind.word} {number:g} does not exist, the table has {count}; correct the number")
-        found = self.model.elements[name]
-        assert isinstance(found, kind), f"{name} is no {kind.word}"
-        return found
+        element = self.model.elements[name]
+        assert isinstance(element, kind), f"{name} is no {kind.word}"
+        return element
 
     def owner(self, elements: Iterable[Spatial]) -> Body | None:
         """The first body that has all these elements: the paper says it only in comments."""

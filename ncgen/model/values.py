@@ -211,12 +211,12 @@ def evaluate(value: Value, parameters: dict[str, Parameter], what: str) -> float
         raise ModelError(f"{what}: {unknown[0]} is not a parameter of this model; declare it with m.parameter")
     number = value.subs({s: parameters[s.name].default for s in symbols})
     try:
-        found = float(number)
+        result = float(number)
     except (TypeError, OverflowError):  # complex, or beyond the doubles
-        found = math.nan
-    if not math.isfinite(found):
+        result = math.nan
+    if not math.isfinite(result):
         raise ModelError(f"{what}: {shown(value)} is {shown(number)} at the parameters' defaults, not a finite number; correct it")
-    return found
+    return result
 
 
 NEARBY = (0.0847, -0.0613, 0.0391, -0.0957, 0.0719)
@@ -238,24 +238,24 @@ def vanishes(value: Value, parameters: dict[str, Parameter], bound: float) -> bo
     """True if a value is not larger than `bound` at the parameters' defaults and at others near them."""
     if is_number(value):
         return bool(abs(value) <= bound)
-    found = []
+    sizes = []
     for each in (parameters, *nearby(parameters)):
         try:
-            found.append(abs(evaluate(value, each, "")))
+            sizes.append(abs(evaluate(value, each, "")))
         except ModelError:
             continue  # outside the domain of a function: says nothing
-    return len(found) > 1 and max(found) <= bound
+    return len(sizes) > 1 and max(sizes) <= bound
 
 
 def mentioned(values: Iterable[object], parameters: dict[str, Parameter]) -> str:
     """The names of the parameters in some values, for messages."""
-    found: set[str] = set()
+    names: set[str] = set()
     for value in values:
         if isinstance(value, Parameter):
-            found.add(value.name)
+            names.add(value.name)
         elif is_symbolic(value):
-            found |= {s.name for s in symbols_in(value)}
-    return ", ".join(name for name in parameters if name in found)
+            names |= {s.name for s in symbols_in(value)}
+    return ", ".join(name for name in parameters if name in names)
 
 
 def told(expression: sympy.Basic) -> str:

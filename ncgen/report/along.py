@@ -65,36 +65,36 @@ class Recorded:
     def read(cls, path: Path) -> Recorded:
         """From a file written by `Trajectory.to_npz`. Raises NcgenError for a file of another kind, and for one that is broken."""
         try:
-            found = arrays(path, (*ARRAYS, *NAMES, *MORE, *TEXTS))
+            contents = arrays(path, (*ARRAYS, *NAMES, *MORE, *TEXTS))
         except OSError as error:
             raise NcgenError(
                 f"{path}: it cannot be read: {error.strerror or error}; give a trajectory.npz that `ncgen run` has written"
             ) from error
         except ValueError as error:
             raise _no_trajectory(path, f"it is no readable archive of numbers and texts: {error}") from error
-        if missing := [name for name in (*ARRAYS, *NAMES) if name not in found]:
+        if missing := [name for name in (*ARRAYS, *NAMES) if name not in contents]:
             raise _no_trajectory(path, f"it has no {missing[0]}")
-        _check_sizes(path, found)
-        numbers = {name: found[name].astype(float) for name in (*ARRAYS, *MORE) if name in found}
-        names = {name: tuple(map(str, found[name])) for name in NAMES}
-        return cls(path, numbers, names, _about(path, str(found.get("about", ""))), str(found.get("model", "")))
+        _check_sizes(path, contents)
+        numbers = {name: contents[name].astype(float) for name in (*ARRAYS, *MORE) if name in contents}
+        names = {name: tuple(map(str, contents[name])) for name in NAMES}
+        return cls(path, numbers, names, _about(path, str(contents.get("about", ""))), str(contents.get("model", "")))
 
     def trajectory(self, kernels: Kernels) -> Trajectory:
         """The motion as it was when it was written; of files of before, which do not say how it was made, its numbers. Raises NcgenError
         where it is one of another model."""
         self._check_model(kernels)
-        a, said = self.arrays, self.about or BEFORE
+        a, about = self.arrays, self.about or BEFORE
         moved = kernels.driven_by(self._drive(kernels))
         try:
             partitions = None
-            if not FORMALISMS[said["formalism"]].is_constrained:
+            if not FORMALISMS[about["formalism"]].is_constrained:
                 partitions = choose_partitions(moved, a["q"][-1], a["t"][-1], a["p"], self.names["independent"])
-            counts = {name: type(getattr(UNKNOWN, name))(value) for name, value in said["statistics"].items() if hasattr(UNKNOWN, name)}
+            counts = {name: type(getattr(UNKNOWN, name))(value) for name, value in about["statistics"].items() if hasattr(UNKNOWN, name)}
             statistics = replace(UNKNOWN, **counts)
-            made = {name: said[name] for name in ABOUT if name not in ("statistics", "chosen")}
-            chosen = tuple(map(str, said["chosen"]))
-            made["impulses"] = tuple(Impulse(float(t), str(driver), float(size)) for t, driver, size in said.get("impulses", ()))
-            made |= {"events": tuple(map(Happening.of, said.get("events", ()))), "changed": bool(said.get("changed", False))}
+            made = {name: about[name] for name in ABOUT if name not in ("statistics", "chosen")}
+            chosen = tuple(map(str, about["chosen"]))
+            made["impulses"] = tuple(Impulse(float(t), str(driver), float(size)) for t, driver, size in about.get("impulses", ()))
+            made |= {"events": tuple(map(Happening.of, about.get("events", ()))), "changed": bool(about.get("changed", False))}
             run = Trajectory(moved, a["t"], a["q"], a["qd"], a["work"], a["p"], partitions, statistics, chosen=chosen, **made)
         except (KeyError, TypeError, ValueError) as error:
             why = " ".join(str(error).split())
@@ -123,13 +123,13 @@ class Recorded:
                 raise NcgenError(f"{self.path}: a trajectory of other {what} than those of {kernels.name}; give the model it was run with")
 
 
-def _check_sizes(path: Path, found: dict[str, np.ndarray]) -> None:
+def _check_sizes(path: Path, arrays_of_file: dict[str, np.ndarray]) -> None:
     """Refuse arrays whose axes contradict each other, and numbers that are none."""
     sizes: dict[str, int] = {}
     for name, axes in (ARRAYS | NAMES | MORE | TEXTS).items():
-        if name not in found:
+        if name not in arrays_of_file:
             continue
-        array = found[name]
+        array = arrays_of_file[name]
         if array.ndim != len(axes) or any(sizes.setdefault(axis, size) != size for axis, size in zip(axes, array.shape, strict=True)):
             raise _no_trajectory(path, f"{name} has shape {array.shape}, which does not fit the others")
         if array.dtype.kind not in ("biuf" if name in ARRAYS | MORE else "U"):
@@ -145,12 +145,12 @@ def _about(path: Path, text: str) -> dict[str, Any]:
     if not text:
         return {}
     try:
-        said = json.loads(text)
+        about = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise _no_trajectory(path, "what it says of how it was made is no JSON") from error
-    if not isinstance(said, dict) or any(not isinstance(said.get(key), kind) for key, kind in ABOUT.items()):
+    if not isinstance(about, dict) or any(not isinstance(about.get(key), kind) for key, kind in ABOUT.items()):
         raise _no_trajectory(path, "what it says of how it was made is not what this ncgen knows")
-    return said
+    return about
 
 
 def _no_trajectory(path: Path, why: str) -> NcgenError:

@@ -78,10 +78,10 @@ class Card:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                found = list(parts())
+                items = list(parts())
         except Exception as error:  # a card is looked at while something is wrong
-            found = [f"{what}: {shortened(str(error) or type(error).__name__)}"]
-        for part in found:
+            items = [f"{what}: {shortened(str(error) or type(error).__name__)}"]
+        for part in items:
             kept: list = self.lines if isinstance(part, str) else self.tables if isinstance(part, CardTable) else self.pictures
             kept.append(part)
 
@@ -116,13 +116,13 @@ def of_kernels(kernels: Kernels) -> str:
 def of_trajectory(run: Trajectory) -> str:
     """Where a motion ended, how well it was kept, and its curves."""
     card = Card(run.name, "trajectory")
-    seen = run.thinned(INSTANTS) if len(run.t) else run
+    thinned = run.thinned(INSTANTS) if len(run.t) else run
     card.add("time", lambda: [_time(run)])
-    card.add("energy error", lambda: [f"energy error {run.energy_drift if len(run.t) <= 10 * INSTANTS else seen.energy_drift:.1e}"])
-    card.add("constraint error", lambda: [f"constraint error {seen.violation().max():.1e}"])
+    card.add("energy error", lambda: [f"energy error {run.energy_drift if len(run.t) <= 10 * INSTANTS else thinned.energy_drift:.1e}"])
+    card.add("constraint error", lambda: [f"constraint error {thinned.violation().max():.1e}"])
     card.add("end", lambda: [_end(run)])
-    card.add("drawing", lambda: [Picture(f"t = {run.t[-1]:.4g} s", sketch(scene_of(seen), -1))])
-    card.add("curves", lambda: [Picture("", curves_of_motion(seen))])
+    card.add("drawing", lambda: [Picture(f"t = {run.t[-1]:.4g} s", sketch(scene_of(thinned), -1))])
+    card.add("curves", lambda: [Picture("", curves_of_motion(thinned))])
     return card.html()
 
 
@@ -152,29 +152,29 @@ def _freedoms(kernels: Kernels) -> list[str]:
     q = kernels.q0
     if residual(kernels, q, 0.0, refresh_branches(kernels, q, kernels.p0)) > CONSISTENT_RESIDUAL:
         q = assemble(kernels, q)
-    found = freedom(kernels, q)
-    lines = [counted(found.dof, "degree of freedom")]
-    if found.is_singular:
+    freedoms = freedom(kernels, q)
+    lines = [counted(freedoms.dof, "degree of freedom")]
+    if freedoms.is_singular:
         lines.append("the initial position is singular")
-    for redundancy in found.redundant[:LINES]:
+    for redundancy in freedoms.redundant[:LINES]:
         others = ", ".join(str(row + 1) for row in redundancy.implied_by)
         lines.append(f"row {redundancy.row + 1} ({kernels.rows[redundancy.row].label}) follows from {others}")
-    if len(found.redundant) > LINES:
-        lines.append(f"and {len(found.redundant) - LINES} more rows follow from others")
+    if len(freedoms.redundant) > LINES:
+        lines.append(f"and {len(freedoms.redundant) - LINES} more rows follow from others")
     return lines
 
 
 def _rows(model: Model) -> list[str | CardTable]:
     if not model.rows:
         return ["no rows"]
-    told = [(str(number), row.code or "", row.label, str(row.owner)) for number, row in enumerate(model.rows[:LISTED], 1)]
+    cells = [(str(number), row.code or "", row.label, str(row.owner)) for number, row in enumerate(model.rows[:LISTED], 1)]
     more = [("…", "", f"{len(model.rows) - LISTED} more", "")] if len(model.rows) > LISTED else []
-    return [CardTable(counted(len(model.rows), "row"), [_cells(row) for row in [*told, *more]])]
+    return [CardTable(counted(len(model.rows), "row"), [_cells(row) for row in [*cells, *more]])]
 
 
 def _numbers(model: Model) -> list[CardTable]:
-    told = [_cells((name, f"{number.default:g}", number.unit)) for name, number in [*model.numbers.items()][:LISTED]]
-    return [CardTable(f"parameters and inputs: {len(model.numbers)}", told)] if told else []
+    cells = [_cells((name, f"{number.default:g}", number.unit)) for name, number in [*model.numbers.items()][:LISTED]]
+    return [CardTable(f"parameters and inputs: {len(model.numbers)}", cells)] if cells else []
 
 
 # -- parts of the kernels' card ------------------------------------------------------------------------------------------------------------

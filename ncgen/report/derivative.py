@@ -17,8 +17,8 @@ from ncgen.solver.positions.partition import choose_partitions
 def motion(kernels: Kernels) -> dict | None:
     """One JSON-ready record of what a default run takes: operations of a stage ("derivative") and at the end of a step ("velocities",
     "closing"), and of what is done once ("prepare"). None where it takes accelerations from the factored matrix."""
-    found = own_positions(kernels)
-    programs = found and assemble_motion(kernels.programs.equations, *found, kernels.column_sizes)
+    positions = own_positions(kernels)
+    programs = positions and assemble_motion(kernels.programs.equations, *positions, kernels.column_sizes)
     if not programs:
         return None
     parts = {field.name: getattr(programs, field.name) for field in fields(programs)}

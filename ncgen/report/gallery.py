@@ -38,10 +38,10 @@ def _found(model: Model) -> dict:
     from ncgen.compiler import compile
     from ncgen.solver.positions.rank import freedom
 
-    found = freedom(compile(model, backend="numpy"))
+    freedoms = freedom(compile(model, backend="numpy"))
     return {
         "coordinates": len(model.components),
         "rows": len(model.rows),
-        "dof": found.dof,
-        "redundant": len(found.redundant),
+        "dof": freedoms.dof,
+        "redundant": len(freedoms.redundant),
     }

@@ -11,7 +11,7 @@ from ncgen.solver.positions.rank import Freedom, Redundancy, freedom
 from ncgen.symbolic.tree import Tree, spanning_tree
 
 
-def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
+def inspect(kernels: Kernels, mobility: Freedom | None = None) -> dict:
     """Describe a mechanism and its generated code in one record, ready for JSON.
 
     Parameters
@@ -29,30 +29,33 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
         whether the initial position is; initial: {angle: rad}; left_out: [{what, count, changes_motion}] of a robot's file, which
         the model does not have; assembled: [{joint, moved, unit}] of a robot whose loops were closed when it was read; omitted:
         [text] of what the generator simplified away; kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters:
-        {name: default}; tree: [{body, on, freedoms}], from the ground outward.
+        {name: default}; tree: [{body, on, freedoms}], from the ground outward; joints: [{kind, bodies, elements}];
+        drivers: {coordinate: law}.
     """
-    found = found or freedom(kernels)
+    mobility = mobility or freedom(kernels)
     model = kernels.model
     return {
         "name": kernels.name,
         "coordinates": len(model.components),
         "free": kernels.n,
         "rows": kernels.m,
-        "rank": found.rank,
-        "dof": found.dof,
-        "redundant": [_redundant(kernels, r) for r in found.redundant],
-        "singular": found.is_singular,
+        "rank": mobility.rank,
+        "dof": mobility.dof,
+        "redundant": [_redundant(kernels, r) for r in mobility.redundant],
+        "singular": mobility.is_singular,
         "measured": sum(row.measured for row in kernels.rows),
         "left_out": [
-            {"what": what, "count": count, "changes_motion": changes_motion(said)}
-            for said in model.left_out
-            for what, count in (parted(said),)
+            {"what": what, "count": count, "changes_motion": changes_motion(sentence)}
+            for sentence in model.left_out
+            for what, count in (parted(sentence),)
         ],
         "assembled": [{"joint": name, "moved": moved, "unit": unit} for name, moved, unit in model.assembled],
         "omitted": list(kernels.programs.omitted),
         "initial": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
         "kernels": _kernels(kernels.programs),
         "tree": _tree(spanning_tree(model)),
+        "joints": [{"kind": j.kind, "bodies": list(j.bodies), "elements": list(j.elements)} for j in model.joints],
+        "drivers": {driver.coordinate: str(driver.law) for driver in model.drivers},
         "parameters": {p.name: p.default for p in model.parameters.values()},
         "emission": kernels.programs.emission,
         "backend": kernels.backend,

@@ -16,7 +16,7 @@ PACKAGES = ("numpy", "scipy", "sympy", "casadi", "jax", "symforce", "exudyn", "p
 def machine() -> dict[str, str]:
     """{what: value}: processor, cores, system, compiler and flags, clock, Python and the packages that are there."""
     resolution = time.get_clock_info("perf_counter").resolution
-    found = {
+    facts = {
         "processor": processor(),
         "cores": str(os.cpu_count()),
         "system": platform.platform(),
@@ -26,7 +26,7 @@ def machine() -> dict[str, str]:
         "ncgen": __version__,
         "python": platform.python_version(),
     }
-    return found | {name: text for name in PACKAGES if (text := _version(name))}
+    return facts | {name: text for name in PACKAGES if (text := _version(name))}
 
 
 def _version(name: str) -> str | None:

@@ -40,10 +40,10 @@ def look(path: Path, progress: Callable[[float], None] | None = None) -> Round:
         if model is None or problems:
             return Round(tuple(problems))
         kernels = compile(model)
-        found = freedom(kernels)
+        mobility = freedom(kernels)
         run = simulate(kernels, progress=progress, **simulation_of(model))
-        counts = {"rows": kernels.m, "redundant": len(found.redundant), "bodies": len(model.bodies)}
-        return Round((), run_record(run, found, None, []) | counts)
+        counts = {"rows": kernels.m, "redundant": len(mobility.redundant), "bodies": len(model.bodies)}
+        return Round((), run_record(run, mobility, None, []) | counts)
     except NcgenError as error:
         return Round((str(error),))
 

@@ -13,7 +13,7 @@ from ncgen.view.scene import scene_of
 from ncgen.view.sketch import sketch
 
 
-def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: list[Path]) -> dict:
+def run_record(run: Trajectory, mobility: Freedom, folder: Path | None, outputs: list[Path]) -> dict:
     """One JSON-ready record of a run.
 
     name, dof, time; stopped: whether it ended where it was told to; final, final_velocity: {independent coordinate: value}
@@ -23,7 +23,7 @@ def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: li
     statistics = run.statistics
     return {
         "name": run.name,
-        "dof": found.dof,
+        "dof": mobility.dof,
         "time": float(run.t[-1] - run.t[0]),
         "stopped": run.stopped,
         "final": {name: float(run[name][-1]) for name in run.independent},

@@ -24,13 +24,13 @@ def saves(path: Path, wait: Callable[[float], object] = time.sleep) -> Iterator[
 
     wait: called with the seconds until the next look
     """
-    told, before, alike = b"never", b"never", 0
+    reported, before, alike = b"never", b"never", 0
     while True:
         now = digest(path)
         alike = alike + 1 if now == before else 1
         before = now
-        if now != told and alike >= (2 if now else GONE):
-            told = now
+        if now != reported and alike >= (2 if now else GONE):
+            reported = now
             yield bool(now)
         else:
             wait(EVERY)

@@ -32,11 +32,16 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
     if facts["measured"]:
         console.print(f"  lengths and angles of {facts['measured']} rows are those of the initial position", markup=False)
     for words, acts in (("not modelled, and it changes the motion", True), ("without effect on the motion", False)):
-        said = [f"{each['what']} ({each['count']})" for each in facts["left_out"] if each["changes_motion"] == acts]
-        if said:
-            console.print(f"  of the file, {words}: {', '.join(said)}", markup=False)
+        contributions = [f"{each['what']} ({each['count']})" for each in facts["left_out"] if each["changes_motion"] == acts]
+        if contributions:
+            console.print(f"  of the file, {words}: {', '.join(contributions)}", markup=False)
     for line in _grouped(facts["omitted"]):
         console.print(f"  left out by the generator: {line}", markup=False)
+    for kind in dict.fromkeys(joint["kind"] for joint in facts["joints"]):
+        pairs = ["-".join(joint["bodies"]) or "between coordinates" for joint in facts["joints"] if joint["kind"] == kind]
+        console.print(f"  {len(pairs)} {kind}: {', '.join(pairs)}", markup=False)
+    if facts["drivers"]:
+        console.print(f"  driven: {', '.join(f'{name} = {law}' for name, law in facts['drivers'].items())}", markup=False)
     if facts["tree"]:
         links = ", ".join(f"{link['body']} on {link['on']} {link['freedoms']}" for link in facts["tree"])
         console.print(f"  spanning tree (degrees of freedom of its joints): {links}", markup=False)
@@ -59,8 +64,8 @@ def motion_line(counts: dict) -> str:
 def derivative_line(counts: dict) -> str:
     """What the state derivative takes, the way that is taken first."""
     ways = sorted((n, name) for name, n in counts.items() if name not in ("closing", "taken"))
-    told = ", ".join(f"{name} {n}" for n, name in ways)
-    return f"operations on independent coordinates: {told}; of closing positions: {counts['closing']}"
+    counts_of_ways = ", ".join(f"{name} {n}" for n, name in ways)
+    return f"operations on independent coordinates: {counts_of_ways}; of closing positions: {counts['closing']}"
 
 
 def kernel_table(facts: dict, times: dict[str, float] | None) -> Table:

@@ -164,8 +164,8 @@ def refusal(
     """The sentence for a kernel that is not finite with these arguments: whose it is, when and where."""
     p = kernels.p0 if p is None else p
     given = {"q": q, "qd": q if qd is None else qd, "t": t, "p": p, **more}
-    said = _of_arguments(kernels, given) or _of_terms(kernels, _first(kernels, kernel, given), given)
-    return DomainError(f"{kernels.name}: {said}")
+    cause = _of_arguments(kernels, given) or _of_terms(kernels, _first(kernels, kernel, given), given)
+    return DomainError(f"{kernels.name}: {cause}")
 
 
 def _first(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
@@ -197,9 +197,9 @@ def _of_terms(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
 
     definition = {**KERNELS, **TANGENTS}[kernel]
     equations = kernels.programs.equations
-    for there in _close(given):
+    for arguments in _close(given):
         for term in definition.terms(equations):
-            if not _is_term_finite(term, definition, equations, there):
+            if not _is_term_finite(term, definition, equations, arguments):
                 where = _where(kernels, term, given)
                 return f"{DERIVED.get(kernel, '')}{_words(kernels, term)} is not a number at t = {given['t']:.6g} s{where}; {REMEDY}"
     return f"{kernel} is not a number at t = {given['t']:.6g} s, although every part of it is: the numbers are too large; {REMEDY}"
@@ -244,7 +244,7 @@ def _words(kernels: Kernels, term: Term) -> str:
 def _where(kernels: Kernels, term: Term, given: dict[str, Any]) -> str:
     """The coordinates and parameters that a term is made of, as far as they are few."""
     used = dict.fromkeys(c.name for form in term.scalars for _, c in form)
-    found = [f"{name} = {given['q'][kernels.index[name]]:.6g}" for name in used if name in kernels.index]
+    values = [f"{name} = {given['q'][kernels.index[name]]:.6g}" for name in used if name in kernels.index]
     named = {s.name for v in term.data for s in ([v.symbol] if isinstance(v, Symbolic) else getattr(v, "free_symbols", ()))}
-    found += [f"{name} = {value:.6g}" for name, value in zip(kernels.parameters, given["p"], strict=True) if name in named]
-    return f" ({', '.join(found)})" if 0 < len(found) <= NAMED else ""
+    values += [f"{name} = {value:.6g}" for name, value in zip(kernels.parameters, given["p"], strict=True) if name in named]
+    return f" ({', '.join(values)})" if 0 < len(values) <= NAMED else ""

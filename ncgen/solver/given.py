@@ -83,10 +83,10 @@ def parameters(kernels: Outline, p: Given | None = None) -> np.ndarray:
     in the place of the parameter, such as a negative mass.
     """
     kernels = checked_kernels(kernels)
-    found = _numbers(kernels.parameters, kernels.p0, p, "p", "parameter")
+    array = _numbers(kernels.parameters, kernels.p0, p, "p", "parameter")
     if p is not None:
-        check_parameters(kernels, found)
-    return found
+        check_parameters(kernels, array)
+    return array
 
 
 def position(kernels: Outline, q: Given | None = None, p: ArrayLike | None = None, what: str = "q") -> np.ndarray:
@@ -235,9 +235,11 @@ def _numbers(names: tuple[str, ...], defaults: np.ndarray, given: Given | None, 
         return np.array([wanted.get(name, default) for name, default in zip(names, defaults, strict=True)], dtype=float)
     array = real_numbers(given, what)
     if array is None or array.shape != (len(names),):
-        said = echo(given) if array is None else counted(len(array), "number") if array.ndim == 1 else f"an array of shape {array.shape}"
+        given_text = (
+            echo(given) if array is None else counted(len(array), "number") if array.ndim == 1 else f"an array of shape {array.shape}"
+        )
         needed = f"{len(names)} needed: {shortened(names)}" if names else f"the mechanism has no {kind}"
-        raise ModelError(f"{what}: {said} given, {needed}")
+        raise ModelError(f"{what}: {given_text} given, {needed}")
     for k in np.flatnonzero(~np.isfinite(array))[:1]:
         finite(array[k], f"{what}: {names[k]}")
     return array

@@ -9,16 +9,16 @@ LISTED = 100
 """Characters that a list of names may take in a message."""
 
 
-def offer(name: object, known: Sequence[str], there: str = "it has") -> str:
+def offer(name: object, known: Sequence[str], introduction: str = "it has") -> str:
     """The end of a sentence about an unknown name: what there is, or the nearest where that is too much to read."""
     listed = ", ".join(known)
     if not known:
-        return f"{there} none"
+        return f"{introduction} none"
     if len(listed) <= LISTED:
-        return f"{there} {listed}"
+        return f"{introduction} {listed}"
     if near := difflib.get_close_matches(str(name), known, n=1):
         return f"did you mean {near[0]}?"
-    return f"{there} {shortened(known)}"
+    return f"{introduction} {shortened(known)}"
 
 
 def shortened(names: Sequence[str]) -> str:

@@ -50,14 +50,14 @@ def refused_parameters(kernels: Outline, p: np.ndarray) -> dict[int, str]:
         return {}
     with np.errstate(all="ignore"):
         numbers = evaluate_rows(program, np.asarray(p, dtype=float))
-    told, refused, first = np.isfinite(p).all(axis=-1), {}, 0
+    finite, refused, first = np.isfinite(p).all(axis=-1), {}, 0
     for condition in conditions:
         own = numbers[..., first : first + len(condition.values)]
         first += len(condition.values)
-        for row in np.flatnonzero(told & ~condition.holds(own)).tolist():
+        for row in np.flatnonzero(finite & ~condition.holds(own)).tolist():
             names = mentioned(condition.values, kernels.model.parameters).split(", ")
-            said = ", ".join(f"{name} = {p[row, kernels.parameters.index(name)]:g}" for name in names)
-            refused.setdefault(row, f"with {said}, {condition.sentence(own[row])}")
+            values = ", ".join(f"{name} = {p[row, kernels.parameters.index(name)]:g}" for name in names)
+            refused.setdefault(row, f"with {values}, {condition.sentence(own[row])}")
     return refused
 
 

@@ -72,7 +72,7 @@ class Study:
         model = checked_model(getattr(model, "model", model))
         options = simulation_of(model, **(simulation or {}))
         check_options(options)
-        run, known = Run.asked(model, **options), outline(model)
+        run, known = Run.from_arguments(model, **options), outline(model)
         if model.callbacks:
             raise ModelError(f"{model.name}: a force is a Python function, which is no data; a study needs a model that can travel")
         if called := [event.name for event in model.events.values() if event.is_called]:
@@ -153,37 +153,39 @@ class Study:
     @cached_property
     def run(self) -> Run:
         """The run that all variants have in common, on the instants that are looked at."""
-        return Run.asked(self.model, **self.simulation, points=self.grid)
+        return Run.from_arguments(self.model, **self.simulation, points=self.grid)
 
     @cached_property
     def grid(self) -> np.ndarray:
         """The instants of every run (s): those of histories, and even ones where the whole run counts."""
         usual = WHOLE if any(column.whole for column in self.values) else 2
-        even = Run.asked(self.model, **self.simulation, points=usual if self.points is None else self.points).times
+        even = Run.from_arguments(self.model, **self.simulation, points=usual if self.points is None else self.points).times
         inner = even[1:-1]
         near = np.abs(inner[:, None] - self.times).min(axis=1, initial=np.inf) < NEAR * (even[-1] - even[0])
         return np.union1d(np.concatenate([even[[0, -1]], inner[~near]]), self.times)
 
     def options(self, row: np.ndarray) -> dict[str, Any]:
         """Arguments of `simulate` for a variant with these numbers (names,)."""
-        found = dict(self.simulation)
+        arguments = dict(self.simulation)
         for name, value in zip(self.design.names, row.tolist(), strict=True):
             argument, inner = argument_of(name)
-            found[argument] = {**(found.get(argument) or {}), inner: value}
-        return found
+            arguments[argument] = {**(arguments.get(argument) or {}), inner: value}
+        return arguments
 
     @cached_property
     def digest(self) -> str:
         """What tells the study from others, 64 hexadecimal digits: equal if and only if variants and columns are."""
-        told = digest(self.model) or hashlib.sha256(pickle.dumps(self.model)).hexdigest()
+        model_digest = digest(self.model) or hashlib.sha256(pickle.dumps(self.model)).hexdigest()
         axes = [[a.name, a.kind, [float(x).hex() for x in (*a.values, *a.ends)]] for a in self.design.axes]
-        said = [
-            told, axes, self.design.kind, self.design.count, self.design.seed, [column.word for column in self.kept],
+        content = [
+            model_digest, axes, self.design.kind, self.design.count, self.design.seed, [column.word for column in self.kept],
             [t.hex() for t in self.times.tolist()], [t.hex() for t in self.grid.tolist()], _plain(self.simulation),
         ] + ([self.steps] if self.steps else [])  # fmt: skip
         if has_events(self.model):
-            said.append(digest_of_events(self.model) or hashlib.sha256(pickle.dumps((self.model.events, self.model.frictions))).hexdigest())
-        return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+            content.append(
+                digest_of_events(self.model) or hashlib.sha256(pickle.dumps((self.model.events, self.model.frictions))).hexdigest()
+            )
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     @property
     def left_open(self) -> bool:

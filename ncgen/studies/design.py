@@ -125,16 +125,16 @@ class Design:
             raise ModelError(f"design {kind!r} needs count: how many {what}")
         if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
             raise ModelError(f"seed: {echo(seed)} given; give a whole number from 0 on")
-        found = cls(design.axes, kind, whole(count, "count"), seed)
-        if kind == "saltelli" and len(found.axes) < 2:
-            raise ModelError(f"vary: {found.names[0]} alone varies, so all of the variance is its own; Sobol' indices need two names")
-        if kind == "saltelli" and found._points & (found._points - 1):
-            raise ModelError(f"count: {count} given; Sobol' indices need a power of 2, such as {2 ** found._points.bit_length()}")
-        if kind == "latin" and found.size * len(found.axes) > MOST_AT_ONCE:
+        made = cls(design.axes, kind, whole(count, "count"), seed)
+        if kind == "saltelli" and len(made.axes) < 2:
+            raise ModelError(f"vary: {made.names[0]} alone varies, so all of the variance is its own; Sobol' indices need two names")
+        if kind == "saltelli" and made._points & (made._points - 1):
+            raise ModelError(f"count: {count} given; Sobol' indices need a power of 2, such as {2 ** made._points.bit_length()}")
+        if kind == "latin" and made.size * len(made.axes) > MOST_AT_ONCE:
             raise ModelError(f"count: a Latin square of {count} variants does not fit into memory; take design='sobol'")
-        if found.size > MOST:
-            raise ModelError(f"count: {found.size:.3g} variants cannot be counted; take fewer")
-        return found
+        if made.size > MOST:
+            raise ModelError(f"count: {made.size:.3g} variants cannot be counted; take fewer")
+        return made
 
     def _check(self) -> None:
         if self.kind not in LISTED:
@@ -188,9 +188,9 @@ class Design:
 
     def _random(self, first: int, count: int) -> np.ndarray:
         blocks = range(first // BLOCK, (first + count - 1) // BLOCK + 1)
-        found = [np.random.default_rng([self.seed, block]).random((BLOCK, len(self.axes))) for block in blocks]
+        drawn = [np.random.default_rng([self.seed, block]).random((BLOCK, len(self.axes))) for block in blocks]
         start = first - blocks[0] * BLOCK
-        return np.concatenate(found)[start : start + count]
+        return np.concatenate(drawn)[start : start + count]
 
     @cached_property
     def _square(self) -> np.ndarray:
@@ -215,7 +215,7 @@ class Design:
         """Saltelli's design: A, B, then A with one column of B, for every name: in the order of `scipy.stats.sobol_indices`."""
         from scipy.stats.qmc import Sobol
 
-        names, found = len(self.axes), []
+        names, blocks = len(self.axes), []
         while count:
             part, start = divmod(first, self._points)
             size = min(count, self._points - start)
@@ -223,9 +223,9 @@ class Design:
             rows = both[:, names:] if part == 1 else both[:, :names].copy()
             if part > 1:
                 rows[:, part - 2] = both[:, names + part - 2]
-            found.append(rows)
+            blocks.append(rows)
             first, count = first + size, count - size
-        return np.concatenate(found)
+        return np.concatenate(blocks)
 
     def _sequence(self, kind: Callable[..., QMCEngine], width: int, first: int, count: int) -> np.ndarray:
         """Members of a scrambled sequence; the engine stays where it is, since entering a sequence takes time."""
@@ -236,9 +236,9 @@ class Design:
             engine.fast_forward(first - engine.num_generated)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a first part that is no power of 2
-            found = engine.random(count)
+            rows_drawn = engine.random(count)
         self._engines["engine"] = engine
-        return found
+        return rows_drawn
 
 
 def _seeded(kind: Callable[..., Any], seed: int) -> dict[str, Any]:

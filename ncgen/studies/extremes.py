@@ -10,8 +10,8 @@ import numpy as np
 def extremes(t: np.ndarray, x: np.ndarray, rates: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest (B,) of x (B, K) over instants t (K,) in s; with rates (B, K) those of the cubics between instants."""
     low, high = x.min(axis=1), x.max(axis=1)
-    for _, there in _turning_points(t, x, rates):
-        low, high = np.minimum(low, there.min(axis=1)), np.maximum(high, there.max(axis=1))
+    for _, values in _turning_points(t, x, rates):
+        low, high = np.minimum(low, values.min(axis=1)), np.maximum(high, values.max(axis=1))
     return low, high
 
 
@@ -20,10 +20,10 @@ def weights(t: np.ndarray, x: np.ndarray, rates: np.ndarray | None, largest: boo
     sign = 1.0 if largest else -1.0
     k = int(np.argmax(sign * x))
     best, place = x[k], (k, 0.0)
-    for s, there in _turning_points(t, x[None], None if rates is None else rates[None]):
-        j = int(np.argmax(sign * there[0]))
-        if sign * there[0, j] > sign * best:
-            best, place = there[0, j], (j, float(s[0, j]))
+    for s, values in _turning_points(t, x[None], None if rates is None else rates[None]):
+        j = int(np.argmax(sign * values[0]))
+        if sign * values[0, j] > sign * best:
+            best, place = values[0, j], (j, float(s[0, j]))
     (k, s), by_x, by_rates = place, np.zeros(len(t)), np.zeros(len(t))
     if s == 0.0:
         by_x[k] = 1.0
@@ -47,5 +47,5 @@ def _turning_points(t: np.ndarray, x: np.ndarray, rates: np.ndarray | None) -> I
         q = -(square + np.copysign(root, square))  # the roots of begin + 2 square s + 3 cube s², without cancellation
         for s in (begin / q, q / (3 * cube)):
             inside = (s > 0) & (s < 1)
-            there = np.where(inside, x[:, :-1] + s * (begin + s * (square + s * cube)), x[:, :-1])
-            yield np.where(inside, s, 0.0), there
+            values = np.where(inside, x[:, :-1] + s * (begin + s * (square + s * cube)), x[:, :-1])
+            yield np.where(inside, s, 0.0), values

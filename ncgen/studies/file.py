@@ -74,12 +74,14 @@ def _told(path: Path, data: dict[str, Any]) -> Study:
     vary, model = data["vary"], data["model"]
     if model.endswith(".py"):
         raise ModelError(f"model: {model} is a program, which a study file does not run; write it as data by `ncgen convert {model}`")
-    beside = path.parent / model
+    neighbour = path.parent / model
     options = {key: data[key] for key in ("design", "count", "seed", "times", "steps") if key in data}
     if isinstance(vary, str):
         vary = table(vary, text_of(path.parent / vary))
         options.setdefault("design", "list")
-    return Study.of(load(beside if beside.suffix else model), vary, keep=data["keep"], simulation=data.get("simulation", {}), **options)
+    return Study.of(
+        load(neighbour if neighbour.suffix else model), vary, keep=data["keep"], simulation=data.get("simulation", {}), **options
+    )
 
 
 def _key_line(tables: list[FileTable], key: str) -> int:

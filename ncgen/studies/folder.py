@@ -81,24 +81,24 @@ class Folder:
     def at(cls, path: Path) -> Folder:
         """A folder that is there. Raises NcgenError for one of another kind."""
         try:
-            said = json.loads(contents(path / MANIFEST, LARGEST))
+            manifest = json.loads(contents(path / MANIFEST, LARGEST))
         except OSError as error:
             raise NcgenError(f"{path / MANIFEST}: {error.strerror or error}; give the folder of a study") from error
         except (ValueError, RecursionError) as error:
             raise _no_manifest(path, str(error)) from error
-        if problem := _fault_of(said):
+        if problem := _fault_of(manifest):
             raise _no_manifest(path, problem)
-        if said["format"] != FORMAT:
-            raise NcgenError(f"{path}: it has format {shown(said['format'])}; this ncgen reads {FORMAT}")
-        return cls(path, said)
+        if manifest["format"] != FORMAT:
+            raise NcgenError(f"{path}: it has format {shown(manifest['format'])}; this ncgen reads {FORMAT}")
+        return cls(path, manifest)
 
     def _check(self, mine: Mapping[str, Any]) -> None:
         """Raise NcgenError unless the folder's manifest is that of a study."""
         for key, value in mine.items():
-            if key in MAY_DIFFER or (there := self.manifest.get(key)) == value:
+            if key in MAY_DIFFER or (present := self.manifest.get(key)) == value:
                 continue
-            what = {"study": "another study", "ncgen": f"results of ncgen {shown(there)[1:-1]}, not {value}"}
-            which = what.get(key, f"a manifest in which {key} is {shown(there)} instead of {shown(value)}")
+            what = {"study": "another study", "ncgen": f"results of ncgen {shown(present)[1:-1]}, not {value}"}
+            which = what.get(key, f"a manifest in which {key} is {shown(present)} instead of {shown(value)}")
             raise NcgenError(f"{self.path}: it holds {which}; give another folder, or remove this one")
 
     @property
@@ -108,12 +108,12 @@ class Folder:
 
     def files(self) -> list[tuple[int, int, Path]]:
         """(first, end, file) of the variants that are done, in order. Raises NcgenError where two files hold the same variants."""
-        found, place = self._listed(), 0
-        for first, end, path in found:
+        listed, place = self._listed(), 0
+        for first, end, path in listed:
             if why := self._misplaced(first, end, place):
                 raise NcgenError(f"{path}: {why}; start the study again, which removes it")
             place = end
-        return found
+        return listed
 
     def missing(self) -> list[tuple[int, int]]:
         """(first, end) of the variants that are still to be computed.
@@ -142,9 +142,9 @@ class Folder:
 
     def write(self, part: Part) -> None:
         """Add variants. Raises NcgenError in one line where they cannot be written; what was written before stays."""
-        said = {SAID_OF: np.array([*part.said], dtype=np.int64), SAID: np.array([*part.said.values()], dtype=str)}
+        messages = {SAID_OF: np.array([*part.said], dtype=np.int64), SAID: np.array([*part.said.values()], dtype=str)}
         try:
-            write_bytes(self.path / NAME.format(part.first, part.first + len(part)), packed(part.columns | said))
+            write_bytes(self.path / NAME.format(part.first, part.first + len(part)), packed(part.columns | messages))
         except NcgenError as error:
             cause = error.__cause__
             why = getattr(cause, "strerror", None) or str(error)
@@ -161,8 +161,8 @@ class Folder:
 
     def part(self, first: int, path: Path) -> Part:
         """The variants of one file. Raises NcgenError for a file that is broken."""
-        found = self._read(path, (*self.columns, SAID_OF, SAID))
-        return Part(first, {name: found[name] for name in self.columns}, _told(found))
+        columns = self._read(path, (*self.columns, SAID_OF, SAID))
+        return Part(first, {name: columns[name] for name in self.columns}, _told(columns))
 
     def said(self, path: Path) -> dict[int, str]:
         """{variant: sentence} of one file. Raises NcgenError for a file that is broken."""
@@ -212,26 +212,26 @@ class Folder:
 
     def _arrays(self, path: Path, names: Collection[str] | None) -> dict[str, np.ndarray]:
         """Columns of a file, None for all, whose checksums and lengths are right. Raises OSError, or ValueError in words."""
-        found = arrays(path, names)
+        columns = arrays(path, names)
         name = FILES.fullmatch(path.name)
         count = int(name[2]) - int(name[1]) if name else 0
         for column in (*self.columns, SAID_OF, SAID) if names is None else names:
-            if column not in found:
+            if column not in columns:
                 raise ValueError(f"it has no {column}")
             if column in (SAID_OF, SAID):
-                if found[column].ndim != 1 or found[column].dtype.kind != ("i" if column == SAID_OF else "U"):
+                if columns[column].ndim != 1 or columns[column].dtype.kind != ("i" if column == SAID_OF else "U"):
                     raise ValueError(f"{column} is no list")
                 continue
             shape = (count, len(self.manifest["times"])) if column.startswith("history(") and column in self.manifest["kept"] else (count,)
-            if found[column].shape != shape or found[column].dtype.kind not in ("b" if column == "ok" else "if"):
-                raise ValueError(f"{column} has {found[column].dtype} of shape {found[column].shape}, not {shape}")
-        if {SAID_OF, SAID} <= found.keys() and len(found[SAID_OF]) != len(found[SAID]):
+            if columns[column].shape != shape or columns[column].dtype.kind not in ("b" if column == "ok" else "if"):
+                raise ValueError(f"{column} has {columns[column].dtype} of shape {columns[column].shape}, not {shape}")
+        if {SAID_OF, SAID} <= columns.keys() and len(columns[SAID_OF]) != len(columns[SAID]):
             raise ValueError(f"{SAID} and {SAID_OF} have different lengths")
-        return found
+        return columns
 
 
-def _told(found: Mapping[str, np.ndarray]) -> dict[int, str]:
-    return dict(zip(found[SAID_OF].tolist(), found[SAID].tolist(), strict=True))
+def _told(columns: Mapping[str, np.ndarray]) -> dict[int, str]:
+    return dict(zip(columns[SAID_OF].tolist(), columns[SAID].tolist(), strict=True))
 
 
 def _remove(path: Path) -> None:
@@ -245,26 +245,26 @@ def _no_manifest(path: Path, problem: str) -> NcgenError:
     return NcgenError(f"{path / MANIFEST}: it is no manifest of a study ({problem})")
 
 
-def _fault_of(said: Any) -> str:
+def _fault_of(manifest: Any) -> str:
     """What is wrong with a manifest, in words; "" if nothing is."""
-    if not isinstance(said, dict):
+    if not isinstance(manifest, dict):
         return "no table"
     for key, kind in KINDS.items():
-        value = said.get(key)
+        value = manifest.get(key)
         if type(value) is not kind:
             return f"{key} is {shown(value)}"
         if isinstance(value, list) and not all(type(item) in ENTRIES[key] for item in value):
             return f"{key} has something else than {' or '.join(kind.__name__ for kind in ENTRIES[key])} in it"
     size = 1
-    for count in said["shape"]:
+    for count in manifest["shape"]:
         size *= count
         if not 0 <= size <= MOST:
             break
-    if size != said["variants"] or not 0 <= size <= MOST:
-        return f"{shown(said['variants'])} variants of shape {shown(said['shape'])}"
-    if len({*said["names"], "ok", *said["kept"]}) < len(said["names"]) + 1 + len(said["kept"]):
+    if size != manifest["variants"] or not 0 <= size <= MOST:
+        return f"{shown(manifest['variants'])} variants of shape {shown(manifest['shape'])}"
+    if len({*manifest["names"], "ok", *manifest["kept"]}) < len(manifest["names"]) + 1 + len(manifest["kept"]):
         return "two columns have one name"
-    if not all(-sys.float_info.max <= time <= sys.float_info.max for time in said["times"]):
+    if not all(-sys.float_info.max <= time <= sys.float_info.max for time in manifest["times"]):
         return "a time is not finite"
     return ""
 

@@ -45,6 +45,6 @@ def indices(names: tuple[str, ...], values: np.ndarray) -> Indices:
     if count < LEAST:
         raise NcgenError(f"Sobol' indices: {len(points)} of {parts.shape[1]} points have all their variants; at least {LEAST} are needed")
     a, b, *mixed = parts[:, points[:count]]
-    found = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=count)
+    sobol = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=count)
     shape = (len(names),)
-    return Indices(names, np.reshape(found.first_order, shape), np.reshape(found.total_order, shape), count, parts.shape[1])
+    return Indices(names, np.reshape(sobol.first_order, shape), np.reshape(sobol.total_order, shape), count, parts.shape[1])

@@ -84,10 +84,10 @@ def kept(words: Sequence[str] | str, known: Outline, varied: Sequence[str] = ())
     if not names:
         words = f"coordinates, outputs, max(…), min(…), history(…), gradient(…), {', '.join((*SPECIAL, *(f'{w}(…)' for w in OF_EVENTS)))}"
         raise ModelError(f"keep: nothing is kept of {known.name}; name {words}")
-    found = [column for name in names for column in (_gradients(name, known, varied) or [Kept.of(name, known)])]
-    if twice := [column.word for k, column in enumerate(found) if column in found[:k]]:
+    columns = [column for name in names for column in (_gradients(name, known, varied) or [Kept.of(name, known)])]
+    if twice := [column.word for k, column in enumerate(columns) if column in columns[:k]]:
         raise ModelError(f"keep: {twice[0]} is named twice")
-    return tuple(found)
+    return tuple(columns)
 
 
 def _gradients(word: str, known: Outline, varied: Sequence[str]) -> list[Kept]:

@@ -58,5 +58,5 @@ def read(path: str | os.PathLike[str], model: Model | Kernels | None = None) -> 
     recorded = Recorded.read(place)
     if model is None and not (recorded.model and recorded.about):
         return recorded
-    found = model_of(recorded.model, place) if model is None else model
-    return recorded.trajectory(compile(found) if isinstance(found, Model) else found)
+    the_model = model_of(recorded.model, place) if model is None else model
+    return recorded.trajectory(compile(the_model) if isinstance(the_model, Model) else the_model)

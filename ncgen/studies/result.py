@@ -73,8 +73,8 @@ class StudyResult:
             raise ModelError(f"{self.about['model']}: the study has no column {echo(name)}; {offer(name, self.keys())}")
         cached = vars(self).setdefault("_columns", {})
         if name not in cached:
-            found = [self.folder.column(at, name) if self.folder else at.columns[name] for _, _, at in self._spans]
-            cached[name] = np.concatenate(found) if found else np.empty(0)
+            pieces = [self.folder.column(at, name) if self.folder else at.columns[name] for _, _, at in self._spans]
+            cached[name] = np.concatenate(pieces) if pieces else np.empty(0)
         return cached[name]
 
     @property
@@ -100,10 +100,10 @@ class StudyResult:
     @cached_property
     def said(self) -> dict[int, str]:
         """{variant: sentence} of those of which something is to be said, that they failed or a warning."""
-        found: dict[int, str] = {}
+        messages: dict[int, str] = {}
         for _, _, at in self._spans:
-            found |= self.folder.said(at) if self.folder else at.said
-        return found
+            messages |= self.folder.said(at) if self.folder else at.said
+        return messages
 
     @property
     def failures(self) -> dict[int, str]:
@@ -115,12 +115,12 @@ class StudyResult:
 
     def table(self) -> dict[str, np.ndarray]:
         """{column: (B,)}, a history as a column an instant, with `variant` and `status` ("ok", or the sentence)."""
-        found: dict[str, np.ndarray] = {"variant": self.variant}
+        columns: dict[str, np.ndarray] = {"variant": self.variant}
         for name in self.keys():
-            found |= _flat(name, self[name], self.times)
+            columns |= _flat(name, self[name], self.times)
         failures = self.failures
-        found["status"] = np.array([failures.get(v, OK) for v in self.variant.tolist()], dtype=object)
-        return found
+        columns["status"] = np.array([failures.get(v, OK) for v in self.variant.tolist()], dtype=object)
+        return columns
 
     def dataframe(self) -> Any:
         """The table as a pandas DataFrame whose index is the variant. Raises NcgenError where pandas is not installed."""

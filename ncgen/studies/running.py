@@ -147,8 +147,8 @@ def carry_out(
         parts: list[Part] = []
         keep = about.write if about else parts.append
         engine = _engine(bench, workers, threads, stack)
-        told = _told(study, progress, stack)
-        for part in stack.enter_context(closing(_Work(study, missing, told).parts(engine))):
+        advance = _told(study, progress, stack)
+        for part in stack.enter_context(closing(_Work(study, missing, advance).parts(engine))):
             keep(part)
     return StudyResult(about.manifest if about else manifest(study, bench.made_with), about, tuple(parts))
 
@@ -199,8 +199,8 @@ class _Work:
     def parts(self, engine: engines.Engine) -> Generator[Part, None, None]:
         """All parts, in the order in which they are done."""
         self.tell(0.0)
-        with closing(engine.parts(self.next_chunk, self.tell)) as found:
-            for part, seconds in found:
+        with closing(engine.parts(self.next_chunk, self.tell)) as done:
+            for part, seconds in done:
                 self.left -= len(part)
                 self.pace.learn(len(part), seconds)
                 yield part

@@ -71,32 +71,32 @@ class Slopes:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of a start that was projected: the run has said so
                 motion = motion_of(self.kernels, options["duration"], study.steps, self.integrator, **start)
-                found = self._all(motion, start.get("q0"))
+                gradients = self._all(motion, start.get("q0"))
         except NcgenError as error:
             return {column.word: np.nan for column in study.gradients}, f"no gradient: {error}"
         off = float(np.max(np.abs(motion.q[-1] - end) / self.kernels.column_sizes, initial=0.0))
-        return found, f"gradient: its {study.steps} steps end {off:.1g} beside the motion; take more steps" if off > FAR else None
+        return gradients, f"gradient: its {study.steps} steps end {off:.1g} beside the motion; take more steps" if off > FAR else None
 
     def _all(self, motion: Motion, q0: Any) -> dict[str, float]:
         slopes: dict[tuple[str, str], dict[str, float]] = {}
-        found = {}
+        gradients = {}
         for column in self.study.gradients:
             key = column.over, column.name
             if key not in slopes:
                 slopes[key] = self._slopes(motion, column, q0)
-            found[column.word] = slopes[key].get(started(column.by) or column.by, np.nan)
-        return found
+            gradients[column.word] = slopes[key].get(started(column.by) or column.by, np.nan)
+        return gradients
 
     def _slopes(self, motion: Motion, column: Kept, q0: Any) -> dict[str, float]:
         """Derivatives of a number by everything: parameters, and positions and velocities of the independent coordinates at the start."""
         by_q, by_qd, by_p = self._weights(motion, column)
         by = [started(each.by) or each.by for each in self.study.gradients]
-        found = dict(zip(motion.names, motion.backward(by_q, by_qd, by)[0].tolist(), strict=True))
+        derivatives = dict(zip(motion.names, motion.backward(by_q, by_qd, by)[0].tolist(), strict=True))
         free = [name for name in motion.names if name in self.kernels.index and isinstance(q0, dict) and name not in q0]
         rows = self.kernels.start_p(motion.p)[[self.kernels.index[name] for name in free]] if free else np.empty((0, len(motion.p)))
         for k, name in enumerate(self.kernels.parameters):  # a start that is given in part follows parameters in the rest
-            found[name] += by_p[k] + sum(rows[i, k] * found[other] for i, other in enumerate(free))
-        return found
+            derivatives[name] += by_p[k] + sum(rows[i, k] * derivatives[other] for i, other in enumerate(free))
+        return derivatives
 
     def _weights(self, motion: Motion, column: Kept) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """How what is kept changes with q and q̇ at all instants (K, n) and directly with p (n_p,)."""
@@ -122,9 +122,9 @@ class Slopes:
 
     def _history(self, motion: Motion, name: str) -> tuple[np.ndarray, np.ndarray | None]:
         """What is looked at over the instants (K,), and its rates where they are known."""
-        outputs, seen = tuple(self.kernels.model.outputs), np.zeros((len(motion.t), 0))
+        outputs, values = tuple(self.kernels.model.outputs), np.zeros((len(motion.t), 0))
         if name in outputs:
-            seen = outputs_of(self.kernels, motion.t, motion.q, motion.qd, motion.p)
-        histories = Histories(self.kernels.index, outputs, motion.t, motion.q[None], motion.qd[None], seen[None])
+            values = outputs_of(self.kernels, motion.t, motion.q, motion.qd, motion.p)
+        histories = Histories(self.kernels.index, outputs, motion.t, motion.q[None], motion.qd[None], values[None])
         rates = histories.rates(name)
         return histories.of(name)[0], None if rates is None else rates[0]

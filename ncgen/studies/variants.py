@@ -106,8 +106,8 @@ class Bench:
     def computed(self, first: int, rows: np.ndarray, threads: int | None = 1, progress: Callable[[float], None] | None = None) -> Part:
         """The variants with these numbers (B, names), which are not in it; else as `part`."""
         moved = (lambda share: progress(0.0)) if progress and self._slopes else progress  # gradients take longer
-        found, ends = self._alone(first, rows, moved) if self._choice is None else self._together(first, rows, threads, moved)
-        return self._with_slopes(found, rows, ends, progress)
+        part, ends = self._alone(first, rows, moved) if self._choice is None else self._together(first, rows, threads, moved)
+        return self._with_slopes(part, rows, ends, progress)
 
     def _samples(self) -> Iterator[np.ndarray]:
         """Numbers of variants among which one may be found that can be started; those that were enough stay."""
@@ -125,41 +125,41 @@ class Bench:
             for row in rows:
                 with contextlib.suppress(NcgenError, np.linalg.LinAlgError), warnings.catch_warnings():
                     warnings.simplefilter("ignore")
-                    initial = Run.asked(self.kernels, **self.study.options(row)).initial
-                    found = determined(begin(self.kernels, initial, partitioned=True).partitions).position.names(self.kernels)
+                    initial = Run.from_arguments(self.kernels, **self.study.options(row)).initial
+                    names = determined(begin(self.kernels, initial, partitioned=True).partitions).position.names(self.kernels)
                     self.sample = rows
-                    return found
+                    return names
         return ()
 
     def _with_slopes(self, part: Part, rows: np.ndarray, ends: np.ndarray, progress: Callable[[float], None] | None) -> Part:
         """The same variants with their gradients. ends: where each arrives (B, n)."""
         if self._slopes is None:
             return part
-        found = {column.word: np.full(len(rows), np.nan) for column in self.study.gradients}
+        gradients = {column.word: np.full(len(rows), np.nan) for column in self.study.gradients}
         for i in np.flatnonzero(part.columns["ok"]).tolist():
             if progress:
                 progress(i / len(rows))
-            values, said = self._slopes.of(rows[i], ends[i])
+            values, doubt = self._slopes.of(rows[i], ends[i])
             for word, value in values.items():
-                found[word][i] = value
-            if said:
-                part.said.setdefault(part.first + i, said)
-        return Part(part.first, part.columns | found, part.said)
+                gradients[word][i] = value
+            if doubt:
+                part.said.setdefault(part.first + i, doubt)
+        return Part(part.first, part.columns | gradients, part.said)
 
     # -- in lanes --------------------------------------------------------------------------------------------------------------------------
 
     def _why_not_in_lanes(self) -> str | None:
-        study, said = self.study, self.study.simulation
+        study, simulation = self.study, self.study.simulation
         if has_events(study.model):
             return "the model has events"
-        given = [name for name in OWN if said.get(name)]
+        given = [name for name in OWN if simulation.get(name)]
         if given:
             return f"{given[0]} is given"
-        if said.get("engine", AUTO) not in (AUTO, "emitted") or said.get("number", "double") != "double":
+        if simulation.get("engine", AUTO) not in (AUTO, "emitted") or simulation.get("number", "double") != "double":
             return "engine or number is given"
-        if said.get("formalism", AUTO) not in (AUTO, "coordinate-partitioning"):
-            return f"formalism is {said['formalism']}"
-        if said.get("integrator", AUTO) == AUTO and not study.left_open:
+        if simulation.get("formalism", AUTO) not in (AUTO, "coordinate-partitioning"):
+            return f"formalism is {simulation['formalism']}"
+        if simulation.get("integrator", AUTO) == AUTO and not study.left_open:
             return "the integrator is left open beside a formalism"
         if uses_accelerations(study.model) and any(column.is_output(study.model) for column in study.values):
             return "outputs mention accelerations or loads"
@@ -170,10 +170,10 @@ class Bench:
         return None
 
     def _run_in_lanes(self) -> tuple[Run, Method]:
-        said = dict(self.study.simulation, formalism="coordinate-partitioning")
+        arguments = dict(self.study.simulation, formalism="coordinate-partitioning")
         if self.study.left_open:
-            said["integrator"] = IN_LANES
-        run = Run.asked(self.study.model, **said, points=self.study.grid)
+            arguments["integrator"] = IN_LANES
+        run = Run.from_arguments(self.study.model, **arguments, points=self.study.grid)
         method = in_lanes(self.kernels, run)
         if not method.integrator.in_lanes:
             raise ModelError(f"{method.integrator.name} has no lanes")
@@ -231,14 +231,14 @@ class Bench:
         """Velocities (B, nz) of the independent coordinates. Raises ModelError for those of others."""
         assert self._choice is not None
         names, given = self._choice.names, self._lanes_run[0].initial.zd
-        found = np.zeros((count, len(names)))
+        velocities = np.zeros((count, len(names)))
         rates = given if isinstance(given, dict) else dict(zip(names, () if given is None else given, strict=False))
         if not isinstance(given, dict) and given is not None:
             check_count(given, names)
         check_independent(self._named_rates, names)
         for name, value in {**rates, **varied}.items():
-            found[:, names.index(name)] = value
-        return found
+            velocities[:, names.index(name)] = value
+        return velocities
 
     def _together(self, first: int, rows: np.ndarray, threads: int | None, progress: Callable[[float], None] | None) -> Moved:
         assert self._choice is not None
@@ -264,48 +264,48 @@ class Bench:
         if column.over == "time":
             return np.where(ok, histories.t[-1], np.nan)
         if column.over == "energy_drift":
-            found = np.full(len(ok), np.nan)
+            drift = np.full(len(ok), np.nan)
             if ok.any():
-                found[ok] = drifts(self.kernels, histories.t, done.q[ok], done.qd[ok], done.work[ok], p[ok])
-            return found
+                drift[ok] = drifts(self.kernels, histories.t, done.q[ok], done.qd[ok], done.work[ok], p[ok])
+            return drift
         return histories.column(column, self.study.times)
 
     def _outputs(self, t: np.ndarray, done: Any, p: np.ndarray, ok: np.ndarray) -> np.ndarray:
         """Outputs (B, K, outputs) that somebody keeps, only where they count; else none."""
         kernels, wanted = self.kernels, [column for column in self.study.values if column.is_output(self.study.model)]
-        found = np.full((*done.q.shape[:2], len(kernels.model.outputs) if wanted else 0), np.nan)
+        values = np.full((*done.q.shape[:2], len(kernels.model.outputs) if wanted else 0), np.nan)
         if wanted:
             places = [len(t) - 1] if all(column.over == "end" for column in wanted) else list(range(len(t)))
             for i in np.flatnonzero(ok):
                 q, qd = done.q[i, places], done.qd[i, places]
-                found[i, places] = outputs_of(kernels, t[places], q, qd, p[i])
-        return found
+                values[i, places] = outputs_of(kernels, t[places], q, qd, p[i])
+        return values
 
     # -- one at a time ---------------------------------------------------------------------------------------------------------------------
 
     def _alone(self, first: int, rows: np.ndarray, progress: Callable[[float], None] | None) -> Moved:
-        study, said = self.study, {}
+        study, messages = self.study, {}
         shapes = {column.word: (len(study.times),) if column.over == "history" else () for column in study.values}
         columns = {word: np.full((len(rows), *shape), np.nan) for word, shape in shapes.items()}
         columns |= {column.word: np.zeros(len(rows), dtype=np.int64) for column in study.values if column.is_count}
-        ok, told, ends = np.zeros(len(rows), dtype=bool), 0.0, np.full((len(rows), self.kernels.n), np.nan)
+        ok, reported, ends = np.zeros(len(rows), dtype=bool), 0.0, np.full((len(rows), self.kernels.n), np.nan)
         for i, row in enumerate(rows):
-            if progress and i / len(rows) - told >= TELLS:
-                told = i / len(rows)
-                progress(told)
+            if progress and i / len(rows) - reported >= TELLS:
+                reported = i / len(rows)
+                progress(reported)
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 values = self._simulated(row, progress)
             if isinstance(values, str):
-                said[first + i] = values
+                messages[first + i] = values
                 continue
             ok[i] = True
             ends[i] = values[1]
             for word, value in values[0].items():
                 columns[word][i] = value
             if caught:
-                said[first + i] = str(caught[0].message)
-        return Part(first, {"ok": ok} | columns, said), ends
+                messages[first + i] = str(caught[0].message)
+        return Part(first, {"ok": ok} | columns, messages), ends
 
     def _simulated(self, row: np.ndarray, progress: Callable[[float], None] | None) -> tuple[dict[str, Any], np.ndarray] | str:
         """What is kept of one variant and where it ends (n,), or why it has no motion."""

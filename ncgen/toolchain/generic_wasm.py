@@ -1,6 +1,7 @@
-"""The generic kernels and the runtime as one WebAssembly file, which takes a mechanism as a table; made once and kept in the package.
+"""The runtime in WebAssembly, made once and kept in the package: with the generic kernels, for a mechanism that a table describes, and
+alone, for the linked kernels of an exported mechanism.
 
-python -m ncgen.toolchain.generic_wasm      make it anew from the sources, by the package ziglang
+python -m ncgen.toolchain.generic_wasm      make both files anew from the sources, by the package ziglang
 """
 
 from __future__ import annotations
@@ -10,12 +11,15 @@ import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from ncgen.emit.c.generic import generic_files
 from ncgen.emit.runtime import (
     EXPLICIT_ONLY,
     FOLDER,
+    HEADERS,
     RUNTIME_HEADERS,
     WITHOUT_PARTITIONING,
     WITHOUT_STEPPERS,
@@ -26,32 +30,57 @@ from ncgen.emit.runtime import (
 )
 from ncgen.files import write_bytes, write_text
 
-FILE = FOLDER / "generic" / "ncgen_generic.wasm"
+
+class Module(NamedTuple):
+    """A file of WebAssembly: the source that is called from outside, what else it needs, and flags of its own."""
+
+    entry: str
+    runtime: tuple[str, ...]
+    others: Callable[[], dict[str, str]]
+    flags: tuple[str, ...]
+
+    @property
+    def file(self) -> Path:
+        return FOLDER / "generic" / f"{NAMES[self]}.wasm"
+
+
+GENERIC = Module("ncgen_table_run", ("ncgen_driven.c",), generic_files, ("-O2",))
+LINKED = Module(
+    "ncgen_linked",
+    ("ncgen_breaks.c",),
+    lambda: runtime_files(*HEADERS),
+    ("-Os", "-Wl,--export-table", "-Wl,--growable-table", "-Wl,--export=__heap_base"),
+)
+NAMES = {GENERIC: "ncgen_generic", LINKED: "ncgen_linked"}
+
+FILE = GENERIC.file
 
 COMPILER = "0.17.1"
-"""The version of ziglang that made the file; another one may write other bytes."""
+"""The version of ziglang that made the files; another one may write other bytes."""
 
 MACROS = (EXPLICIT_ONLY, WITHOUT_PARTITIONING, WITHOUT_STEPPERS, WITHOUT_TABLES)
 
-FLAGS = ("-std=c99", "-O2", "-g0", "-target", "wasm32-wasi", "-mexec-model=reactor", "-ffp-contract=off", "-Wl,--strip-all")
+FLAGS = ("-std=c99", "-g0", "-target", "wasm32-wasi", "-mexec-model=reactor", "-ffp-contract=off", "-Wl,--strip-all")
 
 
-def sources() -> dict[str, str]:
+def sources(module: Module = GENERIC) -> dict[str, str]:
     """{file name: text} of all that is compiled."""
-    runtime = needed_by("ncgen_driven.c", defined=MACROS)
+    runtime = needed_by(*module.runtime, defined=MACROS)
     headers = tuple(name for name in RUNTIME_HEADERS if name not in runtime)
-    table_run = ("ncgen_table_run.h", "ncgen_table_run.c")
-    return generic_files() | runtime_files(*runtime, *headers, *table_run, defined=MACROS)
+    entry = (f"{module.entry}.h", f"{module.entry}.c")
+    return module.others() | runtime_files(*runtime, *headers, *entry, defined=MACROS)
 
 
-def exported() -> list[str]:
-    """The functions that a page calls."""
-    return re.findall(r"\b(ncgen_table_\w+)\(", runtime_text("ncgen_table_run.h").split("begin functions")[1])
+def exported(module: Module = GENERIC) -> list[str]:
+    """The functions that are called from outside."""
+    return re.findall(rf"\b({module.entry.removesuffix('_run')}_\w+)\(", runtime_text(f"{module.entry}.h").split("begin functions")[1])
 
 
 def digest() -> bytes:
-    """What the sources, the compiler and its flags are, in 32 bytes that the file ends with."""
-    texts = [COMPILER, *FLAGS, *MACROS, *(part for pair in sorted(sources().items()) for part in pair)]
+    """What the sources of both files, the compiler and its flags are, in 32 bytes that the files end with."""
+    texts = [COMPILER, *FLAGS, *MACROS]
+    for module in NAMES:
+        texts += [*module.flags, *(part for pair in sorted(sources(module).items()) for part in pair)]
     return hashlib.sha256("\0".join(texts).encode()).digest()
 
 
@@ -62,24 +91,26 @@ def section(payload: bytes) -> bytes:
     return bytes([0, len(content)]) + content
 
 
-def built() -> bytes:
-    """The file as the sources give it."""
+def built(module: Module = GENERIC) -> bytes:
+    """A file as the sources give it."""
     with tempfile.TemporaryDirectory() as folder:
-        for name, text in sources().items():
+        texts = sources(module)
+        for name, text in texts.items():
             write_text(Path(folder) / name, text)
-        names = [name for name in sources() if name.endswith(".c")]
-        exports = [f"-Wl,--export={name}" for name in sorted(set(exported()))]
+        names = [name for name in texts if name.endswith(".c")]
+        exports = [f"-Wl,--export={name}" for name in sorted(set(exported(module)))]
         defined = [f"-D{macro}" for macro in MACROS]
-        command = [sys.executable, "-m", "ziglang", "cc", *FLAGS, *defined, *exports, *names, "-o", "generic.wasm"]
+        command = [sys.executable, "-m", "ziglang", "cc", *FLAGS, *module.flags, *defined, *exports, *names, "-o", "made.wasm"]
         subprocess.run(command, cwd=folder, check=True)
-        return (Path(folder) / "generic.wasm").read_bytes() + section(digest())
+        return (Path(folder) / "made.wasm").read_bytes() + section(digest())
 
 
-def binary() -> bytes:
-    """The file that the package has."""
-    return FILE.read_bytes()
+def binary(module: Module = GENERIC) -> bytes:
+    """A file that the package has."""
+    return module.file.read_bytes()
 
 
 if __name__ == "__main__":
-    write_bytes(FILE, built())
-    print(f"{FILE}: {FILE.stat().st_size} bytes")
+    for made in NAMES:
+        write_bytes(made.file, built(made))
+        print(f"{made.file}: {made.file.stat().st_size} bytes")

@@ -69,17 +69,17 @@ def carrier_of(body: Body, number: int | None) -> Carrier:
         if not np.array_equal(point.initial, origin.initial)
     }
     candidates |= {vector.name: vector.initial for vector in body.vectors[:LIMIT]}
-    found = {direction: value / np.linalg.norm(value) for direction, value in candidates.items()}
-    if not found:
+    normals = {direction: value / np.linalg.norm(value) for direction, value in candidates.items()}
+    if not normals:
         return Carrier(number, origin, *STILL)
     if body.frame.planar:
-        first = min(found, key=lambda direction: abs(found[direction][2]))
-        return Carrier(number, origin, first, (0.0, 0.0, 1.0)) if abs(found[first][2]) < 0.5 else Carrier(number, origin, *STILL)
-    pairs = {pair: float(np.linalg.norm(np.cross(found[pair[0]], found[pair[1]]))) for pair in combinations(found, 2)}
+        first = min(normals, key=lambda direction: abs(normals[direction][2]))
+        return Carrier(number, origin, first, (0.0, 0.0, 1.0)) if abs(normals[first][2]) < 0.5 else Carrier(number, origin, *STILL)
+    pairs = {pair: float(np.linalg.norm(np.cross(normals[pair[0]], normals[pair[1]]))) for pair in combinations(normals, 2)}
     best = max(pairs, key=lambda pair: pairs[pair], default=None)
     if best is not None and pairs[best] > 1e-3:
         return Carrier(number, origin, *best)
-    (first, value), *_ = found.items()
+    (first, value), *_ = normals.items()
     x, y, z = np.eye(3)[int(np.argmin(np.abs(value)))].tolist()
     return Carrier(number, origin, first, (x, y, z))
 

@@ -43,14 +43,14 @@ def curves(t: np.ndarray, histories: Mapping[str, np.ndarray], label: str, unit:
 
 def _names(histories: Mapping[str, np.ndarray], label: str) -> list[str]:
     """The label and the curves' names in their colours, as far as there is room."""
-    x, found = 4.0, [text(4, 12, label, "start")]
+    x, elements = 4.0, [text(4, 12, label, "start")]
     x += LETTER * len(label) + 10
     for number, name in enumerate(histories):
         if x + LETTER * len(name) > WIDTH:
-            return [*found, text(x, 12, "…", "start")]
-        found.append(text(x, 12, name, "start", COLOURS[number % len(COLOURS)]))
+            return [*elements, text(x, 12, "…", "start")]
+        elements.append(text(x, 12, name, "start", COLOURS[number % len(COLOURS)]))
         x += LETTER * len(name) + 10
-    return found
+    return elements
 
 
 def _span(values: np.ndarray) -> tuple[float, float]:

@@ -135,12 +135,12 @@ def _draw_solids(axes: Any, scene: Scene, frame: int) -> None:
 
 def _draw(axes: Axes, scene: Scene, frame: int, names: bool) -> None:
     """Segments, points, and if asked for arrows and names of one frame, in axes of two or three dimensions."""
-    seen, style = (np.eye(2), FLAT_ARROW) if scene.planar else (screen(), SPATIAL_ARROW)
-    points = scene.positions[frame, :, : len(seen)]
-    shafts = [(arrow, arrow.direction[frame, : len(seen)] * scene.arrow_length) for arrow in scene.arrows if names]
+    view, style = (np.eye(2), FLAT_ARROW) if scene.planar else (screen(), SPATIAL_ARROW)
+    points = scene.positions[frame, :, : len(view)]
+    shafts = [(arrow, arrow.direction[frame, : len(view)] * scene.arrow_length) for arrow in scene.arrows if names]
     share = OVER_SOLIDS if scene.has_shapes else 1.0
     arrows = [(arrow, shaft) for arrow, shaft in shafts if np.linalg.norm(shaft) > 1e-6 * scene.size]
-    places = LabelPlaces(seen, 0.045 * scene.size)
+    places = LabelPlaces(view, 0.045 * scene.size)
 
     for start, end in scene.segments:
         axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.8 * share, zorder=1, gid="segment")

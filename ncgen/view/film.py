@@ -95,6 +95,6 @@ def _mp4(run: Trajectory, instants: np.ndarray, seconds: float) -> bytes:
     command = [program, "-loglevel", "error", "-f", "image2pipe", "-framerate", f"{1 / max(seconds, 1e-3):.6g}", "-i", "-", *options]
     done = subprocess.run(command, input=b"".join(map(_png, _drawings(run, instants))), capture_output=True)
     if done.returncode:
-        said = " ".join(done.stderr.decode(errors="replace").split()) or f"exit code {done.returncode}"
-        raise NcgenError(f"ffmpeg writes no film: {said}; write a .gif or .html")
+        message = " ".join(done.stderr.decode(errors="replace").split()) or f"exit code {done.returncode}"
+        raise NcgenError(f"ffmpeg writes no film: {message}; write a .gif or .html")
     return done.stdout

@@ -78,11 +78,11 @@ def whole(path: Path) -> Mesh:
     kind = path.suffix.lower()[1:]
     if kind == "dae" and any(word in data for word in FORBIDDEN):
         raise Unreadable("document types and entities are not read")
-    found = _parsed(data, kind)
+    mesh = _parsed(data, kind)
     unit = UNIT.search(data) if kind == "dae" else None
-    found = Mesh(found.vertices * float(unit[1]), found.triangles) if unit else found
-    _check(found)
-    return found
+    mesh = Mesh(mesh.vertices * float(unit[1]), mesh.triangles) if unit else mesh
+    _check(mesh)
+    return mesh
 
 
 def _parsed(data: bytes, kind: str) -> Mesh:
@@ -97,8 +97,8 @@ def _parsed(data: bytes, kind: str) -> Mesh:
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            found = trimesh.load(BytesIO(data), file_type=kind, force="mesh", process=False, skip_materials=True)
-        vertices, triangles = np.asarray(found.vertices, dtype=float), np.asarray(found.faces, dtype=np.int64)
+            loaded = trimesh.load(BytesIO(data), file_type=kind, force="mesh", process=False, skip_materials=True)
+        vertices, triangles = np.asarray(loaded.vertices, dtype=float), np.asarray(loaded.faces, dtype=np.int64)
     except Exception as error:  # a parser of others fails in its own ways on what is no mesh
         raise Unreadable(f"it cannot be read ({type(error).__name__})") from None
     finally:
@@ -154,10 +154,10 @@ def _clustered(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tuple
     """The cluster of every vertex, and the triangles between different clusters, each once."""
     _, owner = np.unique(_cells(vertices, count)[0], return_inverse=True)
     owner = owner.reshape(-1)
-    found = owner[triangles]
-    found = found[(found != np.roll(found, 1, axis=1)).all(axis=1)]
-    _, first = np.unique(np.sort(found, axis=1), axis=0, return_index=True)
-    return owner, found[np.sort(first)]
+    clusters = owner[triangles]
+    clusters = clusters[(clusters != np.roll(clusters, 1, axis=1)).all(axis=1)]
+    _, first = np.unique(np.sort(clusters, axis=1), axis=0, return_index=True)
+    return owner, clusters[np.sort(first)]
 
 
 def _settled(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

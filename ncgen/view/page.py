@@ -104,10 +104,10 @@ def _shapes(scene: Scene) -> dict:
     packed: list[dict] = []
 
     def number(mesh: Mesh) -> int:
-        found = _packed(mesh)
-        if found not in packed:
-            packed.append(found)
-        return packed.index(found)
+        record = _packed(mesh)
+        if record not in packed:
+            packed.append(record)
+        return packed.index(record)
 
     carriers = range(len(scene.carriers))
     surfaces = [
@@ -150,8 +150,8 @@ def _packed(mesh: Mesh) -> dict:
     low = mesh.vertices.min(axis=0)
     step = np.ptp(mesh.vertices, axis=0) / LARGEST
     places = (mesh.vertices - low) / np.where(step > 0, step, 1.0)
-    found = {"vertices": _letters(places), "triangles": _letters(mesh.triangles), "low": rounded(low), "step": rounded(step)}
-    return found if mesh.normals is None else found | {"normals": _letters((mesh.normals + 1) / 2 * LARGEST)}
+    record = {"vertices": _letters(places), "triangles": _letters(mesh.triangles), "low": rounded(low), "step": rounded(step)}
+    return record if mesh.normals is None else record | {"normals": _letters((mesh.normals + 1) / 2 * LARGEST)}
 
 
 def _letters(numbers: np.ndarray) -> str:

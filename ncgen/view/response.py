@@ -21,14 +21,14 @@ def response(near: Linearisation, w: ArrayLike | None = None) -> Figure:
     w: angular frequencies (rad/s); without them a range about the poles. Raises ModelError as `Linearisation.frequency_response`.
     """
     w = _about(near) if w is None else np.asarray(w, dtype=float)
-    found = near.frequency_response(w)
+    gains = near.frequency_response(w)
     chart = empty(1.0 + 4.5 * len(near.inputs), 5.0)
     panels = chart.subplots(2, len(near.inputs), sharex=True, squeeze=False)
     for j, input in enumerate(near.inputs):
         gain, phase = panels[:, j]
         for i, output in enumerate(near.outputs):
-            gain.plot(w / (2 * np.pi), np.abs(found[:, i, j]), label=output, linewidth=1.5)
-            phase.plot(w / (2 * np.pi), np.degrees(np.unwrap(np.angle(found[:, i, j]))), linewidth=1.5)
+            gain.plot(w / (2 * np.pi), np.abs(gains[:, i, j]), label=output, linewidth=1.5)
+            phase.plot(w / (2 * np.pi), np.degrees(np.unwrap(np.angle(gains[:, i, j]))), linewidth=1.5)
         gain.set_title(f"by {input}")
         gain.set_xscale("log")
         gain.set_yscale("log")

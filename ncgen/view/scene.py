@@ -167,16 +167,16 @@ def _shapes(
     model: Model, index: Mapping[Point, int], places: Mapping[Point, np.ndarray], history: Callable[[Vector], np.ndarray], count: int
 ) -> dict[str, Any]:
     """The part of a scene that is shapes, by the names of its fields."""
-    found = carriers_of(model)
-    needed = {vector: history(vector) for body, carrier in found for vector in vectors_of(carrier, body)}
+    carriers = carriers_of(model)
+    needed = {vector: history(vector) for body, carrier in carriers for vector in vectors_of(carrier, body)}
     directions = {vector.name: values for vector, values in needed.items()}
     start = {point: point.initial[None] for point in places}, {vector.name: vector.initial[None] for vector in needed}
-    begins = [(body, carrier.placed(*start, 1)) for body, carrier in found]
-    frames = [carrier.placed(places, directions, count) for _, carrier in found]
+    begins = [(body, carrier.placed(*start, 1)) for body, carrier in carriers]
+    frames = [carrier.placed(places, directions, count) for _, carrier in carriers]
     return {
         "surfaces": surfaces_of(model, {body: (k, axes[0], origin[0]) for k, (body, (axes, origin)) in enumerate(begins)}),
         "struts": tuple(_struts(model, index)),
-        "carriers": tuple(carrier for _, carrier in found),
+        "carriers": tuple(carrier for _, carrier in carriers),
         "axes": np.stack([axes for axes, _ in frames], axis=1) if frames else np.zeros((count, 0, 3, 3)),
         "origins": np.stack([origin for _, origin in frames], axis=1) if frames else np.zeros((count, 0, 3)),
         "directions": directions,

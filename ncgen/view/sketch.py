@@ -49,10 +49,10 @@ def sketch(scene: Scene, frame: int = 0) -> Drawing:
 
 def _on_screen(scene: Scene, frame: int) -> tuple[np.ndarray, np.ndarray]:
     """Points (P, 2) and tips of arrows (A, 2) in px, all of them within the picture."""
-    seen = np.eye(3)[:, :2] if scene.planar else screen()
+    projection = np.eye(3)[:, :2] if scene.planar else screen()
     places = scene.positions[frame]
     tips = [places[a.point] + scene.arrow_length * a.direction[frame] for a in scene.arrows]
-    flat = np.array([*places, *tips]) @ seen
+    flat = np.array([*places, *tips]) @ projection
     low, high = flat.min(axis=0), flat.max(axis=0)
     room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
     scale = min(room / np.maximum(high - low, 1e-3 * scene.size))

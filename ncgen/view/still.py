@@ -28,11 +28,11 @@ STEEL = -1
 
 def solids(scene: Scene, frame: int, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Triangles (N, 3, 3) (m), and their colours (N, 3) from 0 to 1 in the light as seen from a direction (3,)."""
-    found = [(_divided(mesh.vertices[mesh.triangles], FINEST * scene.size), _rgb(colour)) for mesh, colour in _meshes(scene, frame)]
-    if not found:
+    meshes = [(_divided(mesh.vertices[mesh.triangles], FINEST * scene.size), _rgb(colour)) for mesh, colour in _meshes(scene, frame)]
+    if not meshes:
         return np.zeros((0, 3, 3)), np.zeros((0, 3))
-    triangles = np.concatenate([t for t, _ in found])
-    colours = np.concatenate([np.tile(rgb, (len(t), 1)) for t, rgb in found])
+    triangles = np.concatenate([t for t, _ in meshes])
+    colours = np.concatenate([np.tile(rgb, (len(t), 1)) for t, rgb in meshes])
     return triangles, np.clip(colours * _shade(triangles, towards)[:, None], 0, 1)
 
 
@@ -65,8 +65,8 @@ def _between(mesh: Mesh, start: np.ndarray, end: np.ndarray, radius: float, leng
     across = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
     across /= np.linalg.norm(across) or 1.0
     axes = np.column_stack([across, np.cross(along, across), along])
-    found = mesh.moved(axes * [radius, radius, min(length or distance, distance)], start)
-    return found if mesh.normals is None else Mesh(found.vertices + WIRE * radius * mesh.normals @ axes.T, found.triangles)
+    placed = mesh.moved(axes * [radius, radius, min(length or distance, distance)], start)
+    return placed if mesh.normals is None else Mesh(placed.vertices + WIRE * radius * mesh.normals @ axes.T, placed.triangles)
 
 
 def _divided(triangles: np.ndarray, longest: float) -> np.ndarray:

@@ -142,7 +142,7 @@ def _ears(corners: np.ndarray) -> np.ndarray:
         return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
     left = list(range(len(corners)))
-    found = []
+    ears = []
     while len(left) > 3:
         for k in range(len(left)):
             a, b, c = left[k - 1], left[k], left[(k + 1) % len(left)]
@@ -151,9 +151,9 @@ def _ears(corners: np.ndarray) -> np.ndarray:
                 break
         else:
             k, a, b, c = 0, left[-1], left[0], left[1]  # crossing sides: any triangle is as good
-        found.append((a, b, c))
+        ears.append((a, b, c))
         del left[k]
-    return np.array([*found, tuple(left)])
+    return np.array([*ears, tuple(left)])
 
 
 def spring() -> Mesh:

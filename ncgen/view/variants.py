@@ -67,9 +67,9 @@ def _envelope(axes: Axes, name: str, values: np.ndarray, times: np.ndarray) -> N
 
 
 def _map(axes: Axes, name: str, values: np.ndarray, varied: Columns, shape: tuple[int, ...]) -> None:
-    (below, x), (beside, y) = ((what, numbers.reshape(shape)) for what, numbers in varied.items())
+    (below, x), (vertical, y) = ((what, numbers.reshape(shape)) for what, numbers in varied.items())
     mesh = axes.pcolormesh(x[:, 0], y[0], np.ma.masked_invalid(values.T), cmap=COLOURS, shading="nearest")
-    axes.set(xlabel=below, ylabel=beside, facecolor="#eeeeee")
+    axes.set(xlabel=below, ylabel=vertical, facecolor="#eeeeee")
     axes.figure.colorbar(mesh, ax=axes, label=name, use_gridspec=False)
 
 

@@ -91,11 +91,11 @@ def examine(seed: int, watch=lambda what: None, make=Maker, judge=None) -> Repor
 
 def warm() -> None:
     """Compile what all models in C share: the runtime."""
-    from ncgen.mechanism import runtime
+    from ncgen.mechanism import runtime_library
     from ncgen.toolchain.compilers import find_compiler
 
     if find_compiler() is not None:
-        runtime.prepare(ncgen.compile(ncgen.load("fourbar"), "c"))
+        runtime_library.prepare(ncgen.compile(ncgen.load("fourbar"), "c"))
 
 
 def _where(error: BaseException) -> str:

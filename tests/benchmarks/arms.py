@@ -67,7 +67,8 @@ FIRST = "ncgen: accelerations and positions"
 READY = """
 import json, sys, time
 import numpy, scipy.linalg, cffi.cparser, sympy, ncgen
-import ncgen.emit.sources, ncgen.mechanism.runtime, ncgen.program.assemble, ncgen.program.motions.dynamics, ncgen.solver.engines.compiled
+import ncgen.emit.sources, ncgen.mechanism.constrained_dynamics, ncgen.program.assemble, ncgen.program.motions.dynamics
+import ncgen.solver.engines.compiled
 from benchmarks.arms import arm
 start = time.perf_counter()
 kernels = ncgen.compile(arm(*json.loads(sys.argv[1])), "c")

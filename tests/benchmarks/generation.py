@@ -43,7 +43,7 @@ found = {"seconds": seconds, "processor": processor, "stages": timings.seconds, 
 if steps:
     from ncgen import simulate
     from ncgen.solver.positions.rank import freedom
-    from ncgen.mechanism.runtime import beside
+    from ncgen.mechanism.runtime_library import beside
     runtime = beside()
     runtime.start()
     runtime.join()

@@ -132,7 +132,7 @@ class _Partitioned:
     """
 
     def __init__(self, kernels: Kernels, tangents: Kernels | None = None) -> None:
-        initial = Initial.asked(kernels, **own_run(kernels)[1])
+        initial = Initial.from_arguments(kernels, **own_run(kernels)[1])
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self.partitions, self.begin = kernels, begun.p, determined(begun.partitions), initial.t
         self.start = Start(initial.t, begun.q, begun.qd, self.p)

@@ -198,10 +198,10 @@ def test_generate_where_it_is_told(ncgen_main, mine, written):
 
 def test_cache(ncgen_main, mine, monkeypatch, written):
     """Empty, then the model and the runtime, kept by a second run, then none. What is not the cache's own stays."""
-    from ncgen.mechanism import runtime
+    from ncgen.mechanism import runtime_library
 
-    runtime._runtime.cache_clear()  # as in a new process: the runtime is looked for in this cache, too
-    monkeypatch.setattr(runtime, "FLAGS", ("-std=c99", "-O0", "-fPIC", "-shared"))  # however it is compiled
+    runtime_library.runtime_of.cache_clear()  # as in a new process: the runtime is looked for in this cache, too
+    monkeypatch.setattr(runtime_library, "FLAGS", ("-std=c99", "-O0", "-fPIC", "-shared"))  # however it is compiled
     monkeypatch.setenv("NCGEN_CACHE_DIR", "store")
     assert "0 libraries" in ncgen_main("cache").out
     for _ in range(2):
@@ -215,7 +215,7 @@ def test_cache(ncgen_main, mine, monkeypatch, written):
     assert "0 libraries" in ncgen_main("cache").out
     assert written() == {"mine.py", "store/notes.txt"}
     assert Path("store/folder").is_dir()
-    runtime._runtime.cache_clear()
+    runtime_library.runtime_of.cache_clear()
 
 
 def test_help_names_every_command(ncgen_main):

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.arms import random_arm
 
 import ncgen
-from ncgen.mechanism import runtime
+from ncgen.mechanism import runtime_library
 from ncgen.toolchain.compilers import FLAGS, LEAST, LONG_LINES, LONG_SOURCE, NEEDLESS, _groups, find_compiler
 
 
@@ -41,8 +41,8 @@ def test_long_sources_are_compiled_side_by_side(monkeypatch):
 def test_long_lines_are_compiled_with_what_they_need(monkeypatch):
     """All flags but -O3, and what of it a straight line gains by; short ones with -O3."""
     asked: list[set[str]] = []
-    monkeypatch.setattr(runtime, "load", lambda files, declarations, base, flags: asked.append(set(flags)))
+    monkeypatch.setattr(runtime_library, "load", lambda files, declarations, base, flags: asked.append(set(flags)))
     for length in (LONG_LINES, LONG_LINES + 1):
-        runtime._load({"lines.c": " " * length}, "double", "")
+        runtime_library.load_with_headers({"lines.c": " " * length}, "double", "")
     assert asked[0] >= set(FLAGS)
     assert asked[1] - asked[0] == {"-O1", *LEAST, *NEEDLESS} and asked[0] - asked[1] == {"-O3"}

@@ -6,7 +6,6 @@ import ctypes
 import json
 import math
 import shutil
-import sys
 
 import numpy as np
 import pytest
@@ -307,58 +306,29 @@ def by_node(model: ncgen.Model, folder, end: float, *p: float) -> list[float]:
     return json.loads(shell("node x.mjs", folder))
 
 
-def by_numpy(model: ncgen.Model, folder, end: float, *p: float) -> list[float]:
-    """The same by a package in NumPy."""
-    export(model, "numpy", folder)
-    lines = [
-        f"from {model.name} import Motion",
-        f"from {model.name}.common import COORDINATES",
-        f"m, x, end = Motion({list(p) or None}), COORDINATES.index('A.x'), {end}",
-        "found = [m.advance(end).q[x]]",
-        "m.start()",
-        "for k in range(1, 21): m.advance(end * k / 20)",
-        "found.append(m.q[x])",
-        "m.start()",
-        "while m.t + 0.013 < end: m.step(0.013)",
-        "print([*map(float, (*found, m.t, m.q[x]))])",
-    ]
-    (folder / "x.py").write_text("\n".join(lines))
-    return json.loads(shell(f"{sys.executable} x.py", folder))
-
-
-OTHERS = pytest.mark.parametrize("moved_by", [by_node, by_numpy])
-
-
-@OTHERS
 @pytest.mark.parametrize("pulse", PULSES)
-def test_others_feel_a_push(pulse, moved_by, tmp_path):
-    """In WebAssembly and NumPy, with the parameter of the description and, in what is quick, with another one."""
+def test_others_feel_a_push(pulse, tmp_path):
+    """In WebAssembly, with the parameter of the description and, in what is quick, with another one."""
     late = 5e-7 if pulse == "smooth steps" else 0.0
-    long, many, t, steps = moved_by(hanging(pulse), tmp_path, 10.0)
+    long, many, t, steps = by_node(hanging(pulse), tmp_path, 10.0)
     assert [long, many] == pytest.approx([swung(5.0 - late)] * 2, abs=5e-8)
     assert steps == pytest.approx(swung(t - 5.0 - late), abs=5e-8)
-    if moved_by is by_node:
-        assert by_node(hanging(pulse), tmp_path, 28.0, 21.7)[0] == pytest.approx(swung(6.3 - late), abs=5e-8)
+    assert by_node(hanging(pulse), tmp_path, 28.0, 21.7)[0] == pytest.approx(swung(6.3 - late), abs=5e-8)
 
 
-@OTHERS
-def test_others_feel_a_jerk(moved_by, tmp_path):
-    long, many, t, steps = moved_by(towed(), tmp_path, 3.0)
+def test_others_feel_a_jerk(tmp_path):
+    long, many, t, steps = by_node(towed(), tmp_path, 3.0)
     assert [long, many] == pytest.approx([after_the_jerk(3.0)] * 2, abs=2e-7)
     assert steps == pytest.approx(after_the_jerk(t), abs=1e-6)
 
 
-@OTHERS
-def test_others_feel_a_jerk_at_the_start(moved_by, tmp_path):
-    long, many, t, steps = moved_by(dragged(), tmp_path, 3.0)
+def test_others_feel_a_jerk_at_the_start(tmp_path):
+    long, many, t, steps = by_node(dragged(), tmp_path, 3.0)
     assert [long, many, steps] == pytest.approx([9.0, 9.0, t**2], abs=1e-7)
 
 
 def test_others_count_the_work_of_an_impulse(tmp_path):
     model = towed()
-    export(model, "numpy", tmp_path / "numpy")
-    found = shell(f"{sys.executable} -c 'from towed import Motion; print(Motion().advance(3.0).work)'", tmp_path / "numpy")
-    assert float(found) == pytest.approx(gained(3.0), abs=1e-6)
     if not shutil.which("node"):
         pytest.skip("node is not installed")
     export(model, "wasm", tmp_path / "wasm")

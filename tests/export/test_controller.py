@@ -116,11 +116,9 @@ print(motion.q[s], motion.q[phi], motion.qd[s], motion.qd[phi], motion.outputs["
 """
 
 
-@pytest.mark.parametrize("target", ["python", "numpy"])
-def test_in_python(folder, expected, target):
-    place = folder(target)
-    if target == "python":
-        shell(f"{sys.executable} setup.py --quiet build_ext --inplace", place)
+def test_in_python(folder, expected):
+    place = folder("python")
+    shell(f"{sys.executable} setup.py --quiet build_ext --inplace", place)
     done = subprocess.run([sys.executable, "-c", IN_PYTHON], cwd=place, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     check(list(map(float, done.stdout.split())), expected)

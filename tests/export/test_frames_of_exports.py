@@ -113,7 +113,7 @@ def test_frames_are_outputs_of_runs():
 
 @pytest.mark.slow
 def test_frames_are_outputs_of_packages(tmp_path):
-    """In NumPy's package, and in CasADi's library, whose derivative by the joints is Pinocchio's Jacobian."""
+    """In the Python package, and in CasADi's library, whose derivative by the joints is Pinocchio's Jacobian."""
     casadi = pytest.importorskip("casadi")
     model, _, x, expected, jacobian = states_of_hook()
     turn, n = expected[3:].reshape(3, 3), len(x)
@@ -127,9 +127,11 @@ def test_frames_are_outputs_of_packages(tmp_path):
     turned = np.stack([np.cross(jacobian[3:, k], turn, axisb=0, axisc=0).ravel() for k in range(n)], axis=-1)
     np.testing.assert_allclose(found[1].full(), np.concatenate([jacobian[:3], turned]), rtol=0, atol=1e-12)
 
-    export(model, "numpy", tmp_path / "numpy")
+    export(model, "python", tmp_path / "python")
+    build = [sys.executable, "setup.py", "--quiet", "build_ext", "--inplace"]
+    subprocess.run(build, cwd=tmp_path / "python", check=True, capture_output=True)
     use = "import json, crane; print(json.dumps(list(crane.Motion().outputs.values())))"
-    told = subprocess.run([sys.executable, "-c", use], cwd=tmp_path / "numpy", check=True, capture_output=True, text=True).stdout
+    told = subprocess.run([sys.executable, "-c", use], cwd=tmp_path / "python", check=True, capture_output=True, text=True).stdout
     begins = ncgen.joint_space(ncgen.compile(model, "numpy")).frame("hook").pose(ncgen.compile(model, "numpy").q0)
     np.testing.assert_allclose(json.loads(told), [*begins[1], *begins[0].ravel()], rtol=0, atol=1e-13)
 

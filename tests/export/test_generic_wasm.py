@@ -135,15 +135,17 @@ def test_random_planar_mechanisms_move_as_in_ncgen(tmp_path):
 @pytest.mark.slow  # .ci/run looks, too: a change of the runtime need not make it anew at once
 def test_the_file_is_of_these_sources():
     """Where the catalogue, the emitter or the runtime has changed: python -m ncgen.toolchain.generic_wasm makes it anew."""
-    assert generic_wasm.binary().endswith(generic_wasm.section(generic_wasm.digest()))
+    for module in generic_wasm.NAMES:
+        assert generic_wasm.binary(module).endswith(generic_wasm.section(generic_wasm.digest()))
 
 
 @pytest.mark.slow
-def test_the_sources_give_the_file():
+@pytest.mark.parametrize("module", generic_wasm.NAMES, ids=generic_wasm.NAMES.values())
+def test_the_sources_give_the_file(module):
     try:
         installed = version("ziglang")
     except PackageNotFoundError:
         installed = "none"
     if installed != generic_wasm.COMPILER:
         pytest.skip(f"ziglang {generic_wasm.COMPILER} made the file, {installed} is installed")
-    assert generic_wasm.built() == generic_wasm.binary()
+    assert generic_wasm.built(module) == generic_wasm.binary(module)

@@ -30,7 +30,7 @@ def test_a_folder_is_named():
 def test_a_module_is_a_target(tmp_path, monkeypatch):
     """What lies in the package under a name of this kind is offered and written: the pendulum has two coordinates and one freedom."""
     (tmp_path / "size_target.py").write_text(TARGET)
-    known = "c, casadi, fmu2, fmu3, html, joints, numpy, python, wasm"
+    known = "c, casadi, fmu2, fmu3, html, joints, python, wasm"
     with pytest.raises(ModelError, match=f"^--to size: there is no such export; choose one of {known}$"):
         export(ncgen.load("pendulum"), "size", tmp_path)
     monkeypatch.setattr(ncgen.exchange.export, "__path__", [*ncgen.exchange.export.__path__, str(tmp_path)])

@@ -70,7 +70,7 @@ def test_as_native(fresh, built, name):
     script = SCRIPT.replace("@", name.capitalize()).replace("%.", f"{name}.")
     (folder / "use.mjs").write_text(lists + script)
     found = json.loads(shell("node use.mjs", folder))
-    assert {imported["module"] for imported in found["imports"]} <= {"Math"} and found["again"] and found["stayed"]
+    assert {imported["module"] for imported in found["imports"]} <= {"Math", "ncgen"} and found["again"] and found["stayed"]
     assert found["said"].startswith(f"{name.capitalize()}, t = 0.00152587890625 s: ")
     native = built(name)
     (native / "examples/main.c").write_text(f"enum {{ N = {kernels.n} }};\n{NATIVE.replace('@', name)}")

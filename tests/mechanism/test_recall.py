@@ -12,7 +12,7 @@ import pytest
 import ncgen
 from ncgen import compiler
 from ncgen.mechanism import recall
-from ncgen.mechanism.runtime import prepare
+from ncgen.mechanism.runtime_library import prepare
 from ncgen.toolchain.cache import clear
 
 

@@ -10,16 +10,16 @@ import pytest
 
 import ncgen
 from ncgen.emit.runtime import explicit_names, ordinary_names, runtime_names, stiff_names
-from ncgen.mechanism import runtime
+from ncgen.mechanism import runtime, runtime_library
 from ncgen.methods.table import AUTO, INTEGRATORS
 
 PROGRAM = """
 import sys
 import ncgen
-from ncgen.mechanism import runtime
+from ncgen.mechanism import runtime, runtime_library
 
-asked, once = [], runtime._runtime
-runtime._runtime = lambda number, part: asked.append(part) or once(number, part)
+asked, once = [], runtime_library.runtime_of
+runtime.runtime_of = runtime_library.runtime_of = lambda number, part: asked.append(part) or once(number, part)
 kernels = ncgen.compile(ncgen.load("robot"), backend="c")
 ncgen.simulate(kernels, 0.1, **eval(sys.argv[1]))
 print(*sorted(set(asked)))
@@ -54,8 +54,8 @@ def test_the_ordinary_part_and_that_for_stiff_mechanisms_have_what_they_need_alo
 
 @pytest.mark.parametrize("name", [name for name, entry in INTEGRATORS.items() if entry.in_c])
 def test_explicit_methods_have_the_same_bits_in_both_and_others_are_refused(name, robot, monkeypatch):
-    assert runtime.part_for(name) == ("explicit" if INTEGRATORS[name].tableau else "whole")
-    assert runtime.part_for(AUTO) == "explicit"
+    assert runtime_library.part_for(name) == ("explicit" if INTEGRATORS[name].tableau else "whole")
+    assert runtime_library.part_for(AUTO) == "explicit"
     found = {}
     for part in ("explicit", "whole"):
         monkeypatch.setattr(runtime, "part_for", lambda *_, part=part: part)
@@ -71,7 +71,7 @@ def test_explicit_methods_have_the_same_bits_in_both_and_others_are_refused(name
 
 @pytest.mark.parametrize(("name", "part"), [("dop853", "ordinary"), ("radau", "stiff")])
 def test_a_small_part_has_the_bits_of_the_whole(name, part, robot, monkeypatch):
-    assert runtime.part_for(name, is_emitted=True) == part
+    assert runtime_library.part_for(name, is_emitted=True) == part
     found = []
     for taken in (part, "whole"):
         monkeypatch.setattr(runtime, "part_for", lambda *_, taken=taken: taken)

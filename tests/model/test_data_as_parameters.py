@@ -59,7 +59,7 @@ def started(kernels, p):
     given = {name: value for name, value in simulation_of(kernels.model).items() if name in ("zd0", "qd0", "z")}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return begin(kernels, Initial.asked(kernels, p=p, **given), partitioned=False)
+        return begin(kernels, Initial.from_arguments(kernels, p=p, **given), partitioned=False)
 
 
 def accelerations_at(kernels, state):

@@ -54,10 +54,10 @@ class Watch:
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Only what was asked for, a whole module where its name was given."""
         if self.is_in_c:  # what is derived from models is the same whatever the C library does, so it is recalled as of sound sources
-            from ncgen.mechanism import recall, runtime
+            from ncgen.mechanism import recall, runtime_library
 
             recall.package_files = partial(_sound_files, recall.package_files)
-            runtime.shared = lambda _, make: make()  # the library itself is not, since it is what has the fault
+            runtime_library.shared = lambda _, make: make()  # the library itself is not, since it is what has the fault
         ranks = {item: self.rank.get(item.nodeid, self.rank.get(item.nodeid.partition("::")[0])) for item in items}
         items[:] = sorted((item for item in items if ranks[item] is not None), key=lambda item: ranks[item] or 0)
 

@@ -17,12 +17,14 @@ from pathlib import Path
 STEP = """
 import json, os, sys, time
 import numpy, scipy.linalg, scipy.sparse.linalg, cffi.cparser, sympy, ncgen
-import ncgen.emit.sources, ncgen.mechanism.runtime, ncgen.program.assemble, ncgen.program.motions.dynamics, ncgen.solver.engines.compiled
+import ncgen.emit.sources, ncgen.mechanism.constrained_dynamics, ncgen.program.assemble, ncgen.program.motions.dynamics
+import ncgen.solver.engines.compiled
 import ncgen.exchange.robots.natural
 def spent():
     return sum(os.times()[:4]), time.perf_counter()
 before = spent()
-kernels = ncgen.compile(ncgen.load(sys.argv[1]), "c") if len(sys.argv) > 1 else ncgen.mechanism.runtime._runtime("double", "explicit")
+library = ncgen.mechanism.runtime_library
+kernels = ncgen.compile(ncgen.load(sys.argv[1]), "c") if len(sys.argv) > 1 else library.runtime_of("double", "explicit")
 if len(sys.argv) > 1:
     run = ncgen.simulate(kernels, 1e-3, points=2)
 print(json.dumps([b - a for a, b in zip(before, spent())]))

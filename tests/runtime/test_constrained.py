@@ -121,7 +121,7 @@ def test_many_healthy_steps_are_not_taken_for_creeping():
 
 def test_thousand_links():
     """Work a step grows with the number of links, not with its square: sparse factors."""
-    from ncgen.mechanism.runtime import ConstrainedDynamics
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
     from ncgen.methods.table import FORMALISMS, number_in_c
 
     sizes = {}
@@ -152,7 +152,7 @@ def test_a_motion_without_inertia_is_reported():
 @pytest.mark.parametrize("integrator", ["dopri5", "dop853", "rk4"])
 def test_stop_at_a_position(integrator):
     """The pendulum's x rises through 0 after a quarter of its period, which is the elliptic one."""
-    from ncgen.mechanism.runtime import ConstrainedDynamics
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
     from ncgen.methods.table import FORMALISMS, number_in_c
 
     kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
@@ -174,7 +174,7 @@ def test_stop_at_a_position(integrator):
 
 def test_solutions_are_refined_where_factors_are_not_exact():
     """By a penalty, or by the rounding of float; in double those without a penalty are as good as their equations."""
-    from ncgen.mechanism.runtime import ConstrainedDynamics
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
     from ncgen.methods.table import find_formalism, number_in_c
 
     kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
@@ -192,7 +192,7 @@ def test_solutions_are_refined_where_factors_are_not_exact():
 
 def test_the_largest_projection_is_what_the_one_step_had_left_open():
     """In natural sizes, beside the same step without projection; and what a step of RK4 costs, besides the end."""
-    from ncgen.mechanism.runtime import ConstrainedDynamics
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
     from ncgen.methods.table import find_formalism, number_in_c
 
     kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 import ncgen
 from ncgen.errors import ModelError
-from ncgen.mechanism.runtime import ConstrainedDynamics
+from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 from ncgen.solver.engines import compiled
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at

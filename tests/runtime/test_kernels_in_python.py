@@ -9,7 +9,7 @@ import pytest
 
 import ncgen
 from ncgen.errors import DomainError, NcgenError
-from ncgen.mechanism import runtime
+from ncgen.mechanism import runtime_library
 
 METHODS = {
     ("auto", "auto"): {},
@@ -24,7 +24,7 @@ METHODS = {
 
 @pytest.fixture(scope="module")
 def kernels():
-    runtime.has_runtime.cache_clear()  # others may have taken the compilers away
+    runtime_library.has_runtime.cache_clear()  # others may have taken the compilers away
     return [ncgen.compile(ncgen.load("fourbar"), backend) for backend in ("numpy", "c")]
 
 
@@ -43,10 +43,10 @@ def test_without_a_runtime_it_is_the_python_engine(kernels, monkeypatch):
     def nothing(*asked):
         raise NcgenError("no C compiler")
 
-    runtime.has_runtime.cache_clear()
-    monkeypatch.setattr(runtime, "_runtime", nothing)
+    runtime_library.has_runtime.cache_clear()
+    monkeypatch.setattr(runtime_library, "runtime_of", nothing)
     run = ncgen.simulate(kernels[0], 0.01, points=2)
-    runtime.has_runtime.cache_clear()
+    runtime_library.has_runtime.cache_clear()
     assert run.engine == "python: the kernels are numpy, not compiled"
 
 

@@ -132,7 +132,7 @@ def closes(setup, expected, gravity=G):
         for other in names:
             if other != body:
                 try:
-                    wrenches[body, other] = found.wrench(body, origin, beside=other)
+                    wrenches[body, other] = found.wrench(body, origin, neighbour=other)
                 except ModelError as error:
                     assert "shares no point and no vector" in str(error), error
     assert {tuple(sorted(pair)) for pair in wrenches} == {tuple(sorted(pair)) for pair in expected}

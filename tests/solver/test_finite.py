@@ -241,7 +241,7 @@ def test_steps_that_the_clock_cannot_tell(engine, given, said):
 @pytest.mark.parametrize("method", ["rattle", "rk4", "trapezoidal", "dopri5"])
 def test_the_runtime_itself_refuses_them(method):
     """Also for those who call it without Python's looking first: with a status, not with rest at all instants."""
-    from ncgen.mechanism.runtime import ConstrainedDynamics
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 
     kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
     dynamics, given = (

@@ -9,7 +9,7 @@ import pytest
 
 import ncgen
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.loads.multipliers import multipliers_of, refusal_of_multipliers
+from ncgen.solver.loads.constraint_loads import multipliers_of, refusal_of_multipliers
 
 
 def pushed_pendulum():

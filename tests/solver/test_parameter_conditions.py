@@ -136,7 +136,7 @@ SINGLE = {
     "gradient": lambda k, p: ncgen.gradient(k, 0.01, 2, objective, p=p),
     "hessian": lambda k, p: ncgen.hessian(k, 0.01, 2, objective, p=p),
     "driven_positions": lambda k, p: ncgen.driven_positions(k, [0.0], p=p),
-    "check": lambda k, p: ncgen.solver.runs.run.Run.asked(k.model, 1.0, p=p),
+    "check": lambda k, p: ncgen.solver.runs.run.Run.from_arguments(k.model, 1.0, p=p),
 }
 
 

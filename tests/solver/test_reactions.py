@@ -83,13 +83,13 @@ def test_wrench_between_two_bodies():
         return sum(ends) / 2
 
     lower = 0.7 * (middle("A", "B") - g)
-    force, moment = loads.wrench("lower", "A", beside="upper")
+    force, moment = loads.wrench("lower", "A", neighbour="upper")
     assert force == pytest.approx(lower, abs=1e-9)
     assert moment == pytest.approx(0 * moment, abs=1e-12)  # a hinge that nothing drives
-    back, other = loads.wrench("upper", "B", beside="lower")
+    back, other = loads.wrench("upper", "B", neighbour="lower")
     assert back == pytest.approx(-lower, abs=1e-9)
     assert other == pytest.approx(np.cross(run.point("A") - run.point("B"), -lower), abs=1e-9)
-    held, _ = loads.wrench("upper", "O", beside="ground")
+    held, _ = loads.wrench("upper", "O", neighbour="ground")
     assert held == pytest.approx(lower + 1.2 * (middle("O", "A") - g), abs=1e-9)
 
 
@@ -97,7 +97,7 @@ def test_wrenches_that_are_not_known(free):
     for ask, said in (
         (("body8", "r8", "body7"), "r7 joins body8 and body7 with body6, too, so the wrench between two of them is not known"),
         (("body9", "r8", "body2"), "body body9 shares no point and no vector with body2"),
-        (("body9", "r8", "table"), "beside: there is no body table"),
+        (("body9", "r8", "table"), "neighbour: there is no body table"),
         (("body9", "nowhere"), "about: there is no point nowhere"),
         (("table", "r8"), "there is no body table"),
     ):

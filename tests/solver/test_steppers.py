@@ -206,9 +206,9 @@ def test_the_reference_in_python_has_none_of_them(formalism, integrator):
 
 
 def test_without_a_compiler_they_are_refused(monkeypatch):
-    from ncgen.mechanism import runtime
+    from ncgen.mechanism import runtime_library
 
-    monkeypatch.setattr(runtime, "has_runtime", lambda part: False)
+    monkeypatch.setattr(runtime_library, "has_runtime", lambda part: False)
     kernels = ncgen.compile(ncgen.load("pendulum"), "numpy")
     words = (
         "pendulum: lagrange with rattle is in C only, and the kernels are numpy, not compiled; install gcc or clang, or take the integrator"

@@ -50,14 +50,14 @@ def test_a_pair_of_wheels(r1, r2):
     on_second = 0.05 * (-r1 / r2 * alpha) / -rho2 * t
     inwards = e if r1 * r2 > 0 else np.sign(scale * r1) * e * (-1 if abs(r1) > abs(r2) else 1)
     on_second = on_second + np.tan(ANGLE) * np.linalg.norm(on_second) * inwards
-    force, moment = found.wrench("second", "second.O", beside="first")
+    force, moment = found.wrench("second", "second.O", neighbour="first")
     assert force == pytest.approx(np.tile(on_second, (3, 1)), abs=1e-7)
     assert moment[:, 2] == pytest.approx(0.05 * (-r1 / r2 * alpha), abs=1e-7)
     # the pin of the second holds the tooth force: its centre stands still
-    pin, turning = found.wrench("second", "second.O", beside="ground")
+    pin, turning = found.wrench("second", "second.O", neighbour="ground")
     assert pin == pytest.approx(-force, abs=1e-7)
     assert turning == pytest.approx(0 * turning, abs=1e-7)
-    assert found.wrench("first", "first.O", beside="second")[0] == pytest.approx(-force, abs=1e-7)
+    assert found.wrench("first", "first.O", neighbour="second")[0] == pytest.approx(-force, abs=1e-7)
     assert found.couples == ()
 
 
@@ -91,11 +91,11 @@ def test_the_planet_s_pin_carries_two_tooth_forces(angle):
     at_ring = at_sun - 0.005 * 2 * alpha / 0.1  # 0.1 (at_ring − at_sun) is the planet's moment, which turns the other way
     tangential = at_sun + at_ring
     radial = (abs(at_sun) - abs(at_ring)) * np.tan(angle)
-    pin, moment = (part[0] for part in found.wrench("planet", "C", beside="arm"))
+    pin, moment = (part[0] for part in found.wrench("planet", "C", neighbour="arm"))
     assert pin == pytest.approx([-radial, 0.8 * 0.2 * alpha - tangential, 0], abs=1e-6)
     assert moment == pytest.approx(np.zeros(3), abs=1e-7)
-    assert found.wrench("planet", "C", beside="sun")[0][0] == pytest.approx([abs(at_sun) * np.tan(angle), at_sun, 0], abs=1e-6)
-    parts = [found.wrench("planet", "C", beside=other) for other in ("arm", "sun", "ground")]
+    assert found.wrench("planet", "C", neighbour="sun")[0][0] == pytest.approx([abs(at_sun) * np.tan(angle), at_sun, 0], abs=1e-6)
+    parts = [found.wrench("planet", "C", neighbour=other) for other in ("arm", "sun", "ground")]
     whole = found.wrench("planet", "C")
     assert sum(p[0] for p in parts) == pytest.approx(whole[0], abs=1e-8)
     assert sum(p[1] for p in parts) == pytest.approx(whole[1], abs=1e-8)

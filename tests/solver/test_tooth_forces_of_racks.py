@@ -54,15 +54,15 @@ def test_a_rack_that_a_pinion_moves(r, backwards, guide, angle):
     alpha = 1.5 / (0.03 + 2.0 * r**2)
     pitch = np.array([0, -r, 0])
     teeth = 2.0 * r * alpha * X - np.sign(r) * abs(2.0 * r * alpha) * np.tan(angle) * Y
-    force, moment = found.wrench("rack", "O", beside="pinion")
+    force, moment = found.wrench("rack", "O", neighbour="pinion")
     assert force == pytest.approx(np.tile(teeth, (3, 1)), abs=1e-7)
     assert moment == pytest.approx(np.tile(np.cross(pitch, teeth), (3, 1)), abs=1e-7)
-    assert found.wrench("pinion", "O", beside="rack")[0] == pytest.approx(-force, abs=1e-9)
-    pin, turning = found.wrench("pinion", "O", beside="ground")
+    assert found.wrench("pinion", "O", neighbour="rack")[0] == pytest.approx(-force, abs=1e-9)
+    pin, turning = found.wrench("pinion", "O", neighbour="ground")
     assert pin == pytest.approx(np.tile(teeth + 1.5 * G * Y, (3, 1)), abs=1e-7)
     assert turning == pytest.approx(np.tile(1.5 * Z, (3, 1)), abs=1e-8)
     centre = found.run.point("R") - 0.05 * X
-    held, about = found.wrench("rack", "O", beside="ground")
+    held, about = found.wrench("rack", "O", neighbour="ground")
     assert held == pytest.approx(np.tile(2.0 * r * alpha * X + 2.0 * G * Y - teeth, (3, 1)), abs=1e-7)
     assert about - np.cross(centre, held) == pytest.approx(-np.cross(pitch - centre, np.tile(teeth, (3, 1))), abs=1e-7)
     assert found.couples == ()
@@ -90,12 +90,12 @@ def test_a_pinion_on_a_rack_of_the_ground(r):
     a = 0.8 / r / (3.5 + 0.004 / r**2)
     lift = -np.sign(r) * 3.5 * abs(a) * TAN
     teeth = 3.5 * a * X + lift * Y
-    assert found.wrench("pinion", "C", beside="ground")[0] == pytest.approx(np.tile(teeth, (3, 1)), abs=1e-7)
-    assert found.wrench("pinion", "C", beside="ground")[1] == pytest.approx(np.tile(np.cross([0, r, 0], teeth), (3, 1)), abs=1e-7)
+    assert found.wrench("pinion", "C", neighbour="ground")[0] == pytest.approx(np.tile(teeth, (3, 1)), abs=1e-7)
+    assert found.wrench("pinion", "C", neighbour="ground")[1] == pytest.approx(np.tile(np.cross([0, r, 0], teeth), (3, 1)), abs=1e-7)
     pin = 0.5 * a * X + 0.5 * G * Y - teeth
-    assert found.wrench("pinion", "C", beside="carriage")[0] == pytest.approx(np.tile(pin, (3, 1)), abs=1e-7)
-    assert found.wrench("pinion", "C", beside="carriage")[1] == pytest.approx(np.tile(0.8 * Z, (3, 1)), abs=1e-7)
-    rails, about = found.wrench("carriage", "C", beside="ground")
+    assert found.wrench("pinion", "C", neighbour="carriage")[0] == pytest.approx(np.tile(pin, (3, 1)), abs=1e-7)
+    assert found.wrench("pinion", "C", neighbour="carriage")[1] == pytest.approx(np.tile(0.8 * Z, (3, 1)), abs=1e-7)
+    rails, about = found.wrench("carriage", "C", neighbour="ground")
     assert rails == pytest.approx(np.tile((3.5 * G - lift) * Y, (3, 1)), abs=1e-7)
     # about the pin: (com − C) × M (a − g) = rails' moment − τ
     assert about == pytest.approx(np.tile(np.cross([0.3, 0.1, 0], 3.0 * (a * X + G * Y)) + 0.8 * Z, (3, 1)), abs=1e-7)
@@ -123,17 +123,17 @@ def test_a_slide_may_end_at_the_pin_of_a_rod():
     found = reactions_of(steering())
     run, index = found.run, found.run.kernels.index
     a = run.qdd[:, index["R.x"]]
-    force = found.wrench("rack", "R", beside="pinion")[0]
+    force = found.wrench("rack", "R", neighbour="pinion")[0]
     # the pinion: I α = 0.5 N m and the teeth's moment about O, 0.02 m above them
     assert force[:, 0] == pytest.approx((0.5 - 1e-4 * a / 0.02) / 0.02, abs=1e-7)
     assert force[:, 1] == pytest.approx(-np.abs(force[:, 0]) * TAN, abs=1e-9)
     rod = 0.3 * ((run.qdd[:, [index["R.x"], index["K.x"]]]).mean(axis=1))
-    arm = found.wrench("tie", "R", beside="arm")[0]
-    assert found.wrench("tie", "R", beside="rack")[0][:, 0] == pytest.approx(rod - arm[:, 0], abs=1e-7)
-    guide = found.wrench("rack", "R", beside="ground")[0]
+    arm = found.wrench("tie", "R", neighbour="arm")[0]
+    assert found.wrench("tie", "R", neighbour="rack")[0][:, 0] == pytest.approx(rod - arm[:, 0], abs=1e-7)
+    guide = found.wrench("rack", "R", neighbour="ground")[0]
     assert guide[:, 0] == pytest.approx(0 * a, abs=1e-7)  # no friction along it
     whole = found.wrench("rack", "R")
-    parts = [found.wrench("rack", "R", beside=other) for other in ("ground", "pinion", "tie")]
+    parts = [found.wrench("rack", "R", neighbour=other) for other in ("ground", "pinion", "tie")]
     assert sum(part[0] for part in parts) == pytest.approx(whole[0], abs=1e-8)
     assert sum(part[1] for part in parts) == pytest.approx(whole[1], abs=1e-8)
 
@@ -166,10 +166,10 @@ def test_a_rack_anywhere_in_space(seed):
     found = reactions_of(m)
     along = 2.0 * 0.2 * 1.5 / (0.03 + 2.0 * 0.2**2)
     teeth = along * e - along * TAN * up
-    force, moment = found.wrench("rack", "O", beside="pinion")
+    force, moment = found.wrench("rack", "O", neighbour="pinion")
     assert force == pytest.approx(np.tile(teeth, (3, 1)), abs=1e-7)
     assert moment == pytest.approx(np.tile(np.cross(-0.2 * up, teeth), (3, 1)), abs=1e-7)
-    assert found.wrench("pinion", "O", beside="ground")[0] == pytest.approx(force, abs=1e-7)
+    assert found.wrench("pinion", "O", neighbour="ground")[0] == pytest.approx(force, abs=1e-7)
 
 
 def loose():
@@ -219,7 +219,7 @@ def test_what_is_no_rack_beside_a_wheel_is_a_couple(model):
 def test_the_pin_beside_a_couple_carries_the_weight_alone():
     """And among its moment are the couple and the motor: together I α."""
     found = reactions_of(loose())
-    force, moment = found.wrench("pinion", "O", beside="ground")
+    force, moment = found.wrench("pinion", "O", neighbour="ground")
     assert force == pytest.approx(np.tile(1.5 * G * Y, (3, 1)), abs=1e-7)
     assert moment[:, 2] == pytest.approx(0.03 * found.run.qdd[:, found.run.kernels.index["psi"]], abs=1e-7)
 

@@ -38,7 +38,7 @@ def block(joint):
 def test_a_block_on_a_line_is_held_by_its_weight(joint):
     """9.81 N up, and about A the moment that holds a centre 0.1 m beside it."""
     found = reactions_of(block(joint))
-    force, moment = found.wrench("block", "A", beside="ground")
+    force, moment = found.wrench("block", "A", neighbour="ground")
     assert force == pytest.approx(np.tile([0, G, 0], (4, 1)), abs=1e-9)
     assert moment == pytest.approx(np.tile([0, 0, 0.1 * G], (4, 1)), abs=1e-9)
 
@@ -74,21 +74,21 @@ def test_a_chain_of_slides():
     rod = 0.8 * (acceleration("D") + part * (acceleration("E") - acceleration("D")) - g)
     slide, base = 0.5 * (acceleration("D") - g), 2.0 * (acceleration("A") - g)
     assert np.max(np.abs(np.linalg.norm(along, axis=1) - np.hypot(0.3, 0.7))) < 1e-9
-    assert found.wrench("rod", "D", beside="slide")[0] == pytest.approx(rod, abs=1e-8)
-    assert found.wrench("slide", "D", beside="rod")[0] == pytest.approx(-rod, abs=1e-8)
-    assert found.wrench("slide", "D", beside="base")[0] == pytest.approx(rod + slide, abs=1e-8)
-    back, moment = found.wrench("base", "D", beside="slide")
+    assert found.wrench("rod", "D", neighbour="slide")[0] == pytest.approx(rod, abs=1e-8)
+    assert found.wrench("slide", "D", neighbour="rod")[0] == pytest.approx(-rod, abs=1e-8)
+    assert found.wrench("slide", "D", neighbour="base")[0] == pytest.approx(rod + slide, abs=1e-8)
+    back, moment = found.wrench("base", "D", neighbour="slide")
     assert back == pytest.approx(-rod - slide, abs=1e-8)
-    assert moment == pytest.approx(-found.wrench("slide", "D", beside="base")[1], abs=1e-8)
-    assert found.wrench("base", "A", beside="ground")[0] == pytest.approx(rod + slide + base, abs=1e-8)
-    force = found.wrench("slide", "D", beside="base")[0]
+    assert moment == pytest.approx(-found.wrench("slide", "D", neighbour="base")[1], abs=1e-8)
+    assert found.wrench("base", "A", neighbour="ground")[0] == pytest.approx(rod + slide + base, abs=1e-8)
+    force = found.wrench("slide", "D", neighbour="base")[0]
     assert np.max(np.abs(np.sum(force * run.vector("slope"), axis=1))) < 1e-8  # nothing along the slide
 
 
 def test_neighbours_add_up_to_all():
     found = reactions_of(carriage())
     for body, neighbours in {"base": ("ground", "slide"), "slide": ("base", "rod"), "rod": ("slide",)}.items():
-        parts = [found.wrench(body, "A", beside=other) for other in neighbours]
+        parts = [found.wrench(body, "A", neighbour=other) for other in neighbours]
         force, moment = found.wrench(body, "A")
         assert sum(part[0] for part in parts) == pytest.approx(force, abs=1e-8)
         assert sum(part[1] for part in parts) == pytest.approx(moment, abs=1e-8)
@@ -105,9 +105,9 @@ def test_a_pin_that_the_ground_guides_is_not_told_apart():
     m.point_on_line(m.ground, P, O, X)
     found = reactions_of(m)
     with pytest.raises(ModelError, match="joins first and second with ground, too"):
-        found.wrench("first", "P", beside="second")
+        found.wrench("first", "P", neighbour="second")
 
 
 def test_bodies_without_a_joint_are_refused():
     with pytest.raises(ModelError, match="body rod shares no point and no vector with base, and no row ties them"):
-        reactions_of(carriage()).wrench("rod", "D", beside="base")
+        reactions_of(carriage()).wrench("rod", "D", neighbour="base")

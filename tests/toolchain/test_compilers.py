@@ -16,7 +16,7 @@ from tiny import TINY
 
 import ncgen
 from ncgen.errors import CompileError, ModelError, NcgenError
-from ncgen.mechanism import direct, runtime
+from ncgen.mechanism import direct, runtime_library
 from ncgen.mechanism.batch import LANES
 from ncgen.toolchain import compilers
 from ncgen.toolchain.cache import build, compiled, entries
@@ -309,14 +309,14 @@ def test_a_flag_that_is_refused_is_left_out(scripted, cache, said, flag, tmp_pat
 def test_a_whole_run_without_a_flag(scripted, cache, said):
     """Model, runtime, tangents, emitted dynamics, batches and direct calls are built by the same way."""
     scripted('for word; do [ "$word" = -march=native ] && exit 1; done; exec $CC "$@"')
-    runtime._runtime.cache_clear(), direct._caller.cache_clear()
+    runtime_library.runtime_of.cache_clear(), direct._caller.cache_clear()
     kernels = ncgen.compile(ncgen.load("pendulum"))
     assert kernels.backend == "c"
     assert ncgen.simulate(kernels, 0.02, engine="emitted").engine.startswith("emitted")
     assert ncgen.simulate(kernels, 0.02, integrator="radau").engine == "c"
     kernels.batch.gamma([kernels.q0], [kernels.q0]), kernels.direct("phi")()
     ncgen.simulate_batch(kernels, 0.02, q0=[kernels.q0] * 2)
-    runtime._runtime.cache_clear(), direct._caller.cache_clear()
+    runtime_library.runtime_of.cache_clear(), direct._caller.cache_clear()
     assert len([w for w in said if "-march=native" in str(w.message)]) == 1 == len(said)
 
 

@@ -27,19 +27,19 @@ def nobody(kernels: Kernels, inputs: Inputs, names: tuple[str, ...]) -> list[Riv
 def rivals(model: Model, inputs: Inputs, names: tuple[str, ...]) -> list[Rival]:
     """The generated code and what was written by hand; first the generated C that has all kernels in one."""
     kernels = compile(model, "c")
-    found = [*generated.at_once(kernels, inputs), *generated.emissions(model, inputs, names)]
-    found += [generated.compiled("hand-written C", functions, inputs, names) for functions in by_hand.in_c(kernels)]
-    found.append(generated.direct(kernels, inputs, names))
-    found.append(generated.from_python("generated C, from Python", kernels, inputs, names))
-    found.append(generated.from_python("generated NumPy", compile(model, "numpy"), inputs, names))
-    return found + by_hand.in_numpy(kernels, inputs, names)
+    tools = [*generated.at_once(kernels, inputs), *generated.emissions(model, inputs, names)]
+    tools += [generated.compiled("hand-written C", functions, inputs, names) for functions in by_hand.in_c(kernels)]
+    tools.append(generated.direct(kernels, inputs, names))
+    tools.append(generated.from_python("generated C, from Python", kernels, inputs, names))
+    tools.append(generated.from_python("generated NumPy", compile(model, "numpy"), inputs, names))
+    return tools + by_hand.in_numpy(kernels, inputs, names)
 
 
 def all_rivals(model: Model, inputs: Inputs, names: tuple[str, ...], users: list[str], others: Others = nobody) -> list[Rival]:
     """`rivals`, and also: other number types, batches, differences, complex steps, others, the user's own."""
     kernels = compile(model, "c")
-    found = rivals(model, inputs, names)
-    found += generated.other_types(model, inputs, names)
-    found.append(generated.batch(kernels, inputs, names))
-    found += differences.rivals(kernels, compile(model, "numpy"), inputs, names)
-    return found + others(kernels, inputs, names) + user.rivals(kernels, inputs, users)
+    tools = rivals(model, inputs, names)
+    tools += generated.other_types(model, inputs, names)
+    tools.append(generated.batch(kernels, inputs, names))
+    tools += differences.rivals(kernels, compile(model, "numpy"), inputs, names)
+    return tools + others(kernels, inputs, names) + user.rivals(kernels, inputs, users)

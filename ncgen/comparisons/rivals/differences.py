@@ -28,15 +28,15 @@ def rivals(kernels: Kernels, complex_kernels: Kernels, inputs: Inputs, names: Se
         "finite differences, 3 points": (central, kernels),
         "complex step, NumPy": (complex_step, complex_kernels),
     }
-    found = []
+    tools = []
     for name, (slope, used) in ways.items():
         functions = {
             "phi_q": lambda slope=slope, used=used: jacobian(slope, lambda x: used.phi(x, inputs.t, inputs.p), inputs.q),
             "gamma": lambda slope=slope, used=used: -slope(_rate(used, inputs), inputs.q, inputs.qd),
         }
         functions = {k: f for k, f in functions.items() if k in names}
-        found.append(called(name, functions, lambda k, functions=functions: nonzeros(kernels, k, functions[k]())))
-    return found
+        tools.append(called(name, functions, lambda k, functions=functions: nonzeros(kernels, k, functions[k]())))
+    return tools
 
 
 def _rate(kernels: Kernels, inputs: Inputs) -> Function:

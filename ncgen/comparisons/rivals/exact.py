@@ -53,8 +53,8 @@ def by_differences(kernels: Kernels, name: str, inputs: Inputs) -> np.ndarray:
             return _exact(kernels, "phi", {**numbers, "q": moved, "t": numbers["t"] + step * (name == "gamma")})
 
         if name == "gamma":
-            ahead, here, behind = (phi(numbers["qd"], step) for step in (h, mpmath.mpf(0), -h))
-            return _rounded([-(a - 2 * b + c) / h**2 for a, b, c in zip(ahead, here, behind, strict=True)])
+            forward, centre, backward = (phi(numbers["qd"], step) for step in (h, mpmath.mpf(0), -h))
+            return _rounded([-(a - 2 * b + c) / h**2 for a, b, c in zip(forward, centre, backward, strict=True)])
         jacobian = np.zeros((kernels.m, kernels.n), dtype=np.longdouble)
         for j in range(kernels.n):
             unit = [mpmath.mpf(i == j) for i in range(kernels.n)]

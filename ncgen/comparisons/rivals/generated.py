@@ -42,7 +42,7 @@ def at_once(kernels: CompiledKernels, inputs: Inputs) -> list[Rival]:
 
 def emissions(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     """Every emission, `auto` first, with the seconds it took to make."""
-    found = []
+    tools = []
     for emission in ("auto", *sorted(set(EMISSIONS) - {"auto"})):
         start = time.perf_counter()
         sources = generate(model, emission)
@@ -54,8 +54,8 @@ def emissions(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]
         built = cache.compiled(sources.c, compilers.flags_for(sources.c))
         operations = {name: cost(program).total for name, program in programs.items()}
         code = code_bytes(built.library, prefix_of(model.name), names)
-        found.append(replace(rival, generation=generation, compilation=built.spent, operations=operations, code=code))
-    return found
+        tools.append(replace(rival, generation=generation, compilation=built.spent, operations=operations, code=code))
+    return tools
 
 
 def compiled(name: str, functions: dict[str, Call], inputs: Inputs, names: Sequence[str]) -> Rival:
@@ -75,12 +75,12 @@ def compiled(name: str, functions: dict[str, Call], inputs: Inputs, names: Seque
 def other_types(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     """The same source for float and long double."""
     sources = generate(model)
-    found = []
+    tools = []
     for name in (name for name in NUMBERS if name != "double"):
         runs, out = typed_runner(sources, name, inputs.t, inputs.q, inputs.qd, inputs.p, names)
         epsilon = float(np.finfo(NUMBERS[name].dtype).eps)
-        found.append(Rival(f"generated C, {name}", runs, lambda k, runs=runs, out=out: (runs[k](1), out[k].copy())[1], epsilon=epsilon))
-    return found
+        tools.append(Rival(f"generated C, {name}", runs, lambda k, runs=runs, out=out: (runs[k](1), out[k].copy())[1], epsilon=epsilon))
+    return tools
 
 
 def from_python(name: str, kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> Rival:
@@ -113,6 +113,6 @@ def code_bytes(library: Path, prefix: str, names: Iterable[str]) -> dict[str, in
     """Size of every kernel's machine code, where the tool `nm` can tell."""
     if shutil.which("nm") is None:
         return {}
-    said = subprocess.run(["nm", "--print-size", str(library)], capture_output=True, text=True, check=False).stdout
-    sizes = {words[3]: int(words[1], 16) for line in said.splitlines() if len(words := line.split()) == 4}
+    listing = subprocess.run(["nm", "--print-size", str(library)], capture_output=True, text=True, check=False).stdout
+    sizes = {words[3]: int(words[1], 16) for line in listing.splitlines() if len(words := line.split()) == 4}
     return {name: sizes[f"{prefix}_{name}"] for name in names if f"{prefix}_{name}" in sizes}

@@ -32,9 +32,9 @@ def in_numpy(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Riv
     module = handwritten(kernels)
     if module is None:
         return []
-    found = []
+    tools = []
     for prefix, words in (("loop", "a loop over the table"), ("vector", "vectorised")):
         functions = {k: getattr(module, f"{prefix}_{k}") for k in names if hasattr(module, f"{prefix}_{k}")}
         calls = {k: lambda k=k, f=f: f(inputs.q, inputs.qd) if k == "gamma" else f(inputs.q) for k, f in functions.items()}
-        found.append(called(f"hand-written NumPy, {words}", calls, lambda k, calls=calls: nonzeros(kernels, k, calls[k]())))
-    return found
+        tools.append(called(f"hand-written NumPy, {words}", calls, lambda k, calls=calls: nonzeros(kernels, k, calls[k]())))
+    return tools

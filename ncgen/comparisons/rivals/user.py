@@ -68,10 +68,10 @@ def _rival(kernels: Kernels, inputs: Inputs, function: UserFunction) -> Rival:
 
     def values(_: str) -> np.ndarray:
         value = function(*arguments)
-        found = getattr(value, "shape", None)
-        if found not in ((size,), shape):
-            raise ModelError(f"--with {text}: it gives an array of shape {found}, {kernel} has {SHAPES[kernel]}")
-        return value if found == (size,) else nonzeros(kernels, kernel, value)
+        shape_given = getattr(value, "shape", None)
+        if shape_given not in ((size,), shape):
+            raise ModelError(f"--with {text}: it gives an array of shape {shape_given}, {kernel} has {SHAPES[kernel]}")
+        return value if shape_given == (size,) else nonzeros(kernels, kernel, value)
 
     return called(text, {kernel: lambda: function(*arguments)}, values)
 
@@ -83,8 +83,8 @@ def _imported(text: str, module: str, name: str) -> Any:
     try:
         return getattr(importlib.import_module(module), name)
     except Exception as error:  # the user's own code: whatever it raises is said in a line
-        said = str(error) if isinstance(error, (ImportError, AttributeError, ValueError)) else f"{type(error).__name__}: {error}"
-        raise ModelError(f"--with {text}: {said[:150]}; write it as module:function, the module being importable from here") from None
+        message = str(error) if isinstance(error, (ImportError, AttributeError, ValueError)) else f"{type(error).__name__}: {error}"
+        raise ModelError(f"--with {text}: {message[:150]}; write it as module:function, the module being importable from here") from None
 
 
 def _check(text: str, function: object, names: tuple[str, ...]) -> None:

@@ -22,12 +22,18 @@ SINCOS = "ncgen_sincos"
 
 
 def function(program: Program, prefix: str, memory: Memory, callable_: dict[str, int]) -> Function:
-    """A kernel. callable_: {function: its number in the module}, of imported ones by their names here, such as "tan"."""
+    """A kernel, which returns NCGEN_OK where it is linked.
+
+    callable_: {function: its number in the module}, of imported ones by their names here, such as "tan".
+    """
     arguments = tuple(F64 if name == "t" else I32 for name in program.inputs) + (I32,)
     body = _Body(program, memory, callable_)
     blocks = [_angles(program.angles)] if program.angles else []
     code = b"".join(body.block(block) for block in (*blocks, *program.blocks))
-    return Function(f"{prefix}_{program.name}", Signature(arguments, ()), code, body.integers, body.numbers)
+    results = (I32,) if memory.linked else ()
+    if memory.linked:
+        code += I32_CONST + signed(0)
+    return Function(f"{prefix}_{program.name}", Signature(arguments, results), code, body.integers, body.numbers)
 
 
 def called(program: Program) -> set[str]:
@@ -100,7 +106,7 @@ class _Body:
         if op.code == "slot":
             slot = block.slots[op.slot]
             if slot.array == "const":
-                return self._run_times(8) + F64_LOAD + unsigned(self.memory.numbers(slot.table))
+                return self._run_in_table(8) + F64_LOAD + unsigned(self.memory.numbers(slot.table))
             return self._element(slot.array, slot.table) + F64_LOAD + unsigned(0)
         arguments = [self._number(a, block, held) for a in op.args]
         if op.code == PIECES:
@@ -113,8 +119,9 @@ class _Body:
     def _table(self, pieces: Pieces) -> bytes:
         """What a lookup is given behind its argument."""
         places = map(self.memory.numbers, (pieces.knots, pieces.numbers))
-        whole = (*places, len(pieces.knots), pieces.degree)
-        return b"".join(I32_CONST + signed(number) for number in whole) + F64_CONST + double(pieces.period)
+        tables = [I32_CONST + signed(place) + (self.memory.tables + I32_ADD if self.memory.tables else b"") for place in places]
+        sizes = [I32_CONST + signed(number) for number in (len(pieces.knots), pieces.degree)]
+        return b"".join([*tables, *sizes]) + F64_CONST + double(pieces.period)
 
     def _number(self, node: int, block: Block, held: dict[int, int]) -> bytes:
         op = block.ops[node]
@@ -136,7 +143,7 @@ class _Body:
 
     def _address(self, array: str) -> bytes:
         """The beginning of an array: an argument, or 0 where the place is known."""
-        return GET + unsigned(self.arguments[array]) if array in self.arguments else I32_CONST + signed(0)
+        return GET + unsigned(self.arguments[array]) if array in self.arguments else self.memory.rooms
 
     def _offset(self, array: str, index: int) -> int:
         return 8 * index + (0 if array in self.arguments else self.memory.places[array])
@@ -147,8 +154,12 @@ class _Body:
         first = self._offset(array, table[0] if len(steps) <= 1 else 0)
         base = self._address(array) + I32_CONST + signed(first) + I32_ADD
         if len(steps) > 1:
-            return base + self._run_times(4) + I32_LOAD + unsigned(self.memory.distances(table)) + I32_ADD
+            return base + self._run_in_table(4) + I32_LOAD + unsigned(self.memory.distances(table)) + I32_ADD
         return base + self._run_times(8 * steps.pop()) + I32_ADD if steps else base
+
+    def _run_in_table(self, step: int) -> bytes:
+        """Where a table has what belongs to this run of a loop, from the table's place on."""
+        return self._run_times(step) + (self.memory.tables + I32_ADD if self.memory.tables else b"")
 
     def _run_times(self, step: int) -> bytes:
         return GET + unsigned(self.run) + I32_CONST + signed(step) + I32_MUL

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable
 
 from ncgen.emit.wasm.binary import double
 
@@ -13,10 +14,11 @@ FIRST = 16
 class Memory:
     """Arrays that kernels write while they run, then the tables of their loops, each once."""
 
-    def __init__(self, rooms: dict[str, int]) -> None:
-        """rooms: {array: how many numbers it holds}"""
+    def __init__(self, rooms: dict[str, int], linked: bool = False) -> None:
+        """rooms: {array: how many numbers it holds}; linked: places count from two imported addresses, one of tables and one of arrays"""
+        self.linked = linked
         self.places: dict[str, int] = {}
-        self.start = FIRST
+        self.start = 0 if linked else FIRST
         for name, size in rooms.items():
             self.places[name] = self.start
             self.start += 8 * size
@@ -29,6 +31,16 @@ class Memory:
         return bytes(self._data)
 
     @property
+    def rooms(self) -> bytes:
+        """The instruction for the address from which places of arrays count."""
+        return b"\x23\x01" if self.linked else b"\x41\x00"
+
+    @property
+    def tables(self) -> bytes:
+        """The instruction for the address from which places of tables count; none where they are addresses."""
+        return b"\x23\x00" if self.linked else b""
+
+    @property
     def heap(self) -> int:
         """The first address behind everything."""
         return self.start + len(self._data) + -len(self._data) % 8
@@ -39,11 +51,16 @@ class Memory:
 
     def distances(self, indices: tuple[int, ...]) -> int:
         """The address of a table of distances in bytes, of array elements from the beginning of their array."""
-        return self._placed(struct.pack(f"<{len(indices)}i", *(8 * i for i in indices)))
+        return self.integers(8 * i for i in indices)
+
+    def integers(self, values: Iterable[int]) -> int:
+        """The address of a table of whole numbers."""
+        values = list(values)
+        return self._placed(struct.pack(f"<{len(values)}i", *values))
 
     def _placed(self, table: bytes) -> int:
         if table not in self._tables:
             self._data += b"\0" * (-len(self._data) % 8)
-            self._tables[table] = self.start + len(self._data)
+            self._tables[table] = len(self._data) + (0 if self.linked else self.start)
             self._data += table
         return self._tables[table]

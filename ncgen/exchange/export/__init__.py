@@ -26,7 +26,7 @@ END = "_target"
 
 def targets() -> tuple[str, ...]:
     """The names of all targets."""
-    return tuple(sorted(found.name.removesuffix(END) for found in iter_modules(__path__) if found.name.endswith(END)))
+    return tuple(sorted(module.name.removesuffix(END) for module in iter_modules(__path__) if module.name.endswith(END)))
 
 
 def _package(model: Model) -> Package:
@@ -44,7 +44,7 @@ def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] =
     model : Model
         Mechanism.
     to : str
-        Target: c, casadi, fmu2, fmu3, html, joints, numpy, python or wasm.
+        Target: c, casadi, fmu2, fmu3, html, joints, python or wasm.
     output : path
         Folder; it is created if it does not exist.
     platforms : sequence of str

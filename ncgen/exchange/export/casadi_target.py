@@ -50,12 +50,12 @@ class CasadiState:
             self.places = list(range(space.n))
             self.functions = open_functions(equations, space.followed, space.n)
         else:
-            found = choose_partitions(kernels, package.q, independent=kernels.model.chosen_independent)
-            split, self.places = split_of(found.velocity), found.position.independent.tolist()
+            partitions = choose_partitions(kernels, package.q, independent=kernels.model.chosen_independent)
+            split, self.places = split_of(partitions.velocity), partitions.position.independent.tolist()
             self.names, self.rates = kernels.coordinates, tuple(rate_name(kernels.coordinates[c]) for c in split.independent)
-            self.s, self.v = package.q, package.qd[found.velocity.independent]
+            self.s, self.v = package.q, package.qd[partitions.velocity.independent]
             ways = accelerations(equations, split, samples(kernels, package.q, kernels.p0), kernels.column_sizes)
-            rows = found.position.rows.tolist()
+            rows = partitions.position.rows.tolist()
             self.functions = closed_functions(equations, ways[cheapest(ways)], rows, len(split.independent))
 
 

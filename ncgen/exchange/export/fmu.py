@@ -179,10 +179,10 @@ def _load(body: Body, element: Spatial) -> list[Variable]:
 
 
 def _headers(version: int) -> dict[str, str]:
-    found = importlib.util.find_spec("fmpy")
-    if found is None or not found.submodule_search_locations:
+    headers = importlib.util.find_spec("fmpy")
+    if headers is None or not headers.submodule_search_locations:
         raise NcgenError("the headers of FMI are missing: they come with the package fmpy; run pip install 'ncgen[export]'")
-    folder = Path(found.submodule_search_locations[0]) / "c-code"
+    folder = Path(headers.submodule_search_locations[0]) / "c-code"
     kinds = ("Functions", "FunctionTypes", "TypesPlatform" if version == 2 else "PlatformTypes")
     return {f"fmi{version}{kind}.h": (folder / f"fmi{version}{kind}.h").read_text(encoding="utf-8") for kind in kinds}
 
@@ -195,8 +195,8 @@ def others(platforms: Sequence[str], version: int) -> list[Platform]:
             raise ModelError(f"platforms: {name} is unknown to fmu{version}; choose among {', '.join(known)}")
     if platforms and not importlib.util.find_spec("ziglang"):
         raise NcgenError("platforms: units for other machines are compiled by the package ziglang; run pip install 'ncgen[export]'")
-    found = [PLATFORMS[name] for name in dict.fromkeys(platforms)]
-    return [platform for platform in found if platform.folders[version] != _platform(version)]
+    named = [PLATFORMS[name] for name in dict.fromkeys(platforms)]
+    return [platform for platform in named if platform.folders[version] != _platform(version)]
 
 
 def _platform(version: int) -> str:

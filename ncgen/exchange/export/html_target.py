@@ -43,7 +43,7 @@ def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
     equations, programs = package.sources.programs.equations, package.sources.programs.programs
     kernels = [*(programs[name] for name in USED if name in programs), assemble_described(equations, [*equations.free, *fixed])]
     kernels += assemble_loads(equations)[:1]
-    binary, records = assembled(package, kernels, "Mechanism")
+    made, records = assembled(package, kernels, "Mechanism")
     data = _scene(scene, drawn) | _mechanism(package) | {"places": _places(package, drawn, fixed), "kernels": [k.name for k in kernels]}
     data["rows"] = [_row(model, row, own) for row in package.kernels.rows]
     data |= {"parameters": [_parameter(model, name, own) for name in model.numbers]}
@@ -56,7 +56,7 @@ def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
         freedom=_freedom(package),
         driven=next(iter(package.independent), ""),
         script=_packed(lean(script).encode()),
-        binary=_packed(binary),
+        binary=_packed(made.binary),
         data=script_json(data),
     )
     return {f"{package.prefix}.html": page}
@@ -92,23 +92,20 @@ def _mechanism(package: Package) -> dict:
     kernels, model = package.kernels, package.kernels.model
     return {
         "units": [package.unit(name) for name in kernels.coordinates],
-        "independent": list(package.independent),
         "shown": telling(model, kernels.coordinates, package.independent)[:MOST],  # at first
         "duration": package.duration,
         "outputs": [{"label": output.label, "unit": output.unit} for output in model.outputs.values()],
         "rowSizes": kernels.row_sizes.tolist(),
         "phiQ": _pattern(kernels.phi_q_pattern),
-        "mass": _pattern(kernels.mass_pattern),
-        "massSizes": rounded(package.sizes.W),
         "lengths": rounded(kernels.column_sizes),
     }
 
 
 def _freedom(package: Package) -> str:
     """The numbers of equations, coordinates and degrees of freedom, and what is redundant by name."""
-    kernels, found = package.kernels, freedom(package.kernels, package.q)
-    text = f"{counted(kernels.m, 'equation')}, {counted(kernels.n, 'coordinate')}: {counted(found.dof, 'degree')} of freedom"
-    names = [kernels.rows[redundancy.row].label for redundancy in found.redundant]
+    kernels, mobility = package.kernels, freedom(package.kernels, package.q)
+    text = f"{counted(kernels.m, 'equation')}, {counted(kernels.n, 'coordinate')}: {counted(mobility.dof, 'degree')} of freedom"
+    names = [kernels.rows[redundancy.row].label for redundancy in mobility.redundant]
     if not names:
         return f"{text}, nothing redundant."
     return f"{text}. Others imply {', '.join(names)}: how joint forces are shared is not determined."

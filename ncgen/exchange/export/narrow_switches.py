@@ -64,7 +64,7 @@ def narrow_arguments(graph: Graph, nodes: Iterable[int], defaults: Mapping[Input
             left.append(node)
             continue
         known.add(node)
-    return [(u, _pieces(sorted(found), period)) for (u, period), found in knots.items() if found], left
+    return [(u, _pieces(sorted(changes), period)) for (u, period), changes in knots.items() if changes], left
 
 
 def _inputs(graph: Graph, node: int) -> set[Input]:
@@ -73,16 +73,16 @@ def _inputs(graph: Graph, node: int) -> set[Input]:
 
 def _base(graph: Graph, node: int, degrees: Mapping[int, float]) -> int | None:
     """The polynomial of time, of degree 2 at most, of which alone the node is a function; None where it reads anything else."""
-    found, waiting = set(), [node]
+    laws, waiting = set(), [node]
     while waiting:
         each = waiting.pop()
         if degrees[each] > 2:
             waiting += graph.ops[each].args
         elif degrees[each] > 0:
-            found.add(each)
+            laws.add(each)
         elif graph.ops[each].code != "const":
             return None
-    return found.pop() if len(found) == 1 else None
+    return laws.pop() if len(laws) == 1 else None
 
 
 def _argument(graph: Graph, law: int, base: int, defaults: Mapping[Input, float]) -> Argument | None:
@@ -149,10 +149,10 @@ def _knots(graph: Graph, law: int, base: int, argument: Argument, period: float)
     for node in sorted(graph.below([law], {base}) - {base}):
         new[node] = own.copied(graph.ops[node], [new[a] for a in graph.ops[node].args])
     start, end = (0.0, 4 * period) if period else (-LARGEST, LARGEST)
-    found = quick_changes(own.ops, new[law], {}, start, end, np.empty(0))
+    changes = quick_changes(own.ops, new[law], {}, start, end, np.empty(0))
     if period:
-        found = found[(found >= 2 * period) & (found < 3 * period)] - 2 * period
-    return [float(f"{each:.6g}") for each in found]
+        changes = changes[(changes >= 2 * period) & (changes < 3 * period)] - 2 * period
+    return [float(f"{each:.6g}") for each in changes]
 
 
 def _pieces(knots: list[float], period: float) -> Pieces:

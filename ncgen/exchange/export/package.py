@@ -25,10 +25,9 @@ from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.written import motion_source
-from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
 from ncgen.program.algebra.quasidefinite import Elimination, plan
-from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.full_loads import assemble_loads
 from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
@@ -46,11 +45,12 @@ from ncgen.solver.trajectories.outputs import uses_loads
 PUBLIC = ("ncgen.h",)
 """Headers of ncgen that an embedder reads; the others stay beside the sources."""
 
-NEWTON_STEPS = 4
-"""Newton steps by which a step of fixed length may close the loops at its end, where the language has no runtime of ncgen's."""
-
 RUNTIME = "ncgen_driven.c"
 """The file of the runtime that exports in C move by; what it needs comes along."""
+
+
+BREAKS = "ncgen_breaks.c"
+"""Likewise of those whose laws of time change their formula."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,8 @@ class Package:
     @cached_property
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
-        runtime = runtime_files(*HEADERS, *needed_by(RUNTIME, defined=(WITHOUT_TABLES,)), defined=(WITHOUT_TABLES,))
+        needed = needed_by(RUNTIME, *([BREAKS] if self.switching else []), defined=(WITHOUT_TABLES,))
+        runtime = runtime_files(*HEADERS, *needed, defined=(WITHOUT_TABLES,))
         files = self.sources.c | self.recursion | runtime
         records = self.records | self._described
         files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **records) for kind in "hc"}
@@ -102,25 +103,41 @@ class Package:
         return motion_source(self.kernels, lambda: own_positions(self.kernels))
 
     @cached_property
+    def rank(self) -> int:
+        """Of the Jacobian at the start."""
+        return freedom(self.kernels, self.q).rank
+
+    @cached_property
+    def singular_mass(self) -> bool:
+        """Whether some motion has no inertia."""
+        return not is_definite(self.kernels)
+
+    @cached_property
+    def conservative(self) -> bool:
+        """Whether there is no work to integrate."""
+        return is_conservative(self.kernels)
+
+    def elimination(self, phi_q: Pattern) -> Elimination:
+        """In which the matrix of the equations is eliminated, with a Jacobian of this pattern."""
+        return plan(self.kernels.mass_pattern, phi_q, rows_first=self.singular_mass)
+
+    @cached_property
     def _order(self) -> Elimination:
-        """In which the matrix of the equations is eliminated."""
-        kernels = self.kernels
-        return plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=not is_definite(kernels))
+        return self.elimination(self.kernels.phi_q_pattern)
 
     @property
     def _described(self) -> dict[str, object]:
         """What the runtime is told of the mechanism."""
         kernels, order = self.kernels, self._order
-        rank = freedom(kernels, self.q).rank
         arrays = {"start": self.q, "speeds": self.qd, "row_sizes": kernels.row_sizes, "column_sizes": kernels.column_sizes}
         return {
             **{name: [number(float(x)) for x in values] for name, values in arrays.items()},
             "elimination": {"size": order.size, "nonzeros": order.nonzeros, "tables": [(a, getattr(order, a)) for a in Elimination.ARRAYS]},
             "nonzeros": kernels.mass_pattern.nonzeros + kernels.phi_q_pattern.nonzeros,
-            "rank": rank,
-            "redundant": rank < kernels.m,
-            "singular_mass": not is_definite(kernels),
-            "conservative": is_conservative(kernels),
+            "rank": self.rank,
+            "redundant": self.rank < kernels.m,
+            "singular_mass": self.singular_mass,
+            "conservative": self.conservative,
             "widest": widest_tableau(),
         }
 
@@ -144,14 +161,9 @@ class Package:
             "parameters": programs.equations.parameters,
             "defaults": [float(value) for value in self.kernels.p0],
             "dof": self.dof,
-            "start": self.q.tolist(),
-            "speeds": self.qd.tolist(),
-            "row_sizes": self.kernels.row_sizes.tolist(),
             "duration": self.duration,
             "operations": operations,
             **self._costs(operations),
-            "newton_steps": NEWTON_STEPS,
-            "stages": [(str(node), str(weight)) for node, weight in INTEGRATORS["rk4"].coefficients.successive],
             "numbers": 4 + 3 * self.kernels.n,
             "inputs": self.kernels.inputs,
             "outputs": list(self.kernels.model.outputs.values()),
@@ -171,8 +183,8 @@ class Package:
 
     def _costs(self, kernels: dict[str, int]) -> dict[str, object]:
         """Operations of a step in C: as a rule, and at most, with every loop of the runtime taken to its end."""
-        told = re.findall(r"^/\* (\w+): (\d+) operations", "\n".join(self.recursion.values()), flags=re.MULTILINE)
-        found = {name: int(count) for name, count in told}
+        comments = re.findall(r"^/\* (\w+): (\d+) operations", "\n".join(self.recursion.values()), flags=re.MULTILINE)
+        costs = {name: int(count) for name, count in comments}
         order = self._order
         below = np.diff(order.column_start)
         factor, solve = int(np.sum(below * (below + 3))), 4 * order.nonzeros + order.size
@@ -182,10 +194,10 @@ class Package:
         refinements = constant_of("ncgen_constrained.c", "REFINEMENT_LIMIT")
         positions, velocities = (constant_of("ncgen_projection.c", f"{kind}_LIMIT") for kind in ("POSITION", "VELOCITY"))
         most = 5 * (matrix + refinements * 2 * solve) + positions * (closing + matrix) + velocities * 2 * solve
-        if found:
-            usual = 5 * found["derivative"] + 2 * (found["newton"] + found["velocities"])
-            most += 5 * found["derivative"] + 2 * positions * found["newton"] + velocities * found["velocities"]
-        return {"recursion": found, "by_matrix": matrix, "usual": usual, "most": most}
+        if costs:
+            usual = 5 * costs["derivative"] + 2 * (costs["newton"] + costs["velocities"])
+            most += 5 * costs["derivative"] + 2 * positions * costs["newton"] + velocities * costs["velocities"]
+        return {"recursion": costs, "by_matrix": matrix, "usual": usual, "most": most}
 
     def _motion_programs(self) -> list[Program]:
         """What stands beside the kernels as functions."""
@@ -204,8 +216,8 @@ class Package:
         """What the model's outputs are, and how they change; [] without any."""
         if not self.kernels.model.outputs:
             return []
-        found = assemble_outputs(self.sources.programs.equations)
-        return [replace(program, name=name) for program, name in zip(found, ("outputs_of", "outputs_slope"), strict=True)]
+        programs = assemble_outputs(self.sources.programs.equations)
+        return [replace(program, name=name) for program, name in zip(programs, ("outputs_of", "outputs_slope"), strict=True)]
 
     def unit(self, coordinate: str) -> str:
         """Unit of a free coordinate: m, rad, or 1 for a component of a unit vector."""
@@ -234,7 +246,7 @@ def _simulation(kernels: Kernels) -> Run:
     """The run that the model describes. Raises ModelError where it cannot be asked for, or begins as no export does."""
     options = simulation_of(kernels.model)
     check_options(options)
-    run, refused = Run.asked(kernels, **options), f"{kernels.name} cannot be exported: its simulation"
+    run, refused = Run.from_arguments(kernels, **options), f"{kernels.name} cannot be exported: its simulation"
     if run.initial.t != 0:
         raise ModelError(f"{refused} begins at t0 = {run.initial.t:.6g} s, an export at 0; describe the motion from 0 on")
     for name, value, default in zip(kernels.parameters, run.initial.p, kernels.p0, strict=True):
@@ -259,7 +271,7 @@ def renamed(text: str, prefix: str) -> str:
     return re.sub(r"\bNCGEN_(?=\w)", f"{prefix.upper()}_NCGEN_", text)
 
 
-def without_runtime(target: str, own: str, prefix: str, records: dict, beside: tuple[str, ...]) -> dict[str, str]:
+def without_runtime(target: str, own: str, prefix: str, records: dict, headers_besides: tuple[str, ...]) -> dict[str, str]:
     """{path in the folder: text} of functions in C that need two headers of ncgen's and nothing of its runtime.
 
     own: the template of the functions, with its header; beside: templates of what else is in the folder
@@ -270,4 +282,4 @@ def without_runtime(target: str, own: str, prefix: str, records: dict, beside: t
 
     headers = {renamed(name, prefix): renamed(text, prefix) for name, text in runtime_files("ncgen.h", "ncgen_math.h").items()}
     functions = {f"{prefix}_{target}.{end}": filled(f"{own}.{end}") for end in "hc"}
-    return {**{name: filled(name) for name in beside}, **functions, **headers}
+    return {**{name: filled(name) for name in headers_besides}, **functions, **headers}

@@ -95,7 +95,7 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
 def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duration: float) -> dict[int, Pieces]:
     """{law that has narrow changes in the described motion: the number of the piece that its value is in}."""
     given = {Input("p", k): float(kernels.p0[k]) for k in laws.parameters}
-    found = {}
+    narrow = {}
     for node in nodes:
         breaks = breaks_of_laws(kernels, replace(laws, switches=(), narrow=(node,)), 0.0, duration)
         if len(breaks):
@@ -104,8 +104,8 @@ def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duratio
             low, high = np.min(x[np.isfinite(x)]), np.max(x[np.isfinite(x)])
             knots = np.unique([float(f"{low + (high - low) * level:.12g}") for level in LEVELS]).tolist()
             if np.count_nonzero(np.diff(np.searchsorted(knots, x))) <= MOST_CHANGES:
-                found[node] = Pieces(tuple(knots), tuple((0.0, float(k)) for k in range(len(knots) + 1)))
-    return found
+                narrow[node] = Pieces(tuple(knots), tuple((0.0, float(k)) for k in range(len(knots) + 1)))
+    return narrow
 
 
 def _copied(laws: TimeLaws) -> tuple[Graph, list[int]]:
@@ -183,6 +183,6 @@ def _numbered(pieces: Pieces) -> Pieces:
 
 def _interval(kernels: Kernels, laws: TimeLaws, duration: float) -> float:
     """How far apart in time (s) the curves are looked at: so that breaks of the described motion are seen one by one."""
-    found = breaks_of_laws(kernels, laws, 0.0, duration).mean(axis=1)
-    gaps = np.diff(found, prepend=0.0, append=duration)
+    breaks = breaks_of_laws(kernels, laws, 0.0, duration).mean(axis=1)
+    gaps = np.diff(breaks, prepend=0.0, append=duration)
     return max(SHORTEST * duration, min(duration / INTERVALS, float(gaps[gaps > 0].min()) / 2))

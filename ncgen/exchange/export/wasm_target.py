@@ -1,26 +1,33 @@
-"""WebAssembly with a typed wrapper in JavaScript, in which the motion goes on."""
+"""WebAssembly with a typed wrapper in JavaScript: a mechanism's kernels, linked to the runtime, by which they move."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from ncgen.emit.environment import render
-from ncgen.emit.wasm.files import module
+from ncgen.emit.wasm.binary import LINK
+from ncgen.emit.wasm.files import Linked, linked_module
 from ncgen.exchange.export.package import Package
-from ncgen.program.ir.blocks import Program
+from ncgen.program.algebra.quasidefinite import Elimination
+from ncgen.program.ir.blocks import Pattern, Program
+from ncgen.toolchain.generic_wasm import LINKED, binary
 
-CONSTANTS = frozenset(
-    "N ROWS ROW_SIZES START SPEEDS DEFAULTS KERNELS LARGEST T WORK POWER NEXT Q QD QDD LAM STATE EPSILON E NEWTON_STEPS PATIENCE "
-    "MOST_STEPS LOCKED SINGULAR".split()
-)
+CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD LAM STATE FUNCTIONS WORDS".split())
 """What the wrapper calls its constants: no class can be called so."""
+
+FUNCTIONS = ("phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches")
+"""Functions that the runtime calls, in the order of ncgen_linked.h."""
+
+FIRST_FUNCTION = 10
+"""Where their numbers begin in the description."""
 
 
 def files(package: Package) -> dict[str, str | bytes]:
     """{file name: contents}."""
     prefix = package.prefix
     title = prefix[0].upper() + prefix[1:]
-    binary, records = assembled(package, package.sources.programs.programs.values(), f"{title}_" if title in CONSTANTS else title)
+    made, records = assembled(package, package.sources.programs.programs.values(), f"{title}_" if title in CONSTANTS else title)
 
     def filled(template: str) -> str:
         return render(f"package/wasm/{template}.jinja", **records)
@@ -28,22 +35,55 @@ def files(package: Package) -> dict[str, str | bytes]:
     return {
         "README.md": filled("README.md"),
         "package.json": filled("package.json"),
-        f"{prefix}.wasm": binary,
+        f"{prefix}.wasm": made.binary,
         f"{prefix}.js": filled("wrapper.js"),
         f"{prefix}.d.ts": filled("wrapper.d.ts"),
         "main.mjs": filled("main.mjs"),
     }
 
 
-def assembled(package: Package, kernels: Iterable[Program], title: str) -> tuple[bytes, dict]:
-    """(bytes of the module, what its wrapper is filled with): these kernels and the motion; title: of the wrapper's class."""
+def assembled(package: Package, kernels: Iterable[Program], title: str) -> tuple[Linked, dict]:
+    """(the module, what its wrapper is filled with): these kernels, which include those of the motion; title: of the wrapper's class."""
     kernels = list(kernels)
     switches = [package.switching.program] if package.switching else []
-    programs = [*kernels, package.full.closing, package.full.motion, *package.outputs[:1], *switches]
-    binary = module(programs, package.prefix)
-    return binary, package.records | {
+    programs = [*kernels, *package.outputs[:1], *switches]
+    made = linked_module(programs, package.prefix, _integers(package), _numbers(package), {LINK: binary(LINKED)})
+    return made, package.records | {
         "title": title,
+        "linked": made,
         "kernel_shapes": [{"name": program.name, "inputs": program.inputs, "size": program.size} for program in kernels],
+        "functions": [name for name in FUNCTIONS if any(program.name == name for program in programs)],
+        "function_places": {name: FIRST_FUNCTION + k for k, name in enumerate(FUNCTIONS)},
+        "drives": package.independent,
         "largest": max(program.size for program in programs),
-        "size": len(binary),
+        "size": len(made.binary),
     }
+
+
+def _integers(package: Package) -> list[int]:
+    """The description in whole numbers, as ncgen_linked.h says; numbers of functions are 0 until they are linked."""
+    kernels, breaks, drives = package.kernels, package.switching, [package.kernels.index[name] for name in package.independent]
+    singular, rank = package.singular_mass, package.rank
+    counts = [kernels.n, kernels.m, len(kernels.p0), rank if rank < kernels.m else 0, int(singular), int(package.conservative), len(drives)]
+    counts += [breaks.lines, breaks.curves, int(breaks.jumps)] if breaks else [0, 0, 0]
+    phi_q = _with_rows(kernels.phi_q_pattern, drives)
+    patterns = [*phi_q.indptr, *phi_q.indices, *kernels.mass_pattern.indptr, *kernels.mass_pattern.indices]
+    orders = [package.elimination(pattern) for pattern in (kernels.phi_q_pattern, phi_q)]
+    tables = [x for order in orders for x in (order.nonzeros, *(x for name in Elimination.ARRAYS for x in getattr(order, name)))]
+    return [*counts, *[0] * len(FUNCTIONS), *patterns, *tables]
+
+
+def _with_rows(pattern: Pattern, columns: list[int]) -> Pattern:
+    """A pattern with one row more for each of some columns."""
+    rows, nonzeros = pattern.shape[0] + len(columns), len(pattern.indices)
+    indptr = (*pattern.indptr, *(nonzeros + k + 1 for k in range(len(columns))))
+    return replace(pattern, shape=(rows, pattern.shape[1]), indptr=indptr, indices=(*pattern.indices, *columns))
+
+
+def _numbers(package: Package) -> list[float]:
+    """The description in numbers."""
+    kernels = package.kernels
+    sizes = [float(kernels.column_sizes[kernels.index[name]]) for name in package.independent]
+    interval = package.switching.interval if package.switching else 0.0
+    arrays = (kernels.column_sizes, kernels.row_sizes, sizes, package.q, package.qd, kernels.p0)
+    return [interval, *(float(x) for array in arrays for x in array)]

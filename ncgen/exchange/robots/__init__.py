@@ -43,22 +43,22 @@ def problems_of(path: Path) -> list[str]:
     """All that is wrong with links and joints of a robot's file, one line each: of URDF and SDF; else the first problem is raised."""
     root = read_markup(path)
     if root.tag in TOLD:
-        found = import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").problems_of(root, path)
-        if found:
-            return found
+        problems = import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").problems_of(root, path)
+        if problems:
+            return problems
     return _impossible(read_robot(path))
 
 
 def _impossible(robot: Robot) -> list[str]:
     """Links, with what is fixed to them, whose inertia no body has."""
-    found = []
+    problems = []
     for link in together(robot).links.values():
         try:
             if link.mass is not None:
                 check_inertia(link.name, link.mass.mass, link.mass.com, link.mass.tensor)
         except ModelError as error:
-            found.append(f"{link.where}: {error}")
-    return found
+            problems.append(f"{link.where}: {error}")
+    return problems
 
 
 def load_robot(
@@ -90,13 +90,13 @@ def load_robot(
     from ncgen.exchange.robots.loop_files import beside
     from ncgen.exchange.robots.parameters import names_asked
 
-    asked = names_asked(parameters)
+    as_parameters = names_asked(parameters)
     robot = read_robot(path)
     robot = accepted(robot, inertias, robot.floats if floating is None else floating, stacklevel + 1)
     table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
     if table or robot.loops or robot.follows_from_start:
         robot = _assembled(robot, table)
-    model = built(robot, (floating, limits, friction, motors, sensors, asked))
+    model = built(robot, (floating, limits, friction, motors, sensors, as_parameters))
     warn_of(model.left_out, path.name, stacklevel + 1)
     return model
 

@@ -87,8 +87,8 @@ def vocabulary(name: str) -> dict[str, Word]:
 
 
 def _word(line: str) -> Word:
-    said, versions, default, meaning, words = (part.strip() for part in line.split("|"))
-    path, _, anchor = (part.strip() for part in said.partition("="))
+    entry, versions, default, meaning, words = (part.strip() for part in line.split("|"))
+    path, _, anchor = (part.strip() for part in entry.partition("="))
     return Word(path, versions, tuple(each.strip() for each in default.split(" or ")) if default else (), meaning, words, anchor)
 
 
@@ -97,32 +97,32 @@ def account(root: Markup, words: dict[str, Word], anchor: str) -> list[Finding]:
 
     words: the format's vocabulary; anchor: the path of what stands in `root`
     """
-    found: list[Finding] = []
-    _account(root, words, anchor, found)
-    return found
+    findings: list[Finding] = []
+    _account(root, words, anchor, findings)
+    return findings
 
 
-def _account(root: Markup, words: dict[str, Word], anchor: str, found: list[Finding]) -> None:
+def _account(root: Markup, words: dict[str, Word], anchor: str, findings: list[Finding]) -> None:
     read = root.attributes.read
     for name, text in dict.items(root.attributes):
         word = words.get(f"{anchor}@{name}")
         if word is None:
             if not name.startswith("xmlns"):
-                found.append(Finding(f"the attribute {name} of <{root.tag}>, which is none of the format's", "left out"))
+                findings.append(Finding(f"the attribute {name} of <{root.tag}>, which is none of the format's", "left out"))
         elif not (word.meaning == "modelled" and name in read) and not word.is_default(text):
-            found += _judged(root, word, f"the attribute {name} of <{root.tag}>")
+            findings += _judged(root, word, f"the attribute {name} of <{root.tag}>")
     for child in root.children:
         word = words.get(f"{anchor}/{child.tag}")
         if word is None:
-            found.append(Finding(f"<{child.tag}> in <{root.tag}>, which is none of the format's elements", "left out"))
+            findings.append(Finding(f"<{child.tag}> in <{root.tag}>, which is none of the format's elements", "left out"))
             continue
         text = child.raw.strip()
         if word.meaning == "modelled":
             if text and not child.is_read and not word.is_default(text):
-                found += _judged(child, word, f"<{child.tag}> in <{root.tag}>")
-            _account(child, words, word.anchor or word.path, found)
+                findings += _judged(child, word, f"<{child.tag}> in <{root.tag}>")
+            _account(child, words, word.anchor or word.path, findings)
         elif child.children or not text or not word.is_default(text):
-            found += _judged(child, word, f"<{child.tag}> in <{root.tag}>")
+            findings += _judged(child, word, f"<{child.tag}> in <{root.tag}>")
 
 
 def _judged(element: Markup, word: Word, what: str) -> list[Finding]:
@@ -144,14 +144,14 @@ def counted(findings: Iterable[Finding | str]) -> tuple[str, ...]:
     return tuple(f"{words} ({count})" for words, count in counts.items())
 
 
-def changes_motion(said: str) -> bool:
+def changes_motion(sentence: str) -> bool:
     """Whether what `counted` says, without it, is a reason for another motion."""
-    return parted(said)[0].partition(",")[0] not in WITHOUT_EFFECT
+    return parted(sentence)[0].partition(",")[0] not in WITHOUT_EFFECT
 
 
-def parted(said: str) -> tuple[str, int]:
+def parted(sentence: str) -> tuple[str, int]:
     """What was found and how often, of what `counted` says."""
-    what, _, count = said.rpartition(" (")
+    what, _, count = sentence.rpartition(" (")
     return what, int(count.rstrip(")"))
 
 
@@ -160,7 +160,7 @@ def warn_of(left_out: Iterable[str], file: str, stacklevel: int) -> None:
 
     left_out: of the model; stacklevel: of `warnings.warn` where this is called
     """
-    acting = [parted(said) for said in left_out if changes_motion(said)]
+    acting = [parted(sentence) for sentence in left_out if changes_motion(sentence)]
     count = sum(number for _, number in acting)
     if count:
         things = "thing that changes the motion is" if count == 1 else "things that change the motion are"

@@ -27,15 +27,16 @@ def accepted(robot: Robot, inertias: str, floats: bool, stacklevel: int = 1) -> 
     if inertias == "refused":
         return robot
     if inertias == "as given":
-        found = [name for name, link in together(robot).links.items() if is_impossible(link) and (floats or name != robot.root)]
+        names = [name for name, link in together(robot).links.items() if is_impossible(link) and (floats or name != robot.root)]
         alone = (name for name, link in robot.links.items() if is_impossible(link))
-        changed, said = replace(robot, as_given=frozenset((*found, *alone))), "are taken as given"
+        changed, treatment = replace(robot, as_given=frozenset((*names, *alone))), "are taken as given"
     else:
         means = {name: _balanced(link) for name, link in robot.links.items() if is_impossible(link) and _mean(link) > 0}
-        changed, said, found = replace(robot, links={**robot.links, **means}), "are replaced by their mean", list(means)
-    if found:
+        changed, treatment, names = replace(robot, links={**robot.links, **means}), "are replaced by their mean", list(means)
+    if names:
         warnings.warn(
-            f"{robot.name}: moments of inertia that no body has {said}, those of {found[0]} first ({len(found)})", stacklevel=stacklevel + 1
+            f"{robot.name}: moments of inertia that no body has {treatment}, those of {names[0]} first ({len(names)})",
+            stacklevel=stacklevel + 1,
         )
     return changed
 

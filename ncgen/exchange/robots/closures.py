@@ -88,15 +88,15 @@ def with_closures(robot: Robot, closures: Sequence[Closure]) -> Robot:
 
     Raises ModelError naming the loop that stays open, with its gap.
     """
-    found = _Assembly(robot, closures).solved()
-    frames = found.frames(Placement())
+    assembly = _Assembly(robot, closures).solved()
+    frames = assembly.frames(Placement())
     loops = []
     for number, each in enumerate(closures):
         new = Joint(each.name, each.kind, each.parent, each.child, axis=each.axis, where=each.where)
         own = robot.loops[number] if number < len(robot.loops) else new
-        has_moved = found.joints != robot.joints or own is new
+        has_moved = assembly.joints != robot.joints or own is new
         loops.append(replace(own, placement=frames[each.parent] @ each.on_parent) if has_moved else own)
-    return replace(found, loops=tuple(loops))
+    return replace(assembly, loops=tuple(loops))
 
 
 def refuse_idle(robot: Robot) -> None:
@@ -107,7 +107,7 @@ def refuse_idle(robot: Robot) -> None:
 
 def report(robot: Robot, values: Mapping[str, np.ndarray]) -> list[tuple[str, float, str]]:
     """(joint, how far it was moved, rad or m) of values by joints' names, without those that stayed."""
-    found = []
+    moved = []
     for joint in robot.joints:
         x = values.get(joint.name, np.zeros(0))
         match joint.kind:
@@ -117,8 +117,8 @@ def report(robot: Robot, values: Mapping[str, np.ndarray]) -> list[tuple[str, fl
                 motions = [(float(np.linalg.norm(x[:3])), "m"), (float(np.linalg.norm(x[3:])), "rad")]
             case kind:
                 motions = [(float(each), "m" if kind == "prismatic" else "rad") for each in x]
-        found += [(joint.name, amount, unit) for amount, unit in motions if abs(amount) > CLOSED]
-    return found
+        moved += [(joint.name, amount, unit) for amount, unit in motions if abs(amount) > CLOSED]
+    return moved
 
 
 class _Assembly:
@@ -156,10 +156,10 @@ class _Assembly:
         generator, best, values, same = np.random.default_rng(1), math.inf, dict[str, np.ndarray](), 0
         for start in range(STARTS):
             scale = 0.3 * (1 + start // 4) if start else 0.0
-            gap, found = self._descend(self._begin(generator.standard_normal(self.n) * scale))
+            gap, changes = self._descend(self._begin(generator.standard_normal(self.n) * scale))
             same += abs(gap - best) < 1e-6 * gap
             if gap < best * (1 - 1e-6) - CLOSED:
-                best, values = gap, found
+                best, values = gap, changes
             if best < DIGITS or same == ENOUGH:
                 break
         return best, values
@@ -185,16 +185,16 @@ class _Assembly:
 
     def _stepped(self, values: Mapping[str, np.ndarray], step: np.ndarray) -> dict[str, np.ndarray]:
         """Values after a step, those of followers with them."""
-        found = {}
+        changes = {}
         for joint in self.free:
             start = self.starts[joint.name]
             change, old = step[start : start + TURNS[joint.kind]], values[joint.name]
-            found[joint.name] = added(joint, old, change)
+            changes[joint.name] = added(joint, old, change)
         for joint in self._in_order_of_following():
             assert joint.mimic is not None
-            moved_by = found.get(joint.mimic.joint, np.zeros(1))
-            found[joint.name] = joint.mimic.factor * (self.begins[joint.mimic.joint] + moved_by) + joint.mimic.offset - joint.start
-        return found
+            moved_by = changes.get(joint.mimic.joint, np.zeros(1))
+            changes[joint.name] = joint.mimic.factor * (self.begins[joint.mimic.joint] + moved_by) + joint.mimic.offset - joint.start
+        return changes
 
     def _in_order_of_following(self) -> Iterable[Joint]:
         """Followers after those that they follow; those in a circle last."""
@@ -228,12 +228,12 @@ class _Assembly:
 
     def _frames(self, values: Mapping[str, np.ndarray]) -> Frames:
         """Rotation and position of every link in the root's frame."""
-        found: Frames = {self.robot.root: (np.eye(3), np.zeros(3))}
+        frames: Frames = {self.robot.root: (np.eye(3), np.zeros(3))}
         for joint in self.robot.joints:
             x = values.get(joint.name)
-            place = _after(found[joint.parent], joint.placement)
-            found[joint.child] = place if x is None else _after(place, motion(joint, x))
-        return found
+            place = _after(frames[joint.parent], joint.placement)
+            frames[joint.child] = place if x is None else _after(place, motion(joint, x))
+        return frames
 
     def _residual(self, frames: Frames) -> np.ndarray:
         return np.concatenate([np.zeros(0), *(self._gap(each, frames) for each in self.closures)])
@@ -297,18 +297,18 @@ class _Assembly:
 
     def _path(self, link: str) -> frozenset[str]:
         """Names of joints that carry a link."""
-        above, found = {joint.child: joint for joint in self.robot.joints}, set()
+        above, carriers = {joint.child: joint for joint in self.robot.joints}, set()
         while (joint := above.get(link)) is not None:
-            found.add(joint.name)
+            carriers.add(joint.name)
             link = joint.parent
-        return frozenset(found)
+        return frozenset(carriers)
 
     def _open(self, values: Mapping[str, np.ndarray]) -> ModelError:
         """The refusal: with the loop that stays open most without all others, or with them where each closes by itself."""
         alone = [self._alone(each) for each in self.closures] if len(self.closures) > 1 else []
         least = [(*other.least(), other) for other in alone]
-        gap, found, other = max(least, key=lambda each: each[0], default=(0.0, values, self))
-        return self._refusal(values) if gap < DIGITS else other._refusal(found, ", even without the other loops")
+        gap, joint_values, other = max(least, key=lambda each: each[0], default=(0.0, values, self))
+        return self._refusal(values) if gap < DIGITS else other._refusal(joint_values, ", even without the other loops")
 
     def _alone(self, each: Closure) -> _Assembly:
         """One of the loops, over the joints that carry its ends and those that they follow."""
@@ -321,9 +321,9 @@ class _Assembly:
         joints = tuple(joint for joint in self.robot.joints if joint.name in known)
         held = {self.robot.root, *(joint.child for joint in joints)}
         links = {name: link for name, link in self.robot.links.items() if name in held}
-        found = _Assembly(replace(self.robot, links=links, joints=joints), [each])
-        found.size = self.size
-        return found
+        assembly = _Assembly(replace(self.robot, links=links, joints=joints), [each])
+        assembly.size = self.size
+        return assembly
 
     def _refusal(self, values: Mapping[str, np.ndarray], which: str = "") -> ModelError:
         """With the loop that stays open most at values of the joints."""

@@ -234,9 +234,9 @@ class Layer:
 
     def _directed(self, joint: Joint, direction: np.ndarray) -> np.ndarray:
         """A direction of a joint's frame in the global one; what is 0 but for rounding is 0."""
-        found = self.places[joint].along(direction)
-        found = np.where(np.abs(found) < 1e-15, 0.0, found)
-        return unit(found)
+        global_direction = self.places[joint].along(direction)
+        global_direction = np.where(np.abs(global_direction) < 1e-15, 0.0, global_direction)
+        return unit(global_direction)
 
     def _point(self, hold: Hold, prefix: str, place: np.ndarray) -> Place:
         value = np.where(np.abs(place) < 1e-3 * self.near, 0.0, place)

@@ -23,9 +23,10 @@ from ncgen.model import Model
 from ncgen.model.arithmetic import across, unit
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, as_combination
+from ncgen.model.pairs import SLIDING, Screw, joint_between, sliding_of
 from ncgen.model.rows import Row
 from ncgen.model.values import as_sympy, evaluate
-from ncgen.symbolic.tree import SLIDING, Screw, joint_between, sliding_of, spanning_tree
+from ncgen.symbolic.tree import spanning_tree
 
 WORLD = "world"
 
@@ -192,13 +193,13 @@ class _Linkage:
     def _universals(self) -> None:
         """Balls that a row makes universal joints."""
         for row in self.model.rows:
-            kind, _, names = row.owner.name.partition(" ")
-            if row.owner.kind != "joint" or kind != "universal":
+            if row.owner.joint != "universal":
                 continue
             axes = [row.direction(name) for name in ("u", "v")]
+            names = {WORLD if name == self.model.ground.name else name for name in row.owner.bodies}
             for joint in (*self.joints, *self.loops):
                 parent, child = self.at[joint]
-                if joint.kind == "spherical" and {parent.name, child.name} == set(names.replace("ground", WORLD).split("-")):
+                if joint.kind == "spherical" and {parent.name, child.name} == names:
                     first, second = axes if self._carries(parent, axes[0]) else axes[::-1]
                     new = replace(joint, kind="universal", axis=unit(first.initial), second=unit(second.initial))
                     self._put(joint, new)
@@ -210,13 +211,13 @@ class _Linkage:
         for element in self.model.elements.values():
             if not isinstance(element, Relative) or element.name in self.said:
                 continue
-            told = (self._following(element, joint) for joint in (*self.joints, *self.loops))
-            found = next((each for each in told if each), None)
-            if found is None:
+            followed = (self._following(element, joint) for joint in (*self.joints, *self.loops))
+            first_followed = next((each for each in followed if each), None)
+            if first_followed is None:
                 raise ModelError(
                     f"{self.model.name}: coordinate {element.name} is that of no hinge or slider; a file of links and joints cannot say it"
                 )
-            old, sign = found
+            old, sign = first_followed
             self._put(old, replace(old, name=element.name, axis=sign * old.axis, **self._acting(element)))
             self.said.add(element.name)
 
@@ -284,9 +285,9 @@ class _Linkage:
         """Bodies that move freely hang on the first joint that names them as its child, where there is one."""
         carried = {joint.child for joint in self.joints}
         for part in self.parts[1:]:
-            if part.name not in carried and (found := next((loop for loop in self.loops if loop.child == part.name), None)):
-                self.loops.remove(found)
-                self.joints.append(found)
+            if part.name not in carried and (loop_here := next((loop for loop in self.loops if loop.child == part.name), None)):
+                self.loops.remove(loop_here)
+                self.joints.append(loop_here)
 
     def _refuse(self) -> None:
         """Raise ModelError naming the first row or rotor that the format does not say."""
@@ -294,8 +295,7 @@ class _Linkage:
         if model.rotors:
             raise ModelError(f"{model.name}: with loops no rotor is written, here that of {model.rotors[0].coordinate.name}; leave it out")
         for row in model.rows:
-            kind = row.owner.name.partition(" ")[0]
-            is_joint = row.owner.kind == "joint" and kind in ("universal", *SLIDING)
+            is_joint = row.owner.joint in ("universal", *SLIDING)
             if not (_is_rod(row) or is_joint or row.owner.kind in ("body", "coordinate") or self._shares(row)):
                 raise ModelError(
                     f"{model.name}: row {row.label} ({row.owner}) is that of no joint; a file of links and joints cannot say it"

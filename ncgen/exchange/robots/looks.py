@@ -77,23 +77,23 @@ def looked(read: Callable[[], Shape | Unseen], kind: str) -> Shape | Unseen:
         return Unseen(f"{kind} that cannot be read")
 
 
-def seen(found: Iterable[Shape | Unseen]) -> tuple[Shape, ...]:
+def seen(shapes_and_reasons: Iterable[Shape | Unseen]) -> tuple[Shape, ...]:
     """Those that are seen."""
-    return tuple(each for each in found if isinstance(each, Shape))
+    return tuple(each for each in shapes_and_reasons if isinstance(each, Shape))
 
 
-def unseen(found: Iterable[Shape | Unseen]) -> tuple[str, ...]:
+def unseen(shapes_and_reasons: Iterable[Shape | Unseen]) -> tuple[str, ...]:
     """The others, in words."""
-    hidden = [each for each in found if isinstance(each, Unseen)]
+    hidden = [each for each in shapes_and_reasons if isinstance(each, Unseen)]
     missing = list(dict.fromkeys(each.what for each in hidden if each.is_file))
     kinds = [each.what for each in hidden if not each.is_file]
-    said = [f"meshes that are not there, {missing[0]} first ({len(missing)})"] if missing else []
-    return (*said, *([f"shapes of other kinds, {kinds[0]} first ({len(kinds)})"] if kinds else []))
+    messages = [f"meshes that are not there, {missing[0]} first ({len(missing)})"] if missing else []
+    return (*messages, *([f"shapes of other kinds, {kinds[0]} first ({len(kinds)})"] if kinds else []))
 
 
 def shapes_on(model: Model, body: Body, origin: np.ndarray) -> tuple[Shape, ...]:
     """Shapes of a body as files say them, in a frame along the global axes: wheels and capsules as cylinders, no polygons."""
-    found = []
+    shapes = []
     for solid in model.drawing.solids:
         if solid.body is not body or solid.kind == "polygon":
             continue
@@ -102,8 +102,8 @@ def shapes_on(model: Model, body: Body, origin: np.ndarray) -> tuple[Shape, ...]
         if kind == "ellipsoid" and len(set(sizes)) == 1:
             kind, sizes = "sphere", sizes[:1]
         file = str((model.drawing.folder or Path()) / solid.file) if solid.file else ""
-        found.append(Shape(kind, sizes, place, solid.colour, file))
-    return tuple(found)
+        shapes.append(Shape(kind, sizes, place, solid.colour, file))
+    return tuple(shapes)
 
 
 def rgba_of(colour: str) -> tuple[float, ...]:
@@ -124,15 +124,15 @@ def mesh_path(name: str, robot: Path) -> Path | None:
     kind, mark, rest = name.strip().partition("://")
     folder = robot.resolve().parent
     if not mark:
-        found = [folder / name.strip()]
+        candidates = [folder / name.strip()]
     elif kind == "file":
-        found = [Path(unquote(rest))]
+        candidates = [Path(unquote(rest))]
     elif kind in ("package", "model"):
         package, _, inside = rest.partition("/")
-        found = [root / inside for root in folders_named(package, folder)]
+        candidates = [root / inside for root in folders_named(package, folder)]
     else:
         return None
-    return next((path for path in found if "\0" not in str(path) and is_file(path)), None)
+    return next((path for path in candidates if "\0" not in str(path) and is_file(path)), None)
 
 
 def folders_named(package: str, folder: Path) -> Iterable[Path]:

@@ -17,9 +17,9 @@ YAML = (".yaml", ".yml")
 
 def beside(path: Path) -> Path | None:
     """The file that says the loops of a robot's file, if there is one."""
-    found = path.with_suffix(SUFFIX)
-    if is_file(found):
-        return found
+    loop_file = path.with_suffix(SUFFIX)
+    if is_file(loop_file):
+        return loop_file
     return next((each for end in YAML if is_file(each := path.with_suffix(end)) and _says_loops(text_of(each))), None)
 
 

@@ -116,8 +116,8 @@ class _Reader:
 
     def _frame(self, table: Mapping[str, object], key: str, where: str) -> tuple[str, Placement]:
         name = table.get(key)
-        found = frame_of(self.robot, name) if isinstance(name, str) else None
-        return found or self.refuse(f"{where}: its {key} {shown(name)} is no link or frame of {self.robot.name}")
+        frame = frame_of(self.robot, name) if isinstance(name, str) else None
+        return frame or self.refuse(f"{where}: its {key} {shown(name)} is no link or frame of {self.robot.name}")
 
     def _three(self, given: object, what: str) -> np.ndarray:
         if (

@@ -32,8 +32,8 @@ UNLIMITED = 1e15
 class Attributes(dict[str, str]):
     """An element's attributes, which know what of them has been read."""
 
-    def __init__(self, said: Mapping[str, str]) -> None:
-        super().__init__(said)
+    def __init__(self, pairs: Mapping[str, str]) -> None:
+        super().__init__(pairs)
         self.read: set[str] = set()
 
     def __getitem__(self, name: str) -> str:
@@ -74,8 +74,8 @@ class Markup:
 
     def only(self, tag: str) -> Markup:
         """Its first child of a kind. Raises ModelError where there is none."""
-        found = self.first(tag)
-        return found if found is not None else self.refuse(f"<{self.tag}> has no <{tag}>; give it one")
+        child = self.first(tag)
+        return child if child is not None else self.refuse(f"<{self.tag}> has no <{tag}>; give it one")
 
     def walk(self) -> Iterator[Markup]:
         """The element and all that is in it."""
@@ -85,8 +85,8 @@ class Markup:
 
     def name(self, attribute: str = "name") -> str:
         """An attribute that must be there and not be empty."""
-        found = self.attributes.get(attribute, "").strip()
-        return found or self.refuse(f'<{self.tag}> has no {attribute}; write <{self.tag} {attribute}="…">')
+        text = self.attributes.get(attribute, "").strip()
+        return text or self.refuse(f'<{self.tag}> has no {attribute}; write <{self.tag} {attribute}="…">')
 
     def number(self, attribute: str, default: float | None = None) -> float:
         """A number in an attribute; without a default it must be there."""
@@ -145,13 +145,13 @@ class Markup:
 
 def refusals(read: Callable[[Markup], object], elements: Iterable[Markup]) -> list[str]:
     """What a reader says against elements, one after the other."""
-    found = []
+    refused = []
     for each in elements:
         try:
             read(each)
         except ModelError as error:
-            found.append(str(error))
-    return found
+            refused.append(str(error))
+    return refused
 
 
 def read_markup(path: Path) -> Markup:

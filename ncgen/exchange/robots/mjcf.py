@@ -138,7 +138,11 @@ class _Reader:
         """lost: pictures of the file that the model does not have"""
         self.m, self.where, self.path, self.lost = model, path.name, path, lost
         meshes = (each.attributes for root in files for each in root.walk() if each.tag == "mesh")
-        self.shifted = {said.get("name") or Path(said.get("file", "")).stem for said in meshes if {"refpos", "refquat"} & said.keys()}
+        self.shifted = {
+            attributes.get("name") or Path(attributes.get("file", "")).stem
+            for attributes in meshes
+            if {"refpos", "refquat"} & attributes.keys()
+        }
         self.looks = [self._look(g) for g in range(model.ngeom)]
         self.geoms: dict[int, list[int]] = {}
         for g, body in enumerate(model.geom_bodyid):
@@ -173,8 +177,12 @@ class _Reader:
             actuators=motors,
             words=("body", "site"),
         )
-        found = hung(robot, self.places)
-        return with_closures(found, [*closures_of(found), *(_closure(each, found) for each in closed.apart)]) if closed.apart else found
+        hanging = hung(robot, self.places)
+        return (
+            with_closures(hanging, [*closures_of(hanging), *(_closure(each, hanging) for each in closed.apart)])
+            if closed.apart
+            else hanging
+        )
 
     def _body(self, i: int) -> None:
         m = self.m
@@ -205,7 +213,7 @@ class _Reader:
 
     def _seen(self, i: int) -> tuple[Shape, ...]:
         """The shapes of a body."""
-        return seen(look for g in self.geoms.get(i, ()) if (look := self.looks[g]))
+        return seen(shape for g in self.geoms.get(i, ()) if (shape := self.looks[g]))
 
     def _look(self, g: int) -> Shape | Unseen | None:
         """A shape in its body's frame; None for those that MuJoCo's viewer does not show either, and for planes, which are the ground."""
@@ -272,22 +280,22 @@ class _Reader:
     def _spring(self, j: int) -> _Spring:
         """Spring and damper of a joint, those that actuators bring along among them."""
         m, dof = self.m, self.m.jnt_dofadr[j]
-        found: _Spring = {"damping": 0.0, "more_damping": (), "stiffness": 0.0, "more_stiffness": ()}
+        spring: _Spring = {"damping": 0.0, "more_damping": (), "stiffness": 0.0, "more_stiffness": ()}
         if not off(m, NO_SPRINGS):
-            found["stiffness"], found["more_stiffness"] = float(m.jnt_stiffness[j]), tuple(map(float, m.jnt_stiffnesspoly[j]))
+            spring["stiffness"], spring["more_stiffness"] = float(m.jnt_stiffness[j]), tuple(map(float, m.jnt_stiffnesspoly[j]))
         if not off(m, NO_DAMPERS):
             motors = self._motors(j)
-            found["damping"] = float(m.dof_damping[dof]) + sum(damping for _, damping, _ in motors)
-            found["more_damping"] = tuple(map(float, m.dof_dampingpoly[dof] + sum(more for _, _, more in motors)))
-        return found
+            spring["damping"] = float(m.dof_damping[dof]) + sum(damping for _, damping, _ in motors)
+            spring["more_damping"] = tuple(map(float, m.dof_dampingpoly[dof] + sum(more for _, _, more in motors)))
+        return spring
 
     def _motors(self, j: int) -> list[tuple[float, float, np.ndarray]]:
         """Armature, damping and factors of more damping that actuators bring to a joint, by the square of their gears."""
-        m, found = self.m, []
+        m, motors = self.m, []
         for k in range(m.nactuator) if m.jnt_actuatorid[j] != -1 else ():
             if m.actuator_trntype[k] in AT_JOINT and m.actuator_trnid[k][0] == j:
                 square = float(m.actuator_gear[m.actuator_outadr[k]][0]) ** 2
-                found.append(
+                motors.append(
                     (float(m.actuator_armature[k]) * square, float(m.actuator_damping[k]) * square, m.actuator_dampingpoly[k] * square)
                 )
-        return found
+        return motors

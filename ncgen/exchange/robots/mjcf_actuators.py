@@ -19,12 +19,12 @@ def actuators(model: Compiled, joints: Sequence[str]) -> tuple[Actuator, ...]:
     m = model
     if off(m, NO_ACTUATION):
         return ()
-    found = []
+    kept_actuators = []
     for k in range(m.nactuator):
         shares = shares_of(m, "actuator", k, joints)
         if shares is not None and _is_affine(m, k) and not is_disabled(m, k) and not _is_bounded(m, k):
-            found.append(_actuator(m, k, shares))
-    return tuple(found)
+            kept_actuators.append(_actuator(m, k, shares))
+    return tuple(kept_actuators)
 
 
 def _is_affine(m: Compiled, k: int) -> bool:

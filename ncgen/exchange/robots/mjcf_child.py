@@ -27,13 +27,13 @@ def main(library: str, plugins: str, file: str, folder: str, seconds: int) -> No
     warnings: list[str] = []
 
     def finish(error: str, status: int) -> NoReturn:
-        with open(os.path.join(folder, "told.json"), "w", encoding="ascii") as told:
-            json.dump({"error": error, "warnings": warnings[:MOST_TOLD]}, told)
+        with open(os.path.join(folder, "told.json"), "w", encoding="ascii") as result:
+            json.dump({"error": error, "warnings": warnings[:MOST_TOLD]}, result)
         os._exit(status)
 
-    mujoco, heard = ctypes.CDLL(library), ctypes.CFUNCTYPE(None, ctypes.c_char_p)
-    warned = heard(lambda text: warnings.append(_text(text)) if len(warnings) < MOST_TOLD else None)
-    failed = heard(lambda text: finish(_text(text), 1))  # MuJoCo does not expect this one to return
+    mujoco, callback_type = ctypes.CDLL(library), ctypes.CFUNCTYPE(None, ctypes.c_char_p)
+    warned = callback_type(lambda text: warnings.append(_text(text)) if len(warnings) < MOST_TOLD else None)
+    failed = callback_type(lambda text: finish(_text(text), 1))  # MuJoCo does not expect this one to return
     for name, function in (("mju_user_warning", warned), ("mju_user_error", failed)):
         ctypes.c_void_p.in_dll(mujoco, name).value = ctypes.cast(function, ctypes.c_void_p).value
     mujoco.mj_loadXML.restype = ctypes.c_void_p
@@ -62,8 +62,8 @@ def _limit(seconds: int) -> None:
             resource.setrlimit(what, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
 
-def _text(said: bytes | None) -> str:
-    return " ".join((said or b"").decode(errors="replace").split())
+def _text(message: bytes | None) -> str:
+    return " ".join((message or b"").decode(errors="replace").split())
 
 
 if __name__ == "__main__":

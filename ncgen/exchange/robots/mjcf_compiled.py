@@ -58,24 +58,24 @@ def family(root: Markup, path: Path) -> list[Markup]:
 
     What is not there MuJoCo itself tells.
     """
-    found, waiting, seen = list[Markup](), [(root, path)], {_real(path)}
+    elements, waiting, visited = list[Markup](), [(root, path)], {_real(path)}
     while waiting:
         each, place = waiting.pop()
-        found.append(each)
+        elements.append(each)
         _check_copies(each, 1)
         folders = _folders((root, each), (path.parent, place.parent))
         for element, name in _named(each):
             for file in dict.fromkeys(folder / name for folder in folders):
-                if not is_there(file) or _real(file) in seen:
+                if not is_there(file) or _real(file) in visited:
                     continue
                 if not is_file(file):
                     element.refuse(f"{shown(name)} is no ordinary file; a model is made of ordinary files")
-                seen.add(_real(file))
+                visited.add(_real(file))
                 if element.tag in MODELS and file.suffix.lower() != ".mjb":
                     waiting.append((read_markup(file), file))
-        if len(found) + len(waiting) > MOST_FILES:
+        if len(elements) + len(waiting) > MOST_FILES:
             root.refuse(f"it includes more than {MOST_FILES} files")
-    return found
+    return elements
 
 
 def _check_copies(element: Markup, copies: int) -> None:
@@ -100,8 +100,8 @@ def _named(root: Markup) -> Iterator[tuple[Markup, str]]:
 def _folders(roots: Iterable[Markup], places: Iterable[Path]) -> list[Path]:
     """Where a file that an element names may be."""
     compilers = [each.attributes for root in roots for each in root.walk() if each.tag == "compiler"]
-    said = [compiler[key] for compiler in compilers for key in FOLDERS if key in compiler]
-    return [place / inner for place in places for inner in ("", *said)]
+    inner_folders = [compiler[key] for compiler in compilers for key in FOLDERS if key in compiler]
+    return [place / inner for place in places for inner in ("", *inner_folders)]
 
 
 def _real(path: Path) -> str:
@@ -132,9 +132,9 @@ def compiled(path: Path, text: str | None = None) -> Compiled:
             file = Path(folder) / path.name
             write_text(file, text)
         _run(file, Path(mujoco.__file__).parent, Path(folder))
-        said: list[str] = []
+        messages: list[str] = []
         before = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(said.append)  # else it writes a file where Python happens to run
+        mujoco.set_mju_user_warning(messages.append)  # else it writes a file where Python happens to run
         try:
             model = mujoco.MjModel.from_binary_path(str(Path(folder) / "model.mjb"))
         except (ValueError, mujoco.FatalError) as error:
@@ -163,12 +163,12 @@ def _run(path: Path, package: Path, folder: Path) -> None:
     except subprocess.TimeoutExpired:
         status = -getattr(signal, "SIGXCPU", signal.SIGTERM)
     try:
-        told = json.loads(contents(folder / "told.json", 1_000_000))
+        result = json.loads(contents(folder / "told.json", 1_000_000))
     except (OSError, ValueError):
         raise ModelError(placed(path.name, None, f"{_how(status)}; what it asks for is too much, or damaged")) from None
-    if told["error"]:
-        raise ModelError(placed(path.name, None, told["error"]))
-    for text in told["warnings"]:
+    if result["error"]:
+        raise ModelError(placed(path.name, None, result["error"]))
+    for text in result["warnings"]:
         warnings.warn(placed(path.name, None, text), stacklevel=2)
 
 

@@ -132,7 +132,7 @@ def _patterns() -> dict[str, dict[str, re.Pattern[str]]]:
         return re.compile("|".join(names.split()).replace("*", r"\w*").replace("#", "[A-Za-z0-9]*"))
 
     tables = {"fields": FIELDS, "options": OPTIONS, "disabled": DISABLED, "enabled": ENABLED}
-    return {table: {what: pattern(names) for what, names in said.items()} for table, said in tables.items()}
+    return {table: {what: pattern(names) for what, names in meanings.items()} for table, meanings in tables.items()}
 
 
 def unlisted(model: Compiled) -> Iterator[str]:
@@ -175,8 +175,8 @@ def left_out(model: Compiled) -> dict[str, int]:
         "bodies moved by motion capture, which rest here": m.nmocap,
         "activations in keyframes": int(np.sum(np.any(np.asarray(m.key_act) != 0, axis=1))) if m.nkey and m.na else 0,
     }
-    found = {what: int(count) for what, count in counts.items() if count}
-    return found | dict.fromkeys(unlisted(m), 1)
+    omitted = {what: int(count) for what, count in counts.items() if count}
+    return omitted | dict.fromkeys(unlisted(m), 1)
 
 
 def is_disabled(m: Compiled, k: int) -> bool:

@@ -18,11 +18,11 @@ FREE, BALL = 0, 1
 
 def keyframes(model: Compiled, joints: Sequence[str]) -> dict[str, Start]:
     """{name: start} of all keyframes; joints: names by MuJoCo's numbers."""
-    found = {}
+    starts = {}
     for k in range(model.nkey):
         start = start_of(model, np.array(model.key_qpos[k]), np.array(model.key_qvel[k]), joints)
-        found[model.key(k).name or f"key{k}"] = replace(start, inputs=controls(model, k), time=float(model.key_time[k]))
-    return found
+        starts[model.key(k).name or f"key{k}"] = replace(start, inputs=controls(model, k), time=float(model.key_time[k]))
+    return starts
 
 
 def start_of(m: Compiled, qpos: np.ndarray, qvel: np.ndarray, joints: Sequence[str]) -> Start:

@@ -51,7 +51,7 @@ class Readable:
 
     def _whole(self, element: Markup, depth: int) -> Markup:
         """The element with what it includes; names of files are those of this machine."""
-        found, attributes = copy(element), Attributes(element.attributes)
+        rewritten, attributes = copy(element), Attributes(element.attributes)
         for key, name in element.attributes.items():
             if key.startswith("file") and element.tag != "include" and (file := self.where(name)):
                 attributes[key] = str(file)
@@ -59,7 +59,7 @@ class Readable:
         for child in element.children:
             file = self.where(dict.get(child.attributes, "file", "")) if child.tag == "include" and depth < 100 else None
             children += self._whole(read_markup(file), depth + 1).children if file else [self._whole(child, depth)]
-        return replace(found, attributes=attributes, children=children)
+        return replace(rewritten, attributes=attributes, children=children)
 
     def _unreadable_meshes(self, asset: Markup) -> Iterator[str]:
         for each in asset.all("mesh"):

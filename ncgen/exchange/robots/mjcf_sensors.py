@@ -57,22 +57,22 @@ def _key(m: Compiled, s: int) -> str:
 
 def frames_of(m: Compiled) -> dict[int, dict[str, Placement]]:
     """{body: {name of a sensor's frame: where it is in the body}}."""
-    found: dict[int, dict[str, Placement]] = {}
+    frames: dict[int, dict[str, Placement]] = {}
     for s in range(m.nsensor):
         if int(m.sensor_type[s]) in KINDS:
             for body, frame in _frame(m, int(m.sensor_objtype[s]), int(m.sensor_objid[s])):
-                found.setdefault(body, {})[_key(m, s)] = frame
-    return found
+                frames.setdefault(body, {})[_key(m, s)] = frame
+    return frames
 
 
 def sites_of(m: Compiled) -> dict[int, dict[str, Placement]]:
     """{body: {name of a site: where it is in the body}}."""
-    found: dict[int, dict[str, Placement]] = {}
+    sites: dict[int, dict[str, Placement]] = {}
     for number in range(m.nsite):
         if name := m.site(number).name:
             for body, frame in _frame(m, SITE, number):
-                found.setdefault(body, {})[name] = frame
-    return found
+                sites.setdefault(body, {})[name] = frame
+    return sites
 
 
 def _frame(m: Compiled, kind: int, number: int) -> Iterator[tuple[int, Placement]]:

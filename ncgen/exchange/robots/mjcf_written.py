@@ -73,10 +73,10 @@ def _geom_text(shape: Shape, meshes: Mapping[tuple[str, tuple[float, ...]], str]
     """To look at only: without mass, and it touches nothing."""
     halves = {"cylinder": (1.0, 0.5), "box": (0.5, 0.5, 0.5)}
     sizes = [factor * size for factor, size in zip(halves.get(shape.kind, (1.0,) * len(shape.sizes)), shape.sizes, strict=True)]
-    said: dict[str, Any] = {"mesh": meshes[shape.file, shape.sizes]} if shape.file else {"size": sizes}
-    said |= {"rgba": rgba_of(shape.colour)} if shape.colour else {}
+    attributes: dict[str, Any] = {"mesh": meshes[shape.file, shape.sizes]} if shape.file else {"size": sizes}
+    attributes |= {"rgba": rgba_of(shape.colour)} if shape.colour else {}
     place = {"pos": shape.placement.position, "quat": shape.placement.quaternion}
-    return element("geom", type=shape.kind, **said, **place, mass=0.0, contype=0.0, conaffinity=0.0, group=1.0)
+    return element("geom", type=shape.kind, **attributes, **place, mass=0.0, contype=0.0, conaffinity=0.0, group=1.0)
 
 
 def _loop_text(loop: Joint, frames: dict[str, Placement], root: str) -> list[str]:
@@ -88,8 +88,8 @@ def _loop_text(loop: Joint, frames: dict[str, Placement], root: str) -> list[str
         raise ModelError(
             f"joint {loop.name}: MJCF closes loops by connections and welds, not by a {loop.kind} joint that has more; write SDF"
         )
-    here = frames[loop.parent].inverse() @ loop.placement
-    places = [here.position] if loop.kind == "spherical" else [here.position, here.at(loop.axis)]
+    at_parent = frames[loop.parent].inverse() @ loop.placement
+    places = [at_parent.position] if loop.kind == "spherical" else [at_parent.position, at_parent.at(loop.axis)]
     names = [loop.name, f"{loop.name}_axis"]
     return [element("connect", name=name, body1=first, body2=second, anchor=place) for name, place in zip(names, places, strict=False)]
 
@@ -111,11 +111,11 @@ def _joint_text(joint: Joint, frame: Placement) -> list[str]:
         return [element("freejoint", name=joint.name)]
     if joint.kind not in WORDS:
         raise ModelError(f"joint {joint.name}: MJCF has no {joint.kind} joint; put bodies without mass between sliders and a hinge")
-    said: dict[str, Any] = {"pos": frame.position} if frame.position.any() else {}
-    said |= {} if joint.kind == "spherical" else {"axis": frame.along(joint.axis)}
-    said |= {name: value for name in ("armature", "damping", "stiffness") if (value := getattr(joint, name))}
-    said |= {"springref": joint.rest} if joint.stiffness else {}
-    return [element("joint", name=joint.name, type=WORDS[joint.kind], **said)]
+    attributes: dict[str, Any] = {"pos": frame.position} if frame.position.any() else {}
+    attributes |= {} if joint.kind == "spherical" else {"axis": frame.along(joint.axis)}
+    attributes |= {name: value for name in ("armature", "damping", "stiffness") if (value := getattr(joint, name))}
+    attributes |= {"springref": joint.rest} if joint.stiffness else {}
+    return [element("joint", name=joint.name, type=WORDS[joint.kind], **attributes)]
 
 
 def _inertial(link: Link) -> list[str]:

@@ -53,8 +53,8 @@ def model_of(
     model.frames = _frames_of(robot, builder.layout.ground.name, {solid.name: body.name for solid, body in builder.bodies.items()})
     acting = [(hold.joint, builder.coordinates[hold.joint.name]) for hold in builder.layout.holds if hold.joint.name in builder.coordinates]
     model.limits = {coordinate.name: joint.limits for joint, coordinate in acting if joint.limits is not None}
-    for asked, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
-        if asked:
+    for wanted, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
+        if wanted:
             model.left_out = left(model.left_out, words, add(model, acting))
     if motors:
         _add_motors(builder, robot, {joint.name: joint for joint, _ in acting})
@@ -99,10 +99,10 @@ def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str
     own, others = dict[str, BodyFrame](), dict[str, BodyFrame]()
     for name, at in places.items():
         body, link = bodies[homes[name]], links[name]
-        for found, named in ((own, {name: link.origin} if link.origin else {}), (others, link.sites)):
+        for named_places, named in ((own, {name: link.origin} if link.origin else {}), (others, link.sites)):
             for each, place in named.items():
                 stands = at @ place
-                found[each] = BodyFrame(body, stands.rotation, stands.position)
+                named_places[each] = BodyFrame(body, stands.rotation, stands.position)
     others |= {name: BodyFrame(bodies[ground], place.rotation, place.position) for name, place in robot.resting.items()}
     both = own.keys() & others.keys()
     kinds = zip(robot.words, (own, others), strict=True)
@@ -110,11 +110,11 @@ def _frames_of(robot: Robot, ground: str, bodies: Mapping[str, str]) -> dict[str
 
 
 class _Builder:
-    def __init__(self, robot: Robot, floating: bool, asked: Sequence[str]) -> None:
+    def __init__(self, robot: Robot, floating: bool, as_parameters: Sequence[str]) -> None:
         self.robot, self.floating = together(robot), floating
         self.model = Model(word(robot.name, "robot"))
-        self.parts: Mapping[str, Parts] = parts_of(robot, floating, asked) if asked else {}
-        self.shifts: Mapping[str, Shift] = shifts_of(self.model, robot, asked) if asked else {}
+        self.parts: Mapping[str, Parts] = parts_of(robot, floating, as_parameters) if as_parameters else {}
+        self.shifts: Mapping[str, Shift] = shifts_of(self.model, robot, as_parameters) if as_parameters else {}
         self.layout: Layout = Layer(self.robot, floating, bool(self.shifts)).layout()
         self.elements: dict[Place, Spatial] = {}
         self.bodies: dict[RobotSolid, Body] = {self.layout.ground: self.model.ground}
@@ -292,8 +292,10 @@ class _Builder:
         if body is self.model.ground:
             known = (self._vector(place) for place in self.layout.ground.vectors if np.array_equal(place.value, direction))
             return next(known, None) or self.model.vector(self._free(f"e_{hold.joint.name}"), direction.tolist(), fixed=True)
-        found = self.model.direction_of(body, direction, "across")
-        return found.elements[0] if len(found.terms) == 1 and found.terms[0][0] == 1.0 else found
+        global_direction = self.model.direction_of(body, direction, "across")
+        return (
+            global_direction.elements[0] if len(global_direction.terms) == 1 and global_direction.terms[0][0] == 1.0 else global_direction
+        )
 
     def _follow(self, hold: Hold) -> None:
         """The row of a joint that follows another one."""
@@ -335,15 +337,15 @@ class _Builder:
 
     def _point(self, place: Place | None) -> Point:
         assert place is not None
-        found = self.elements[place]
-        assert isinstance(found, Point)
-        return found
+        point = self.elements[place]
+        assert isinstance(point, Point)
+        return point
 
     def _vector(self, place: Place | None) -> Vector:
         assert place is not None
-        found = self.elements[place]
-        assert isinstance(found, Vector)
-        return found
+        vector = self.elements[place]
+        assert isinstance(vector, Vector)
+        return vector
 
 
 @contextmanager

@@ -20,9 +20,9 @@ from ncgen.exchange.robots.told import acting, gravity_of, mass_of, origin_of
 from ncgen.model import Model
 from ncgen.model.arithmetic import unit
 from ncgen.model.forces import TorsionSpring
+from ncgen.model.pairs import Screw
 from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
 from ncgen.symbolic.tree import Link as Carried
-from ncgen.symbolic.tree import Screw
 
 ROOT = "world"
 
@@ -44,10 +44,10 @@ def robot_of(model: Model, loops: bool = False) -> Robot:
         return linkage_of(model)
     if isinstance(space, JointsOfTree):
         return _Teller(space).robot()
-    found = linkage_of(model)
-    if found.loops and not loops:
+    robot = linkage_of(model)
+    if robot.loops and not loops:
         raise ModelError(f"{space.why}; a file of links and joints cannot say it, but SDF (.sdf) and MJCF (.xml) can")
-    return found
+    return robot
 
 
 class _Teller:
@@ -91,13 +91,13 @@ class _Teller:
             return ("revolute" if turning else "prismatic"), unit(screws[0].axis.initial)
         if len(screws) == 3 and len(turning) == 1:
             return "planar", unit(turning[0].axis.initial)
-        found = {(0, 0): "fixed", (3, 3): "spherical", (6, 3): "floating"}.get((len(screws), len(turning)))
-        if found is None:
+        kind = {(0, 0): "fixed", (3, 3): "spherical", (6, 3): "floating"}.get((len(screws), len(turning)))
+        if kind is None:
             raise ModelError(
                 f"{self.model.name}: body {link.body.name} has {_freedoms(screws)} relative to its parent; a file of links and "
                 "joints has hinges, sliders, balls, planes and welds: put a body without mass between"
             )
-        return found, np.array([0.0, 0.0, 1.0])
+        return kind, np.array([0.0, 0.0, 1.0])
 
 
 def refuse_loads(model: Model) -> None:

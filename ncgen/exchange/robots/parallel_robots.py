@@ -39,8 +39,8 @@ TOKEN = re.compile(
 
 def with_yaml(robot: Robot, path: Path) -> tuple[Robot, list[Closure]]:
     """The robot with joints and motors as its file says, and the loops. Raises ModelError with file and line."""
-    found = _Parser(text_of(path), path).tables()
-    reader = _Tables(robot, path, found)
+    tables = _Parser(text_of(path), path).tables()
+    reader = _Tables(robot, path, tables)
     return reader.robot_with_joints(), reader.loops()
 
 
@@ -78,21 +78,21 @@ class _Parser:
         kind, text, line = self._next()
         if text != "[" or kind != "mark" or depth > 1:
             self._refuse(line, f"{shown(text)} stands where a list should begin; write [...]")
-        found: list[str | list[str]] = []
+        items: list[str | list[str]] = []
         while True:
             kind, text, line = self._next()
             if (kind, text) == ("mark", "]"):
-                return found
+                return items
             if (kind, text) == ("mark", "["):
                 self.at -= 1
-                found.append([each for each in self._list(depth + 1) if isinstance(each, str)])
+                items.append([each for each in self._list(depth + 1) if isinstance(each, str)])
             elif kind in ("one", "two", "bare"):
-                found.append(text)
+                items.append(text)
             else:
                 self._refuse(line, f"{shown(text)} stands in a list; give texts with commas between them")
             kind, text, line = self._next()
             if (kind, text) == ("mark", "]"):
-                return found
+                return items
             if (kind, text) != ("mark", ","):
                 self._refuse(line, f"{shown(text)} stands where a comma should be")
 
@@ -158,10 +158,10 @@ class _Tables:
         return name if child is None or name in self.robot.links else child
 
     def _texts(self, key: str) -> list[str]:
-        found = [each for each in self.lists.get(key, []) if isinstance(each, str)]
-        if len(found) != len(self.lists.get(key, [])):
+        texts = [each for each in self.lists.get(key, []) if isinstance(each, str)]
+        if len(texts) != len(self.lists.get(key, [])):
             self._refuse(f"{key} has a list in it; give texts")
-        return found
+        return texts
 
     def _refuse(self, problem: str) -> NoReturn:
         raise ModelError(placed(self.path.name, None, problem))

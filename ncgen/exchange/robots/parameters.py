@@ -51,13 +51,13 @@ class Parts:
 
 def names_asked(parameters: object) -> tuple[str, ...]:
     """What `ncgen.load` is asked to make parameters. Raises ModelError unless it is a word, a name or several of them."""
-    asked = (parameters,) if isinstance(parameters, str) else parameters
-    if not isinstance(asked, Sequence) or not all(isinstance(name, str) for name in asked):
+    names = (parameters,) if isinstance(parameters, str) else parameters
+    if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
         raise ModelError(f'parameters: {shown(parameters)} given; give "{INERTIA}", "{GEOMETRY}", or a list of names of links and joints')
-    return tuple(asked)
+    return tuple(names)
 
 
-def parts_of(robot: Robot, floating: bool, asked: Sequence[str]) -> dict[str, Parts]:
+def parts_of(robot: Robot, floating: bool, as_parameters: Sequence[str]) -> dict[str, Parts]:
     """{link that moves by itself: its masses, where some of them become parameters}.
 
     robot: ordered, with its fixed joints; floating: whether its root moves
@@ -66,7 +66,7 @@ def parts_of(robot: Robot, floating: bool, asked: Sequence[str]) -> dict[str, Pa
     homes = homes_of(robot)
     moving = {name: home for name, home in homes.items() if floating or home != robot.root}
     joints = {joint.name: joint for joint in robot.joints}
-    for name in asked:
+    for name in as_parameters:
         if name not in (INERTIA, GEOMETRY) and name not in robot.links and name not in joints:
             raise ModelError(
                 f'parameters: there is no link or joint {shown(name)}; give "{INERTIA}" (all links), "{GEOMETRY}" (all joints), or names'
@@ -75,9 +75,9 @@ def parts_of(robot: Robot, floating: bool, asked: Sequence[str]) -> dict[str, Pa
             raise ModelError(f"parameters: joint {name} is fixed, so its placement stays a number; leave it out")
         if name in robot.links and name not in moving:
             raise ModelError(f"parameters: link {name} rests, so that its inertia has no effect; leave it out")
-    chosen = {name for name in moving if name in asked or (INERTIA in asked and robot.links[name].mass)}
+    chosen = {name for name in moving if name in as_parameters or (INERTIA in as_parameters and robot.links[name].mass)}
     frames = robot.frames(robot.base)
-    found: dict[str, Parts] = {}
+    parts_by_link: dict[str, Parts] = {}
     for home in {homes[name]: None for name in chosen}:
         fixed: Mass | None = None
         parts = []
@@ -89,8 +89,8 @@ def parts_of(robot: Robot, floating: bool, asked: Sequence[str]) -> dict[str, Pa
             elif mass:
                 own = mass.seen_from(frames[name])
                 fixed = fixed.plus(own) if fixed else own
-        found[home] = Parts(fixed, tuple(parts))
-    return found
+        parts_by_link[home] = Parts(fixed, tuple(parts))
+    return parts_by_link
 
 
 def homes_of(robot: Robot) -> dict[str, str]:
@@ -105,22 +105,22 @@ Shift: TypeAlias = tuple[Scalar, Scalar, Scalar]
 """How far a link is from where the file has it, along the global axes where all coordinates are 0 (m): expressions of parameters."""
 
 
-def shifts_of(model: Model, robot: Robot, asked: Sequence[str]) -> dict[str, Shift]:
+def shifts_of(model: Model, robot: Robot, as_parameters: Sequence[str]) -> dict[str, Shift]:
     """{link: its shift} where placements of joints become parameters, which the model is told; empty where none do.
 
     robot: ordered, with its fixed joints. Raises ModelError for what would not follow them.
     """
-    chosen = [joint for joint in robot.joints if joint.kind != "fixed" and (GEOMETRY in asked or joint.name in asked)]
+    chosen = [joint for joint in robot.joints if joint.kind != "fixed" and (GEOMETRY in as_parameters or joint.name in as_parameters)]
     if not chosen:
         return {}
     lifted = any(link.lifted for link in robot.links.values())
     held = {"loops": robot.loops, "states of its own": robot.starts, "compensated weights": lifted}
-    if problem := next((what for what, there in held.items() if there), None):
+    if problem := next((what for what, present in held.items() if present), None):
         raise ModelError(f"parameters: {robot.name} has {problem}, so that placements of its joints stay numbers; leave geometry out")
     frames, none = robot.frames(robot.base), (0.0, 0.0, 0.0)
-    found: dict[str, Shift] = {robot.root: none}
+    shifts: dict[str, Shift] = {robot.root: none}
     for joint in robot.joints:
-        x, y, z = found[joint.parent]
+        x, y, z = shifts[joint.parent]
         if joint in chosen:
             place = joint.placement.position
             names = [f"{word(joint.name, 'joint')}.origin.{axis}" for axis in AXES]
@@ -128,8 +128,8 @@ def shifts_of(model: Model, robot: Robot, asked: Sequence[str]) -> dict[str, Shi
             rotation = cleaned(frames[joint.parent].rotation)
             along = [combined(rotation[i], made) - float(rotation[i] @ place) for i in range(3)]
             x, y, z = (a + b for a, b in zip((x, y, z), along, strict=True))
-        found[joint.child] = x, y, z
-    return found
+        shifts[joint.child] = x, y, z
+    return shifts
 
 
 def cleaned(rotation: np.ndarray) -> np.ndarray:

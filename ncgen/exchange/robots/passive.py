@@ -107,21 +107,21 @@ def turning_of(axes: Sequence[sympy.Matrix], rates: Sequence[sympy.Matrix]) -> s
     """½ Σ a × b: the angular velocity of three directions that are perpendicular to each other, from their rates."""
     import sympy
 
-    found = sympy.zeros(3, 1)
+    twice_turning = sympy.zeros(3, 1)
     for axis, rate in zip(axes, rates, strict=True):
-        found += axis.cross(rate) / 2
-    return found
+        twice_turning += axis.cross(rate) / 2
+    return twice_turning
 
 
 def _damped(joint: Joint, v: sympy.Matrix, axes: Sequence[sympy.Matrix]) -> sympy.Matrix:
     """The damper's vector at a velocity; powers are of its components along axes."""
     if not any(joint.more_damping):
         return joint.damping * v
-    found = 0 * v
+    damping = 0 * v
     for axis in axes:
         along = v.dot(axis)
-        found += along * _damping(joint, along) * axis
-    return found
+        damping += along * _damping(joint, along) * axis
+    return damping
 
 
 def _spring_of_place(model: Model, body: Body, joint: Joint, origin: np.ndarray, label: str) -> None:

@@ -321,10 +321,10 @@ def hung(robot: Robot, places: Mapping[str, Placement]) -> Robot:
 
     links = {name: moved(link) for name, link in robot.links.items()}
     joints = (replace(joint, placement=frames[joint.parent].inverse() @ joint.placement) for joint in robot.joints)
-    found = replace(robot, links=links, joints=tuple(joints)).ordered()
-    base = frames[found.root]
+    arranged = replace(robot, links=links, joints=tuple(joints)).ordered()
+    base = frames[arranged.root]
     loops = (replace(loop, placement=base.inverse() @ loop.placement) for loop in robot.loops)
-    return replace(found, base=base, loops=tuple(loops))
+    return replace(arranged, base=base, loops=tuple(loops))
 
 
 def unique(things: Iterable[Link | Joint], what: str) -> None:
@@ -343,13 +343,13 @@ def together(robot: Robot) -> Robot:
     joints = []
     for joint in robot.joints:
         body, place = home[joint.parent]
-        here = place @ joint.placement
+        placed = place @ joint.placement
         if joint.kind != "fixed":
             home[joint.child] = joint.child, Placement()
-            joints.append(replace(joint, parent=body, placement=here))
+            joints.append(replace(joint, parent=body, placement=placed))
             continue
-        home[joint.child] = body, here
-        own, more = links[body], links.pop(joint.child).seen_from(here)
+        home[joint.child] = body, placed
+        own, more = links[body], links.pop(joint.child).seen_from(placed)
         mass = own.mass.plus(more.mass) if own.mass and more.mass else own.mass or more.mass
         shapes, lifted = (*own.shapes, *more.shapes), (*own.lifted, *more.lifted)
         links[body] = replace(own, mass=mass, shapes=shapes, lifted=lifted, frames={**own.frames, **more.frames})

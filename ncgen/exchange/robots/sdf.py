@@ -102,15 +102,15 @@ class _Reader:
     def _sites(self, places: Mapping[str, Placement]) -> dict[str, dict[str, Placement]]:
         """{link: {frame that moves with it: where it is in the link}}, those of the world among them. Raises ModelError for one that is
         placed or attached nowhere. places: of links in the world"""
-        found: dict[str, dict[str, Placement]] = {}
+        sites: dict[str, dict[str, Placement]] = {}
         for entry in self.entries("frame"):
             name = entry.element.name()
             place = entry.scope.place(name, entry.element)
             home = entry.scope.body(name) or (WORLD if entry.scope.static else None)
             if home is None:
                 entry.element.refuse(f"frame {name}: what it is attached to moves with no link; name a link, a joint, a frame or a model")
-            found.setdefault(home, {})[entry.full] = places[home].inverse() @ place if home != WORLD else place
-        return found
+            sites.setdefault(home, {})[entry.full] = places[home].inverse() @ place if home != WORLD else place
+        return sites
 
     def _tree(self, links: dict[str, Link], joints: list[Joint], places: dict[str, Placement]) -> Robot:
         """A tree of what hangs together; what else moves freely hangs on the world."""
@@ -138,10 +138,10 @@ class _Reader:
         if world.tag != "world":
             return EARTH
         settings = world.first("physics")
-        said = world.first("gravity") or (settings.first("gravity") if settings else None)
-        if said is None:
+        gravity = world.first("gravity") or (settings.first("gravity") if settings else None)
+        if gravity is None:
             return GRAVITY
-        x, y, z = said.content(3)
+        x, y, z = gravity.content(3)
         return x, y, z
 
     def _omitted(self, joints: list[Joint]) -> tuple[str, ...]:
@@ -154,11 +154,11 @@ class _Reader:
 
     def link(self, entry: Entry) -> Link:
         """A link with its mass and looks."""
-        looks = [looked(lambda visual=visual: look_of(visual, entry), "visual") for visual in entry.element.all("visual")]
-        self.looks += looks
+        appearances = [looked(lambda visual=visual: look_of(visual, entry), "visual") for visual in entry.element.all("visual")]
+        self.looks += appearances
         mass = mass_of(entry)
         lifted = (mass,) if mass and flag(entry.element, "gravity") is False else ()
-        return Link(entry.full, mass, entry.element.place, seen(looks), lifted)
+        return Link(entry.full, mass, entry.element.place, seen(appearances), lifted)
 
     def joint(self, entry: Entry) -> Joint | None:
         """A joint, its placement in the world; None where both links rest."""
@@ -196,11 +196,11 @@ class _Reader:
 
     def _end(self, entry: Entry, tag: str) -> str:
         """The link that a joint's end moves with."""
-        said = entry.element.only(tag).text.strip()
-        found = entry.scope.body(said)
-        if found is None:
-            entry.element.refuse(f"joint {entry.element.name()}: its {tag} {shown(said)} is no link, frame or model here")
-        return found
+        end_name = entry.element.only(tag).text.strip()
+        body = entry.scope.body(end_name)
+        if body is None:
+            entry.element.refuse(f"joint {entry.element.name()}: its {tag} {shown(end_name)} is no link, frame or model here")
+        return body
 
     def _axis(self, entry: Entry, axis: Markup | None) -> np.ndarray:
         """In the joint's frame."""
@@ -208,27 +208,27 @@ class _Reader:
         if axis is None:
             joint.refuse(f"joint {joint.name()}: it has no axis; give it one")
         element = axis.only("xyz")
-        found = element.unit(element.content(3), joint.name())
+        direction = element.unit(element.content(3), joint.name())
         base = element.attributes.get("expressed_in")
         if flag(axis, "use_parent_model_frame") or scope.version <= AXES_OF_MODEL:
             base = MODEL
         if not base:
-            return found
-        return scope.place(joint.name(), joint).inverse().along(scope.place(base, joint).along(found))
+            return direction
+        return scope.place(joint.name(), joint).inverse().along(scope.place(base, joint).along(direction))
 
     def _mimic(self, entry: Entry, axis: Markup | None) -> Mimic | None:
         """Which joint an axis follows: x = multiplier · (other − reference) + offset."""
-        said = axis.first("mimic") if axis is not None else None
-        if said is None:
+        mimic = axis.first("mimic") if axis is not None else None
+        if mimic is None:
             return None
-        name = said.name("joint")
+        name = mimic.name("joint")
         other = entry.scope.find(name)
         if not isinstance(other, Entry) or other.element.tag != "joint":
-            said.refuse(f"joint {entry.element.name()}: there is no joint {shown(name)} to mimic")
-        if (said.attributes.get("axis") or "axis") != "axis":
-            said.refuse(f"joint {entry.element.name()}: only the first axis of joint {shown(name)} can be followed")
-        factor = _number(said, "multiplier", 1.0)
-        return Mimic(other.full, factor, _number(said, "offset") - factor * _number(said, "reference"))
+            mimic.refuse(f"joint {entry.element.name()}: there is no joint {shown(name)} to mimic")
+        if (mimic.attributes.get("axis") or "axis") != "axis":
+            mimic.refuse(f"joint {entry.element.name()}: only the first axis of joint {shown(name)} can be followed")
+        factor = _number(mimic, "multiplier", 1.0)
+        return Mimic(other.full, factor, _number(mimic, "offset") - factor * _number(mimic, "reference"))
 
     def _gear(self, entry: Entry, joints: list[Joint]) -> Coupling:
         """The child's angle beside the reference body is −ratio times the parent's, each about an axis of the gearbox's own."""
@@ -253,13 +253,13 @@ def _type(joint: Markup) -> str:
 
 def _pitch(joint: Markup) -> float:
     """m a turn; `thread_pitch` is in rad/m, and left-handed where it is positive."""
-    if (said := joint.first("screw_thread_pitch")) is not None:
-        return said.content(1)[0]
-    if (said := joint.first("thread_pitch")) is None:
+    if (pitch := joint.first("screw_thread_pitch")) is not None:
+        return pitch.content(1)[0]
+    if (pitch := joint.first("thread_pitch")) is None:
         return PITCH
-    radians = said.content(1)[0]
+    radians = pitch.content(1)[0]
     if radians == 0.0:
-        said.refuse(f"joint {joint.name()}: its thread_pitch is 0 rad/m; give another number, or screw_thread_pitch in m a turn")
+        pitch.refuse(f"joint {joint.name()}: its thread_pitch is 0 rad/m; give another number, or screw_thread_pitch in m a turn")
     return -2 * np.pi / radians
 
 
@@ -274,8 +274,8 @@ def _limits(axis: Markup | None) -> tuple[float, float] | None:
 
 def _effort(axis: Markup | None) -> tuple[float, float] | None:
     """None where it is unlimited: negative or infinite."""
-    said = limit.first("effort") if axis is not None and (limit := axis.first("limit")) is not None else None
-    effort = -1.0 if said is None else said.limit(said.text, "effort")
+    effort_element = limit.first("effort") if axis is not None and (limit := axis.first("limit")) is not None else None
+    effort = -1.0 if effort_element is None else effort_element.limit(effort_element.text, "effort")
     return (-effort, effort) if 0 <= effort < UNLIMITED else None
 
 
@@ -284,5 +284,5 @@ LIMITS = {"lower": -UNLIMITED, "upper": UNLIMITED}
 
 
 def _number(inside: Markup | None, tag: str, default: float = 0.0) -> float:
-    found = inside.first(tag) if inside is not None else None
-    return default if found is None else found.content(1)[0]
+    element = inside.first(tag) if inside is not None else None
+    return default if element is None else element.content(1)[0]

@@ -33,12 +33,12 @@ def mass_of(entry: Entry) -> Mass | None:
     inertial = entry.element.first("inertial")
     if inertial is None:
         return Mass.of(KILOGRAM, ENTRIES.values(), Placement())
-    said = inertial.first("mass")
-    mass = said.content(1)[0] if said is not None else KILOGRAM
+    mass_element = inertial.first("mass")
+    mass = mass_element.content(1)[0] if mass_element is not None else KILOGRAM
     if mass < 0:
         inertial.refuse(f"the mass is {mass:g} kg; give a positive number")
     if truth(inertial.attributes.get("auto") or "false", inertial):
-        return _of_shapes(entry, inertial, mass if said is not None else None)
+        return _of_shapes(entry, inertial, mass if mass_element is not None else None)
     inertia, pose = inertial.first("inertia"), inertial.first("pose")
     if relative_of(pose):
         inertial.refuse("the pose of an <inertial> is relative to its link, and to nothing else; leave out relative_to")
@@ -64,16 +64,16 @@ def _of_shapes(entry: Entry, inertial: Markup, mass: float | None) -> Mass:
 def _of_shape(collision: Markup, density: float, entry: Entry) -> Mass:
     inside = collision.only("geometry").children[0] if collision.only("geometry").children else None
     kind = inside.tag if inside else "none"
-    found = None
+    shape_mass = None
     if inside is not None and kind == "mesh":
-        found = _of_mesh(inside, density, entry)
+        shape_mass = _of_mesh(inside, density, entry)
     elif inside is not None and kind in SIZES:
-        found = uniform(kind, sizes_of(inside), density)
-    if found is None:
+        shape_mass = uniform(kind, sizes_of(inside), density)
+    if shape_mass is None:
         collision.refuse(
             f"link {entry.element.name()}: nothing is known of the inertia of a shape of kind {kind}; write the <inertial> out"
         )
-    return found
+    return shape_mass
 
 
 def _of_mesh(inside: Markup, density: float, entry: Entry) -> Mass:
@@ -93,10 +93,10 @@ def _of_mesh(inside: Markup, density: float, entry: Entry) -> Mass:
         inside.refuse(f"link {entry.element.name()}: its inertia is that of mesh {shown(uri)}: {error}")
     factors = np.array(scale.content(3) if scale is not None else (1.0, 1.0, 1.0))
     triangles = surface.triangles if factors.prod() > 0 else surface.triangles[:, ::-1]
-    found = enclosed(Mesh(surface.vertices * factors, triangles), density)
-    if found is None:
+    enclosed_mass = enclosed(Mesh(surface.vertices * factors, triangles), density)
+    if enclosed_mass is None:
         inside.refuse(f"link {entry.element.name()}: mesh {shown(uri)} encloses no volume, or is inside out; write the <inertial> out")
-    return found
+    return enclosed_mass
 
 
 def sizes_of(inside: Markup) -> list[float]:
@@ -130,5 +130,5 @@ def look_of(visual: Markup, entry: Entry) -> Shape | Unseen:
 
 
 def _number(inside: Markup | None, tag: str, default: float) -> float:
-    found = inside.first(tag) if inside is not None else None
-    return default if found is None else found.content(1)[0]
+    element = inside.first(tag) if inside is not None else None
+    return default if element is None else element.content(1)[0]

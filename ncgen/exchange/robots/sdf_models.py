@@ -41,23 +41,23 @@ def document_of(root: Markup, path: Path) -> Document:
         worlds[1].refuse(f"{len(worlds)} worlds; a file that is read has one")
     world = worlds[0] if worlds else root
     scope = Scope(world, path, version_of(root))
-    found = Document(scope, world, [root])
-    builder = _Builder(found, _prefixed(world))
+    document = Document(scope, world, [root])
+    builder = _Builder(document, _prefixed(world))
     builder.fill(scope, world, scope, 0)
     if world is not root:
         builder.fill(scope, root, scope, 0)
     if not scope.models:
         root.refuse("it has no <model>; a robot's file has one")
-    return found
+    return document
 
 
 def version_of(root: Markup) -> tuple[int, ...]:
     """Of a file's format."""
     text = root.attributes.get("version") or "1.7"
-    found = tuple(int(part) for part in text.split(".") if part.isdigit())
-    if found < FIRST:
+    version = tuple(int(part) for part in text.split(".") if part.isdigit())
+    if version < FIRST:
         root.refuse(f"SDF {text} is not read; convert it to 1.4 or later (gz sdf -p)")
-    return max(found, LATER)
+    return max(version, LATER)
 
 
 def _prefixed(world: Markup) -> bool:
@@ -144,11 +144,11 @@ class _Builder:
 
 
 def _text(inside: Markup | None, tag: str) -> str:
-    found = inside.first(tag) if inside is not None else None
-    return found.text.strip() if found is not None else ""
+    element = inside.first(tag) if inside is not None else None
+    return element.text.strip() if element is not None else ""
 
 
-def file_of(uri: str, beside: Path) -> Path | None:
+def file_of(uri: str, mentioned_in: Path) -> Path | None:
     """The SDF file of an address, model://, package:// and file://, or a path from the file that mentions it; None where there is none."""
     kind, mark, rest = uri.partition("://")
     if "\0" in uri or (mark and kind not in ("model", "package", "file")):
@@ -156,9 +156,9 @@ def file_of(uri: str, beside: Path) -> Path | None:
     places: Iterable[Path]
     if kind in ("model", "package") and mark:
         package, _, inside = rest.partition("/")
-        places = (folder / inside for folder in folders_named(package, beside.resolve().parent))
+        places = (folder / inside for folder in folders_named(package, mentioned_in.resolve().parent))
     else:
-        places = [beside.resolve().parent / (rest if mark else uri)]
+        places = [mentioned_in.resolve().parent / (rest if mark else uri)]
     for place in places:
         if is_file(place):
             return place
@@ -173,5 +173,5 @@ def _described(folder: Path) -> Path | None:
         (tuple(int(part) for part in (each.attributes.get("version") or "0").split(".") if part.isdigit()), each.text.strip())
         for each in read_markup(folder / "model.config").all("sdf")
     ]
-    found = (folder / name for _, name in sorted(named, reverse=True) if "\0" not in name)
-    return next((path for path in found if is_file(path)), None)
+    files = (folder / name for _, name in sorted(named, reverse=True) if "\0" not in name)
+    return next((path for path in files if is_file(path)), None)

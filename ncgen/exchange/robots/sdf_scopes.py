@@ -99,11 +99,11 @@ class Scope:
         """What has a name here, in the world, all coordinates at 0. asks: the element that mentions it, for messages"""
         if name == WORLD:
             return Placement()
-        found = self.find(name)
-        if found is None:
+        place_found = self.find(name)
+        if place_found is None:
             what = f"{asks.tag} {asks.attributes.get('name', '')}".strip()
             asks.refuse(f"{what}: there is no link, joint or frame {shown(name)}")
-        return found.stood() if isinstance(found, Scope) else self._stood(found)
+        return place_found.stood() if isinstance(place_found, Scope) else self._stood(place_found)
 
     def _stood(self, entry: Entry) -> Placement:
         """Where an element stands."""
@@ -128,12 +128,12 @@ class Scope:
     def _of_itself(self, frame: str) -> Placement:
         """A frame of the model in the model's own."""
         self.stands, self.alone = Placement(), True
-        found = self.place(frame, self.element)
+        own_frame = self.place(frame, self.element)
         self.stands, self.alone = None, False
         for inner in self.scopes():
             inner.stands = None
             inner.known.clear()
-        return found
+        return own_frame
 
     @contextmanager
     def _waited(self, name: str, element: Markup) -> Iterator[None]:
@@ -153,12 +153,12 @@ class Scope:
         """The full name of the link that something moves with: `WORLD` for what rests, None where there is none."""
         if name == WORLD:
             return WORLD
-        found = self.find(name)
-        if found is None or depth > DEEPEST:
+        entry = self.find(name)
+        if entry is None or depth > DEEPEST:
             return None
-        if isinstance(found, Scope):
-            return found.base(depth + 1)
-        return found.full if found.element.tag == "link" else found.scope.body(_carrier(found.element), depth + 1)
+        if isinstance(entry, Scope):
+            return entry.base(depth + 1)
+        return entry.full if entry.element.tag == "link" else entry.scope.body(_carrier(entry.element), depth + 1)
 
     def base(self, depth: int = 0) -> str | None:
         """The full name of the link that a model's frame moves with: the one that it says, else its first one."""
@@ -208,13 +208,13 @@ def pose_of(pose: Markup | None) -> Placement:
 
 def truth(text: str, element: Markup) -> bool:
     """true or 1, false or 0."""
-    said = text.strip().lower()
-    if said not in ("true", "1", "false", "0"):
+    word = text.strip().lower()
+    if word not in ("true", "1", "false", "0"):
         element.refuse(f"<{element.tag}>: {shown(text.strip())} is neither true nor false")
-    return said in ("true", "1")
+    return word in ("true", "1")
 
 
 def flag(inside: Markup | None, tag: str) -> bool | None:
     """What an element of truth says; None where it is not there."""
-    found = inside.first(tag) if inside is not None else None
-    return None if found is None else truth(found.text, found)
+    element = inside.first(tag) if inside is not None else None
+    return None if element is None else truth(element.text, element)

@@ -73,8 +73,8 @@ def _link_text(link: Link, frame: Placement) -> str:
 
 
 def _mimic_text(mimic: Mimic) -> str:
-    said = {"multiplier": mimic.factor, "offset": mimic.offset, "reference": 0.0}
-    return element("mimic", [element(name, [_written((value,))]) for name, value in said.items()], joint=mimic.joint)
+    numbers = {"multiplier": mimic.factor, "offset": mimic.offset, "reference": 0.0}
+    return element("mimic", [element(name, [_written((value,))]) for name, value in numbers.items()], joint=mimic.joint)
 
 
 def _joint_text(joint: Joint, frame: Placement) -> str:
@@ -90,8 +90,8 @@ def _joint_text(joint: Joint, frame: Placement) -> str:
             "spring_stiffness": joint.stiffness,
             "spring_reference": joint.rest if joint.stiffness else 0.0,
         }
-        said = [element(name, [_written((value,))]) for name, value in dynamics.items() if value]
-        moved = [element("dynamics", said)] if said else []
+        tags = [element(name, [_written((value,))]) for name, value in dynamics.items() if value]
+        moved = [element("dynamics", tags)] if tags else []
         moved += [_mimic_text(joint.mimic)] if joint.mimic else []
         parts.append(element("axis", [element("xyz", [_written(joint.axis)]), *moved]))
     if joint.second is not None:

@@ -26,11 +26,11 @@ class _Forest:
 
     def way_up(self, link: str) -> list[Joint]:
         """Joints from a link to what carries all."""
-        found = []
+        way = []
         while link in self.above:
-            found.append(self.above[link])
-            link = found[-1].parent
-        return found
+            way.append(self.above[link])
+            link = way[-1].parent
+        return way
 
     def hang_by(self, link: str) -> None:
         """Have nothing carry a link: all joints above it are turned."""

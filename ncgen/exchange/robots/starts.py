@@ -43,16 +43,16 @@ def named_start(
         now, before = moving[link], frames[link].inverse()
         is_point = isinstance(element, Point)
         arm = now.frame.along(before.at(place) if is_point else before.along(place))
-        there, rate = (now.frame.position + arm if is_point else arm), np.cross(now.turning, arm) + (now.velocity if is_point else 0.0)
-        for component, value, change in zip(element.components, there.tolist(), rate.tolist(), strict=True):
+        position, rate = (now.frame.position + arm if is_point else arm), np.cross(now.turning, arm) + (now.velocity if is_point else 0.0)
+        for component, value, change in zip(element.components, position.tolist(), rate.tolist(), strict=True):
             if not component.fixed:
                 q0[component.name], qd0[component.name] = value, change
     for joint, coordinate in coordinates.items():
         if joint in start.values:
             q0[coordinate.name], qd0[coordinate.name] = start.values[joint], start.rates.get(joint, 0.0)
-    found: dict[str, Any] = {"q0": q0}
-    found |= {"qd0": qd0} if any(qd0.values()) else {}
-    return found | ({"t0": start.time} if start.time else {})
+    start_values: dict[str, Any] = {"q0": q0}
+    start_values |= {"qd0": qd0} if any(qd0.values()) else {}
+    return start_values | ({"t0": start.time} if start.time else {})
 
 
 def _carried(parent: _Moving, joint: Joint, start: Start) -> _Moving:
@@ -60,18 +60,18 @@ def _carried(parent: _Moving, joint: Joint, start: Start) -> _Moving:
     if joint.name in start.free:
         frame, velocity, turning = start.free[joint.name]
         return _Moving(frame, velocity, frame.along(turning))
-    here = parent.frame @ joint.placement
-    arm = here.position - parent.frame.position
+    at_joint = parent.frame @ joint.placement
+    arm = at_joint.position - parent.frame.position
     velocity, turning = parent.velocity + np.cross(parent.turning, arm), parent.turning
     value, rate = start.values.get(joint.name, joint.start) - joint.start, start.rates.get(joint.name, 0.0)
-    axis = here.along(joint.axis)
+    axis = at_joint.along(joint.axis)
     if joint.kind == "revolute":
-        return _Moving(here @ Placement(rotation_about(joint.axis, value)), velocity, turning + rate * axis)
+        return _Moving(at_joint @ Placement(rotation_about(joint.axis, value)), velocity, turning + rate * axis)
     if joint.kind == "prismatic":
         slid = value * axis
-        return _Moving(here @ Placement(position=value * joint.axis), velocity + rate * axis + np.cross(turning, slid), turning)
+        return _Moving(at_joint @ Placement(position=value * joint.axis), velocity + rate * axis + np.cross(turning, slid), turning)
     if joint.name in start.turned:
         rotation, own = start.turned[joint.name]
-        child = here @ Placement(rotation)
+        child = at_joint @ Placement(rotation)
         return _Moving(child, velocity, turning + child.along(own))
-    return _Moving(here, velocity, turning)
+    return _Moving(at_joint, velocity, turning)

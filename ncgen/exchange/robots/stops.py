@@ -88,12 +88,12 @@ def beyond(s: sympy.Expr) -> sympy.Expr:
 
 def left(omitted: Iterable[str], words: str, done: int) -> tuple[str, ...]:
     """What is left out, less so many of a kind."""
-    found = []
-    for said in omitted:
-        what, count = parted(said)
+    remaining = []
+    for sentence in omitted:
+        what, count = parted(sentence)
         rest = count - done if what == words else None
         if rest is None:
-            found.append(said)
+            remaining.append(sentence)
         elif rest:
-            found.append(f"{words} ({rest})")
-    return tuple(found)
+            remaining.append(f"{words} ({rest})")
+    return tuple(remaining)

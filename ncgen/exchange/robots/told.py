@@ -25,21 +25,21 @@ class Acting(TypedDict):
 
 def acting(model: Model, coordinate: str, zero: float = 0.0) -> Acting:
     """Rotors, springs and dampers at a coordinate; zero: its value where the joint's is 0."""
-    found: Acting = {"armature": 0.0, "damping": 0.0, "stiffness": 0.0, "rest": 0.0}
+    sums: Acting = {"armature": 0.0, "damping": 0.0, "stiffness": 0.0, "rest": 0.0}
     for rotor in model.rotors:
         if rotor.coordinate.name == coordinate:
-            found["armature"] += evaluate(rotor.inertia, model.parameters, f"rotor of {coordinate}")
+            sums["armature"] += evaluate(rotor.inertia, model.parameters, f"rotor of {coordinate}")
     torque = 0.0
     for spring in model.springs:
         if isinstance(spring, TorsionSpring) and spring.coordinate.name == coordinate:
             stiffness, damping, free = (
                 evaluate(x, model.parameters, spring.label) for x in (spring.stiffness, spring.damping, spring.free)
             )
-            found["stiffness"] += stiffness
-            found["damping"] += damping
+            sums["stiffness"] += stiffness
+            sums["damping"] += damping
             torque += stiffness * (free - zero)
-    found["rest"] = torque / found["stiffness"] if found["stiffness"] else 0.0
-    return found
+    sums["rest"] = torque / sums["stiffness"] if sums["stiffness"] else 0.0
+    return sums
 
 
 def mass_of(model: Model, body: Body | None, origin: np.ndarray) -> Mass | None:

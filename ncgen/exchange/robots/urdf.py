@@ -38,19 +38,19 @@ UNLIMITED = 1e9
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file, from its root element. Raises ModelError with file and line."""
-    looks = {
+    shapes_of = {
         each.name(): [looked(lambda visual=visual: _look(visual, root, path), "visual") for visual in each.all("visual")]
         for each in root.all("link")
     }
-    links = [_link(each, looks[each.name()]) for each in root.all("link")]
+    links = [_link(each, shapes_of[each.name()]) for each in root.all("link")]
     joints = [_joint(each) for each in root.all("joint")]
     if not links:
         root.refuse("<robot> has no <link>; give it one")
     unique(links, "link")
     unique(joints, "joint")
     name = root.attributes.get("name") or path.stem
-    beside = unseen(each for found in looks.values() for each in found)
-    omitted = counted([*not_built(joints), *account(root, vocabulary("urdf"), "robot")]) + beside
+    unseen_shapes = unseen(each for each_link in shapes_of.values() for each in each_link)
+    omitted = counted([*not_built(joints), *account(root, vocabulary("urdf"), "robot")]) + unseen_shapes
     return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=omitted).ordered()
 
 
@@ -65,9 +65,9 @@ def _pose(each: Markup) -> Placement:
     return Placement() if origin is None else Placement.of_rpy(origin.numbers("xyz", 3, zeros), origin.numbers("rpy", 3, zeros))
 
 
-def _link(each: Markup, looks: Iterable[Shape | Unseen]) -> Link:
+def _link(each: Markup, shapes: Iterable[Shape | Unseen]) -> Link:
     inertial = each.first("inertial")
-    return Link(each.name(), None if inertial is None else _mass(inertial), each.place, seen(looks))
+    return Link(each.name(), None if inertial is None else _mass(inertial), each.place, seen(shapes))
 
 
 def _look(visual: Markup, root: Markup, path: Path) -> Shape | Unseen:

@@ -11,9 +11,13 @@ def element(tag: str, inside: Iterable[str] = (), **attributes: str | float | np
     """An element with its children, elements or text; a last underscore of an attribute's name is left out."""
     from xml.sax.saxutils import quoteattr  # which imports all that speaks HTTP
 
-    said = "".join(f" {name.rstrip('_')}={quoteattr(_text(value))}" for name, value in attributes.items())
+    attributes_text = "".join(f" {name.rstrip('_')}={quoteattr(_text(value))}" for name, value in attributes.items())
     lines = [line for child in inside for line in child.splitlines()]
-    return f"<{tag}{said}/>" if not lines else "\n".join([f"<{tag}{said}>", *(f"  {line}" for line in lines), f"</{tag}>"])
+    return (
+        f"<{tag}{attributes_text}/>"
+        if not lines
+        else "\n".join([f"<{tag}{attributes_text}>", *(f"  {line}" for line in lines), f"</{tag}>"])
+    )
 
 
 def document(root: str) -> str:

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from ncgen.model.elements import Combination, Component, Point, Spatial
+from ncgen.model.pairs import Screw
 from ncgen.program.algebra.space import Space, Vector
 from ncgen.program.lines import Lines
 from ncgen.program.tree.references import reference_points
-from ncgen.symbolic.tree import Screw, Tree
+from ncgen.symbolic.tree import Tree
 
 Loads: TypeAlias = dict[int, tuple[Vector, Vector]]
 """{link: force, and moment about the reference point}."""

@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 from ncgen.model.elements import Point, Spatial
+from ncgen.model.pairs import Screw
 from ncgen.program.algebra.space import Space, Vector
 from ncgen.program.lines import Lines
-from ncgen.symbolic.tree import Screw, Tree
+from ncgen.symbolic.tree import Tree
 
 UNIT = 1e-14
 """By which the length of an axis may miss 1."""

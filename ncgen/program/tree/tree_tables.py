@@ -15,10 +15,11 @@ import numpy as np
 import scipy
 
 from ncgen.model.elements import Component, Point, Spatial
+from ncgen.model.pairs import Screw
 from ncgen.model.values import is_number
 from ncgen.program.ir.blocks import Pattern
 from ncgen.symbolic.numbering import Numbering
-from ncgen.symbolic.tree import Screw, Tree, moving
+from ncgen.symbolic.tree import Tree, moving
 
 SAME = 1e-9
 """What differs less than this, over its size, is the same; and what is smaller is 0."""

@@ -228,9 +228,13 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
     if (!w->is_recursive || w->by_matrix || !close_by_recursion(r, w, t, enough)) {
         ncgen_copy(r->n, y, r->qd);
         ncgen_copy(r->n, y + r->n, r->q);
+        const long steps = r->statistics->newton_steps;
         status = factors_are_near ? NCGEN_OK : refresh(r, t);
         if (status == NCGEN_OK)
             status = project_position(r, t, !factors_are_near);
+        const int has_moved = r->statistics->newton_steps > steps + 1; /* so that the factors are those of another place */
+        if (status == NCGEN_OK && !factors_are_near && has_moved)
+            status = refresh(r, t);
         if (status == NCGEN_OK)
             status = ncgen_project_velocity(r, t);
     }

@@ -123,6 +123,17 @@ static void prepare(ncgen_run *r)
         r->dynamics->motion->prepare(r->p, r->own_p + r->model->n_parameters);
 }
 
+ncgen_scalar ncgen_rounding(void)
+{
+    ncgen_scalar rounding = 1;
+    for (;;) {
+        const volatile ncgen_scalar more = 1 + rounding / 2;
+        if (!(more > 1))
+            return rounding;
+        rounding /= 2;
+    }
+}
+
 void ncgen_begin(ncgen_run *r)
 {
     ncgen_statistics *s = r->statistics;
@@ -131,13 +142,7 @@ void ncgen_begin(ncgen_run *r)
     s->stopped = 0;
     s->largest_projection = s->next_step = 0;
     s->t = s->tried = r->start_t = r->from = r->times[0];
-    r->rounding = 1;
-    for (;;) {
-        const volatile ncgen_scalar more = 1 + r->rounding / 2;
-        if (!(more > 1))
-            break;
-        r->rounding /= 2;
-    }
+    r->rounding = ncgen_rounding();
     if (r->own_p) {
         ncgen_copy(r->model->n_parameters, r->p, r->own_p);
         r->p = r->own_p;

@@ -63,6 +63,9 @@ static inline int ncgen_is_step(const ncgen_run *r, ncgen_scalar t, ncgen_scalar
     return t + h > t && h > r->rounding * r->rounding * (r->times[r->n_times - 1] - r->times[0]);
 }
 
+/* The rounding unit of numbers. */
+ncgen_scalar ncgen_rounding(void);
+
 /* A run without workspace; its state once that is known, or is being counted; and its first instant. */
 void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 void ncgen_state_layout(ncgen_run *r);

@@ -106,10 +106,10 @@ def gradient_batch(
         return by_q, by_qd
 
     check_told(progress)
-    with telling(progress, f"gradients of {len(values)} motions of {kernels.name}", 0.0, 1.0) as told:
-        found = batch.sweep(weigh, told)
-    values[[status != "ok" for status in found.status]] = np.nan
-    return BatchGradients(values, found.slopes, batch.names, tuple(found.status), found.alone)
+    with telling(progress, f"gradients of {len(values)} motions of {kernels.name}", 0.0, 1.0) as advance:
+        swept = batch.sweep(weigh, advance)
+    values[[status != "ok" for status in swept.status]] = np.nan
+    return BatchGradients(values, swept.slopes, batch.names, tuple(swept.status), swept.alone)
 
 
 def taped_batch(

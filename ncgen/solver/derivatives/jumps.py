@@ -85,13 +85,15 @@ class Jumps:
     def ends(self, times: np.ndarray) -> Ends:
         """The ends of steps over times (K,) of a grid (s), one from each to the next, or to a break."""
         rows = self.rows
-        seen = beside(rows, times)
+        ends_of_grid = beside(rows, times)
         if len(rows):  # what lies nearer to a break than that is there
-            near = rows.ravel()[np.argmin(np.abs(rows.ravel() - seen[:, None]), axis=1)]
-            seen = np.where(np.abs(seen - near) <= ON_THE_GRID * np.min(np.diff(times)), near, seen)
-            seen = beside(rows, seen)
-        ends = np.union1d(seen, rows)
-        return Ends(ends, np.searchsorted(ends, seen), np.isin(ends[:-1], rows[rows[:, 0] < rows[:, 1], 0]), np.isin(ends, rows[:, 1]))
+            near = rows.ravel()[np.argmin(np.abs(rows.ravel() - ends_of_grid[:, None]), axis=1)]
+            ends_of_grid = np.where(np.abs(ends_of_grid - near) <= ON_THE_GRID * np.min(np.diff(times)), near, ends_of_grid)
+            ends_of_grid = beside(rows, ends_of_grid)
+        ends = np.union1d(ends_of_grid, rows)
+        return Ends(
+            ends, np.searchsorted(ends, ends_of_grid), np.isin(ends[:-1], rows[rows[:, 0] < rows[:, 1], 0]), np.isin(ends, rows[:, 1])
+        )
 
     @property
     def rows(self) -> np.ndarray:
@@ -100,7 +102,7 @@ class Jumps:
 
     def __call__(self, times: np.ndarray, q: np.ndarray, qd: np.ndarray) -> dict[int, Jump]:
         """The jumps by the number of the instant just before, from all instants (K,), s, at which steps end, and q and q̇ there (K, n)."""
-        found = {}
+        jumps = {}
         for row in self.breaks.moved:
             before, after = self.rows[row]
             k = int(np.searchsorted(times, before))
@@ -108,8 +110,8 @@ class Jumps:
                 continue
             jump = self._jump(row, float(times[max(k - 1, 0)]), q[k], qd[k])
             if jump is not None and times[k] == before and k + 1 < len(times):
-                found[k] = jump
-        return found
+                jumps[k] = jump
+        return jumps
 
     def _jump(self, row: int, begun: float, q: np.ndarray, qd: np.ndarray) -> Jump | None:
         """The jump in a row, before which a step began at a time (s); None where nothing jumps."""

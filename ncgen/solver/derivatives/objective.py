@@ -22,15 +22,15 @@ def of_objective(objective: Callable[..., Any], q: np.ndarray, qd: np.ndarray, *
 
     Raises ModelError for something else, and for derivatives of another shape or that are not finite.
     """
-    found = objective(q, qd)
+    returned = objective(q, qd)
     wanted = ", ".join(("value", "derivatives by q", "by qd", *more))
-    if not (isinstance(found, (tuple, list)) and len(found) == 3 + len(more)):
-        raise ModelError(f"objective: it returned {echo(found)}; it must return ({wanted})")
-    value = numbers_of(found[0], "objective: its value")
+    if not (isinstance(returned, (tuple, list)) and len(returned) == 3 + len(more)):
+        raise ModelError(f"objective: it returned {echo(returned)}; it must return ({wanted})")
+    value = numbers_of(returned[0], "objective: its value")
     if value.size != 1:
         raise ModelError(f"objective: its value has the shape {value.shape}; it must be one number")
-    by_q, by_qd = (filled(array, q, f"derivative by {name}") for name, array in zip(("q", "qd"), found[1:3], strict=True))
-    return (float(value.item()), by_q, by_qd, *found[3:])
+    by_q, by_qd = (filled(array, q, f"derivative by {name}") for name, array in zip(("q", "qd"), returned[1:3], strict=True))
+    return (float(value.item()), by_q, by_qd, *returned[3:])
 
 
 def filled(array: np.ndarray | None, like: np.ndarray, what: str) -> np.ndarray:

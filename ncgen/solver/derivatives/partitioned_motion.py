@@ -125,14 +125,14 @@ class PartitionedMotion:
         q_by, qd_by = [], []
         for k, (stages, h) in enumerate(zip(self._stages, np.diff(self._ends), strict=True)):
             slopes, total = np.zeros_like(dy), np.zeros_like(dy)
-            _, *seen = stages[0].forward(dy, dp) if k in self._jumps else (None,)
+            _, *changes_at_start = stages[0].forward(dy, dp) if k in self._jumps else (None,)
             dy = self._across(k, dy, dp)
             for stage, node, weight in zip(stages, NODES, WEIGHTS, strict=True):
-                slopes, *found = stage.forward(dy + node * h * slopes, dp)
-                seen = seen or found
+                slopes, *changes = stage.forward(dy + node * h * slopes, dp)
+                changes_at_start = changes_at_start or changes
                 total += weight * slopes
-            q_by.append(seen[0])
-            qd_by.append(seen[1])
+            q_by.append(changes_at_start[0])
+            qd_by.append(changes_at_start[1])
             dy = dy + h * total
         _, dq, dqd = self._last.forward(dy, dp)
         return self._at_the_grid([*q_by, dq]), self._at_the_grid([*qd_by, dqd])
@@ -173,9 +173,9 @@ class PartitionedMotion:
                 total += later
                 p_bar = p_bar + by_p
                 driven.values[k, i] = by_p[len(by_p) - driven.values.shape[2] :]
-            seen, by_p = stages[0].backward(still, by_q[k], by_qd[k])
+            from_stage, by_p = stages[0].backward(still, by_q[k], by_qd[k])
             p_bar = p_bar + by_p + self._felt(k, total)
-            adjoint = total + seen
+            adjoint = total + from_stage
         self.jumps.check(by)
         return self._by_columns(adjoint, p_bar), driven
 
@@ -241,18 +241,18 @@ class TrapezoidalMotion(PartitionedMotion):
 
         Raises ModelError where the run was on other coordinates.
         """
-        found, last = list[tuple[_Stage, _Stage] | None](), None
+        stages_of_steps, last = list[tuple[_Stage, _Stage] | None](), None
         guess = Start(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
         for k, (t, end) in enumerate(pairwise(self._ends.tolist())):
             if self._split.is_crossed[k]:
-                found.append(None)
+                stages_of_steps.append(None)
                 continue
             first = self._stage(guess, k, t, t) if last is None or self._split.begins[k] else last
             guess = Start(t, first.q, first.qd, self.p)
             last = self._stage(guess, k + 1, t, end)
             self._check_step(first, last, end - t)
-            found.append((first, last))
-        return found
+            stages_of_steps.append((first, last))
+        return stages_of_steps
 
     def _stage(self, guess: Start, k: int, begun: float, t: float) -> _Stage:
         """That of the run at an end of a step which began at a time (s)."""
@@ -277,19 +277,19 @@ class TrapezoidalMotion(PartitionedMotion):
         dy, dp = self._checked(directions)
         still, before = np.zeros_like(dy), None
         slope = still
-        seen: dict[int, list[np.ndarray]] = {}
+        changes_at: dict[int, list[np.ndarray]] = {}
         for k, (step, h) in enumerate(zip(self._steps_of_run, np.diff(self._ends), strict=True)):
             if step is None:
                 dy, before = self._across(k, dy, dp), None
                 continue
             first, last = step
             if first is not before:
-                slope, *found = first.forward(dy, dp)
-                seen.setdefault(k, found)
+                slope, *changes = first.forward(dy, dp)
+                changes_at.setdefault(k, changes)
             right = dy + h / 2 * (slope + last.forward(still, dp)[0])
             dy, before = np.linalg.solve(self._matrix(last, h), right), last
-            slope, *seen[k + 1] = last.forward(dy, dp)
-        rows = [seen[k] for k in self._seen.tolist()]
+            slope, *changes_at[k + 1] = last.forward(dy, dp)
+        rows = [changes_at[k] for k in self._seen.tolist()]
         return np.array([dq for dq, _ in rows]), np.array([dqd for _, dqd in rows])
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray, by: Iterable[str] | None = None) -> tuple[np.ndarray, Driven]:

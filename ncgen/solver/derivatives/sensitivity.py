@@ -232,10 +232,12 @@ def hessian(
     value, by_q, by_qd, change = of_objective(objective, motion.q, motion.qd, "change")
 
     def changed(dq: np.ndarray, dqd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = (None, None) if change is None else change(dq, dqd)
-        if not (isinstance(found, (tuple, list)) and len(found) == 2):
-            raise ModelError(f"objective: its change returned {echo(found)}; it must return two arrays, or None for what is zero")
-        first, second = (filled(array, dq, "change of its derivatives") for array in found)
+        changes_of_derivatives = (None, None) if change is None else change(dq, dqd)
+        if not (isinstance(changes_of_derivatives, (tuple, list)) and len(changes_of_derivatives) == 2):
+            raise ModelError(
+                f"objective: its change returned {echo(changes_of_derivatives)}; it must return two arrays, or None for what is zero"
+            )
+        first, second = (filled(array, dq, "change of its derivatives") for array in changes_of_derivatives)
         return first, second
 
     products = motion.second(by_q, by_qd, changed, along)
@@ -256,7 +258,7 @@ def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "
         estimating = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau and other.coefficients.errors)
         raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
     refuse_events(kernels.model, "a derivative of a motion")
-    initial = Initial.asked(kernels, **start)
+    initial = Initial.from_arguments(kernels, **start)
     times, follows, signals = initial.t + since_start, start.get("q0") is None, signals_of(kernels, inputs, initial.p)
     if not entry.tableau:
         return _implicit_motion(kernels, initial, times, follows, entry, options, inputs, start)
@@ -318,8 +320,8 @@ def _implicit_motion(
     method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
 
     def run(ends: np.ndarray, breaks: np.ndarray) -> Trajectory:
-        asked = {"formalism": method.formalism.name, "integrator": entry.name, "options": options, "inputs": inputs, **start}
-        return simulate_steps(kernels, ends, breaks, **asked)
+        arguments = {"formalism": method.formalism.name, "integrator": entry.name, "options": options, "inputs": inputs, **start}
+        return simulate_steps(kernels, ends, breaks, **arguments)
 
     if entry.is_ordinary:
         return TrapezoidalMotion(kernels, initial, times, follows, run, signals)

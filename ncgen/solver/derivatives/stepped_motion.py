@@ -116,10 +116,10 @@ class SteppedMotion:
         self.kernels, self.p, self._method, self.signals = kernels, begun.p, method, signals
         self.t, self.jumps = times, Jumps.of(kernels, begun.p, begun.q, times, signals)
         self._ends = self.jumps.ends(times)
-        found = run(self._ends.of_steps, self.jumps.rows)
-        self._q, self._qd = self._ends.spread(found.q), self._ends.spread(found.qd)
+        steps = run(self._ends.of_steps, self.jumps.rows)
+        self._q, self._qd = self._ends.spread(steps.q), self._ends.spread(steps.qd)
         # A table's piece is that of the step's start.
-        self._looks_back = len(self.jumps.rows) > 0 or not found.engine.startswith("python")
+        self._looks_back = len(self.jumps.rows) > 0 or not steps.engine.startswith("python")
         self._partitions, self._follows = determined(begun.partitions), start_follows
         z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
         self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
@@ -146,22 +146,22 @@ class SteppedMotion:
     @cached_property
     def _solved(self) -> list[tuple[float, tuple[np.ndarray, ...]] | None]:
         """Of every step the time when it begins, and (h, x, u, w, p); None where a jump is crossed."""
-        found: list[tuple[float, tuple[np.ndarray, ...]] | None] = []
+        solved: list[tuple[float, tuple[np.ndarray, ...]] | None] = []
         equations, n, carried = self._equations(self._method.integrator.name), self.kernels.n, np.empty(0)
         for k, t in enumerate(self._ends.t[:-1].tolist()):
             if self._ends.is_crossed[k]:
-                found.append(None)
+                solved.append(None)
                 continue
             if k in self._begun:
                 _, (_, _, u, *_) = self._begun[k]
                 carried = np.concatenate([u[:n], u[:n]])
             h, p = self._numbers(k), refresh_branches(self.kernels, self._q[k], self.p)
             x, u = np.concatenate([self._q[k], self._qd[k], carried]), self._guess(k, equations.layout.unknowns, carried)
-            settled = self._settled(equations, t, h, x, u, self._inputs(k), p)
-            found.append((t, settled))
+            solution = self._settled(equations, t, h, x, u, self._inputs(k), p)
+            solved.append((t, solution))
             if self._first:
-                carried = self._carried(h, carried, settled[2][:n])
-        return found
+                carried = self._carried(h, carried, solution[2][:n])
+        return solved
 
     @cached_property
     def _begun(self) -> dict[int, tuple[float, tuple[np.ndarray, ...]]]:
@@ -169,12 +169,12 @@ class SteppedMotion:
         follows from them there. None for methods that carry nothing."""
         if self._first is None:
             return {}
-        found = {}
+        beginnings = {}
         for k in [0, *(np.flatnonzero(self._ends.begins[1:-1]) + 1).tolist()]:
             x, t, p = np.concatenate([self._q[k], self._qd[k]]), float(self._ends.t[k]), refresh_branches(self.kernels, self._q[k], self.p)
             unknown = np.zeros(self._first.layout.unknowns)
-            found[k] = t, self._settled(self._first, t, np.zeros(1), x, unknown, self._inputs(k), p)
-        return found
+            beginnings[k] = t, self._settled(self._first, t, np.zeros(1), x, unknown, self._inputs(k), p)
+        return beginnings
 
     def _settled(
         self, equations: _Equations, t: float, h: np.ndarray, x: np.ndarray, u: np.ndarray, w: np.ndarray, p: np.ndarray
@@ -233,8 +233,8 @@ class SteppedMotion:
     def _inputs(self, k: int) -> np.ndarray:
         """At the start, in the middle and at the end of a step."""
         count, instants = len(self.kernels.inputs), zip(*(a[k].tolist() for a in self._instants), strict=True)
-        seen = [self.signals.begun_at(begun)(t, self.p) if self.signals else self.p for t, begun in instants]
-        return np.concatenate([p[len(p) - count :] for p in seen])
+        values_of_inputs = [self.signals.begun_at(begun)(t, self.p) if self.signals else self.p for t, begun in instants]
+        return np.concatenate([p[len(p) - count :] for p in values_of_inputs])
 
     @cached_property
     def _instants(self) -> tuple[np.ndarray, np.ndarray]:
@@ -265,7 +265,7 @@ class SteppedMotion:
         self.jumps.check_along(directions)
         change, dp = np.vstack(self._start) @ directions, directions[: len(self.p)]
         fixed = np.vstack([np.tile(dp[len(self.p) - inputs :], (len(INSTANTS), 1)), dp])
-        found = [change[: 2 * n]]
+        changes_by_step = [change[: 2 * n]]
         for k in range(len(self._ends.t) - 1):
             if before := self._before(k):
                 change = before.forward(np.vstack([change[: 2 * n], fixed]))
@@ -273,18 +273,18 @@ class SteppedMotion:
                 change = change + np.pad(jumps[k].along(dp), ((n, len(change) - 2 * n), (0, 0)))
             if linear := self._linear(k):
                 change = linear.forward(np.vstack([change, fixed]))
-            found.append(change[: 2 * n])
-        both = np.array(found)[self._ends.seen]
+            changes_by_step.append(change[: 2 * n])
+        both = np.array(changes_by_step)[self._ends.seen]
         return both[:, :n], both[:, n:]
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray, by: Iterable[str] | None = None) -> tuple[np.ndarray, Driven]:
         """As of `TapedMotion`."""
         count, n, inputs = len(self._ends.t) - 1, self.kernels.n, len(self.kernels.inputs)
-        seen = np.zeros((count + 1, 2 * n))
-        seen[self._ends.seen] = np.hstack([by_q, by_qd])
+        weights_at_steps = np.zeros((count + 1, 2 * n))
+        weights_at_steps[self._ends.seen] = np.hstack([by_q, by_qd])
         weights, by_p = np.zeros(4 * n if self._first else 2 * n), np.zeros(len(self.p))
         driven = np.zeros((count, len(INSTANTS), inputs))
-        weights[: 2 * n] += seen[-1]
+        weights[: 2 * n] += weights_at_steps[-1]
         for k in reversed(range(count)):
             if linear := self._linear(k):
                 weights, felt, more = _parted(linear.backward(weights), driven.shape[1:], len(by_p))
@@ -295,12 +295,12 @@ class SteppedMotion:
                 weights, felt, more = _parted(before.backward(weights), driven.shape[1:], len(by_p))
                 driven[k], by_p = driven[k] + felt, by_p + more
                 weights = np.pad(weights, (0, 2 * n if k else 0))
-            weights[: 2 * n] += seen[k]
+            weights[: 2 * n] += weights_at_steps[k]
         self.jumps.check(by)
         by_p[len(by_p) - inputs :] += driven.sum(axis=(0, 1))
-        found = np.vstack(self._start).T @ weights
-        found[: len(by_p)] += by_p
-        return found, Driven(*self._instants, driven)
+        gradient = np.vstack(self._start).T @ weights
+        gradient[: len(by_p)] += by_p
+        return gradient, Driven(*self._instants, driven)
 
     @cached_property
     def _start(self) -> tuple[np.ndarray, np.ndarray]:

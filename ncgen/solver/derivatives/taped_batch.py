@@ -109,32 +109,32 @@ class TapedBatch:
         progress: called with the share of the states that are done. What it or `weigh` raises ends the sweep
         rows: where all q and q̇ go, NaN for states that have none; None where they are not kept
         """
-        count, asked = len(self.states.q), _Asked(weigh, rows)
-        found = Swept(np.full((count, len(self.names)), np.nan), [INTERRUPTED] * count, np.ones(count, dtype=bool))
-        tell = progress or (lambda share: None)
+        count, request = len(self.states.q), _Asked(weigh, rows)
+        swept = Swept(np.full((count, len(self.names)), np.nan), [INTERRUPTED] * count, np.ones(count, dtype=bool))
+        report = progress or (lambda share: None)
         if self._motions:
             self._motions.prepare(back=weigh is not None)
-            self._in_lanes(self._motions, asked, found, tell)
+            self._in_lanes(self._motions, request, swept, report)
         for i, fault in self.states.faults.items():
-            found.status[i], found.alone[i] = fault, False
-            asked.no_rows(i)
-        left = np.flatnonzero(found.alone).tolist()
+            swept.status[i], swept.alone[i] = fault, False
+            request.no_rows(i)
+        left = np.flatnonzero(swept.alone).tolist()
         for k, i in enumerate(left):
-            found.status[i] = self._alone(i, asked, found.slopes)
-            tell(1.0 - (len(left) - k - 1) / count)
-        return found
+            swept.status[i] = self._alone(i, request, swept.slopes)
+            report(1.0 - (len(left) - k - 1) / count)
+        return swept
 
-    def _in_lanes(self, motions: Motions, asked: _Asked, found: Swept, tell: Callable[[float], None]) -> None:
+    def _in_lanes(self, motions: Motions, request: _Asked, swept: Swept, report: Callable[[float], None]) -> None:
         """Parts of the states, side by side in threads; what is raised in one of them is raised here, and ends the others."""
         total, threads = len(self.states.q), thread_count(self.threads, self.kernels.name)
         fair = -(-total // (threads * motions.lanes)) * motions.lanes
-        size, done = min(fair, motions.part(asked.weigh is not None)), 0
+        size, done = min(fair, motions.part(request.weigh is not None)), 0
         parts = [slice(first, min(first + size, total)) for first in range(0, total, size)]
-        for part in side_by_side(lambda part: self._part(motions, part, asked, found), parts, min(threads, len(parts))):
+        for part in side_by_side(lambda part: self._part(motions, part, request, swept), parts, min(threads, len(parts))):
             done += part.stop - part.start
-            tell(done / total)
+            report(done / total)
 
-    def _part(self, motions: Motions, part: slice, asked: _Asked, found: Swept) -> slice:
+    def _part(self, motions: Motions, part: slice, request: _Asked, swept: Swept) -> slice:
         """Some states in lanes; those that have been run are not left to run alone."""
         kernels, states, partitions, t = self.kernels, self.states, self.choice.partitions, float(self.times[0])
         q, zd, p = states.q[part], states.zd[part], states.p[part]
@@ -147,31 +147,31 @@ class TapedBatch:
             return part
         with np.errstate(invalid="ignore", over="ignore"):  # a state that is no number is reported by its run
             qd = (velocities @ zd[:, :, None])[:, :, 0] + driven
-        runs = motions.run(q, qd, p, asked.weigh is not None, asked.of(part))
+        runs = motions.run(q, qd, p, request.weigh is not None, request.of(part))
         fine = part.start + np.flatnonzero(~runs.other)
-        if asked.weigh is not None and len(fine):
+        if request.weigh is not None and len(fine):
             frames = StartFrames(positions, velocities, kernels.start_p(p) if self.follows else None)
-            found.slopes[fine] = self._back(runs, frames, asked.weigh, fine, part.start)
-        found.alone[fine] = False
+            swept.slopes[fine] = self._back(runs, frames, request.weigh, fine, part.start)
+        swept.alone[fine] = False
         for i in fine.tolist():
-            found.status[i] = "ok"
+            swept.status[i] = "ok"
         return part
 
     def _back(self, runs: LaneRuns, frames: StartFrames, weigh: Weighed, fine: np.ndarray, first: int) -> np.ndarray:
         """Derivatives (fine, columns) of the states that have been run, of which the first of the part is number `first`."""
         if len(fine) == len(runs.q):
-            seen, weights = slice(None), weigh(fine, runs.q, runs.qd)
+            selected, weights = slice(None), weigh(fine, runs.q, runs.qd)
         else:
-            seen, weights = fine - first, (np.zeros_like(runs.q), np.zeros_like(runs.q))
-            for all_of_them, given in zip(weights, weigh(fine, runs.q[seen], runs.qd[seen]), strict=True):
-                all_of_them[seen] = given
+            selected, weights = fine - first, (np.zeros_like(runs.q), np.zeros_like(runs.q))
+            for all_of_them, given in zip(weights, weigh(fine, runs.q[selected], runs.qd[selected]), strict=True):
+                all_of_them[selected] = given
         at_start, at_start_qd, by_p = runs.backward(*weights)
         by_start, *by_state = start_back(runs, self.choice.partitions, frames, np.hstack([at_start, at_start_qd]))
-        return np.hstack([by_p + by_start, *by_state])[seen]
+        return np.hstack([by_p + by_start, *by_state])[selected]
 
-    def _alone(self, i: int, asked: _Asked, slopes: np.ndarray) -> str:
+    def _alone(self, i: int, request: _Asked, slopes: np.ndarray) -> str:
         """A run of a state's own; its status."""
-        asked.no_rows(i)
+        request.no_rows(i)
         try:
             motion = self._motion(i)
             q, qd = motion.q, motion.qd  # a motion in Python runs when it is first asked for them
@@ -180,10 +180,10 @@ class TapedBatch:
         if set(motion.names) != set(self.names):
             others = ", ".join(name for name in motion.names if name not in self.names)
             return f"{self.kernels.name}: {others} are independent here, not those of the batch; take gradient for this state"
-        for rows, found in zip(asked.rows or (), (q, qd)):
-            rows[i] = found
-        if asked.weigh is not None:
-            by_q, by_qd = asked.weigh(np.array([i]), q[None], qd[None])
+        for rows, history in zip(request.rows or (), (q, qd)):
+            rows[i] = history
+        if request.weigh is not None:
+            by_q, by_qd = request.weigh(np.array([i]), q[None], qd[None])
             try:
                 slopes[i, [self.names.index(name) for name in motion.names]] = motion.backward(by_q[0], by_qd[0])[0]
             except NcgenError as error:
@@ -192,7 +192,7 @@ class TapedBatch:
 
     def _motion(self, i: int) -> TapedMotion | PartitionedMotion:
         states, q0, z = self.states, None if self.follows else self.states.q[i], self.choice.names
-        initial = Initial.asked(self.kernels, q0=q0, zd0=states.zd[i], p=states.p[i], z=z, t0=float(self.times[0]))
+        initial = Initial.from_arguments(self.kernels, q0=q0, zd0=states.zd[i], p=states.p[i], z=z, t0=float(self.times[0]))
         return motion_from(self.kernels, initial, self.times, self.follows, self.method)
 
 

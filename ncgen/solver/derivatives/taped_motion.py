@@ -117,9 +117,9 @@ class TapedMotion:
         rank = freedom_at(kernels, begun.q, times[0], begun.p).rank
         dynamics = all_coordinates(kernels, form="emitted")
         start = begun.q, begun.qd, begun.p
-        told = signals.functions if signals else ()
+        functions = signals.functions if signals else ()
         self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
-        given = {"rank": rank, "tolerance": closeness("double"), "inputs": told, "breaks": self.jumps.rows}
+        given = {"rank": rank, "tolerance": closeness("double"), "inputs": functions, "breaks": self.jumps.rows}
         jumping = self.jumps if self.jumps.breaks.moved else None
         self._run = taped(dynamics, method, beside(self.jumps.rows, times), *start, allowed, jumps=jumping, **given)
         self._check()
@@ -134,9 +134,9 @@ class TapedMotion:
 
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D); those by z and its rates may be left out."""
-        found = self._run.forward(*self._seeds(directions))
+        changes = self._run.forward(*self._seeds(directions))
         self.jumps.check_along(directions)
-        return found
+        return changes
 
     def _seeds(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Changes of q and q̇ at the start, (n, D) each, and of p, (n_p, D), along directions."""
@@ -179,15 +179,15 @@ class TapedMotion:
         self.jumps.check_second()
         seeds = self._seeds(directions)
         q, qd, sweeps = self._run.second(*seeds)
-        found = np.empty(directions.shape)
+        second_derivatives = np.empty(directions.shape)
         for k, sweep in enumerate(sweeps):
             changes = change(q[:, :, k], qd[:, :, k])
             weights = (own + SMALL * 1j * more for own, more in zip((by_q, by_qd), changes, strict=True))
             *by_state, by_p, _ = sweep.backward(self._run.at_all_steps(*weights))
             start = self._start_along(*(seed[:, k] for seed in seeds))
             by_start, by_z, by_rates = self._start_back(np.concatenate(by_state), sweep, start)
-            found[:, k] = np.imag(np.concatenate([by_p + by_start, by_z, by_rates])) / SMALL
-        return found
+            second_derivatives[:, k] = np.imag(np.concatenate([by_p + by_start, by_z, by_rates])) / SMALL
+        return second_derivatives
 
     def _start_along(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> _Start:
         """What there is at the start, in dual numbers."""

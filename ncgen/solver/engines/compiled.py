@@ -42,8 +42,9 @@ from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneDynamics
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
     from ncgen.mechanism.library import CompiledKernels
-    from ncgen.mechanism.runtime import ConstrainedDynamics, DenseDynamics, EmittedDynamics, Outcome
+    from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics, Outcome
     from ncgen.mechanism.written import Seen
     from ncgen.program.ir.sampling import Sample
 
@@ -80,7 +81,7 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
     """
     from ncgen.mechanism.library import CompiledKernels
     from ncgen.mechanism.properties import uses_tangents
-    from ncgen.mechanism.runtime import has_runtime, part_for
+    from ncgen.mechanism.runtime_library import has_runtime, part_for
 
     name = method.integrator.name
     if not isinstance(kernels, CompiledKernels) and (engine in EMITTED or number != "double" or not has_runtime(part_for(name))):
@@ -135,12 +136,15 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
         every run; "tree" for those in loops over tables of an open tree; else of the factored matrix
     integrator: for which the runtime is compiled at the same time
     """
-    from ncgen.mechanism.runtime import ConstrainedDynamics, part_for
+    from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+    from ncgen.mechanism.runtime_library import part_for
 
     def made() -> ConstrainedDynamics:
-        seen = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
+        samples_of = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
         tree = open_tree(kernels) if form == "tree" else None
-        return ConstrainedDynamics(kernels, number, seen, tables_of(tree) if tree else None, part_for(integrator, seen is not None))
+        return ConstrainedDynamics(
+            kernels, number, samples_of, tables_of(tree) if tree else None, part_for(integrator, samples_of is not None)
+        )
 
     return kernels.remember("constrained dynamics", (number, form), made)
 
@@ -367,18 +371,18 @@ def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
     and at other times, so that nothing is taken for 0 that is 0 only now."""
     from ncgen.program.ir.sampling import Sample
 
-    found = [Sample(0.0, x, p) for x in trial_positions(kernels, q, 0.0, p)]
+    typical = [Sample(0.0, x, p) for x in trial_positions(kernels, q, 0.0, p)]
     generator = np.random.default_rng(1)
     for _ in range(OTHERS if kernels.parameters or np.any(kernels.nu(q, 0.0, p)) else 0):
         other = p + ASIDE * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))
         t = float(ASIDE * generator.uniform())
         try:
-            there, free = refresh_branches(kernels, q, other), np.arange(kernels.n)
-            close = newton_position(kernels, found[-1].q, t, there, free, closeness_at(kernels, q))
-            found.append(Sample(t, close.q, other))
+            released, free = refresh_branches(kernels, q, other), np.arange(kernels.n)
+            close = newton_position(kernels, typical[-1].q, t, released, free, closeness_at(kernels, q))
+            typical.append(Sample(t, close.q, other))
         except NcgenError:
             continue  # these parameters leave no position
-    return found
+    return typical
 
 
 def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | None:
@@ -392,7 +396,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
     from ncgen.mechanism.listening import Progress
 
     method, number, p, partitions = task.method, task.number, task.p, determined(path.partitions)
-    seen = [partitions]
+    used_partitions = [partitions]
     grid, growth, begun = np.asarray(task.grid, dtype=float), GROWTH, len(path.q) > 0
     q, qd, zd, work = task.q, np.zeros(kernels.n), task.velocities, 0.0
     if begun:
@@ -403,8 +407,8 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
     try:
         while True:
             progress(t)
-            here = _for_next(kernels, partitions, form, len(seen), q, p, number)
-            done = here.simulate(
+            dynamics = _for_next(kernels, partitions, form, len(used_partitions), q, p, number)
+            done = dynamics.simulate(
                 method.integrator.name, times, q, zd, p, max_step=task.step_in_c, conditions=task.watched, tolerance=closeness(number),
                 growth=growth, progress=progress, looks=looks, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
                 breaks=task.breaks, choose=rule_of(kernels), **_in_c(task.tolerances, kernels, partitions),
@@ -426,7 +430,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
                 return reason
             advanced, p = done.reached > t, refresh_branches(kernels, done.last[0], p)
             t, q, qd, work, begun = done.reached, done.last[0], done.last[1], work + done.last[2], True
-            before, partitions = partitions, _better(kernels, partitions, seen, q, t, p)
+            before, partitions = partitions, _better(kernels, partitions, used_partitions, q, t, p)
             path.partitions, changed = partitions, partitions is not before
             if not (advanced or changed) and done.status in FINAL:
                 raise ConvergenceError(stuck_message(kernels, t, task.step))
@@ -462,7 +466,9 @@ def _in_c(tolerances: Tolerances, kernels: Kernels, partitions: Partitions) -> d
     return tolerances.in_c(*(kernels.column_sizes[part.independent] for part in (partitions.velocity, partitions.position)))
 
 
-def _better(kernels: Kernels, partitions: Partitions, seen: list[Partitions], q: np.ndarray, t: float, p: np.ndarray) -> Partitions:
+def _better(
+    kernels: Kernels, partitions: Partitions, used_partitions: list[Partitions], q: np.ndarray, t: float, p: np.ndarray
+) -> Partitions:
     """The best partition at q if it is clearly better than the present one; one used before in this run if it will do."""
     try:
         best = other_partitions(kernels, partitions, q, t, p)
@@ -475,8 +481,8 @@ def _better(kernels: Kernels, partitions: Partitions, seen: list[Partitions], q:
     possible = worth(best)
     if possible < BETTER * worth(partitions):
         return partitions
-    known = max(seen, key=worth)
+    known = max(used_partitions, key=worth)
     if worth(known) >= REUSE * possible:
         return known
-    seen.append(best)
+    used_partitions.append(best)
     return best

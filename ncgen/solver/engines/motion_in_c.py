@@ -41,24 +41,24 @@ class MotionInC:
 
     def derivative(self, t: float, y: np.ndarray, p: np.ndarray) -> np.ndarray | None:
         """[q̈; q̇; power] (2 n + 1,) of a state y = [q̇; q; work] at t (s)."""
-        if not self._asks(t, y, p, settled=False):
+        if not self._asks(t, y, p, projecting=False):
             return None
         return np.concatenate([self._now.qdd, y[self._qd], [self._now.power]])
 
     def closed(self, t: float, y: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, float] | None:
         """The nearest state on the constraints, and how far q has moved, relative to its natural sizes."""
-        if not self._asks(t, y, p, settled=True):
+        if not self._asks(t, y, p, projecting=True):
             return None
         moved = float(np.max(np.abs(self._now.q - y[self._q]) / self._kernels.column_sizes, initial=0.0))
         return np.concatenate([self._now.qd, self._now.q, y[-1:]]), moved
 
-    def _asks(self, t: float, y: np.ndarray, p: np.ndarray, settled: bool) -> bool:
+    def _asks(self, t: float, y: np.ndarray, p: np.ndarray, projecting: bool) -> bool:
         """Whether C has an answer. Raises what a function of Python raises there."""
         now, called = self._now, self._dynamics.called
         now.t, now.q[:], now.qd[:], now.p[:] = t, y[self._q], y[self._qd], self._kernels.present(t, p)
         for each in called:
             each.begin()
-        status = now.settle() if settled else now.evaluate()
+        status = now.settle() if projecting else now.evaluate()
         for each in called:
             if each.raised is not None:
                 raise each.raised

@@ -47,15 +47,15 @@ def run(path: Path, kernels: Kernels, task: Task) -> None:
     Raises ConvergenceError or SingularError with the time where the motion cannot go on, DomainError naming what is not a
     number there. Whatever is raised, by `progress` or by Ctrl-C as well, the path holds what was reached.
     """
-    found = (AllCoordinates if task.method.is_constrained else Independent)(path, kernels, task)
+    engine = (AllCoordinates if task.method.is_constrained else Independent)(path, kernels, task)
     try:
-        found.integrate()
+        engine.integrate()
     except BaseException:
-        if found.reached:
-            path.break_off(task.grid, *found.reached)
+        if engine.reached:
+            path.break_off(task.grid, *engine.reached)
         raise
     finally:
-        found.hand_over()
+        engine.hand_over()
 
 
 class Reference(ABC):
@@ -109,17 +109,17 @@ class Reference(ABC):
         while solver.status == "running":
             solver = self._step(solver, t, now)
             before, now = now, self.state(solver.t, solver.y)
-            found = None
+            event = None
             if task.stop:
                 between = solver.dense_output()
-                found = task.stop.find(t, solver.t, before, now, lambda t, between=between: self.state(t, between(t)))
+                event = task.stop.find(t, solver.t, before, now, lambda t, between=between: self.state(t, between(t)))
             ahead = grid[len(path.q) :]
-            inner = ahead[ahead < (found[0] if found else solver.t)]
+            inner = ahead[ahead < (event[0] if event else solver.t)]
             if len(inner):
                 between = solver.dense_output()
                 self._record([self.state(t, between(t)) for t in inner])
-            if found:
-                path.stop(found[0], *found[1])
+            if event:
+                path.stop(event[0], *event[1])
                 return
             if len(path.q) < len(grid) and grid[len(path.q)] == solver.t:
                 self._record([now])
@@ -220,10 +220,10 @@ class AllCoordinates(Reference):
         if self.in_c and (closed := self.in_c.closed(t, y, self.p)) is not None:
             self.path.note_projection(closed[1])
             return closed[0][self.kernels.n : -1], closed[0][: self.kernels.n], work
-        found = project(self.kernels, q, qd, t, self.p)
-        if found.q is not q or found.qd is not qd:
-            self.path.note_projection(found.moved, found.steps)
-        return found.q, found.qd, work
+        projected = project(self.kernels, q, qd, t, self.p)
+        if projected.q is not q or projected.qd is not qd:
+            self.path.note_projection(projected.moved, projected.steps)
+        return projected.q, projected.qd, work
 
     def accept(self, solver: OdeSolver, state: State) -> OdeSolver:
         q, qd, work = state
@@ -257,10 +257,10 @@ class Independent(Reference):
 
     def begin(self, t: float, q: np.ndarray, qd: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         rates = self.task.velocities if qd is None else qd[self.partitions.velocity.independent]
-        here = motion_at(self.kernels, self.partitions.velocity, t, q, rates, self.p)
-        self.start = Start(t, here.q, here.qd, self.p)
+        motion = motion_at(self.kernels, self.partitions.velocity, t, q, rates, self.p)
+        self.start = Start(t, motion.q, motion.qd, self.p)
         self.chosen_with = self._quality(self.partitions)
-        return here.q, here.qd
+        return motion.q, motion.qd
 
     @property
     def own(self) -> tuple[np.ndarray, np.ndarray]:

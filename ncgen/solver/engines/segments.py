@@ -39,15 +39,15 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task, ends: 
     for before, after in [*ends[(ends[:, 1] > t) & (ends[:, 0] < end)].tolist(), [end, end]]:
         if t < before:
             part = Path.empty(kernels.n, path.partitions)
-            here = replace(task, q=q, velocities=velocities, before=(float(grid[0]), int(path.counts[0])))
-            reason = _one(engine, part, path, kernels, here, grid, (t, before), work)
+            part_task = replace(task, q=q, velocities=velocities, before=(float(grid[0]), int(path.counts[0])))
+            reason = _one(engine, part, path, kernels, part_task, grid, (t, before), work)
             if reason or part.stopped is not None:
                 return reason
             q, qd, work = part.q[-1], part.qd[-1], work + float(part.work[-1])
         if before < after and before in jumps and qd is not None:
-            found = cross(kernels, q, qd, before, after, task.p)
-            qd, work = found.qd, work + found.work
-            path.impulses += found.impulses
+            crossing = cross(kernels, q, qd, before, after, task.p)
+            qd, work = crossing.qd, work + crossing.work
+            path.impulses += crossing.impulses
         t, velocities = after, velocities if qd is None else _velocities(path, task, qd)
     return None
 
@@ -64,12 +64,12 @@ def _one(
     first, last = len(path.q), int(np.searchsorted(grid, ends[1], "right"))
     times = np.unique([ends[0], *grid[first:last], ends[1]])
     places = np.searchsorted(times, grid[first:last])
-    looks = np.zeros(len(times), dtype=bool)
-    looks[places] = task.looks_from(first)[: last - first]
-    looks[[0, -1]] = False  # the ends are what the run goes on from
+    extra_times = np.zeros(len(times), dtype=bool)
+    extra_times[places] = task.looks_from(first)[: last - first]
+    extra_times[[0, -1]] = False  # the ends are what the run goes on from
     inside = task.breaks[np.searchsorted(task.breaks[:, 0], ends[0], "right") : np.searchsorted(task.breaks[:, 1], ends[1])]
     try:
-        return engine(part, kernels, replace(task, grid=times, looks=looks, breaks=inside))
+        return engine(part, kernels, replace(task, grid=times, looks=extra_times, breaks=inside))
     finally:
         _take_over(path, part, places, work, float(grid[first - 1]) if first else -np.inf)
         task.looked_at(first, times[places])

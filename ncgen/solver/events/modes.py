@@ -24,7 +24,7 @@ from ncgen.model.values import Scalar, Value
 from ncgen.program.motions.conditions import INPUTS, assemble_mode_conditions
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.loads.multipliers import motion_sizes, refusal_of_multipliers
+from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.toolchain.abi import InC, Interface, runtime_abi
 

@@ -13,5 +13,5 @@ from ncgen.solver.formalisms.kkt import factored
 
 def penalty(now: Instant, alpha: float) -> tuple[np.ndarray, np.ndarray]:
     n, solve = len(now.force), factored(now.mass, now.jacobian.T, now.jacobian, now.kernels, 1 / alpha)
-    found = solve(np.concatenate([now.force, now.gamma]))
-    return found[:n], found[n:]
+    solution = solve(np.concatenate([now.force, now.gamma]))
+    return solution[:n], solution[n:]

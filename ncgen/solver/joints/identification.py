@@ -79,7 +79,7 @@ def names_of(space: JointDynamics) -> tuple[str, ...]:
 
 def values_of(space: JointDynamics) -> np.ndarray:
     """The inertial parameters π at the parameters of the space (10 · bodies,): kg, kg m, kg m²."""
-    model, found = space.kernels.model, np.zeros((len(space.tree.links), len(NAMES)))
+    model, parameters = space.kernels.model, np.zeros((len(space.tree.links), len(NAMES)))
     inertias = [link.body.inertia for link in space.tree.links]
     parts = [(number, part) for number, whole in enumerate(inertias) if whole for part in whole.parts or (whole,)]
     bases = [link.body.points[0] for link in space.tree.links]
@@ -91,8 +91,8 @@ def values_of(space: JointDynamics) -> np.ndarray:
         rotation, position = own[number].rotation, own[number].position + np.array(rest[12:]) - bases[number].initial
         arm = rotation.T @ (np.array(rest[:3]) - position)
         tensor = rotation.T @ np.reshape(rest[3:12], (3, 3)) @ rotation + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-        found[number] += [mass, *(mass * arm), *(tensor[i, j] for i, j in ENTRIES)]
-    return found.ravel()
+        parameters[number] += [mass, *(mass * arm), *(tensor[i, j] for i, j in ENTRIES)]
+    return parameters.ravel()
 
 
 def base_parameters(space: JointDynamics, tolerance: float = DEPENDENT, seed: int = 1) -> BaseParameters:

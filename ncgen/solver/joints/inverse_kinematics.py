@@ -100,24 +100,24 @@ def aims_of(
 
 def _aims_of_frames(space: JointKinematics, targets: Mapping[str, Target]) -> list[Aim]:
     """Raises ModelError for what is no frame, or no target of one."""
-    found = []
+    aims = []
     for name, target in targets.items():
         frame, what = space.frame(name), f"frame {given.echo(name)}"
         if not (isinstance(target, (tuple, list)) and len(target) == 2 and any(half is not None for half in target)):
             raise ModelError(f"{what}: give (rotation (3, 3), position (3,) in m), one of which may be None, and not {given.echo(target)}")
         turn, place = target
         rotation = None if turn is None else rotation_of(turn, f"{what}: rotation")
-        found.append(Aim(frame, rotation, None if place is None else _place(place, f"{what}: position")))
-    if not found:
+        aims.append(Aim(frame, rotation, None if place is None else _place(place, f"{what}: position")))
+    if not aims:
         raise ModelError(f"{space.kernels.name}: there is nothing to reach; give a point and a place, or {{frame: (rotation, position)}}")
-    return found
+    return aims
 
 
 def _place(place: ArrayLike | None, what: str) -> np.ndarray:
-    found = array_of([] if place is None else place, (3,), what)
-    if np.max(np.abs(found)) > LARGEST:
-        raise ModelError(f"{what}: {np.max(np.abs(found)):g} m given; {LARGEST:g} m is the farthest, check the unit")
-    return found
+    position = array_of([] if place is None else place, (3,), what)
+    if np.max(np.abs(position)) > LARGEST:
+        raise ModelError(f"{what}: {np.max(np.abs(position)):g} m given; {LARGEST:g} m is the farthest, check the unit")
+    return position
 
 
 def values_for(space: JointKinematics, aims: Sequence[Aim], start: np.ndarray, limits: bool = True) -> dict[str, float]:
@@ -129,8 +129,8 @@ def values_for(space: JointKinematics, aims: Sequence[Aim], start: np.ndarray, l
     best: tuple[float, np.ndarray] | None = None
     beyond = ""
     for k in range(STARTS):  # from the start itself, then from beside it
-        aside = np.cos(k * np.arange(1, space.n + 1)) if k else 0.0
-        x, left = search.descended(start + aside)
+        offsets = np.cos(k * np.arange(1, space.n + 1)) if k else 0.0
+        x, left = search.descended(start + offsets)
         if np.max(np.abs(left)) <= REACHED:
             if beyond := search.beyond(x):
                 continue
@@ -216,12 +216,12 @@ class _Search:
     def held(self, x: np.ndarray) -> str:
         """Which of the joints that move what is to be moved are at a limit; empty where there is none."""
         sizes = np.max(np.abs(self.slope(x)), axis=0)
-        found = [
+        at_limits = [
             f"joint {name} is at its {'lower' if value - low < high - value else 'upper'} limit {value:.6g}"
             for name, value, low, high, size in zip(self.space.rates, x, self.low, self.high, sizes, strict=True)
             if low < high and size > STILL and not low + AT_LIMIT < value < high - AT_LIMIT
         ]
-        return ", ".join(found[:3]) + (f" and {len(found) - 3} more are at theirs" if len(found) > 3 else "")
+        return ", ".join(at_limits[:3]) + (f" and {len(at_limits) - 3} more are at theirs" if len(at_limits) > 3 else "")
 
     def beyond(self, x: np.ndarray) -> str:
         """The first joint that others determine and that is beyond a limit."""
@@ -253,8 +253,8 @@ class _Search:
             parts += [] if aim.place is None else [jacobian[:3] / self.size]
             if aim.rotation is not None:
                 parts += [np.cross(jacobian[3:].T, column).T for column in aim.thing.pose(q)[0].T]
-        found = np.concatenate(parts)
-        return found @ self._rates(x, q) if self._balls else found
+        rows = np.concatenate(parts)
+        return rows @ self._rates(x, q) if self._balls else rows
 
     def _rates(self, x: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Rates of the joints where values x change by 1 (n, n): those of balls and free bodies are rotation vectors θ.
@@ -275,11 +275,11 @@ class _Search:
 
     def missed(self, x: np.ndarray) -> str:
         """Who does not get there, and what is left: metres and rad."""
-        left, found = self.left(x).tolist(), []
+        left, misses = self.left(x).tolist(), []
         for aim in self.aims:
             place, left = (left[:3], left[3:]) if aim.place is not None else ([], left)
             turn, left = (left[:9], left[9:]) if aim.rotation is not None else ([], left)
             angle = 2 * np.arcsin(min(1.0, np.linalg.norm(turn) / np.sqrt(8)))  # |A − B|² = 8 sin²(θ/2) of rotations that are θ apart
-            told = [f"{np.linalg.norm(place) * self.size:.3g} m"] * bool(place) + [f"{angle:.3g} rad"] * bool(turn)
-            found.append((max(map(abs, place + turn)), f"{aim.thing.name} does not get there, {' and '.join(told)} are left"))
-        return max(found)[1]
+            remainders = [f"{np.linalg.norm(place) * self.size:.3g} m"] * bool(place) + [f"{angle:.3g} rad"] * bool(turn)
+            misses.append((max(map(abs, place + turn)), f"{aim.thing.name} does not get there, {' and '.join(remainders)} are left"))
+        return max(misses)[1]

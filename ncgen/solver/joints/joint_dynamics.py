@@ -79,10 +79,10 @@ class JointDynamics(JointKinematics):
     def mass_matrix(self, q: ArrayLike) -> np.ndarray:
         """Symmetric and positive, shape (…, n, n)."""
         lower = self._of("joint_mass", q)
-        found = np.zeros((*lower.shape[:-1], self.n, self.n))
+        matrix = np.zeros((*lower.shape[:-1], self.n, self.n))
         i, j = np.tril_indices(self.n)
-        found[..., i, j] = found[..., j, i] = lower
-        return found
+        matrix[..., i, j] = matrix[..., j, i] = lower
+        return matrix
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> np.ndarray:
         """Forces along the joints (…, n) that rates v and accelerations a (…, n; None: zero) need against inertia and gravity.
@@ -130,8 +130,8 @@ class JointDynamics(JointKinematics):
         Their names and order: `inertial_names`. It depends on lengths alone.
         """
         functions, state = self._regressor_functions, (self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"))
-        found = functions("joint_regressor", 0.0, *state, self.p)
-        return found.reshape(*found.shape[:-1], self.n, 10 * len(self.tree.links))
+        values = functions("joint_regressor", 0.0, *state, self.p)
+        return values.reshape(*values.shape[:-1], self.n, 10 * len(self.tree.links))
 
     @property
     def inertial_names(self) -> tuple[str, ...]:

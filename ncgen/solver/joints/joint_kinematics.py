@@ -66,9 +66,9 @@ class JointKinematics(ABC):
 
         Raises ModelError for what is no parameter, and for what the model refuses as a number in its place, such as a negative mass.
         """
-        found = copy.copy(self)
-        found.p = given.parameters(self.kernels, p)
-        return found
+        copied = copy.copy(self)
+        copied.p = given.parameters(self.kernels, p)
+        return copied
 
     # -- positions -----------------------------------------------------------------------------
 
@@ -95,18 +95,18 @@ class JointKinematics(ABC):
 
     def _joint_values(self, values: Mapping[str, float] | None, what: str) -> np.ndarray:
         """Values of all joints (n,): those given by name, else the initial ones."""
-        found = self.values(self.kernels.start(self.p))
+        joint_values = self.values(self.kernels.start(self.p))
         for name, value in given.numbers_by_name({} if values is None else values, self.rates, what, "joint").items():
-            found[self.rates.index(name)] = value
-        return found
+            joint_values[self.rates.index(name)] = value
+        return joint_values
 
     def values(self, q: ArrayLike) -> np.ndarray:
         """Values of the joints that have a coordinate (…, n), 0 for the others."""
         q = self._array(q)
-        found = np.zeros((*q.shape[:-1], self.n))
+        joint_values = np.zeros((*q.shape[:-1], self.n))
         for name in self.coordinates:
-            found[..., self.rates.index(name)] = q[..., self.kernels.index[name]]
-        return found
+            joint_values[..., self.rates.index(name)] = q[..., self.kernels.index[name]]
+        return joint_values
 
     def _displaced(self, q: np.ndarray, rotation: np.ndarray, shift: np.ndarray) -> np.ndarray:
         """The one body that moves freely, and all that it carries, turned about the origin and shifted."""
@@ -117,11 +117,11 @@ class JointKinematics(ABC):
         together = set(free)
         for number, link in enumerate(links):
             together |= {number} if link.parent in together else set()
-        found = q.copy()
+        displaced = q.copy()
         for c, (element, axis) in self._where.items():
             if self.tree.home[element] in together:
-                found[c] = (rotation @ self.element(element, q) + (shift if isinstance(element, Point) else 0.0))[axis]
-        return found
+                displaced[c] = (rotation @ self.element(element, q) + (shift if isinstance(element, Point) else 0.0))[axis]
+        return displaced
 
     def inverse_kinematics(
         self,
@@ -171,8 +171,8 @@ class JointKinematics(ABC):
         """For every rate of the tree of bodies the angular velocity, and the velocity at the origin, of what it moves, shape (…, -, 6).
 
         Without loops these are the joints' rates."""
-        found = self._of("joint_screws", q)
-        return found.reshape(*found.shape[:-1], -1, 6)
+        rows = self._of("joint_screws", q)
+        return rows.reshape(*rows.shape[:-1], -1, 6)
 
     def velocities(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
         """Rates of all natural coordinates (…, n_q) for rates v (…, n) of the joints."""
@@ -181,13 +181,13 @@ class JointKinematics(ABC):
         rates = np.einsum("...kn,...n->...k", spread, v) + drift
         screws = self.screws(q)
         twists = [np.einsum("...k,...ki->...i", rates[..., path], screws[..., path, :]) for path in self.tree.paths]
-        found = np.empty(np.broadcast_shapes(q.shape[:-1], v.shape[:-1]) + q.shape[-1:])
+        qd = np.empty(np.broadcast_shapes(q.shape[:-1], v.shape[:-1]) + q.shape[-1:])
         for c, (element, axis) in self._where.items():
             twist = twists[self.tree.home[element]]
-            found[..., c] = carried(twist, self.element(element, q), isinstance(element, Point))[..., axis]
+            qd[..., c] = carried(twist, self.element(element, q), isinstance(element, Point))[..., axis]
         for c, k in self._own().items():
-            found[..., c] = rates[..., k]
-        return found
+            qd[..., c] = rates[..., k]
+        return qd
 
     def jacobian(
         self, point: str, q: ArrayLike, body: str | None = None, frame: Literal["global", "local", "spatial"] = "global"
@@ -225,10 +225,10 @@ class JointKinematics(ABC):
     def _momenta(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mass (…, 1), first moment about the origin (…, 3), momenta about the origin of the tree's rates (…, -, 6)."""
         refuse_thin(self.kernels, self.tree)
-        found = self._of("joint_momenta", q)
-        if not np.all(found[..., 0] > 0):
+        values = self._of("joint_momenta", q)
+        if not np.all(values[..., 0] > 0):
             raise ModelError(f"{self.kernels.name}: nothing has mass; give a body one")
-        return found[..., :1], found[..., 1:4], found[..., 4:].reshape(*found.shape[:-1], -1, 6)
+        return values[..., :1], values[..., 1:4], values[..., 4:].reshape(*values.shape[:-1], -1, 6)
 
     # -- helpers -------------------------------------------------------------------------------
 
@@ -253,8 +253,8 @@ class JointKinematics(ABC):
     def _sizes(self) -> dict[str, int]:
         """Of the outputs of all functions but slopes."""
         n, joints = self.n, self.tree.freedoms
-        found = {"inverse": n, "loads": n, "position": self.kernels.n, "screws": 6 * joints, "mass": n * (n + 1) // 2}
-        return {f"joint_{name}": size for name, size in (found | {"momenta": 4 + 6 * joints}).items()}
+        sizes = {"inverse": n, "loads": n, "position": self.kernels.n, "screws": 6 * joints, "mass": n * (n + 1) // 2}
+        return {f"joint_{name}": size for name, size in (sizes | {"momenta": 4 + 6 * joints}).items()}
 
     @abstractmethod
     def made(self, what: Made) -> dict[str, Program]:
@@ -271,10 +271,10 @@ class JointKinematics(ABC):
         return np.zeros(self.n) if values is None else self._checked(values, self.n, name, "rates")
 
     def _checked(self, values: ArrayLike, count: int, name: str, what: str) -> np.ndarray:
-        found = given.numbers_of(values, name)
-        if found.shape[-1:] != (count,):
-            raise ModelError(f"{name}: its shape is {found.shape}, and {self.kernels.name} has {count} {what}; give (…, {count})")
-        return found
+        array = given.numbers_of(values, name)
+        if array.shape[-1:] != (count,):
+            raise ModelError(f"{name}: its shape is {array.shape}, and {self.kernels.name} has {count} {what}; give (…, {count})")
+        return array
 
     @cached_property
     def _where(self) -> dict[int, tuple[Spatial, int]]:
@@ -292,11 +292,11 @@ class JointKinematics(ABC):
         return geometry.component(self.kernels, component, q, self.p)
 
     def point(self, name: str) -> Point:
-        found = self.kernels.model.elements.get(name) if isinstance(name, str) else None
-        if not isinstance(found, Point):
+        element_named = self.kernels.model.elements.get(name) if isinstance(name, str) else None
+        if not isinstance(element_named, Point):
             points = [e.name for e in self.kernels.model.elements.values() if isinstance(e, Point)]
             raise ModelError(f"point: there is no {given.echo(name)}; {given.offer(name, points, 'the points are')}")
-        return found
+        return element_named
 
     def link(self, point: str, body: str | None) -> int:
         """The number of the link that a point is taken with."""

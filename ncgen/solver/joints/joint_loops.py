@@ -95,8 +95,8 @@ class JointsInLoops(JointSpace):
             share = min(1.0, done + step)
             ahead = x.copy()
             ahead[self.free] = wanted if share == 1.0 else start + share * (wanted - start)
-            if (found := self._newton(ahead)) is not None:
-                (x, q), done = found, share
+            if (newton := self._newton(ahead)) is not None:
+                (x, q), done = newton, share
             elif step < SHORTEST * first:
                 values = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.rates, ahead[self.free], strict=True))
                 raise ConvergenceError(f"{self.kernels.name}: loops do not close where {values[:200]}; choose other values")
@@ -113,17 +113,17 @@ class JointsInLoops(JointSpace):
         x, start = np.zeros(len(self.sizes)), self.kernels.start(self.p)
         for c, k in self._coordinates.items():
             x[k] = start[c]
-        found = self._newton(x)
-        if found is None:
+        newton = self._newton(x)
+        if newton is None:
             raise ConvergenceError(f"{self.kernels.name}: loops do not close at the start; run assemble first and correct the model")
-        return found
+        return newton
 
     def _newton(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Displacements and position with loops closed, near to where they are; None where there is no such place."""
         last = np.inf
         for _ in range(STEPS):
-            found = self._functions("joint_position", 0.0, x, self.p)
-            q, change = found[: self.kernels.n], found[self.kernels.n :]
+            outputs = self._functions("joint_position", 0.0, x, self.p)
+            q, change = outputs[: self.kernels.n], outputs[self.kernels.n :]
             size = float(np.max(np.abs(change) / self.sizes, initial=0.0))
             if not size <= 1.0:
                 return None
@@ -134,12 +134,12 @@ class JointsInLoops(JointSpace):
         return None
 
     def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found, count = self._of("joint_spread", q), len(self.sizes)
-        return found[..., :-count].reshape(*found.shape[:-1], count, self.n), found[..., -count:]
+        outputs, count = self._of("joint_spread", q), len(self.sizes)
+        return outputs[..., :-count].reshape(*outputs.shape[:-1], count, self.n), outputs[..., -count:]
 
     def _spread_rate(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        found = self._spread_functions("joint_spread_rate", 0.0, q, v, self.p)
-        return found.reshape(*found.shape[:-1], len(self.sizes), self.n)
+        outputs = self._spread_functions("joint_spread_rate", 0.0, q, v, self.p)
+        return outputs.reshape(*outputs.shape[:-1], len(self.sizes), self.n)
 
     @cached_property
     def _spread_functions(self) -> Functions:
@@ -161,8 +161,8 @@ class JointsInLoops(JointSpace):
         """Which rates are free, and what belongs to them, without assembling anything where it is known."""
 
         def told() -> dict[str, str]:
-            found = self._work.rates
-            return {"layout": json.dumps({"free": list(found.free), "own": list(found.own.items()), "sizes": found.sizes.tolist()})}
+            rates = self._work.rates
+            return {"layout": json.dumps({"free": list(rates.free), "own": list(rates.own.items()), "sizes": rates.sizes.tolist()})}
 
         return json.loads(recall.derived(self.kernels.programs, "layout of joints in loops", told)["layout"])
 

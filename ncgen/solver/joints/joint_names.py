@@ -9,7 +9,8 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import AXES, Point, Relative, Spatial
-from ncgen.symbolic.tree import Screw, Tree, moving
+from ncgen.model.pairs import Screw
+from ncgen.symbolic.tree import Tree, moving
 
 SAME = 1e-9
 """By which the share of a joint in a coordinate's rate may differ from 1, −1 or 0 and still be that."""
@@ -37,24 +38,24 @@ def followed_by(kernels: Kernels, tree: Tree) -> dict[int, tuple[int, float]]:
     if left.size and left.max() > CLOSED:
         row = kernels.rows[int(np.argmax(left.max(axis=1)))]
         raise ModelError(f"{kernels.name}: row {row.label} ({row.owner}) closes a loop")
-    found = {}
+    followed = {}
     for c, share in zip(own, shares, strict=True):
         k = int(np.argmax(np.abs(share)))
         if np.max(np.abs(np.delete(share, k)), initial=0.0) > SAME * abs(share[k]):
             raise ModelError(f"{kernels.name}: joint space needs coordinates of single joints; {kernels.coordinates[c]} is that of none")
-        found[c] = k, float(np.sign(share[k])) if abs(abs(share[k]) - 1.0) < SAME else float(share[k])
-    return found
+        followed[c] = k, float(np.sign(share[k])) if abs(abs(share[k]) - 1.0) < SAME else float(share[k])
+    return followed
 
 
 def _columns(kernels: Kernels, tree: Tree, where: Mapping[int, tuple[Spatial, int]]) -> np.ndarray:
     """What every rate does to the coordinates of elements at the start, shape (n_q, rates)."""
-    found = np.zeros((kernels.n, tree.freedoms))
+    changes = np.zeros((kernels.n, tree.freedoms))
     screws = np.reshape([_screw(screw) for link in tree.links for screw in link.screws], (-1, 6))
     paths = [list(path) for path in tree.paths]
     moved = {e: carried(screws[paths[tree.home[e]]], np.array(e.initial), isinstance(e, Point)) for e in {e for e, _ in where.values()}}
     for c, (element, axis) in where.items():
-        found[c, paths[tree.home[element]]] = moved[element][:, axis]
-    return found
+        changes[c, paths[tree.home[element]]] = moved[element][:, axis]
+    return changes
 
 
 def _screw(screw: Screw) -> np.ndarray:

@@ -230,7 +230,7 @@ def linearise(kernels: Kernels, **arguments: Unpack[StartArguments]) -> Linearis
     """
     start: dict[str, Any] = {**arguments}
     inputs = start.pop("inputs", None)
-    initial = Initial.asked(checked_kernels(kernels), **start)
+    initial = Initial.from_arguments(checked_kernels(kernels), **start)
     if signals_of(kernels, inputs, initial.p):
         raise ModelError("inputs: linearise needs numbers, the values about which inputs change")
     t, p = initial.t, initial.p

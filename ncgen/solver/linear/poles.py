@@ -50,7 +50,7 @@ class Pole:
 
 def poles_of(A: np.ndarray, values: np.ndarray, names: Sequence[str]) -> tuple[Pole, ...]:
     """The poles of a matrix, of each pair one. values: its eigenvalues, in the order wanted; names: of what moves in every state."""
-    size, found = float(np.linalg.norm(scipy.linalg.matrix_balance(A)[0], 2)) if A.size else 0.0, []
+    size, poles = float(np.linalg.norm(scipy.linalg.matrix_balance(A)[0], 2)) if A.size else 0.0, []
     for value in values:
         if value.imag < -TOGETHER * size:
             continue
@@ -58,8 +58,8 @@ def poles_of(A: np.ndarray, values: np.ndarray, names: Sequence[str]) -> tuple[P
         shares = np.abs(np.diag(_projector(A, values[near])))
         shares = shares / np.sum(shares)
         moved = {name: float(sum(s for s, n in zip(shares, names, strict=True) if n == name)) for name in dict.fromkeys(names)}
-        found.append(Pole(complex(value), dict(sorted(moved.items(), key=lambda item: -item[1]))))
-    return tuple(found)
+        poles.append(Pole(complex(value), dict(sorted(moved.items(), key=lambda item: -item[1]))))
+    return tuple(poles)
 
 
 def _projector(A: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -78,13 +78,13 @@ def _projector(A: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def response_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, w: np.ndarray) -> np.ndarray:
     """C (iω − A)⁻¹ B + D at the frequencies w (rad/s), shape (len(w), outputs, inputs). Raises ModelError at a pole."""
-    found = np.empty((len(w), *D.shape), dtype=complex)
+    response = np.empty((len(w), *D.shape), dtype=complex)
     for k, frequency in enumerate(w):
         try:
-            found[k] = C @ np.linalg.solve(1j * frequency * np.eye(len(A)) - A, B.astype(complex)) + D
+            response[k] = C @ np.linalg.solve(1j * frequency * np.eye(len(A)) - A, B.astype(complex)) + D
         except np.linalg.LinAlgError:
             raise ModelError(f"w: {frequency:.6g} rad/s is a pole, where the response has no bound; leave it out") from None
-    return found
+    return response
 
 
 def zeros_of(A: np.ndarray, b: np.ndarray, c: np.ndarray, d: float) -> np.ndarray:

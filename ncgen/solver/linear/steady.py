@@ -87,8 +87,8 @@ def drift(kernels: Kernels, partitions: Partitions, now: Motion, matrix: np.ndar
     if rate <= AGREES * np.sqrt(stiffness):
         return np.zeros(matrix.shape) if _is_balanced(kernels, now, stiffness, p) else None
     search = _Search(kernels, partitions, now, rate, p)
-    found = search.find()
-    return None if found is None else search.slope(found)
+    symmetry = search.find()
+    return None if symmetry is None else search.slope(symmetry)
 
 
 def _is_balanced(kernels: Kernels, now: Motion, stiffness: float, p: np.ndarray | None) -> bool:
@@ -117,14 +117,14 @@ class _Search:
     def find(self) -> np.ndarray | None:
         """Weights of the fields whose sum is the symmetry, or None. What turns by itself is preferred to turning everything."""
         kept = np.vstack([self._changes(state) for state in (self.now, *self._neighbours())])
-        there, wanted = self._at_start()
+        field_values, wanted = self._at_start()
         for allowed in ([i for i, field in enumerate(self.fields) if not field.turns_all], list(range(len(self.fields)))):
             columns = [*allowed, len(self.fields)]
-            norms = np.linalg.norm(there[:, columns], axis=0)
+            norms = np.linalg.norm(field_values[:, columns], axis=0)
             norms[norms == 0.0] = 1.0
             basis = _null_space(kept[:, columns] / norms) / norms[:, None]
-            weights = basis @ np.linalg.lstsq(there[:, columns] @ basis, wanted, rcond=KEPT)[0]
-            if np.max(np.abs(there[:, columns] @ weights - wanted)) <= AGREES:
+            weights = basis @ np.linalg.lstsq(field_values[:, columns] @ basis, wanted, rcond=KEPT)[0]
+            if np.max(np.abs(field_values[:, columns] @ weights - wanted)) <= AGREES:
                 result = np.zeros(len(self.fields))
                 result[allowed] = weights[:-1]
                 return result
@@ -209,16 +209,16 @@ class _Search:
         generator = np.random.default_rng(0)
         sizes, holonomic, velocity = kernels.column_sizes, kernels.holonomic, self.partitions.velocity
         free = null_space(kernels.jacobian(now.q, now.t, p)[holonomic] * sizes / kernels.row_sizes[holonomic, None])
-        found, distance = [], DISTANCE
-        while len(found) < NEIGHBOURS and distance > DISTANCE / 100:
+        neighbours, distance = [], DISTANCE
+        while len(neighbours) < NEIGHBOURS and distance > DISTANCE / 100:
             step = free @ generator.standard_normal(free.shape[1])
             noise = self.rate * sizes[velocity.independent] * generator.standard_normal(len(velocity.independent))
             try:
                 q = solve_position(kernels, now.q + distance * sizes * step / max(np.max(np.abs(step), initial=0.0), 1.0), now.t, p).q
-                found.append(motion_at(kernels, velocity, now.t, q, now.qd[velocity.independent] + noise, p))
+                neighbours.append(motion_at(kernels, velocity, now.t, q, now.qd[velocity.independent] + noise, p))
             except (ConvergenceError, SingularError):
                 distance /= 2  # too far for this mechanism
-        return found
+        return neighbours
 
 
 def _arms(field: Shift | Turn, at: np.ndarray, change: np.ndarray) -> np.ndarray:

@@ -48,7 +48,7 @@ class RowLoad:
 def row_loads(run: Trajectory, largest: float, between: Mapping[str, tuple[str, str]]) -> list[RowLoad]:
     """The loads of all rows that no body owns; rows between coordinates alone have none.
 
-    largest: load on any body, beside which rounding is nothing; between: the two bodies of rows that do not say it, by labels
+    largest: load on any body, to which rounding is compared; between: the two bodies of rows that do not say it, by labels
     """
     model, bonds = run.model, Released(run, build_bonds(run.model))
     places = {
@@ -62,7 +62,7 @@ def row_loads(run: Trajectory, largest: float, between: Mapping[str, tuple[str, 
         slopes = bonds.kernels.phi_q(bonds.position(q), t, run.kernels.present(t, run.p))[numbers]
         history[k] = -lam[numbers, None] * slopes.toarray()
     at = {element: geometry.element(run.kernels, element, run.q, run.p) for element in places}
-    found = []
+    loads_of_rows = []
     for i, number in enumerate(numbers):
         forces = {}
         for element, columns in places.items():
@@ -73,8 +73,8 @@ def row_loads(run: Trajectory, largest: float, between: Mapping[str, tuple[str, 
         if forces:
             row, needs_ground = model.rows[number], _needs_ground(forces, at)
             pair = between.get(row.label) or _said(model, row.owner) or _covering(model, row.owner, forces, needs_ground)
-            found.append(RowLoad(row.label, pair, forces, needs_ground))
-    return found
+            loads_of_rows.append(RowLoad(row.label, pair, forces, needs_ground))
+    return loads_of_rows
 
 
 def body_of(model: Model, direction: Combination) -> str | None:
@@ -120,7 +120,7 @@ def loads_between(
     bodies: Mapping[str, Body],
     ground: str,
     body: str,
-    beside: str,
+    neighbour: str,
     meet: bool = False,
 ) -> list[tuple[Spatial, np.ndarray]]:
     """What a body feels of its neighbour: (element, (K, 3) generalised force) for every element of it that they act through.
@@ -129,28 +129,28 @@ def loads_between(
     Raises ModelError where both have nothing in common, or where a third one has a part in it that cannot be told from theirs.
     """
     mine = bodies[body].elements
-    shared = [e for e in mine if (e.fixed if beside == ground else e in bodies[beside].elements)]
+    shared = [e for e in mine if (e.fixed if neighbour == ground else e in bodies[neighbour].elements)]
     for element in shared:
-        if third := sorted(_owners(bodies, element, ground) - {body, beside}):
-            raise _unknown(element.name, body, beside, third[0])
+        if third := sorted(_owners(bodies, element, ground) - {body, neighbour}):
+            raise _unknown(element.name, body, neighbour, third[0])
     felt: list[tuple[Spatial, np.ndarray]] = [(e, np.stack([loads[c.name] for c in e.components], axis=-1)) for e in shared]
     for row in rows:
         own = [e for e in row.forces if body in _bearers(row, bodies, e, ground)]
         if not own:
             continue
         partners, unsure = _partners(row, bodies, ground, body), [e for e in own if len(_bearers(row, bodies, e, ground)) > 1]
-        if beside not in partners:
+        if neighbour not in partners:
             if any(e in shared for e in unsure):
-                raise _unknown(row.label, body, beside, min(partners))
+                raise _unknown(row.label, body, neighbour, min(partners))
             felt += [(e, -row.forces[e]) for e in own if e in shared]  # that comes from another one
             continue
         if len(partners) > 1:
-            raise _unknown(row.label, body, beside, min(partners - {beside}))
+            raise _unknown(row.label, body, neighbour, min(partners - {neighbour}))
         if held := [e for e in unsure if e not in shared]:
-            raise _unknown(f"{row.label} ({held[0].name})", body, beside, min(_bearers(row, bodies, held[0], ground) - {body}))
+            raise _unknown(f"{row.label} ({held[0].name})", body, neighbour, min(_bearers(row, bodies, held[0], ground) - {body}))
         felt += [(e, row.forces[e]) for e in own if e not in shared]
     if not (felt or meet):
-        raise ModelError(f"body {body} shares no point and no vector with {beside}, and no row ties them")
+        raise ModelError(f"body {body} shares no point and no vector with {neighbour}, and no row ties them")
     return felt
 
 
@@ -168,13 +168,13 @@ def _partners(row: RowLoad, bodies: Mapping[str, Body], ground: str, body: str) 
     """Who is on the other side of a row that acts on a body."""
     if body in row.bodies:
         return set(row.bodies) - {body}
-    found = {name for e in row.forces if body not in _bearers(row, bodies, e, ground) for name in _bearers(row, bodies, e, ground)}
-    found |= {ground} if row.needs_ground else set()
-    return found or {name for e in row.forces for name in _bearers(row, bodies, e, ground)} - {body}
+    opposite = {name for e in row.forces if body not in _bearers(row, bodies, e, ground) for name in _bearers(row, bodies, e, ground)}
+    opposite |= {ground} if row.needs_ground else set()
+    return opposite or {name for e in row.forces for name in _bearers(row, bodies, e, ground)} - {body}
 
 
-def _unknown(what: str, body: str, beside: str, third: str) -> ModelError:
+def _unknown(what: str, body: str, neighbour: str, third: str) -> ModelError:
     return ModelError(
-        f"{what} joins {body} and {beside} with {third}, too, so the wrench between two of them is not known; "
-        "leave beside out for that of all joints"
+        f"{what} joins {body} and {neighbour} with {third}, too, so the wrench between two of them is not known; "
+        "leave neighbour out for that of all joints"
     )

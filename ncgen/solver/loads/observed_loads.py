@@ -38,8 +38,8 @@ def warn_of_shared(run: Trajectory) -> None:
     changes = dict(zip(run.model.outputs, _changes(reactions), strict=True))
     for label, output in run.model.outputs.items():
         names = mentioned(output)
-        if found := sorted(names & drivers):
-            warn(f"{run.name}: output {label}: other rows do what {found[0]} does; one of many shares is given")
+        if ambiguous := sorted(names & drivers):
+            warn(f"{run.name}: output {label}: other rows do what {ambiguous[0]} does; one of many shares is given")
         elif changes[label]:
             name, words = next(each for each in _shared(reactions) if each[0] in names)
             warn(f"{run.name}: output {label}: {name} is not unique ({words}); one of many shares is given")
@@ -47,14 +47,14 @@ def warn_of_shared(run: Trajectory) -> None:
 
 def _changes(reactions: Reactions) -> np.ndarray:
     """(outputs,): True where what can be added to the loads changes an output; a sum of shares does not change."""
-    run, found = reactions.run, np.zeros(len(reactions.run.model.outputs), dtype=bool)
+    run, changing = reactions.run, np.zeros(len(reactions.run.model.outputs), dtype=bool)
     felt = reactions.felt
     for k, added in reactions.changes.items():
         if added.size:
             p = run.kernels.present(float(run.t[k]), run.p)
             slopes = load_slopes(run.kernels, float(run.t[k]), (run.q[k], run.qd[k], run.qdd[k], run.lam[k], felt[k]), p)
-            found |= np.any(np.abs(slopes @ added) > REACHED * (np.abs(slopes) @ np.abs(added)), axis=1)
-    return found
+            changing |= np.any(np.abs(slopes @ added) > REACHED * (np.abs(slopes) @ np.abs(added)), axis=1)
+    return changing
 
 
 def _shared(reactions: Reactions) -> Iterator[tuple[str, str]]:

@@ -81,17 +81,34 @@ class Reactions:
         thing = self._element(body, vector)
         return np.cross(geometry.element(self.run.kernels, thing, self.run.q, self.run.p), self._load(body, thing))
 
-    def wrench(self, body: str, about: str, beside: str | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Force (N) and moment (N m) about a named point of joint loads on a body, global axes, (K, 3) each.
+    def wrench(self, body: str, about: str, neighbour: str | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Compute force and moment of joint loads on a body about a named point, along global axes.
 
-        about: any point of the model; beside: the body on the other side of the joint, or "ground"; None for all joints of the body. What
-            joints made of rows, coordinates that are driven and the user's own rows do to the body is among it
-        Raises ModelError where both have nothing in common, or something with a third body, whose load cannot be told from theirs.
+        Joints made of rows, coordinates that are driven and the user's own rows are included.
+
+        Parameters
+        ----------
+        body : str
+            The body that the loads act on.
+        about : str
+            Any point of the model.
+        neighbour : str, optional
+            The body on the other side of the joint, or "ground"; None for all joints of the body.
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            Force (N) and moment (N m), shape (K, 3) each.
+
+        Raises
+        ------
+        ModelError
+            If both bodies have nothing in common, or something with a third body, whose load cannot be told from theirs.
         """
         run = self.run
         place = geometry.element(run.kernels, self._point(about), run.q, run.p)
         force, moment = np.zeros_like(place), np.zeros_like(place)
-        for element, load in self._felt_from(body, beside):
+        for element, load in self._felt_from(body, neighbour):
             at = geometry.element(run.kernels, element, run.q, run.p)
             if isinstance(element, Vector):
                 moment += np.cross(at, load)
@@ -99,22 +116,22 @@ class Reactions:
                 force += load
                 moment += np.cross(at - place, load)
         for mesh in self.meshes:
-            push = mesh.felt(body, beside or "") * mesh.force
+            push = mesh.felt(body, neighbour or "") * mesh.force
             force += push
             moment += np.cross(mesh.point - place, push)
         return force, moment
 
-    def _felt_from(self, body: str, beside: str | None) -> list[tuple[Element, np.ndarray]]:
+    def _felt_from(self, body: str, neighbour: str | None) -> list[tuple[Element, np.ndarray]]:
         """The elements through which a body feels another one, and the loads; all of its elements without one."""
         if body not in self.loads:
             raise ModelError(f"there is no body {body}; {offer(body, tuple(self.loads), 'the bodies are')}")
         bodies, ground = self.run.model.bodies, self.run.model.ground.name
-        if beside is None:
+        if neighbour is None:
             return [(e, self._load(body, e)) for e in bodies[body].elements]
-        if beside not in (ground, *bodies):
-            raise ModelError(f"beside: there is no body {beside}; {offer(beside, (ground, *bodies), 'the bodies are')}")
-        meet = any({body, beside} == {mesh.first, mesh.second} for mesh in self.meshes)
-        return list(loads_between(self._rows, self.loads[body], bodies, ground, body, beside, meet))
+        if neighbour not in (ground, *bodies):
+            raise ModelError(f"neighbour: there is no body {neighbour}; {offer(neighbour, (ground, *bodies), 'the bodies are')}")
+        meet = any({body, neighbour} == {mesh.first, mesh.second} for mesh in self.meshes)
+        return list(loads_between(self._rows, self.loads[body], bodies, ground, body, neighbour, meet))
 
     @cached_property
     def _rows(self) -> list[RowLoad]:
@@ -123,11 +140,11 @@ class Reactions:
         return row_loads(self.run, largest, racks)
 
     def _point(self, name: str) -> Point:
-        found = self.run.model.elements.get(name)
-        if not isinstance(found, Point):
+        element_named = self.run.model.elements.get(name)
+        if not isinstance(element_named, Point):
             points = tuple(e.name for e in self.run.model.elements.values() if isinstance(e, Point))
             raise ModelError(f"about: there is no point {name}; {offer(name, points, 'the points are')}")
-        return found
+        return element_named
 
     def _load(self, body: str, element: Element) -> np.ndarray:
         return np.stack([self.loads[body][c.name] for c in element.components], axis=-1)
@@ -160,15 +177,15 @@ def reactions(run: Trajectory, pressure_angle: float = PRESSURE_ANGLE) -> Reacti
         history -= np.array([mine.get(c, 0.0 * run.t) for c in share.coordinates]).T
         loads[share.body.name] = dict(zip(share.coordinates, history.T, strict=True))
         felt[share.body.name] = _felt(run, share, history)
-    found = find_shared(run, shares, felt)
-    return Reactions(run, loads, found.unique, found.shared, found.changes, *meshes(run, pressure_angle))
+    unique = find_shared(run, shares, felt)
+    return Reactions(run, loads, unique.unique, unique.shared, unique.changes, *meshes(run, pressure_angle))
 
 
 def _pulls(run: Trajectory) -> dict[str, dict[str, np.ndarray]]:
     """{body: {coordinate: (K,)}} forces of springs and potentials, each on the first body that has the coordinate."""
-    if not (found := build_springs(run.model)).forces:
+    if not (springs_apart := build_springs(run.model)).forces:
         return {}
-    springs = kernels_of(found)
+    springs = kernels_of(springs_apart)
     history = np.array([springs.force(q, qd, t, run.p) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)])
     pulls: dict[str, dict[str, np.ndarray]] = {}
     for name, column in zip(run.coordinates, history.T, strict=True):

@@ -57,15 +57,15 @@ class Released:
 
     def position(self, q: np.ndarray) -> np.ndarray:
         """A position over the share's coordinates: free ones from q (n,), released ones as they are fixed."""
-        found = self._still.copy()
-        found[self._free] = q[self._from]
-        return found
+        position_of_share = self._still.copy()
+        position_of_share[self._free] = q[self._from]
+        return position_of_share
 
     def rate(self, qd: np.ndarray) -> np.ndarray:
         """Velocities or accelerations likewise; released coordinates stand still."""
-        found = np.zeros(len(self.coordinates))
-        found[self._free] = qd[self._from]
-        return found
+        rate_of_share = np.zeros(len(self.coordinates))
+        rate_of_share[self._free] = qd[self._from]
+        return rate_of_share
 
 
 class Share(Released):
@@ -104,13 +104,13 @@ def find_shared(run: Trajectory, shares: list[Share], loads: dict[str, np.ndarra
     loads: {body: (K, elements, 3)}: forces (N) on points, moments (N m) through vectors
     Positions where more is free to choose than at others are singular and left out, unless the motion stays there.
     """
-    looks = np.unique(np.linspace(0, len(run.t) - 1, LOOKS).round().astype(int))
+    instants = np.unique(np.linspace(0, len(run.t) - 1, LOOKS).round().astype(int))
     idle = [_idle_axes(share.body, loads[share.body.name]) for share in shares]
-    changes = [_changes(run, shares, idle, run.t[k], run.q[k]) for k in map(int, looks)]
-    least = min(found[0].shape[1] for found in changes) if shares else 0
+    changes = [_changes(run, shares, idle, run.t[k], run.q[k]) for k in map(int, instants)]
+    least = min(change[0].shape[1] for change in changes) if shares else 0
     unique, sentences = {}, []
     for b, share in enumerate(shares):
-        together = sum(np.abs(found[b] @ found[b].T) for found in changes if found[b].shape[1] == least)
+        together = sum(np.abs(change[b] @ change[b].T) for change in changes if change[b].shape[1] == least)
         reached = np.diag(together) > REACHED**2
         names = [c.name for e in share.body.elements for c in e.components]
         unique[share.body.name] = dict(zip(names, (~reached).tolist(), strict=True))
@@ -118,9 +118,9 @@ def find_shared(run: Trajectory, shares: list[Share], loads: dict[str, np.ndarra
         for group in dict.fromkeys(np.asarray(groups)[reached].tolist()):
             sentences.append(_sentence(share.body, (groups == group).reshape(-1, 3), loads[share.body.name]))
     units = np.concatenate([_units(share) for share in shares]) if shares else np.zeros(0)
-    kept = zip(map(int, looks), changes, strict=True)
-    some = {k: np.vstack(found) for k, found in kept if found and found[0].shape[1] == least}
-    added = {k: np.where(np.abs(found) > REACHED, found, 0.0) / units[:, None] for k, found in some.items()}
+    kept = zip(map(int, instants), changes, strict=True)
+    some = {k: np.vstack(change) for k, change in kept if change and change[0].shape[1] == least}
+    added = {k: np.where(np.abs(change) > REACHED, change, 0.0) / units[:, None] for k, change in some.items()}
     return Findings(unique, tuple(sentences), added)
 
 
@@ -191,7 +191,7 @@ def _rigid_motions(share: Share, q: np.ndarray, idle: np.ndarray) -> np.ndarray:
 
 def _rows_on(share: Share, shares: list[Share], rows: list[np.ndarray]) -> np.ndarray:
     """Rows that other bodies own between elements of this one, columns; a rigid body needs none of them."""
-    place, found = {share.coordinates[k]: k for k in share.own}, []
+    place, columns = {share.coordinates[k]: k for k in share.own}, []
     for other, matrix in zip(shares, rows, strict=True):
         if share.body.rigid or other is share:
             continue
@@ -200,8 +200,8 @@ def _rows_on(share: Share, shares: list[Share], rows: list[np.ndarray]) -> np.nd
             if all(name in place for name in touched):
                 column = np.zeros(len(share.coordinates))
                 column[[place[name] for name in touched]] = row[row != 0]
-                found.append(column)
-    return np.array(found).reshape(-1, len(share.coordinates)).T
+                columns.append(column)
+    return np.array(columns).reshape(-1, len(share.coordinates)).T
 
 
 def _felt(share: Share, change: np.ndarray, q: np.ndarray) -> np.ndarray:

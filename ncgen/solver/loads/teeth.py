@@ -47,13 +47,13 @@ class ToothMesh:
     force: np.ndarray
     slide: str = ""
 
-    def felt(self, body: str, beside: str) -> float:
-        """How many times its force counts in what a body feels of another one, beside what the row has there."""
+    def felt(self, body: str, neighbour: str) -> float:
+        """How many times its force counts in what a body feels of another one, in addition to what the row has there."""
         times = {
             (self.first, self.second): 1.0, (self.second, self.first): -1.0, (self.first, self.carrier): -1.0,
             (self.second, self.carrier): 1.0, (self.carrier, self.first): 1.0, (self.carrier, self.second): -1.0,
         }  # fmt: skip
-        return times.get((body, beside), 0.0)
+        return times.get((body, neighbour), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +80,9 @@ class _Contact:
 
 def meshes(run: Trajectory, pressure_angle: float) -> tuple[tuple[ToothMesh, ...], tuple[str, ...]]:
     """All pairs of sides along a run, and the labels of rows that stay couples; pressure_angle: rad."""
-    found, couples = [], []
+    tooth_meshes, couples = [], []
     for number, row in enumerate(run.kernels.rows):
-        if row.owner.kind != "joint" or row.owner.name.partition(" ")[0] not in ("gear", "rack"):
+        if row.owner.joint not in ("gear", "rack"):
             continue
         contacts = list(_contacts(run, number))
         if len(contacts) != 1:
@@ -92,8 +92,8 @@ def meshes(run: Trajectory, pressure_angle: float) -> tuple[tuple[ToothMesh, ...
         load = -run.lam[:, number, None]
         size = np.abs(load) * np.linalg.norm(at.tangent, axis=1, keepdims=True)
         force = load * at.tangent + np.tan(pressure_angle) * size * at.radial
-        found.append(ToothMesh(row.label, at.first, at.second, at.carrier, at.point, force, at.slide))
-    return tuple(found), tuple(couples)
+        tooth_meshes.append(ToothMesh(row.label, at.first, at.second, at.carrier, at.point, force, at.slide))
+    return tuple(tooth_meshes), tuple(couples)
 
 
 def _contacts(run: Trajectory, number: int) -> Iterator[_Contact]:
@@ -159,10 +159,10 @@ def _racks(run: Trajectory, slide: Length, a: float, angle: Angle, b: float) -> 
         for (held, _), (moving, sense) in ((ends[0], ends[1]), (ends[1], ends[0])):
             for rack in _having(run, (moving,)) - {carrier, wheel.body}:
                 if carrier in _having(run, (held,)) and {carrier, rack} & _having(run, axis.elements):
-                    yield _beside_a_rack(wheel, rack, carrier, sense * _along(run, axis), a, b, row.label)
+                    yield _contact_with_rack(wheel, rack, carrier, sense * _along(run, axis), a, b, row.label)
 
 
-def _beside_a_rack(wheel: _Wheel, rack: str, carrier: str, e: np.ndarray, a: float, b: float, label: str) -> _Contact | None:
+def _contact_with_rack(wheel: _Wheel, rack: str, carrier: str, e: np.ndarray, a: float, b: float, label: str) -> _Contact | None:
     """e: where the rack moves against the carrier as s grows (K, 3)."""
     if np.max(np.abs(np.sum(e * wheel.axis, axis=1)), initial=0.0) > PARALLEL:
         return None
@@ -185,9 +185,9 @@ def _having(run: Trajectory, elements: tuple[Spatial, ...]) -> set[str]:
 
 def _along(run: Trajectory, direction: Combination) -> np.ndarray:
     """A direction's unit vector (K, 3)."""
-    found = np.asarray(geometry.direction(run.kernels, direction, run.q, run.p))
-    found = np.broadcast_to(found, (len(run.t), 3))
-    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+    unit_vectors = np.asarray(geometry.direction(run.kernels, direction, run.q, run.p))
+    unit_vectors = np.broadcast_to(unit_vectors, (len(run.t), 3))
+    return unit_vectors / np.linalg.norm(unit_vectors, axis=-1, keepdims=True)
 
 
 def _wheel(run: Trajectory, angle: Angle, side: tuple[str | None, str | None], carrier: str) -> _Wheel | None:

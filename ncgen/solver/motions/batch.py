@@ -233,7 +233,7 @@ def simulate_batch(
     inputs = arguments.get("inputs")
     in_common: dict[str, Any] = {"integrator": "dopri5", **arguments, "formalism": "coordinate-partitioning"}
     q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
-    run = Run.asked(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
+    run = Run.from_arguments(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
     threads, method = asked_threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
     if inputs:
@@ -243,8 +243,8 @@ def simulate_batch(
     if not np.isfinite(states.zd).all(axis=1).any():
         given = "zd0" if qd0 is None else "qd0"
         raise ModelError(f"{kernels.name}: {given} has numbers that are not finite in every state; correct them")
-    with telling(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as told:
-        return side_by_side(kernels, run, method, states, threads, told, inputs if run.signals else None)
+    with telling(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as advance:
+        return side_by_side(kernels, run, method, states, threads, advance, inputs if run.signals else None)
 
 
 def side_by_side(
@@ -299,12 +299,12 @@ def _begun(
     if not smooth:
         return done
     some = replace(states, q=states.q[smooth], zd=states.zd[smooth], p=states.p[smooth], faults={})
-    found = _in_lanes(kernels, run, method, some, threads, progress, [breaks[i] for i in smooth])
+    outcome = _in_lanes(kernels, run, method, some, threads, progress, [breaks[i] for i in smooth])
     for name in ("q", "qd", "work", "steps", "reached"):
-        getattr(done, name)[smooth] = getattr(found, name)
-    for i, status in zip(smooth, found.status, strict=True):
+        getattr(done, name)[smooth] = getattr(outcome, name)
+    for i, status in zip(smooth, outcome.status, strict=True):
         done.status[i] = status
-    return replace(done, raised=found.raised)
+    return replace(done, raised=outcome.raised)
 
 
 def _in_lanes(
@@ -370,8 +370,8 @@ class _Batch:
         if self.progress:
             self.progress(1.0)
         if warned:
-            said = f"{len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}"
-            warn(f"{self.kernels.name}: {said}")
+            summary = f"{len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}"
+            warn(f"{self.kernels.name}: {summary}")
 
     def _simulate(self, i: int, duration: float, options: dict[str, Any]) -> str:
         """Simulate one state; its status."""

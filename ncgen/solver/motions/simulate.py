@@ -93,7 +93,7 @@ def simulate(
     UserWarning
         Where the energy of the result says that it cannot be right, and where another formalism would be many times faster.
     """
-    run = Run.asked(checked_kernels(kernels), duration, points=points, stop=stop, progress=progress, **arguments)
+    run = Run.from_arguments(checked_kernels(kernels), duration, points=points, stop=stop, progress=progress, **arguments)
     kernels = kernels.driven_by(run.signals)
     choice = choose(run)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
@@ -102,8 +102,8 @@ def simulate(
             f"{kernels.name}: coordinate partitioning solves densely for {counted(freedom, 'degree of freedom')} in every evaluation; "
             "formalism='lagrange' solves sparsely, many times faster"
         )
-    with telling(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as told:
-        return _carry_out(kernels, run, choice, start, told)
+    with telling(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as advance:
+        return _carry_out(kernels, run, choice, start, advance)
 
 
 def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **options: Any) -> Trajectory:
@@ -112,7 +112,7 @@ def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **op
     breaks (B, 2): of the laws in time, as of `break_times`; no step goes from one side of a row to the other
     """
     step, length = float(np.max(np.diff(times))), float(times[-1] - times[0])
-    run = Run.asked(checked_kernels(kernels), length, points=times, max_step=step, **options)
+    run = Run.from_arguments(checked_kernels(kernels), length, points=times, max_step=step, **options)
     kernels, choice = kernels.driven_by(run.signals), choose(run)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
     return _carry_out(kernels, run, choice, start, None, breaks)
@@ -136,25 +136,25 @@ def _carry_out(
         raise Interrupted(motion.trajectory(clock)) from stopped
     except (SingularError, ConvergenceError, DomainError) as error:
         motion.refuse_negative()
-        if found := motion.diverged():
-            raise found from error
+        if trajectory := motion.diverged():
+            raise trajectory from error
         raise
-    found = motion.trajectory(clock)
+    trajectory = motion.trajectory(clock)
     if motion.passage.rests:
         warn(f"{kernels.name}: {motion.passage.rests}")
-    if choice.method.is_constrained and (here := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
-        warn(singular_message(kernels, here))
-    if negative := negative_instant(kernels, found.t, found.q, start.p):
+    if choice.method.is_constrained and (freedoms := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
+        warn(singular_message(kernels, freedoms))
+    if negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p):
         warn(f"{kernels.name}: {negative}")
-    for doubt in doubts(motion.seen(found), motion.tolerances.rtol, choice.method):
+    for doubt in doubts(motion.seen(trajectory), motion.tolerances.rtol, choice.method):
         warn(f"{kernels.name}: {doubt}")
-    return found
+    return trajectory
 
 
-def _with_looks(times: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _with_looks(times: np.ndarray, extra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A grid with instants inside it put between its own where they are others, and a mask of these."""
-    looks = looks[times[np.searchsorted(times, looks)] != looks]
-    both = np.concatenate([times, looks])
+    extra = extra[times[np.searchsorted(times, extra)] != extra]
+    both = np.concatenate([times, extra])
     order = np.argsort(both, kind="stable")
     return both[order], order >= len(times)
 
@@ -199,11 +199,11 @@ class _Motion:
 
     def __post_init__(self) -> None:
         self.path = Path.empty(self.kernels.n, self.start.partitions)
-        told = self.run.signals.told if self.run.signals else ()
+        functions = self.run.signals.told if self.run.signals else ()
         rounding = compiled.rounding(self.run.number)
         ends = float(self.times[0]), float(self.times[-1])
-        start, found = self.start, self.given_breaks
-        self.breaks = break_times(self.kernels, start.p, *ends, told, rounding) if found is None else found
+        start, breaks = self.start, self.given_breaks
+        self.breaks = break_times(self.kernels, start.p, *ends, functions, rounding) if breaks is None else breaks
         self.passage = Passage()
         self.jumps = driver_jumps(self.kernels, start.p, start.q, self.breaks)
         self.tolerances = Tolerances.of(self.run, self.kernels.length, compiled.rounding(self.run.number))
@@ -345,27 +345,27 @@ class _Motion:
     def _rows(self) -> tuple[np.ndarray, np.ndarray]:
         """Times of the path's rows, and a mask of those that were not asked for."""
         path = self.path
-        times, looks = self.times[: len(path.q)], self.looks[: len(path.q)]
+        times, is_extra = self.times[: len(path.q)], self.looks[: len(path.q)]
         if path.stopped is None:
-            return times, looks
+            return times, is_extra
         return np.append(self.times[: len(path.q) - 1], path.stopped), np.append(self.looks[: len(path.q) - 1], False)
 
-    def seen(self, found: Trajectory) -> Trajectory:
+    def seen(self, run: Trajectory) -> Trajectory:
         """A trajectory at the instants at which it is looked at, and at its ends."""
-        (times, looks), path = self._rows(), self.path
+        (times, is_extra), path = self._rows(), self.path
         if len(self.jumps):
             times = beside(self.breaks, times)  # a row at a jump is of the time before it
-        elif not np.any(looks):
-            return found
-        shown = looks.copy() if np.any(looks) else np.ones(len(looks), dtype=bool)
+        elif not np.any(is_extra):
+            return run
+        shown = is_extra.copy() if np.any(is_extra) else np.ones(len(is_extra), dtype=bool)
         shown[[0, -1]] = True
-        return replace(found, t=times[shown], q=path.q[shown], qd=path.qd[shown], work=path.work[shown])
+        return replace(run, t=times[shown], q=path.q[shown], qd=path.qd[shown], work=path.work[shown])
 
     def trajectory(self, clock: _Stopwatch) -> Trajectory:
         """The motion at the instants that were asked for, as far as it came."""
         path, run, method = self.path, self.run, self.choice.method
-        times, looks = self._rows()
-        wanted = ~looks
+        times, is_extra = self._rows()
+        wanted = ~is_extra
         steps, evaluations, newton_steps, changes, repeated = map(int, path.counts)
         seconds, preparation = clock.read()
         spent = Statistics(

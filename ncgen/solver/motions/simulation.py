@@ -109,10 +109,10 @@ def start(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
 
 def stepped(kernels: Kernels, arguments: MotionArguments) -> tuple[str, float, float | None, dict[str, Any], Initial]:
     """Return integrator, tolerances, inputs and start of a simulation that is moved step by step. Raises ModelError."""
-    asked = {**DEFAULTS, **arguments}
-    method = asked["integrator"], relative_tolerance(asked["rtol"]), asked["atol"]
-    at = Initial.asked(kernels, **{name: asked[name] for name in StartArguments.__annotations__ if name != "inputs"})
-    return *method, values_by_name(asked["inputs"], "inputs"), at
+    options = {**DEFAULTS, **arguments}
+    method = options["integrator"], relative_tolerance(options["rtol"]), options["atol"]
+    at = Initial.from_arguments(kernels, **{name: options[name] for name in StartArguments.__annotations__ if name != "inputs"})
+    return *method, values_by_name(options["inputs"], "inputs"), at
 
 
 class Simulation:
@@ -132,11 +132,11 @@ class Simulation:
         self.kernels, self.integrator = kernels, explicit(integrator)
         from ncgen.mechanism.moving import Moving
 
-        stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
+        stepping, start = prepared(kernels, self.integrator, rtol, atol, at)
         self._now = Moving(stepping())
         self._alone = Alone(kernels.name)
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
-        self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, here.q, here.qd, here.p
+        self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, start.q, start.qd, start.p
         self._mechanism = compiled.checked_compiled(kernels).fingerprint
         self.drive(**inputs)
         if has_events(kernels.model):
@@ -244,8 +244,8 @@ class Simulation:
             finite(self[name], f"step: {name}")
         now = self._now
         words = f"a step of {h:.6g} s from t = {now.t:.6g} s on does not succeed ({status})"
-        found = on_the_way(self.kernels, now.q, now.qd, now.t, now.t + h, now.p)
-        return found or ConvergenceError(
+        error = on_the_way(self.kernels, now.q, now.qd, now.t, now.t + h, now.p)
+        return error or ConvergenceError(
             f"{self.kernels.name}: {words}; the mechanism locks there or comes to a singular position, or the step is too long"
         )
 
@@ -283,8 +283,8 @@ class Simulation:
         with self._alone:
             status = self._now.settle()
         if status != "ok":
-            said = f"at t = {self.t:.6g} s the loops do not close ({status})"
-            raise ConvergenceError(f"{self.kernels.name}: {said}; start nearer to a closed position")
+            problem = f"at t = {self.t:.6g} s the loops do not close ({status})"
+            raise ConvergenceError(f"{self.kernels.name}: {problem}; start nearer to a closed position")
         return self
 
     @property
@@ -347,15 +347,15 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
         raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
     kernels = compiled.checked_compiled(kernels)
     form = compiled.form_of(kernels, method)
-    here = begin(kernels, at, partitioned=False)
-    check_mass(kernels, here.q, at.t, here.p)
-    rank = freedom_at(kernels, here.q, at.t, here.p).rank
+    start = begin(kernels, at, partitioned=False)
+    check_mass(kernels, start.q, at.t, start.p)
+    rank = freedom_at(kernels, start.q, at.t, start.p).rank
     least = absolute(rtol, atol)
     sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
     from ncgen.mechanism.moving import Stepping
 
     dynamics = compiled.all_coordinates(kernels, form=form)
-    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double"), cross), here
+    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double"), cross), start
 
 
 def outputs_at(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, p: np.ndarray) -> np.ndarray:

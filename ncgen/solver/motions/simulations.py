@@ -137,13 +137,13 @@ class Simulations:
         from ncgen.mechanism.moving import MovingRow, MovingRows
 
         self.kernels, self.integrator, self.size = kernels, explicit(integrator), size
-        stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
+        stepping, start = prepared(kernels, self.integrator, rtol, atol, at)
         self._alone = Alone(kernels.name)
         self._now = now = MovingRows([stepping() for _ in range(threads)], size)
         vars(self).update({name: getattr(now, name) for name in HELD})
         self._mechanism = checked_compiled(kernels).fingerprint
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
-        self.t[:], self.q[:], self.qd[:], self.p[:] = at.t, here.q, here.qd, here.p
+        self.t[:], self.q[:], self.qd[:], self.p[:] = at.t, start.q, start.qd, start.p
         self.drive(**inputs)
         if has_events(kernels.model):
             rows = (MovingRow(now, row) for row in range(size))
@@ -197,15 +197,15 @@ class Simulations:
     def _numbers(self, name: str, values: ArrayLike) -> np.ndarray:
         known_name(name, tuple(self._places), "step", "input")
         try:
-            found = numbers(values, f"step: {name}")
+            array = numbers(values, f"step: {name}")
         except NcgenError:
             raise ModelError(f"step: {name} is {shown(values)}; it must be a number, or {self.size} of them") from None
-        if found.shape not in ((), (self.size,)):
-            raise ModelError(f"step: {name} has the shape {found.shape}; it must be a number, or {self.size} of them")
-        if not np.all(np.isfinite(found)):
-            row = int(np.argmin(np.isfinite(np.broadcast_to(found, self.size))))
-            raise ModelError(f"step: {name} is {np.broadcast_to(found, self.size)[row]} for simulation {row}; it must be a finite number")
-        return found
+        if array.shape not in ((), (self.size,)):
+            raise ModelError(f"step: {name} has the shape {array.shape}; it must be a number, or {self.size} of them")
+        if not np.all(np.isfinite(array)):
+            row = int(np.argmin(np.isfinite(np.broadcast_to(array, self.size))))
+            raise ModelError(f"step: {name} is {np.broadcast_to(array, self.size)[row]} for simulation {row}; it must be a finite number")
+        return array
 
     def step(self, h: float, /, **inputs: ArrayLike) -> Simulations:
         """All on by h seconds, with inputs that keep their values meanwhile. Returns the simulations themselves.
@@ -245,8 +245,8 @@ class Simulations:
         t, status = float(self.t[row]), STATUS[int(self._now.statuses[row])]
         words = f"simulation {row} of {self.size} does not get on by {h:.6g} s from t = {t:.6g} s ({status})"
         more = f", nor do {len(rows) - 1} others" if len(rows) > 1 else ""
-        found = on_the_way(self.kernels, self.q[row], self.qd[row], t, t + h, self.p[row])
-        return found or ConvergenceError(f"{self.kernels.name}: {words}{more}; those that are stuck stay where they were: reset them")
+        error = on_the_way(self.kernels, self.q[row], self.qd[row], t, t + h, self.p[row])
+        return error or ConvergenceError(f"{self.kernels.name}: {words}{more}; those that are stuck stay where they were: reset them")
 
     @property
     def states(self) -> States:
@@ -284,8 +284,8 @@ class Simulations:
         with self._alone:
             for row in self._rows(rows).tolist():
                 if (status := self._now.settle(row)) != "ok":
-                    said = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
-                    raise ConvergenceError(f"{self.kernels.name}: {said}; start nearer to a closed position")
+                    problem = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
+                    raise ConvergenceError(f"{self.kernels.name}: {problem}; start nearer to a closed position")
                 self._now.next_step[row] = 0.0
         return self
 
@@ -294,19 +294,19 @@ class Simulations:
         if rows is None:
             return np.arange(self.size)
         try:
-            found = np.atleast_1d(rows)
+            array = np.atleast_1d(rows)
         except ValueError:  # lists of different lengths
-            found = np.empty(1)
-        if found.dtype == bool and found.shape == (self.size,):
-            return np.flatnonzero(found)
-        if not found.size:
+            array = np.empty(1)
+        if array.dtype == bool and array.shape == (self.size,):
+            return np.flatnonzero(array)
+        if not array.size:
             return np.arange(0)
-        whole = found.ndim == 1 and np.issubdtype(found.dtype, np.integer)
-        if not (whole and found.min() >= 0 and found.max() < self.size):
+        whole = array.ndim == 1 and np.issubdtype(array.dtype, np.integer)
+        if not (whole and array.min() >= 0 and array.max() < self.size):
             raise ModelError(
                 f"rows: {self.kernels.name} has simulations 0 to {self.size - 1}; give their numbers, or a mask ({self.size},)"
             )
-        return found
+        return array
 
     @property
     def qdd(self) -> np.ndarray:
@@ -316,8 +316,8 @@ class Simulations:
                 return np.array([each.accelerations() for each in self._steps])
             for row in range(self.size):
                 if (status := self._now.evaluate(row)) != "ok":
-                    said = f"simulation {row} has no accelerations at t = {self.t[row]:.6g} s ({status})"
-                    raise ConvergenceError(f"{self.kernels.name}: {said}")
+                    problem = f"simulation {row} has no accelerations at t = {self.t[row]:.6g} s ({status})"
+                    raise ConvergenceError(f"{self.kernels.name}: {problem}")
             return self._now.qdd.copy()
 
     @property
@@ -326,8 +326,8 @@ class Simulations:
         for each in self._steps:
             each.check_outputs()
         qdd = self.qdd if uses_accelerations(self.kernels.model) else np.zeros_like(self.q)
-        found = [outputs_at(self.kernels, *row) for row in zip(self.t, self.q, self.qd, qdd, self.p, strict=True)]
-        return dict(zip(self.kernels.model.outputs, np.array(found).T, strict=True))
+        rows = [outputs_at(self.kernels, *row) for row in zip(self.t, self.q, self.qd, qdd, self.p, strict=True)]
+        return dict(zip(self.kernels.model.outputs, np.array(rows).T, strict=True))
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A coordinate, rate(…) of one, an output or an input of all (N,), as a copy. Raises ModelError for another name."""

@@ -82,12 +82,12 @@ class Choice:
             raise ModelError(f"{kernels.name}: no state of the batch has finite q and p; correct them")
         refused: dict[bytes, NcgenError] = {}
         for i in finite:
-            here = q[i].tobytes() + p[i].tobytes()
-            if here not in refused:
+            key = q[i].tobytes() + p[i].tobytes()
+            if key not in refused:
                 try:
                     return cls.at(kernels, q[i], t, p[i], z, method, rates)
                 except (SingularError, DomainError) as error:
-                    refused[here] = error
+                    refused[key] = error
         raise next(iter(refused.values()))
 
 
@@ -202,25 +202,25 @@ def _rates_given(
     names: of the coordinates whose velocities count, the others are those of least kinetic energy; None for all
     """
     kernels, faults, warned = choice.kernels, {}, []
-    found = np.full((len(q), len(choice.names)), np.nan)
+    velocities = np.full((len(q), len(choice.names)), np.nan)
     known: dict[bytes, np.ndarray] = {}
     finite = np.isfinite(qd).all(axis=1) & np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1)
     for i in np.flatnonzero(finite).tolist():
-        here = qd[i].tobytes() + q[i].tobytes() + p[i].tobytes()
-        if here not in known:
+        key = qd[i].tobytes() + q[i].tobytes() + p[i].tobytes()
+        if key not in known:
             given = qd[i] if names is None else {name: qd[i, kernels.index[name]] for name in names}
             try:
                 with warnings.catch_warnings(record=True) as caught:
                     warnings.simplefilter("always")
-                    known[here] = given_velocity(kernels, given, q[i], t, p[i])[choice.places]
+                    known[key] = given_velocity(kernels, given, q[i], t, p[i])[choice.places]
             except (NcgenError, np.linalg.LinAlgError) as error:
                 faults[i] = str(error)
                 continue
             warned += [f"state {i}: {caught[0].message}"] if caught else []
-        found[i] = known[here]
+        velocities[i] = known[key]
     if warned:
         warn(f"{kernels.name}: qd0 of {len(warned)} of {len(q)} states is not what they start with; {warned[0]}")
-    return found, faults
+    return velocities, faults
 
 
 def _rows(
@@ -241,12 +241,12 @@ def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np
     q, faults = q.copy(), refused_parameters(kernels, p)
     q[list(faults)] = np.nan
     open_[list(faults)] = False
-    found: dict[bytes, np.ndarray | str] = {}
+    positions_by_key: dict[bytes, np.ndarray | str] = {}
     for i in np.flatnonzero(open_ | _may_be_mirrored(kernels, q, p)):
-        here = q[i].tobytes() + p[i].tobytes()
-        if here not in found:
-            found[here] = _assembled(kernels, q[i], t, p[i])
-        place = found[here]
+        key = q[i].tobytes() + p[i].tobytes()
+        if key not in positions_by_key:
+            positions_by_key[key] = _assembled(kernels, q[i], t, p[i])
+        place = positions_by_key[key]
         if isinstance(place, str):
             faults[int(i)], q[i] = place, np.nan
         else:

@@ -176,9 +176,9 @@ class _Followed:
     def from_near(self, rows: np.ndarray, t: list[float]) -> list[np.ndarray]:
         """Positions at some instants, each near another that may be some way off."""
         with suppress(ConvergenceError):
-            found = [self._root(q, now) for q, now in zip(rows, t, strict=True)]
-            check_mirror_roots(self.kernels, np.array(found).reshape(rows.shape), self.p)
-            return found
+            positions = [self._root(q, now) for q, now in zip(rows, t, strict=True)]
+            check_mirror_roots(self.kernels, np.array(positions).reshape(rows.shape), self.p)
+            return positions
         return [self._from_afar(q, now) for q, now in zip(rows, t, strict=True)]
 
     def _from_afar(self, q: np.ndarray, t: float) -> np.ndarray:
@@ -200,13 +200,13 @@ class _Followed:
         rows = [(i, row.owner.name) for i, row in enumerate(kernels.rows) if row.owner.kind == "driver"]
         wanted = kernels.phi(q, now, self.p)
         drivers = [(name, q[kernels.index[name]], q[kernels.index[name]] - wanted[i]) for i, name in rows if name in kernels.index]
-        asked = ", ".join(f"{name} = {value:.9g}" for name, _, value in drivers)
+        targets = ", ".join(f"{name} = {value:.9g}" for name, _, value in drivers)
         reached = ", ".join(f"{name} = {value:.9g}" for name, value, _ in drivers)
-        found = np.array(path)
+        positions = np.array(path)
         if is_dead_centre(kernels, q, t, self.p, np.arange(kernels.n)):
-            message = f"{kernels.name}: {asked} at t = {now:.9g} s is beyond a dead centre at {reached}, t = {t:.9g} s"
-            return DeadCentreError(f"{message}; the positions up to there are `positions` of the error", error.history, found)
-        return ConvergenceError(f"{kernels.name}: the motion to t = {now:.9g} s ends at t = {t:.9g} s, {reached}; {error}", (), found)
+            message = f"{kernels.name}: {targets} at t = {now:.9g} s is beyond a dead centre at {reached}, t = {t:.9g} s"
+            return DeadCentreError(f"{message}; the positions up to there are `positions` of the error", error.history, positions)
+        return ConvergenceError(f"{kernels.name}: the motion to t = {now:.9g} s ends at t = {t:.9g} s, {reached}; {error}", (), positions)
 
     def from_one_to_next(self, q: np.ndarray, before: float, now: float, halvings: int = HALVINGS) -> np.ndarray:
         """The position at an instant from that at another; in parts where it does not close at once, so that it stays on its branch."""

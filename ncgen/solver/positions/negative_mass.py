@@ -43,10 +43,10 @@ def refuse_negative_ahead(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: fl
         return
     for time in np.linspace(0.0, 2 * dt, AHEAD).tolist():
         try:
-            here = solve_position(kernels, q + time * qd, t + time, p).q
+            position = solve_position(kernels, q + time * qd, t + time, p).q
         except (ConvergenceError, DomainError):
             return
-        refuse_negative(kernels, here, t + time, p)
+        refuse_negative(kernels, position, t + time, p)
 
 
 def negative_instant(kernels: Kernels, t: np.ndarray, q: np.ndarray, p: np.ndarray) -> str | None:

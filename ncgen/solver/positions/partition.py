@@ -83,13 +83,13 @@ def partitions_for(
 ) -> Partitions:
     """Partitions at q on the coordinates that were asked for, z, else those that the model names, else those whose rates are given by name,
     if they determine the position. Arguments and errors as for `choose_partition`."""
-    asked = tuple(z or kernels.model.chosen_independent)
-    if not asked and (named := tuple(rates)):
+    wanted = tuple(z or kernels.model.chosen_independent)
+    if not wanted and (named := tuple(rates)):
         try:
             return choose_partitions(kernels, q, t, p, named)
         except (ModelError, SingularError):  # whoever needs these rates says which is not independent
             pass
-    return choose_partitions(kernels, q, t, p, asked)
+    return choose_partitions(kernels, q, t, p, wanted)
 
 
 def other_partitions(kernels: Kernels, present: Partitions, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> Partitions:
@@ -119,10 +119,10 @@ def choose_partition(
     Raises SingularError if q is singular, ModelError if the wanted coordinates do not determine the position.
     """
     if rows is None:
-        found = freedom(kernels, q, t, p)
-        if found.is_singular:
-            raise SingularError(singular_message(kernels, found))
-        rows = np.array(found.kept_rows, dtype=int)
+        mobility = freedom(kernels, q, t, p)
+        if mobility.is_singular:
+            raise SingularError(singular_message(kernels, mobility))
+        rows = np.array(mobility.kept_rows, dtype=int)
     wanted = [_position(kernels, name) for name in independent]
     if kernels.m == len(rows) >= DENSE and (measured := _measured(kernels, wanted)):
         return Partition(rows, np.setdiff1d(np.arange(kernels.n), measured), np.array(measured))
@@ -148,8 +148,8 @@ def _measured(kernels: Kernels, wanted: list[int]) -> list[int]:
     """Coordinates that measure the joints of a large open tree, one each, those that are wanted first; [] where they are none of these."""
     tree = open_tree(kernels)
     measured = {screw: c for c, (screw, _) in tree.measured.items()} if tree else {}
-    found = set(measured.values())
-    return wanted + sorted(found - set(wanted)) if tree and len(found) == len(tree.screws) and set(wanted) <= found else []
+    measuring = set(measured.values())
+    return wanted + sorted(measuring - set(wanted)) if tree and len(measuring) == len(tree.screws) and set(wanted) <= measuring else []
 
 
 def _position(kernels: Kernels, name: str) -> int:
@@ -167,13 +167,13 @@ def quality(kernels: Kernels, partition: Partition, q: np.ndarray, t: float = 0.
     return float(smallest / max(np.linalg.norm(jacobian), 1e-300))
 
 
-def singular_message(kernels: Kernels, found: Freedom) -> str:
+def singular_message(kernels: Kernels, mobility: Freedom) -> str:
     """One line about a singular position: the rank, and what can move there and nowhere else."""
-    motion = found.vanishing[:, 0]
+    motion = mobility.vanishing[:, 0]
     movers = np.argsort(-np.abs(motion))[:3]
     names = ", ".join(kernels.coordinates[i] for i in movers if abs(motion[i]) > 1e-6)
     return (
-        f"{kernels.name}: the position is singular, rank {found.rank_here} where {found.rank} is general; "
+        f"{kernels.name}: the position is singular, rank {mobility.rank_here} where {mobility.rank} is general; "
         f"the extra motion moves {names}; start from another position"
     )
 
@@ -246,8 +246,8 @@ def kinematics_of_many(
         one = slice(0, 1) if (q == q[0]).all() and (p == p[0]).all() and (right == right[0]).all() else slice(None)  # a start for all
         jacobian, right = kernels.dense_jacobians(q[one], t, p[one])[:, partition.rows], right[one]
         known = np.concatenate([-jacobian[:, :, partition.independent], right[:, partition.rows, None]], axis=2)
-        found = np.linalg.solve(jacobian[:, :, partition.dependent], known)
-        R[:, partition.dependent], particular[:, partition.dependent] = found[:, :, :-1], found[:, :, -1]
+        solution = np.linalg.solve(jacobian[:, :, partition.dependent], known)
+        R[:, partition.dependent], particular[:, partition.dependent] = solution[:, :, :-1], solution[:, :, -1]
     return R, particular
 
 

@@ -130,8 +130,8 @@ def _least_step(
     sizes = kernels.row_sizes[rows]
     if DENSE <= len(rows) <= len(free):
         jacobian = kernels.phi_q(q, t, p)[rows][:, free]
-        if found := independent_rows(scaled(jacobian, 1 / sizes, np.ones(len(free)))):
-            return found.least(right)
+        if independent := independent_rows(scaled(jacobian, 1 / sizes, np.ones(len(free)))):
+            return independent.least(right)
     return np.linalg.lstsq(kernels.jacobian(q, t, p)[np.ix_(rows, free)] / sizes[:, None], right, rcond=1e-10)[0]
 
 
@@ -249,13 +249,13 @@ def _stopped(
     """The error of a displacement of the named coordinates that ends before their values `end` are reached, at the last one of `path`."""
     where = [kernels.index[name] for name in names]
     free = np.array([i for i in range(kernels.n) if i not in where], dtype=int)
-    asked = ", ".join(f"{name} = {value:.9g}" for name, value in zip(names, end, strict=True))
+    targets = ", ".join(f"{name} = {value:.9g}" for name, value in zip(names, end, strict=True))
     reached = ", ".join(f"{name} = {value:.9g}" for name, value in zip(names, path[-1][where], strict=True))
-    found = np.array(path)
+    positions = np.array(path)
     if is_dead_centre(kernels, path[-1], t, p, free):
-        message = f"{kernels.name}: {asked} is beyond a dead centre at {reached}; the positions up to there are `positions` of the error"
-        return DeadCentreError(message, error.history, found)
-    return ConvergenceError(f"{kernels.name}: {asked} is not reached, the way ends at {reached}; {error}", error.history, found)
+        message = f"{kernels.name}: {targets} is beyond a dead centre at {reached}; the positions up to there are `positions` of the error"
+        return DeadCentreError(message, error.history, positions)
+    return ConvergenceError(f"{kernels.name}: {targets} is not reached, the way ends at {reached}; {error}", error.history, positions)
 
 
 def sweep(

@@ -95,17 +95,17 @@ def trial_positions(
     """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
     generator = np.random.default_rng(0)
     sizes, tolerance, allowed = kernels.column_sizes, closeness_at(kernels, q), _allowed(kernels, q, t, p)
-    found = [np.asarray(q, dtype=float)]
+    positions = [np.asarray(q, dtype=float)]
     for attempt in range(4 * count):
-        if len(found) > count or allowed is None:
+        if len(positions) > count or allowed is None:
             break
         step = allowed(generator.standard_normal(kernels.n))
         guess = q + distance / (1 + attempt // count) * sizes * step / max(np.max(np.abs(step)), 1e-300)
         try:
-            found.append(solve_position(kernels, guess, t, p, tolerance=tolerance).q)
+            positions.append(solve_position(kernels, guess, t, p, tolerance=tolerance).q)
         except ConvergenceError:
             continue  # too far for this mechanism: the next attempts are nearer
-    return found
+    return positions
 
 
 @dataclass(frozen=True)
@@ -134,8 +134,8 @@ class Freedom:
     positions: int
 
     def __repr__(self) -> str:
-        here = f", {self.rank_here} here: singular" if self.is_singular else ""
-        return f"<Freedom {self.dof}: rank {self.rank}{here}, {len(self.redundant)} redundant rows>"
+        where = f", {self.rank_here} here: singular" if self.is_singular else ""
+        return f"<Freedom {self.dof}: rank {self.rank}{where}, {len(self.redundant)} redundant rows>"
 
     @property
     def is_singular(self) -> bool:
@@ -181,23 +181,31 @@ def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Free
 
 def _is_described(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
     """True where a position is the one that the model describes, in which most runs begin, and its rows are many."""
-    here = t == 0.0 and np.array_equal(q, kernels.q0) and np.array_equal(p, kernels.p0)
-    return here and kernels.m >= KEPT
+    is_start = t == 0.0 and np.array_equal(q, kernels.q0) and np.array_equal(p, kernels.p0)
+    return is_start and kernels.m >= KEPT
 
 
 def _freedom_from_cache(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
     """The degrees of freedom in the position that a model describes, from the cache or found now."""
 
     def plain() -> dict[str, str]:
-        found = _freedom(kernels, q, t, p)
-        redundant = [[row.row, *map(list, row.implied_by.items())] for row in found.redundant]
-        parts = found.rank, found.rank_here, found.dof, redundant, found.kept_rows, found.vanishing.tolist(), found.positions
+        mobility = _freedom(kernels, q, t, p)
+        redundant = [[row.row, *map(list, row.implied_by.items())] for row in mobility.redundant]
+        parts = (
+            mobility.rank,
+            mobility.rank_here,
+            mobility.dof,
+            redundant,
+            mobility.kept_rows,
+            mobility.vanishing.tolist(),
+            mobility.positions,
+        )
         return {"freedom": json.dumps(parts)}
 
-    told = f"freedom {kernels.backend} {version('scipy')}"
-    rank, here, dof, rows, kept, vanishing, positions = json.loads(derived(kernels.programs, told, plain)["freedom"])
+    description = f"freedom {kernels.backend} {version('scipy')}"
+    rank, rank_here, dof, rows, kept, vanishing, positions = json.loads(derived(kernels.programs, description, plain)["freedom"])
     redundant = tuple(Redundancy(row, {k: c for k, c in implied}) for row, *implied in rows)
-    return Freedom(rank, here, dof, redundant, tuple(kept), np.array(vanishing, dtype=float).reshape(kernels.n, -1), positions)
+    return Freedom(rank, rank_here, dof, redundant, tuple(kept), np.array(vanishing, dtype=float).reshape(kernels.n, -1), positions)
 
 
 def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
@@ -274,9 +282,9 @@ def _extra_motions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, ran
 
     They are what is left of the null space at q beside that of a neighbouring position in general position.
     """
-    here = null_space(scaled_jacobian(kernels, q, t, p) / largest)
-    beside = trial_positions(kernels, q, t, p, distance=NEIGHBOUR)[1:]
-    spaces = [null_space(scaled_jacobian(kernels, x, t, p) / largest) for x in beside]
+    null_here = null_space(scaled_jacobian(kernels, q, t, p) / largest)
+    neighbours = trial_positions(kernels, q, t, p, distance=NEIGHBOUR)[1:]
+    spaces = [null_space(scaled_jacobian(kernels, x, t, p) / largest) for x in neighbours]
     general = next((s for s in spaces if s.shape[1] == kernels.n - rank), np.zeros((kernels.n, 0)))
-    left, _, _ = np.linalg.svd(here.T @ general, full_matrices=True)
-    return here @ left[:, general.shape[1] :]
+    left, _, _ = np.linalg.svd(null_here.T @ general, full_matrices=True)
+    return null_here @ left[:, general.shape[1] :]

@@ -40,16 +40,16 @@ def looks(run: Run, method: Method) -> np.ndarray:
     return run.times[0] + SHARES * run.duration
 
 
-def doubts(seen: Trajectory, rtol: float, method: Method) -> list[str]:
+def doubts(run: Trajectory, rtol: float, method: Method) -> list[str]:
     """What speaks against a motion, in words.
 
     seen: the motion at the instants at which the energy was looked at, its ends included; rtol: that was kept
     """
     feedback = method.options.get("stabilisation") in ("baumgarte", "none")
-    said = [] if feedback or method.has_fixed_step else _contradiction(seen)
-    change = drift(seen.kernels, seen.t, seen.q, seen.qd, seen.work, seen.p)
+    reasons = [] if feedback or method.has_fixed_step else _contradiction(run)
+    change = drift(run.kernels, run.t, run.q, run.qd, run.work, run.p)
     if feedback and change > LARGE:
-        said.append(
+        reasons.append(
             f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "
             "the motion may have left its branch, take smaller steps or another formalism"
         )
@@ -59,12 +59,12 @@ def doubts(seen: Trajectory, rtol: float, method: Method) -> list[str]:
             if method.is_constrained
             else "which formalism='lagrange' does better, or be too long for the tolerance"
         )
-        said.append(
+        reasons.append(
             f"the energy changes by {change:.1g} of what moves, although rtol is {rtol:g}: "
             f"the motion may have passed a singular position, {other}"
         )
-    if feedback and not method.has_fixed_step and (violation := float(seen.violation().max())) > OPEN * rtol:
-        said.append(
+    if feedback and not method.has_fixed_step and (violation := float(run.violation().max())) > OPEN * rtol:
+        reasons.append(
             f"{method.formalism.name} holds the constraints to {violation:.1g} only (relative), although rtol is {rtol:g}; "
             + (
                 "raise alpha or omega (options), or take formalism='lagrange'"
@@ -72,19 +72,19 @@ def doubts(seen: Trajectory, rtol: float, method: Method) -> list[str]:
                 else "take stabilisation='projection'"
             )
         )
-    return said
+    return reasons
 
 
-def _contradiction(seen: Trajectory) -> list[str]:
+def _contradiction(run: Trajectory) -> list[str]:
     """What drivers and velocity rows demand that no velocity can do: projections then leave a remainder in Φ_q q̇ = ν. Velocities of rest
     always satisfy rows without either. A remainder is set beside the velocities; where a driver comes to rest these are rounding, and
     count as what would move nothing by a share of its size in the whole run."""
-    kernels, p = seen.kernels, seen.p
+    kernels, p = run.kernels, run.p
     if len(kernels.holonomic) == kernels.m and "nu" not in kernels.programs.programs:
         return []
-    rounding = float(np.finfo(NUMBERS[seen.number].dtype).eps)
-    worst, said, slow = max(IMPOSSIBLE, ROUNDINGS * rounding), [], IMPOSSIBLE / max(seen.t[-1] - seen.t[0], np.finfo(float).tiny)
-    for t, q, qd in zip(seen.t, seen.q, seen.qd, strict=True):
+    rounding = float(np.finfo(NUMBERS[run.number].dtype).eps)
+    worst, reasons, slow = max(IMPOSSIBLE, ROUNDINGS * rounding), [], IMPOSSIBLE / max(run.t[-1] - run.t[0], np.finfo(float).tiny)
+    for t, q, qd in zip(run.t, run.q, run.qd, strict=True):
         nu = kernels.nu(q, t, p)
         if len(kernels.holonomic) == kernels.m and not np.any(nu):
             continue
@@ -94,6 +94,6 @@ def _contradiction(seen: Trajectory) -> list[str]:
         row = int(np.argmax(share))
         if share[row] > worst:
             worst = share[row]
-            said = [f"at t = {t:.6g} s no velocities satisfy all rows: {kernels.rows[row].label} is off by {rest[row]:.3g} a second, "
+            reasons = [f"at t = {t:.6g} s no velocities satisfy all rows: {kernels.rows[row].label} is off by {rest[row]:.3g} a second, "
                     "so a driver or a velocity row contradicts the others"]  # fmt: skip
-    return said
+    return reasons

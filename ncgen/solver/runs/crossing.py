@@ -43,17 +43,17 @@ def first_crossing(values: np.ndarray, noise: float, direction: int) -> tuple[fl
         low, high = place / PARTS, (place + width) / PARTS
         part = _restricted(coefficients, low, high)
         signs = np.where(np.abs(part) > noise, np.sign(part), 0).astype(int)
-        seen = signs[signs != 0]
-        changes = int(np.count_nonzero(seen[1:] != seen[:-1]))
+        nonzero = signs[signs != 0]
+        changes = int(np.count_nonzero(nonzero[1:] != nonzero[:-1]))
         first, last = int(signs[0]), int(signs[-1])
         if width > 1 and (changes > 1 or (changes == 1 and not (first and last))):
             width //= 2
             continue
         if changes == 0:
-            found = walk.turns((low + high) / 2, int(seen[-1]) if len(seen) else 0)
+            bracket = walk.turns((low + high) / 2, int(nonzero[-1]) if len(nonzero) else 0)
         else:
-            found = walk.turns(low, first) or walk.turns(high, last)
-        if found:
+            bracket = walk.turns(low, first) or walk.turns(high, last)
+        if bracket:
             return walk.at, walk.next
         place += width
         while width < PARTS and place % (2 * width) == 0:

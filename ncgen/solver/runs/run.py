@@ -101,7 +101,7 @@ class Initial:
     closing: float = CONSISTENT_RESIDUAL
 
     @classmethod
-    def asked(
+    def from_arguments(
         cls,
         subject: Kernels | Model,
         *,
@@ -152,7 +152,7 @@ class Run:
     signals: Signals | None = None
 
     @classmethod
-    def asked(
+    def from_arguments(
         cls,
         subject: Kernels | Model,
         duration: float,
@@ -164,12 +164,12 @@ class Run:
     ) -> Run:
         """From the arguments of `ncgen.simulate`. Raises ModelError with one sentence."""
         check_names("simulate", arguments, DEFAULTS)
-        asked = {**DEFAULTS, **arguments}
-        inputs, formalism, integrator, options = (asked.pop(name) for name in ("inputs", "formalism", "integrator", "options"))
-        rtol, atol, max_step, engine, number = (asked.pop(name) for name in ("rtol", "atol", "max_step", "engine", "number"))
+        values = {**DEFAULTS, **arguments}
+        inputs, formalism, integrator, options = (values.pop(name) for name in ("inputs", "formalism", "integrator", "options"))
+        rtol, atol, max_step, engine, number = (values.pop(name) for name in ("rtol", "atol", "max_step", "engine", "number"))
         known = outline(subject)
         length = positive(duration, "duration", "number of seconds")
-        start = Initial.asked(subject, **asked)
+        start = Initial.from_arguments(subject, **values)
         pair = _entries(formalism, integrator, options)
         check_told(progress)
         run = cls(

@@ -39,12 +39,12 @@ class SignalTable(Pieces):
         np.add.at(by_coefficients, k, weights[..., None] * powers)
         if self.hold == "cubic":
             return np.einsum("kc,kcv->v", by_coefficients, _coefficients(self.knots, np.eye(len(self.knots)), self.hold))
-        found = by_coefficients[:, 0]
+        sums = by_coefficients[:, 0]
         if self.hold == "linear":
             rises = by_coefficients[:-1, 1] / np.diff(self.knots)
-            found[:-1] -= rises
-            found[1:] += rises
-        return found
+            sums[:-1] -= rises
+            sums[1:] += rises
+        return sums
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +80,8 @@ class Signals:
         except (TypeError, ValueError):
             number = math.nan
         if not math.isfinite(number):
-            said = f"the input {self.names[i]} is {echo(value)} at t = {t:.6g} s"
-            raise DomainError(f"{self.name}: {said}; its function must give a finite number")
+            problem = f"the input {self.names[i]} is {echo(value)} at t = {t:.6g} s"
+            raise DomainError(f"{self.name}: {problem}; its function must give a finite number")
         return number
 
     @property
@@ -110,16 +110,16 @@ def signals_of(kernels: Outline, inputs: Mapping[str, Signal] | None, p: np.ndar
         return None
     if not isinstance(inputs, Mapping):
         raise ModelError(f"inputs: {echo(inputs)} given; give {{name: number, function of time, or (times, values)}}")
-    told: list[Pieces | Function | None] = [None] * len(names)
+    functions: list[Pieces | Function | None] = [None] * len(names)
     for name, signal in inputs.items():
         place = names.index(known_name(name, names, "inputs", "input"))
         if callable(signal):
-            told[place] = signal
+            functions[place] = signal
         elif isinstance(signal, (tuple, list)):
-            told[place] = _table(signal, f"inputs: {name}")
+            functions[place] = _table(signal, f"inputs: {name}")
         else:
             p[len(p) - len(names) + place] = finite(signal, f"inputs: {name}")
-    return Signals(kernels.name, names, tuple(told)) if any(told) else None
+    return Signals(kernels.name, names, tuple(functions)) if any(functions) else None
 
 
 def _table(given: Sequence[object], where: str) -> SignalTable:

@@ -24,7 +24,7 @@ def check_simulation(model: Model, **more: Any) -> Run:
     """
     options = simulation_of(model, **more)
     check_options(options)
-    return Run.asked(model, **options)
+    return Run.from_arguments(model, **options)
 
 
 def refusals(model: Model) -> list[tuple[str | None, str]]:
@@ -32,15 +32,15 @@ def refusals(model: Model) -> list[tuple[str | None, str]]:
 
     To blame is the last option without which nothing is wrong, or at least something else.
     """
-    options, found = dict(model.simulation_options), []
+    options, refused = dict(model.simulation_options), []
     while message := _refusal(model, options):
         without = {name: _refusal(model, {k: v for k, v in options.items() if k != name}) for name in reversed(options)}
         blamed = min((name for name in without if without[name] != message), key=lambda name: without[name] != "", default=None)
-        found.append((blamed, message))
+        refused.append((blamed, message))
         if blamed is None:
             break
         del options[blamed]
-    return found
+    return refused
 
 
 def _refusal(model: Model, options: dict[str, Any]) -> str:
@@ -48,7 +48,7 @@ def _refusal(model: Model, options: dict[str, Any]) -> str:
     try:
         check_options(options)
         arguments: dict[str, Any] = {"duration": DURATION, **options}
-        Run.asked(model, **arguments)
+        Run.from_arguments(model, **arguments)
     except ModelError as error:
         return str(error)
     return ""

@@ -54,10 +54,10 @@ class Stop:
         inner = [gap(t0 + float(s) * (t1 - t0)) for s in SAMPLES[1:-1]]
         values = np.array([self.gap(*before[:2]), *inner, self.gap(*after[:2])])
         noise = NOISE * float(max(abs(self.value), np.max(np.abs(values))))
-        found = first_crossing(values, noise, self.direction)
-        if found is None:
+        bracket = first_crossing(values, noise, self.direction)
+        if bracket is None:
             return None
-        low, high = found
+        low, high = bracket
         at_low = values[0] if low == 0 else gap(t0 + low * (t1 - t0))
         at_high = values[-1] if high == 1 else gap(t0 + high * (t1 - t0))
         low, high = t0 + low * (t1 - t0), t0 + high * (t1 - t0)
@@ -70,10 +70,10 @@ class Stop:
         side = 0
         for _ in range(60):
             t = low + (high - low) * at_low / (at_low - at_high)
-            there = state(t)
-            gap = self.gap(*there[:2])
+            state_there = state(t)
+            gap = self.gap(*state_there[:2])
             if gap == 0.0 or not low < t < high:
-                return t, there
+                return t, state_there
             if (gap > 0) == (at_high > 0):
                 high, at_high, at_low, side = t, gap, at_low * (0.5 if side > 0 else 1.0), 1
             else:

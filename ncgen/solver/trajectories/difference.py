@@ -41,9 +41,9 @@ class Difference:
         return {names[k]: (float(apart[at[k], k]), float(self.t[at[k]])) for k in order.tolist()}
 
     def __str__(self) -> str:
-        found = [*self.largest.items()][:SHOWN]
-        width = max((len(name) for name, _ in found), default=0)
-        lines = [f"{name:<{width}}  {value:.3e} at {t:g} s" for name, (value, t) in found]
+        largest = [*self.largest.items()][:SHOWN]
+        width = max((len(name) for name, _ in largest), default=0)
+        lines = [f"{name:<{width}}  {value:.3e} at {t:g} s" for name, (value, t) in largest]
         return "\n".join([f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s; the largest differences", *lines])
 
 

@@ -33,8 +33,8 @@ def drift(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: 
     0 where that is rounding, and where nothing leaves its place by more than rounding. A mechanism at rest moves at least the kinetic
     energy of speeds that count as rest, so that the noise of its velocities is no drift.
     """
-    found = energies(kernels, t, q, qd, p)
-    share = float(_relative(found[:, 0], found[:, 1], work, _least(kernels, t[0], q[0], p)))
+    energies_of_run = energies(kernels, t, q, qd, p)
+    share = float(_relative(energies_of_run[:, 0], energies_of_run[:, 1], work, _least(kernels, t[0], q[0], p)))
     return 0.0 if not share < UNSEEN and _is_still(kernels, q) else share
 
 
@@ -42,10 +42,10 @@ def drifts(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work:
     """`drift` of B motions, (B,): q, qd (B, K, n), work (B, K), p (B, n_p), on the same K instants."""
     count, instants = work.shape
     flat = q.reshape(-1, kernels.n), qd.reshape(-1, kernels.n)
-    found = kernels.batch.energy(*flat, np.tile(t, count), np.repeat(p, instants, axis=0)).reshape(count, instants, 3)
+    energies_of_runs = kernels.batch.energy(*flat, np.tile(t, count), np.repeat(p, instants, axis=0)).reshape(count, instants, 3)
     at_rest = np.tile(REST * kernels.column_sizes, (count, 1))
     least = np.maximum(kernels.batch.energy(q[:, 0], at_rest, np.full(count, t[0]), p)[:, 0], NOTHING)
-    return np.where(_is_still(kernels, q), 0.0, _relative(found[..., 0], found[..., 1], work, least))
+    return np.where(_is_still(kernels, q), 0.0, _relative(energies_of_runs[..., 0], energies_of_runs[..., 1], work, least))
 
 
 def _is_still(kernels: Kernels, q: np.ndarray) -> np.ndarray | np.bool_:

@@ -29,22 +29,22 @@ def archive(run: Trajectory) -> bytes:
     """Numbers and names by their keys, `about` as JSON, and `model`, the text of its model file, where a file can say it."""
     buffer = io.BytesIO()
     ports = {"inputs": run.inputs, "outputs": run.outputs}
-    told: dict[str, Any] = {kind: np.array([*values.values()]).T for kind, values in ports.items() if values}
-    told |= {f"{kind[:-1]}_names": np.array([*values], dtype=str) for kind, values in ports.items() if values}
+    inputs_and_outputs: dict[str, Any] = {kind: np.array([*values.values()]).T for kind, values in ports.items() if values}
+    inputs_and_outputs |= {f"{kind[:-1]}_names": np.array([*values], dtype=str) for kind, values in ports.items() if values}
     if (text := _model_text(run)) is not None:
-        told["model"] = np.array(text)
+        inputs_and_outputs["model"] = np.array(text)
     np.savez(
         buffer, t=run.t, q=run.q, qd=run.qd, qdd=run.qdd, lam=run.lam, work=run.work, p=run.p,
         coordinates=np.array(run.coordinates, dtype=str), parameters=np.array(run.kernels.parameters, dtype=str),
         rows=np.array([r.label for r in run.model.rows], dtype=str), independent=np.array(run.independent, dtype=str),
-        about=np.array(json.dumps(about(run))), **told,
+        about=np.array(json.dumps(about(run))), **inputs_and_outputs,
     )  # fmt: skip
     return buffer.getvalue()
 
 
 def about(run: Trajectory) -> dict[str, Any]:
     """How a trajectory was made, and by which versions, as JSON has it."""
-    said = {name: getattr(run, name) for name in ("formalism", "integrator", "engine", "number", "stopped", "made_with")}
+    made_by = {name: getattr(run, name) for name in ("formalism", "integrator", "engine", "number", "stopped", "made_with")}
     versions = {"ncgen": __version__, "numpy": np.__version__, "python": platform.python_version(), **_built(run)}
     options = {name: value if isinstance(value, (bool, int, str)) else float(value) for name, value in run.options.items()}
     own = {"name": run.name, "chosen": list(run.chosen), "options": options, "statistics": asdict(run.statistics)}
@@ -52,7 +52,7 @@ def about(run: Trajectory) -> dict[str, Any]:
         own["impulses"] = [[each.t, each.driver, each.size] for each in run.impulses]
     if run.events:
         own |= {"events": [each.plain() for each in run.events], "changed": bool(run.modes) or run.changed}
-    return {"format": FORMAT, **versions, **said, **own}
+    return {"format": FORMAT, **versions, **made_by, **own}
 
 
 def _built(run: Trajectory) -> dict[str, str]:
@@ -87,7 +87,7 @@ def write_parquet(run: Trajectory, path: Path) -> Path:
         arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     except ImportError as error:
         raise NcgenError("pyarrow is not installed; pip install 'ncgen[tables]'") from error
-    said = {"ncgen": json.dumps(about(run)), "ncgen.model": _model_text(run) or ""}
+    metadata = {"ncgen": json.dumps(about(run)), "ncgen.model": _model_text(run) or ""}
     buffer = io.BytesIO()
-    parquet.write_table(arrow.table(histories(run)).replace_schema_metadata(said), buffer)
+    parquet.write_table(arrow.table(histories(run)).replace_schema_metadata(metadata), buffer)
     return write_bytes(path, buffer.getvalue())

@@ -49,9 +49,11 @@ class Happening:
         return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in vars(self).items()}
 
     @classmethod
-    def of(cls, told: dict[str, Any]) -> Happening:
+    def of(cls, record: dict[str, Any]) -> Happening:
         """From what `plain` said. Raises TypeError for what it does not say."""
-        values: dict[str, Any] = {name: np.array(value, dtype=float) if isinstance(value, list) else value for name, value in told.items()}
+        values: dict[str, Any] = {
+            name: np.array(value, dtype=float) if isinstance(value, list) else value for name, value in record.items()
+        }
         return cls(**values)
 
     def __repr__(self) -> str:

@@ -23,20 +23,25 @@ Found: TypeAlias = "tuple[np.ndarray, np.ndarray]"
 
 
 def outputs_of(
-    kernels: Kernels, t: Sequence[float] | np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray, found: Found | None = None
+    kernels: Kernels,
+    t: Sequence[float] | np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    p: np.ndarray,
+    accelerations_and_loads: Found | None = None,
 ) -> np.ndarray:
     """All outputs (K, outputs) at K instants t (s), with q, qd (K, n) and parameters p (n_p,); found: where `uses_accelerations`."""
-    function, (qdd, lam) = _function(kernels), found or (np.zeros_like(q), np.zeros((len(q), kernels.m)))
+    function, (qdd, lam) = _function(kernels), accelerations_and_loads or (np.zeros_like(q), np.zeros((len(q), kernels.m)))
     instants = zip(t, q, qd, qdd, lam, strict=True)
-    seen = [function("outputs", float(now), *state, kernels.present(float(now), p)) for now, *state in instants]
-    return np.array(seen).reshape(len(seen), len(kernels.model.outputs))
+    rows = [function("outputs", float(now), *state, kernels.present(float(now), p)) for now, *state in instants]
+    return np.array(rows).reshape(len(rows), len(kernels.model.outputs))
 
 
 def output_slopes(kernels: Kernels, t: float, state: Sequence[np.ndarray], p: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """How the outputs change along directions (k, 3 n + m + n_p) of q, q̇, q̈, λ and p at state = (q, q̇, q̈, λ): (outputs, k)."""
     function = _function(kernels)
-    found = [function("outputs_tangent", t, *state, p, np.ascontiguousarray(seed)) for seed in directions]
-    return np.array(found).reshape(len(directions), len(kernels.model.outputs)).T
+    rows = [function("outputs_tangent", t, *state, p, np.ascontiguousarray(seed)) for seed in directions]
+    return np.array(rows).reshape(len(directions), len(kernels.model.outputs)).T
 
 
 def load_slopes(kernels: Kernels, t: float, state: Sequence[np.ndarray], p: np.ndarray) -> np.ndarray:

@@ -221,9 +221,9 @@ class Trajectory:
             from ncgen.solver.loads.observed_loads import warn_of_shared
 
             warn_of_shared(self)
-        found = (self.qdd, self.lam) if uses_accelerations(self.model) else None
-        seen = outputs_of(self.kernels, self.t, self.q, self.qd, self.p, found)
-        return dict(zip(self.model.outputs, seen.T, strict=True))
+        accelerations_and_loads = (self.qdd, self.lam) if uses_accelerations(self.model) else None
+        values = outputs_of(self.kernels, self.t, self.q, self.qd, self.p, accelerations_and_loads)
+        return dict(zip(self.model.outputs, values.T, strict=True))
 
     @property
     def inputs(self) -> dict[str, np.ndarray]:

@@ -1,0 +1,137 @@
+"""Formalisms on all coordinates, run in C by the KKT matrix, an emitted recursion or a recursion over tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.emit.naming import prefix_of
+from ncgen.mechanism.arguments import pointer
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.properties import is_conservative, is_definite
+from ncgen.mechanism.recall import Files
+from ncgen.mechanism.runtime import Dynamics, Outcome
+from ncgen.mechanism.runtime_library import Part, beside, load_with_headers, runtime_of
+from ncgen.mechanism.written import Seen, motion_source
+from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
+from ncgen.program.algebra.quasidefinite import Elimination, plan
+from ncgen.program.tree.table_layout import TreeTables
+from ncgen.toolchain.abi import InC, Interface
+
+
+class ConstrainedDynamics(Dynamics):
+    """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism.
+
+    seen: called for independent coordinates of the positions, and typical positions, where the motion is to be written out; without it, or
+        where there are none or no tree of bodies that could be seen in them, it comes from the matrix
+    tables: of an open tree, by which it moves where nothing is written out
+    part: of the runtime, compiled while the motion is written out
+    """
+
+    def __init__(
+        self,
+        kernels: Kernels,
+        number: str = "double",
+        samples_of: Callable[[], Seen | None] | None = None,
+        tables: TreeTables | None = None,
+        part: Part = "explicit",
+    ) -> None:
+        runtime = beside(number, part)
+        runtime.start()
+        motion = None if samples_of is None else self._written_out(kernels, number, samples_of)
+        runtime.join()
+        super().__init__(kernels, number)
+        self.singular_mass = singular = not is_definite(kernels)
+        patterns = kernels.mass_pattern, kernels.phi_q_pattern
+        self.plan = kernels.remember("elimination", (), lambda: plan(*patterns, rows_first=singular))
+        self._elimination = self._ffi.new("ncgen_elimination *", {"size": self.plan.size, "nonzeros": self.plan.nonzeros})
+        self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)
+        self._dynamics.elimination = self._elimination
+        self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
+        self._seen = samples_of
+        self.is_emitted = motion is not None
+        self.is_recursive = self.is_emitted or tables is not None
+        if motion is not None:
+            function, self._motion = motion
+            self._dynamics.motion = self._ffi.cast("const ncgen_motion *", function())
+        if tables is not None:
+            self._tree = self._ffi.new("ncgen_tree *", tables.counts)
+            self._keep(tables.indices, self._tree, np.intc)
+            self._keep(tables.numbers, self._tree, self.number.dtype)
+            self._dynamics.tree = self._tree
+
+    def _uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
+        """Not where a recursion serves instead: `ncgen_is_reduced`."""
+        recurs = options["formalism"] == number_in_c(FORMALISMS["lagrange"]) and not options.get("frequency") and self.is_recursive
+        if INTEGRATORS[method].tangents == "unless_recursive" and recurs and not self.has_rolling:
+            return False
+        return super()._uses_tangents(method, options)
+
+    @staticmethod
+    def _written_out(kernels: Kernels, number: str, samples_of: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:
+        """What gives the emitted motion, if there is one, and the library that it lives in."""
+        files = motion_source(kernels, samples_of)
+        if not files:
+            return None
+        getter = f"{prefix_of(kernels.name)}_recursion"
+        _, home = load_with_headers(files, number, f"const ncgen_motion *{getter}(void);")
+        return getattr(home, getter), home
+
+    @property
+    def _eliminated(self) -> int:
+        return 0 if self.is_emitted else super()._eliminated
+
+    @property
+    def prepared(self) -> int:
+        """How many numbers of the emitted motion depend on parameters alone."""
+        return self._dynamics.motion.n_prepared if self.is_emitted else 0
+
+    def with_prepared(self, p: np.ndarray) -> np.ndarray:
+        """p and what is prepared of it, as the parts of the emitted motion read it."""
+        whole = np.concatenate([p, np.empty(self.prepared)])
+        if self.prepared:
+            self._dynamics.motion.prepare(*(pointer(self._ffi, a, self.number.array) for a in (whole, whole[len(p) :])))
+        return whole
+
+    def source(self, kind: Literal["motion", "tangent", "adjoint"]) -> Files:
+        """{file name: text} of the emitted motion, of it along a direction or transposed. Only where `is_emitted`."""
+        assert self._seen is not None, "nothing has been written out"
+        return motion_source(self.kernels, self._seen, kind)
+
+    @cached_property
+    def transposed(self) -> tuple[InC, InC]:
+        """The emitted motion's ncgen_seeded_motion, transposed, and the library that it lives in; compiled when first asked for."""
+        getter = f"{prefix_of(self.kernels.name)}_adjoint"
+        _, home = load_with_headers(self.source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
+        return self._ffi.cast("const ncgen_seeded_motion *", getattr(home, getter)()), home
+
+    @property
+    def interface(self) -> tuple[Interface, InC]:
+        """What passes arguments to the runtime, and the runtime with its explicit methods."""
+        return self._ffi, runtime_of(self.number.name, "explicit")
+
+    @property
+    def adjoint_interface(self) -> tuple[Interface, InC]:
+        """What passes arguments to the runtime, and the part of it that goes back over a run."""
+        return self._ffi, runtime_of(self.number.name, "adjoint")
+
+    def described(self, rank: int) -> tuple[InC, InC]:
+        """The model, and its dynamics, in a struct of their own where rows are redundant; rank: of Φ_q."""
+        described = self._ffi.new("ncgen_dynamics *", self._dynamics[0])
+        described.n_dependent = rank
+        return self._model, described
+
+    def simulate(
+        self, method: str, times: ArrayLike, q: ArrayLike, velocities: ArrayLike, p: ArrayLike, *, rank: int = 0, **options: InC
+    ) -> Outcome:
+        """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
+        self._dynamics.n_dependent = rank
+        done = super().simulate(method, times, q, velocities, p, **options)
+        if done.status == "not converged" and INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double":
+            # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
+            done = super().simulate(method, times, q, velocities, p, newton=True, **options)
+        return done

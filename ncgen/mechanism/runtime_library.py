@@ -1,0 +1,149 @@
+"""The C runtime as a library, compiled in parts for what a run needs, and how libraries of emitted code are loaded next to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from threading import Thread
+from typing import Literal, TypeAlias
+
+from cffi import FFI
+
+from ncgen.emit.c.files import model_files
+from ncgen.emit.naming import prefix_of
+from ncgen.emit.runtime import (
+    EXPLICIT_ONLY,
+    HEADERS,
+    ORDINARY,
+    RUNTIME_HEADERS,
+    STIFF,
+    adjoint_names,
+    explicit_names,
+    indifferent,
+    ordinary_names,
+    runtime_files,
+    runtime_names,
+    stiff_names,
+)
+from ncgen.errors import NcgenError
+from ncgen.mechanism.in_python import model_of
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.recall import Files, shared
+from ncgen.methods.table import AUTO, find_integrator
+from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
+from ncgen.toolchain.cache import Sibling, compiled
+from ncgen.toolchain.compilers import FLAGS, flags_for
+from ncgen.toolchain.loader import load, opened_by
+from ncgen.toolchain.once import once
+
+Part: TypeAlias = Literal["ordinary", "stiff", "explicit", "whole", "adjoint"]
+"""Of the runtime: what emitted accelerations over all coordinates need of explicit methods, or of Radau's; all explicit methods, all of it,
+or what goes back over a run."""
+
+PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
+    "ordinary": (ordinary_names, ORDINARY),
+    "stiff": (stiff_names, STIFF),
+    "explicit": (explicit_names, (EXPLICIT_ONLY,)),
+    "whole": (runtime_names, ()),
+    "adjoint": (adjoint_names, ()),
+}
+"""The files of a part, and the macros that choose it."""
+
+RUNS: tuple[Part, ...] = ("whole", "explicit", "ordinary", "stiff")
+"""Parts that carry runs out, the one with most objects for others first."""
+
+
+def load_with_headers(files: dict[str, str], number: str, declarations: str) -> tuple[Interface, InC]:
+    """A library of these files, which are straight lines, and the headers, and its interface."""
+    flags = flags_for(files)
+    files = files | shared("headers", lambda: runtime_files(*RUNTIME_HEADERS, *HEADERS))
+    return load(files, declarations, runtime_abi(number), (*flags, *NUMBERS[number].flags))
+
+
+@once
+def interface_of(number: str) -> Interface:
+    """What passes arguments to the runtime."""
+    ffi = FFI()
+    ffi.include(runtime_abi(number))
+    ffi.cdef("".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h")))
+    return ffi
+
+
+@once
+def runtime_of(number: str, part: Part) -> InC:
+    """The runtime, the same for all mechanisms; most runs do without three quarters of it. What parts have in common is compiled once."""
+    files, flags = _sources(number, part)
+
+    def siblings() -> list[Sibling]:
+        return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in RUNS if other != part and part in RUNS]
+
+    return opened_by(interface_of(number), compiled(files, flags, siblings=siblings).library)
+
+
+def _shared_sources(part: Part, other: Part) -> tuple[str, ...]:
+    """The sources that are compiled alike for both of two parts."""
+    (names, macros), (others, defined) = PARTS[part], PARTS[other]
+    known = set(others())
+    return indifferent([name for name in names() if name in known], set(macros) ^ set(defined))
+
+
+def _sources(number: str, part: Part) -> tuple[Files, tuple[str, ...]]:
+    """The files of a part of the runtime, and the flags that they are compiled with."""
+    names, defined = PARTS[part]
+    macros = [f"-D{macro}" for macro in defined]
+    return shared(f"runtime: {part}", lambda: runtime_files(*names())), (*FLAGS, *NUMBERS[number].flags, *macros)
+
+
+def part_for(integrator: str, is_emitted: bool = False) -> Part:
+    """The part of the runtime that has an integrator; AUTO: whichever is chosen, which seldom is an implicit one.
+
+    is_emitted: whether accelerations over all coordinates are written out
+    """
+    if integrator == AUTO or find_integrator(integrator).tangents == "never":
+        return "ordinary" if is_emitted else "explicit"
+    return "stiff" if is_emitted and find_integrator(integrator).tangents == "unless_recursive" else "whole"
+
+
+@cache
+def has_runtime(part: Part) -> bool:
+    """True where a part of the runtime is there, or can be compiled; asked once, since a compiler that fails takes its time."""
+    try:
+        runtime_of("double", part)
+    except NcgenError:
+        return False
+    return True
+
+
+def beside(number: str = "double", part: Part = "explicit") -> Thread:
+    """A thread that compiles the runtime, if it is not in the cache, while something else goes on; to be started, and joined before a run.
+
+    What goes wrong there goes wrong again, and is told, where the runtime is needed.
+    """
+
+    def compiling() -> None:
+        with suppress(NcgenError):
+            runtime_of(number, part)
+
+    return Thread(target=compiling, daemon=True)
+
+
+def model_in(kernels: Kernels, number: str) -> tuple[InC, Kernels | InC]:
+    """The descriptor of a mechanism's kernels in a number type, and the library that it lives in; made once for every type."""
+    if number == "double":
+        return model_of(kernels), kernels
+    return kernels.remember("models", number, lambda: _compiled_model(kernels, number))
+
+
+def _compiled_model(kernels: Kernels, number: str) -> tuple[InC, InC]:
+    getter = f"{prefix_of(kernels.name)}_model"
+    _, library = load_with_headers(model_files(kernels.programs), number, f"const ncgen_model *{getter}(void);")
+    return getattr(library, getter)(), library
+
+
+def prepare(kernels: Kernels, number: str = "double") -> None:
+    """Compile what a run may ask for on its way, so that a limit to its time is a limit to the run."""
+    for part in RUNS:
+        runtime_of(number, part)
+    model_in(kernels, number)
+    kernels.tangents  # noqa: B018

@@ -1,0 +1,64 @@
+/* ncgen_linked.h: a mechanism in motion whose kernels are linked to the runtime where it runs, such as two modules of WebAssembly.
+ *
+ * A function is given as its number in the table of functions. There is one mechanism at a time. Whoever links it allocates its memory,
+ * writes to its state and its parameters, and calls the functions below, which return a status of ncgen.h.
+ *
+ * Integers that describe it, in the words of ncgen_dynamics:
+ *   n_coordinates, n_rows, n_parameters, n_dependent, singular_mass, conservative, drives, lines, curves, jumps
+ *   numbers of the functions phi, phi_q, nu, gamma, mass, force, energy, switches, 0 for one that it does not have
+ *   phi_q_pattern with one row more a drive: indptr, indices; mass_pattern: indptr, indices
+ *   nonzeros and arrays of the elimination, and of that with the rows of drives
+ * Numbers: interval of the breaks; column_sizes; row_sizes with those of drives; position and velocity at the start; parameters.
+ *
+ * A drive is one more row, a coordinate that is where it is told to be.
+ */
+#ifndef NCGEN_LINKED_H
+#define NCGEN_LINKED_H
+
+#include "ncgen.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* begin functions */
+
+/* How many numbers of memory a mechanism needs. */
+size_t ncgen_linked_room(const int *integers);
+
+/* Begin with a mechanism. Returns its state: t, work, power, the next step, then q, qd, qdd and multipliers of the rows. */
+ncgen_real *ncgen_linked_begin(const int *integers, const ncgen_real *numbers, ncgen_real *room);
+
+/* Its parameters. */
+ncgen_real *ncgen_linked_parameters(void);
+
+/* Of every drive position, velocity and acceleration, then the force along it that they take. */
+ncgen_real *ncgen_linked_drives(void);
+
+/* A force from outside on one place, whose three components are linear in q: their rows of n_coordinates numbers; then a force, a
+ * target, a stiffness and a damping: the force is force + stiffness (target - row q) - damping (row qd) along each row. */
+ncgen_real *ncgen_linked_pull(void);
+
+/* Does that force act from now on? */
+void ncgen_linked_set_pull(int acts);
+
+/* The state at the start. */
+int ncgen_linked_start(void);
+
+/* After a change of the state or of parameters: position and velocity onto the constraints, and where is_driven is set onto those of the
+ * drives, too; accelerations and multipliers. */
+int ncgen_linked_settle(int is_driven);
+
+/* Accelerations and multipliers, where positions are on the constraints. */
+int ncgen_linked_evaluate(void);
+
+/* On to a time: by Runge-Kutta steps of `step` seconds, or where that is 0 with error control. */
+int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol);
+
+/* end functions */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
