@@ -55,14 +55,14 @@ class Call:
 
 
 @dataclass(frozen=True)
-class Switch:
+class Locking:
     """A lock that closes or opens, by its name or that of its coordinate."""
 
     lock: str
     closes: bool
 
 
-Action: TypeAlias = "Impact | Change | Stop | Call | Switch"
+Action: TypeAlias = "Impact | Change | Stop | Call | Locking"
 
 Doing: TypeAlias = "Action | str | Mapping[str, Driven] | Callable[..., object] | list[object] | tuple[object, ...]"
 """In signatures: one or several of them, as a user writes them."""
@@ -101,7 +101,7 @@ def check_order(order: str, where: str) -> str:
     return one_of(order, f"{where}: order", ORDERS) if order != "" else order
 
 
-def lock(what: str | Moved) -> Switch:
+def lock(what: str | Moved) -> Locking:
     """Return the action of an event that locks a coordinate or closes a clutch: `m.event("grip", when=…, do=ncgen.lock("psi"))`.
 
     Parameters
@@ -111,13 +111,13 @@ def lock(what: str | Moved) -> Switch:
 
     Returns
     -------
-    Switch
+    Locking
         The action.
     """
-    return Switch(_name_of(what), True)
+    return Locking(_name_of(what), True)
 
 
-def free(what: str | Moved) -> Switch:
+def free(what: str | Moved) -> Locking:
     """Return the action of an event that frees what `lock` locks.
 
     Parameters
@@ -127,10 +127,10 @@ def free(what: str | Moved) -> Switch:
 
     Returns
     -------
-    Switch
+    Locking
         The action.
     """
-    return Switch(_name_of(what), False)
+    return Locking(_name_of(what), False)
 
 
 def _name_of(what: object) -> str:
@@ -140,7 +140,7 @@ def _name_of(what: object) -> str:
     return normal(name)
 
 
-SWITCHES: dict[str, Callable[[str], Switch]] = {"lock": lock, "free": free}
+LOCKINGS: dict[str, Callable[[str], Locking]] = {"lock": lock, "free": free}
 """Words of model files."""
 
 
@@ -152,7 +152,7 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
         raise ModelError(f"{where}: {shown(given)} holds no action; leave it out where the event is only recorded")
     if isinstance(given, (list, tuple)):
         return tuple(action for each in given for action in actions_of(model, each, where))
-    if isinstance(given, (Change, Stop, Call, Switch)):
+    if isinstance(given, (Change, Stop, Call, Locking)):
         return (given,)
     if isinstance(given, Impact):
         from ncgen.model.arguments import value
@@ -163,8 +163,8 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
     if isinstance(given, Mapping):
         if set(given) == {"impact"} and isinstance(given["impact"], Mapping):
             return actions_of(model, impact(**given["impact"]), where)
-        if len(given) == 1 and (word := next(iter(given))) in SWITCHES and isinstance(given[word], str):
-            return (SWITCHES[word](given[word]),)
+        if len(given) == 1 and (word := next(iter(given))) in LOCKINGS and isinstance(given[word], str):
+            return (LOCKINGS[word](given[word]),)
         return (Change({normal(name): _changed(model, name, value, where) for name, value in given.items()}),)
     if callable(given):
         return (Call(cast("Callable[..., Mapping[str, float] | None]", given)),)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
 from ncgen.errors import ModelError, one_of
-from ncgen.model.actions import Action, Call, Doing, Impact, Stop, Switch
+from ncgen.model.actions import Action, Call, Doing, Impact, Locking, Stop
 from ncgen.model.conditions import Between, Bound
 from ncgen.model.displacements import Displacement
 from ncgen.model.expressions import is_symbolic, symbols_in
@@ -98,7 +98,7 @@ class Events(Loads):
 
     def _resolved(self, action: Action, where: str) -> Action:
         """An action that names a coordinate names its lock, which is made where there is none."""
-        if not isinstance(action, Switch) or action.lock in self.locks:
+        if not isinstance(action, Locking) or action.lock in self.locks:
             return action
         from ncgen.model.arguments import coordinate
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ncgen.errors import ModelError
-from ncgen.model.actions import Switch
+from ncgen.model.actions import Locking
 from ncgen.model.displacements import Displacement
 from ncgen.model.elements import Component, Relative
 from ncgen.model.events import Event, Lock
@@ -97,5 +97,5 @@ class Locks(Frictions):
         self.locks[name] = replace(self.locks[name], closed=closed, is_declared=True)
         for each, condition, closes in ((name, when, True), (f"{name}.free", until, False)):
             if condition is not None:
-                self._event(Event(each, condition, "falling", (Switch(name, closes),)))  # type: ignore[arg-type]
+                self._event(Event(each, condition, "falling", (Locking(name, closes),)))  # type: ignore[arg-type]
         return self.locks[name]

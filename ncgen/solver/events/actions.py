@@ -10,7 +10,7 @@ import scipy.sparse
 
 from ncgen.errors import ConvergenceError, ModelError, shown
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.actions import Call, Stop, Switch
+from ncgen.model.actions import Call, Locking, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gaps, Hit
@@ -115,7 +115,7 @@ class Instant:
         for action in event.do:
             if isinstance(action, Stop):
                 self.stops = True
-            elif isinstance(action, Switch):
+            elif isinstance(action, Locking):
                 self.lock([action.lock]) if action.closes else self.free(action.lock)
                 what = LOCKS[0 if action.closes else 1]
             elif isinstance(action, Call):
