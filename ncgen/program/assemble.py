@@ -26,8 +26,9 @@ from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS, VELOCITY, Axis, Kernel, Place, with_inertia
 from ncgen.program.labels import labelled_errors, reference_name, term_comment
 from ncgen.program.programs import EMISSIONS, ENERGIES, Programs
-from ncgen.symbolic.equations import Equations, Term
+from ncgen.symbolic.equations import Equations
 from ncgen.symbolic.numbering import Terms
+from ncgen.symbolic.term import Term
 
 
 class Built(NamedTuple):

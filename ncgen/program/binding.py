@@ -17,9 +17,9 @@ from ncgen.model.names import TIME
 from ncgen.model.values import Parameter, Value, is_number
 from ncgen.program.ir.graph import Graph, Input
 from ncgen.program.ir.lower import LoweredTemplate, lowered
-from ncgen.symbolic.equations import Term
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import Template
+from ncgen.symbolic.term import Term
 
 if TYPE_CHECKING:
     import sympy

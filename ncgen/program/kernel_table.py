@@ -8,9 +8,9 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from ncgen.program.binding import Places
 from ncgen.program.programs import ENERGIES
-from ncgen.symbolic.equations import Term
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import Output
+from ncgen.symbolic.term import Term
 
 
 class Axis(NamedTuple):

@@ -22,8 +22,9 @@ from ncgen.model.forces import FORCE_TYPES
 from ncgen.model.values import Parameter, Value, is_number
 from ncgen.model.values import evaluate as evaluated
 from ncgen.symbolic import templates
-from ncgen.symbolic.equations import Equations, LinearForm, Term
+from ncgen.symbolic.equations import Equations
 from ncgen.symbolic.templates import SCALE, Template
+from ncgen.symbolic.term import LinearForm, Term
 
 if TYPE_CHECKING:
     import sympy

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from ncgen.program.kernel_table import Kernel
-    from ncgen.symbolic.equations import Term
     from ncgen.symbolic.numbering import Terms
+    from ncgen.symbolic.term import Term
 
 POSITION, VELOCITY = ("q", "t", "p"), ("q", "qd", "t", "p")
 

@@ -7,10 +7,9 @@ what they fold away is decided later, on programs.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from ncgen.errors import SHOWN, ModelError, shortened, shown
 from ncgen.model import Model
@@ -18,46 +17,22 @@ from ncgen.model.bodies import Body
 from ncgen.model.catalogue import RowType
 from ncgen.model.elements import Combination, Component, rate_name
 from ncgen.model.expressions import symbols_in
-from ncgen.model.forces import Couple, Force, Load, Potential, Rotor
+from ncgen.model.forces import Couple, Force, Load, Potential
 from ncgen.model.names import LAW, TIME
 from ncgen.model.rows import Owner, Row, describe
 from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, told
 from ncgen.symbolic import templates
-from ncgen.symbolic.inertia import Exact, StandardInertia, centre_weights, standard_inertia
+from ncgen.symbolic.inertia_terms import inertia_terms
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.omissions import Pairs, angle_row_type, perpendicular_pairs
 from ncgen.symbolic.templates import Template
+from ncgen.symbolic.term import LinearForm, Term
 
 if TYPE_CHECKING:
     import sympy
 
-LinearForm: TypeAlias = tuple[tuple[Scalar, Component], ...]
-"""Pairs (weight, coordinate); a weight is a value."""
-
-Amount: TypeAlias = "Exact | float"
-"""What is added up before it is rounded."""
-
-
 MANY = 16
 """Forces written alike from which they share a template: as many equal terms make a loop."""
-
-
-@dataclass(frozen=True, eq=False)
-class Term:
-    """A template at its place.
-
-    scalars: a linear form of coordinates per scalar of the template
-    data: a value per constant of the template
-    row: the number of the constraint row, or None; equation: that of a row or of a load, for people
-    """
-
-    template: Template
-    scalars: tuple[LinearForm, ...]
-    data: tuple[Value, ...]
-    owner: Owner
-    label: str
-    row: int | None = None
-    equation: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +68,7 @@ def build_equations(model: Model, owner: Owner | None = None, massless: Collecti
     if owner is not None:
         bodies = [body for body in bodies if Owner("body", body.name) == owner]
     released = _released(model, owner)
-    masses, forces = _inertia_terms(model, bodies, released, model.rotors if owner is None else ())
+    masses, forces = inertia_terms(model, bodies, released, model.rotors if owner is None else ())
     borne = model.forces if owner is None else _borne_by(model, owner)
     forces += _alike([_load(names, force) if isinstance(force, Load) else _force(names, force, released) for force in borne])
     forces += build_springs(model).forces if owner is None else ()
@@ -298,117 +273,3 @@ def _potential(names: Names, potential: Potential) -> Term:
     expression = sympy.sympify(potential.expression)
     template = templates.user_potential(potential.label, _words(scalars), _words(data), expression)
     return Term(template, _forms(scalars), tuple(data), Owner("user", potential.label), potential.label, equation=told(expression))
-
-
-# -- inertia and gravity ------------------------------------------------------------------------
-
-
-def _inertia_terms(
-    model: Model, bodies: Sequence[Body], released: Collection[Component], rotors: Sequence[Rotor]
-) -> tuple[list[Term], list[Term]]:
-    """Mass and weight of the bodies, and inertia of rotors, constant parts added up in exact arithmetic before they are rounded."""
-    order = {component: i for i, component in enumerate(model.components)}
-    mass: dict[tuple[Component, Component], Amount] = defaultdict(Fraction)
-    weight: dict[Component, Amount] = defaultdict(Fraction)
-    varying: list[Term] = []
-    for body in bodies:
-        try:
-            standard = standard_inertia(body, model.parameters)
-        except OverflowError:
-            raise _too_large(f"body {body.name}, inertia") from None
-        _add_constant_mass(mass, standard, released)
-        _add_weight(weight, standard, model.gravity_field)
-        if standard.crossed:
-            varying += _cross_product_terms(body, standard, model.gravity_field)
-    for rotor in rotors:
-        (own,) = rotor.coordinate.components
-        mass[own, own] += Fraction(float(rotor.inertia)) if is_number(rotor.inertia) else as_sympy(rotor.inertia)
-    owner = Owner("body", bodies[0].name) if len(bodies) == 1 else Owner("model", model.name)
-    # M is symmetric: a pair stands once, in the order of q.
-    pairs = {pair: m for pair, m in mass.items() if m != 0 and order[pair[0]] <= order[pair[1]]}
-    masses = [_mass_term(pair, m, owner) for pair, m in pairs.items()] + varying
-    forces = _weight_terms(weight, owner, released)
-    return masses, forces
-
-
-def _add_constant_mass(mass: dict[tuple[Component, Component], Amount], standard: StandardInertia, released: Collection[Component]) -> None:
-    count = len(standard.directions)  # a crossed direction is no element and has none
-    for k in range(count):
-        for l in range(count):
-            for wk, ck in standard.directions[k]:
-                for wl, cl in standard.directions[l]:
-                    share = standard.matrix[k][l] * _exact(wk * wl, standard.matrix[k][l])
-                    for a, b in zip(ck, cl, strict=True):
-                        if all(not c.fixed or c in released for c in (a, b)):
-                            mass[a, b] += share
-
-
-def _exact(weight: float, partner: Exact) -> Fraction | float:
-    """±1 as a type that multiplies fractions and sympy expressions alike without losing digits."""
-    return int(weight) if weight == int(weight) else Fraction(weight) if isinstance(partner, Fraction) else weight
-
-
-def _mass_term(pair: tuple[Component, Component], amount: Amount, owner: Owner) -> Term:
-    a, b = pair
-    label = a.name if a is b else f"{a.name} {b.name}"
-    value = _rounded(amount, f"mass of {label}")
-    if a is b:
-        return Term(templates.mass_diagonal(), (((1.0, a),),), (value,), owner, label)
-    return Term(templates.mass_pair(), (((1.0, a),), ((1.0, b),)), (value,), owner, label)
-
-
-def _add_weight(weight: dict[Component, Amount], standard: StandardInertia, gravity: Sequence[Value]) -> None:
-    for k in range(len(standard.directions)):
-        share = centre_weights(standard)[k]
-        for w, components in standard.directions[k]:
-            for component, g in zip(components, gravity, strict=True):
-                weight[component] += share * (_exact(w, share) * _field(g, share))
-
-
-def _field(g: Value, partner: Exact) -> Amount:
-    """One component of gravity in the arithmetic of its partner."""
-    return Fraction(float(g)) if is_number(g) and isinstance(partner, Fraction) else as_sympy(g)
-
-
-def _weight_terms(weight: Mapping[Component, Amount], owner: Owner, released: Collection[Component]) -> list[Term]:
-    terms: list[Term] = []
-    offset: Amount = Fraction(0)
-    for component, force in weight.items():
-        if force == 0:
-            continue
-        if component.fixed and component not in released:
-            offset -= force * (Fraction(float(component.value)) if is_number(component.value) else as_sympy(component.value))
-        else:
-            terms.append(
-                Term(templates.weight(), (((1.0, component),),), (_rounded(force, f"weight of {component.name}"),), owner, component.name)
-            )
-    if offset != 0:
-        terms.append(
-            Term(templates.energy_offset(), (), (_rounded(offset, "potential of fixed points"),), owner, "potential of fixed points")
-        )
-    return terms
-
-
-def _cross_product_terms(body: Body, standard: StandardInertia, gravity: Sequence[Value]) -> list[Term]:
-    base, first, second = standard.directions
-    forms: list[LinearForm] = []
-    for direction in (base, first, second):
-        forms += [tuple((w, components[axis]) for w, components in direction) for axis in range(3)]
-    last = standard.matrix[3]
-    pull = [last[0] * _field(g, last[0]) for g in gravity]
-    data = tuple(_rounded(v, f"body {body.name}, inertia") for v in (*last, *pull))
-    if not any(v != 0 for v in data):
-        return []
-    return [Term(templates.cross_product_body(), tuple(forms), data, Owner("body", body.name), body.name)]
-
-
-def _rounded(value: Amount, what: str) -> Scalar:
-    """A Fraction as the nearest double; expressions of parameters stay."""
-    try:
-        return float(value) if isinstance(value, (Fraction, int, float)) else value
-    except OverflowError:
-        raise _too_large(what) from None
-
-
-def _too_large(what: str) -> ModelError:
-    return ModelError(f"{what}: it exceeds 1.8e308, the largest double; check the units of mass, inertia and lengths")

@@ -10,7 +10,8 @@ from ncgen.model.elements import Component
 from ncgen.model.values import Parameter
 
 if TYPE_CHECKING:
-    from ncgen.symbolic.equations import Equations, Term
+    from ncgen.symbolic.equations import Equations
+    from ncgen.symbolic.term import Term
 
 
 class Numbering:

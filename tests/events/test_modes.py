@@ -61,12 +61,23 @@ def test_an_oscillator_rests():
     assert run["s"][-1] == run["s"][60] and run.energy_drift < 1e-8
 
 
+def test_a_joint_that_stops_within_its_friction_sticks_at_once():
+    """From 0 with 0.5 it stops where s²/2 + s = 1/8, with a spring force that is less than the friction, which turns round."""
+    m, s = sliding_block("oscillator")
+    m.torque(s, -s)
+    m.friction(s, coulomb=1.0)
+    run = ncgen.simulate(ncgen.compile(m), 2.0, rtol=1e-11, qd0={"s": 0.5})
+    (sticks,) = run.events
+    assert sticks.what == "sticks" and sticks.t == pytest.approx(math.atan(0.5), rel=1e-10)
+    assert run["s"][-1] == pytest.approx(math.sqrt(1.25) - 1, rel=1e-10)
+
+
 @pytest.mark.parametrize("calls_python", [False, True])
 def test_loads_in_c_and_in_python(monkeypatch, calls_python):
     """A block slips where the push t exceeds static friction; C calls Python only where the model does."""
     called = []
-    evaluate = modes.margins
-    monkeypatch.setattr(modes, "margins", lambda *given: called.append(given) or evaluate(*given))
+    evaluate = modes._InPython.at
+    monkeypatch.setattr(modes._InPython, "at", lambda *given: called.append(given) or evaluate(*given))
     m, s = sliding_block("push")
     m.torque(s, m.time)
     if calls_python:

@@ -32,9 +32,9 @@ from ncgen.program.ir.derivatives import gradient
 from ncgen.program.kernel_table import ROW, Axis, Kernel, Nodes, Parts, Place, chain, with_inertia
 from ncgen.program.lines import Lines
 from ncgen.program.programs import EMISSIONS, TangentPrograms
-from ncgen.symbolic.equations import Term
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import Output
+from ncgen.symbolic.term import Term
 
 Quantities: TypeAlias = Callable[[Places, Nodes], dict[Place, int]]
 """(places, outputs) -> {place: node} of what a term adds to the quantities that are differentiated."""

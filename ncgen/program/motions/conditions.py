@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
+import numpy as np
+
 from ncgen.errors import ModelError, shortened
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import symbols_in
@@ -79,16 +81,19 @@ def assemble_conditions(
 
 
 def assemble_mode_conditions(
-    equations: Terms, conditions: Sequence[Named], held: Sequence[tuple[str, Scalar | None]], sizes: MotionSizes
+    equations: Terms, conditions: Sequence[Named], held: Sequence[tuple[str, Scalar | None]], sizes: MotionSizes, rows: np.ndarray
 ) -> dict[str, Program]:
-    """The program `conditions` of a mode, whose last constraints are held. held: its words, and static friction or None for a gap"""
+    """The program `conditions` of a mode, whose last constraints are held.
+
+    held: its words, and static friction or None for a gap; rows (m,): natural sizes of the constraints, with which multipliers are compared
+    """
     lines = Lines(equations)
     graph = lines.graph
     found = [_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
-    lam = AccelerationNodes(lines, sizes).lam[len(equations.rows) - len(held) :]
-    for (where, static), multiplier in zip(held, lam, strict=True):
-        load = graph.neg(multiplier)
-        size = graph.call("abs", load)
+    lam = AccelerationNodes(lines, sizes).lam
+    all_loads = graph.sum([graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(lam, rows, strict=True)])
+    for k, (where, static) in enumerate(held, len(lam) - len(held)):
+        load, size = graph.neg(lam[k]), graph.mul(graph.const(1 / float(rows[k])), all_loads)
         if static is None:
             found += [load, size]
             continue

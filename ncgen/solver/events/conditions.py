@@ -161,6 +161,11 @@ class EventFunctions:
         rates = [(each.name, each.along.rate) for each in self.moving.values()]
         return [*((f"event {event.name}", event.when) for event in self.events), *rates]
 
+    @property
+    def read_inputs(self) -> EventFunctions:
+        """Those that read inputs where p has them."""
+        return EventFunctions(self.kernels.driven_by(None))
+
     def restitution(self, k: int, at: State) -> float:
         """Of an event's impact; 0 for other events."""
         event = self.events[k]

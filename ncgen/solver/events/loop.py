@@ -87,7 +87,7 @@ class Loop:
         conditions = self.functions.watched(self.signs, task.stop, settling.directions(held, at.p), loads)
         here = replace(
             task, grid=np.concatenate([[at.t] * fresh, ahead]), looks=looks, q=at.q, velocities=at.qd, p=at.p, conditions=conditions,
-            rank=rank_of(self.mode, at), first_step=self.first_step, stop_when_stiff=False,
+            rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step, stop_when_stiff=False,
         )  # fmt: skip
         try:
             return self.engine(part, self.mode, here)

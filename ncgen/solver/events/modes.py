@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import copy
 import hashlib
-from collections.abc import Iterable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -76,35 +77,9 @@ def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     return made
 
 
-def loads_of(kernels: Kernels, count: int, at: State) -> tuple[np.ndarray, float]:
-    """The generalised forces (count,) of the last constraints of a variant: N along the gap or coordinate of each, N m about an angle.
-
-    And the largest multiplier of all constraints, with which they are compared.
-    """
-    found = accelerations_by("lagrange").motion(kernels, at.q, at.qd, at.t, kernels.present(at.t, at.p), {})
-    return -found.lam[kernels.m - count :], float(np.max(np.abs(found.lam)))
-
-
-def rank_of(kernels: Kernels, at: State) -> int:
-    """Of Φ_q of a variant, found once for every parameters."""
-    return kernels.remember("rank in a mode", at.p.tobytes(), lambda: freedom_at(kernels, at.q, at.t, at.p).rank, 64)
-
-
-@dataclass(frozen=True, eq=False)
-class LoadConditions:
-    """The conditions of a mechanism, and behind them those of the loads of what a mode holds, which are positive as long as it holds.
-
-    address: of the function, as `Conditions` has it; count: how many there are of loads
-    """
-
-    address: int
-    count: int
-    owner: object
-
-    @property
-    def raised(self) -> BaseException | None:
-        """What went wrong in a call of Python."""
-        return self.owner.raised if isinstance(self.owner, _InPython) else None
+def rank_of(kernels: Kernels, mode: Kernels, at: State) -> int:
+    """Of Φ_q of a mode, found once for all parameters that the constraints of the mechanism read."""
+    return mode.remember("rank in a mode", kernels.of_rows(at.p).tobytes(), lambda: freedom_at(mode, at.q, at.t, at.p).rank, 64)
 
 
 def count_of(held: Iterable[Held]) -> int:
@@ -112,54 +87,65 @@ def count_of(held: Iterable[Held]) -> int:
     return sum(1 if each.static is None else 2 for each in held)
 
 
-def load_conditions(functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...]) -> LoadConditions:
-    """Those of a mode: compiled, but for models that call Python functions or have more unknowns than are emitted. kernels: of the mode"""
-    count = count_of(held)
-    if refusal_of_multipliers(kernels):
-        called = _InPython(functions, kernels.driven_by(None), held)
-        return LoadConditions(called.address, count, called)
-    made = kernels.remember("load conditions", tuple(each.name for each in held), lambda: _compiled(functions, kernels, held, count))
-    return LoadConditions(made.address("conditions"), count, made)
+class LoadConditions(ABC):
+    """The conditions of a mechanism, and behind them those of the loads of what a mode holds, which are positive as long as it holds.
+
+    A gap has one, its load; a joint two, static friction less and plus its load. Their sizes are those of all loads together, by energy.
+
+    address: of the function, as `Conditions` has it; count: how many there are of loads; raised: what went wrong in a call of Python
+    """
+
+    address: int
+    count: int
+    raised: BaseException | None = None
+
+    @abstractmethod
+    def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:
+        """Values and sizes of those of loads, (count,) each; p of the state has the values of inputs."""
 
 
-def _compiled(functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...], count: int) -> CompiledFunctions:
-    conditions, loads = functions.conditions, [(each.name, each.static) for each in held]
-    told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *loads)]).encode()).hexdigest()[:16]
-    counts = {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)}
-    made = functions_of(
-        kernels, f"mode_{told}", {"conditions": INPUTS["conditions"]}, {"conditions": 2 * (len(conditions) + count)}, counts,
-        lambda: assemble_mode_conditions(kernels.programs.equations, conditions, loads, motion_sizes(kernels)),
-    )  # fmt: skip
-    assert isinstance(made, CompiledFunctions), "events need compiled kernels"
+def load_conditions(functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> LoadConditions:
+    """Those of a mode: compiled, but for models that call Python functions or have more unknowns than are emitted."""
+    kind = _InPython if refusal_of_multipliers(mode) else _Compiled
+    made = mode.remember("load conditions", tuple(each.name for each in held), lambda: kind(functions.read_inputs, mode, held))
+    made.raised = None
     return made
 
 
-def margins(held: tuple[Held, ...], loads: np.ndarray, statics: Sequence[float]) -> list[tuple[float, float]]:
-    """(how far a load may still go, size) of every condition of the loads (H,) of what is held."""
-    found: list[tuple[float, float]] = []
-    for each, load, most in zip(held, loads.tolist(), statics, strict=True):
-        size = most + abs(load)
-        found += [(load, abs(load))] if each.static is None else [(most - load, size), (most + load, size)]
-    return found
+class _Compiled(LoadConditions):
+    """In one program with those of the mechanism."""
+
+    def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> None:
+        conditions, loads = functions.conditions, [(each.name, each.static) for each in held]
+        told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *loads)]).encode()).hexdigest()[:16]
+        counts = {"q": mode.n, "qd": mode.n, "p": len(mode.p0)}
+        self.count = count_of(held)
+        made = functions_of(
+            mode, f"mode_{told}", {"conditions": INPUTS["conditions"]}, {"conditions": 2 * (len(conditions) + self.count)}, counts,
+            lambda: assemble_mode_conditions(mode.programs.equations, conditions, loads, motion_sizes(mode), mode.row_sizes),
+        )  # fmt: skip
+        assert isinstance(made, CompiledFunctions), "events need compiled kernels"
+        self._function, self.address, self._first = made, made.address("conditions"), 2 * len(conditions)
+
+    def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:
+        found = self._function("conditions", at.t, at.q, at.qd, at.p)[self._first :]
+        return found[::2], found[1::2]
 
 
-class _InPython:
-    """A function of C that calls Python. raised: what went wrong in a call, or None"""
+class _InPython(LoadConditions):
+    """A function of C that calls Python."""
 
-    def __init__(self, functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...]) -> None:
+    def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> None:
         ffi: Interface = runtime_abi("double")
-        self.raised: BaseException | None = None
-        n, n_p, conditions = kernels.n, len(kernels.p0), functions.count
+        self._functions, self._mode, self._held, self.count = functions, mode.driven_by(None), held, count_of(held)
+        n, n_p, first = mode.n, len(mode.p0), 2 * functions.count
         own = functions.raw("conditions")
 
         def evaluate(t: float, q: InC, qd: InC, p: InC, out: InC) -> int:
             own(t, q, qd, p, out)
             state = [np.array(ffi.unpack(a, size) if size else [], dtype=float) for a, size in ((q, n), (qd, n), (p, n_p))]
-            lam = accelerations_by("lagrange").motion(kernels, state[0], state[1], t, state[2], {}).lam
-            at = State(t, *state)
-            statics = [0.0 if each.static is None else functions.static(each.number, at) for each in held]
-            for k, (value, size) in enumerate(margins(held, -lam[kernels.m - len(held) :], statics)):
-                out[2 * (conditions + k)], out[2 * (conditions + k) + 1] = value, size
+            for k, number in enumerate(np.column_stack(self.at(State(t, *state))).ravel().tolist()):
+                out[first + k] = number
             return 0
 
         def failed(kind: type[BaseException], raised: BaseException, traceback: object) -> None:
@@ -167,3 +153,16 @@ class _InPython:
 
         self._callback = ffi.callback("ncgen_velocity_kernel", evaluate, error=DOMAIN, onerror=failed)
         self.address = int(ffi.cast("uintptr_t", self._callback))
+
+    def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:
+        rows = self._mode.row_sizes
+        lam = accelerations_by("lagrange").motion(self._mode, at.q, at.qd, at.t, at.p, {}).lam
+        found, total = [], float(np.sum(rows * np.abs(lam)))
+        for k, each in enumerate(self._held, self._mode.m - len(self._held)):
+            if each.static is None:
+                found.append((-lam[k], total / rows[k]))
+                continue
+            most = self._functions.static(each.number, at)
+            found += [(most + side * lam[k], most + total / rows[k]) for side in (1, -1)]
+        values, sizes = np.array(found).T
+        return values, sizes

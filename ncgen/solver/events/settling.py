@@ -13,13 +13,16 @@ from ncgen.errors import ConvergenceError
 from ncgen.mechanism.conditions import OFF
 from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.modes import loads_of
+from ncgen.solver.events.modes import load_conditions
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
 SLACK = 1e-10
 """A load on the wrong side by less than this share of the largest is held."""
+
+CLEAR = 1e-6
+"""The same where velocities are those before a projection, which moves them by a rounding."""
 
 STANDSTILL = 1e-9
 """A gap opens, or a joint slips, if its velocity is above this share of what it adds up."""
@@ -143,21 +146,30 @@ class Settling:
         that was not is held only if it is pushed."""
         if not held:
             return replace(at, q=start.q, qd=start.qd), None
-        kernels = self.functions.mode(at, [self.rows[k] for k in held])
-        q, _ = project_position(kernels, start.q, at.t, at.p)
-        at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
-        loads, largest = loads_of(kernels, len(held), at)
-        worst, excess = None, SLACK
-        for k, load in zip(held, loads.tolist(), strict=True):
-            if k in self.functions.frictions:
-                most = self.functions.static(k, at)
-                over, side = (abs(load) - most) / (max(most, largest) or 1.0), -float(np.sign(load))
-            else:
-                pushed = load / largest if largest else 0.0
-                over, side = -pushed if k in before else 2 * SLACK - pushed, 1.0
-            if over > excess:
-                worst, excess = (k, side), over
+        rows = tuple(self.rows[k] for k in held)
+        kernels = self.functions.mode(at, rows)
+        loads, p, worst = load_conditions(self.functions, kernels, rows), self.kernels.present(at.t, at.p), None
+        if all(k in self.functions.frictions for k in held):  # joints that stand still: their loads there say it without projecting
+            worst = self._worst(loads.at(replace(start, p=p)), held, before, CLEAR)
+        if worst is None:
+            q, _ = project_position(kernels, start.q, at.t, at.p)
+            at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
+            worst = self._worst(loads.at(replace(at, p=p)), held, before, SLACK)
         return at, worst
+
+    def _worst(
+        self, loads: tuple[np.ndarray, np.ndarray], held: tuple[int, ...], before: tuple[int, ...], slack: float
+    ) -> tuple[int, float] | None:
+        """Of conditions of loads, values and sizes, the constraint that is violated most, and its side."""
+        margins = iter([value / size if size else 0.0 for value, size in zip(*(each.tolist() for each in loads), strict=True)])
+        worst, excess = None, slack
+        for k in held:
+            is_joint = k in self.functions.frictions
+            for side in (-1.0, 1.0) if is_joint else (1.0,):
+                over = (0.0 if is_joint or k in before else 2 * SLACK) - next(margins)
+                if over > excess:
+                    worst, excess = (k, side), over
+        return worst
 
     def _happened(
         self, start: State, at: State, before: tuple[int, ...], after: tuple[int, ...], due: dict[int, Search]
