@@ -52,5 +52,8 @@ def build() -> Model:
     m.output("contact", press + FOLLOWER * (F.y.acceleration + GRAVITY), "N")
     m.line(O, N)
     m.line(F, H)
+    m.range("follower.mass", 0.02, 0.5)
+    m.range("F_H.stiffness", 500, 8000)
+    m.range("F_H.damping", 0, 20)
     m.simulation(duration=0.5)
     return m

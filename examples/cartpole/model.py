@@ -26,5 +26,9 @@ def build(cart: float = 1.0, pole: float = 0.2, length: float = 0.8) -> Model:
     m.line(C, D)
     m.polygon(m.bodies["cart"], [(-0.08, -0.05), (0.28, -0.05), (0.28, 0.05), (-0.08, 0.05)], 0.1)
     m.bar(C, B, 0.012)
+    m.range("F", -10, 10)
+    m.range("B.position.y", 0.3, 2)
+    m.range("cart.mass", 0.2, 5)
+    m.range("pole.mass", 0.05, 2)
     m.simulation(duration=1.0, zd0={"phi": 0.1})
     return m

@@ -39,5 +39,7 @@ def build(lean: float = 20.0, speed: float = 1.5, steer: float = 0.5, spokes: in
     m.wheel(disc, RADIUS, 0.1 * RADIUS, C.initial, axle)
     m.arrow(C, u)
     # Turning at `steer` about the vertical carries the axle's tip backwards.
+    m.range("disc.mass", 0.5, 10)
+    m.range("gravity.z", -25, 0)
     m.simulation(duration=3.0, zd0={"C.x": speed, "u.x": -steer * math.cos(tilt)})
     return m

@@ -15,5 +15,9 @@ def build(lengths: tuple[float, float] = (1.0, 0.8), masses: tuple[float, float]
         m.body(name, points=ends, mass=mass, inertia=mass * length**2 / 12)
     m.gravity((0, -9.81, 0))
     m.line(A, B, C)
+    m.range("B.position.x", 0.2, 2)
+    m.range("C.position.y", -1.5, 1.5)
+    m.range("upper.mass", 0.1, 5)
+    m.range("lower.mass", 0.1, 5)
     m.simulation(duration=5.0)
     return m

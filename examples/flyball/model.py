@@ -53,6 +53,9 @@ def build(stiffness: float = 8e5, damping: float = 4e4) -> Model:
     m.line(O, S, T)
     m.arrow(O, e)
     m.arrow(O, f)
+    m.range("ball1.mass", 1, 10)
+    m.range("ball2.mass", 1, 10)
+    m.range("slider.mass", 1, 10)
     m.simulation(duration=1.0, integrator="radau", zd0={"turn": 2 * np.pi})
     return m
 

@@ -24,5 +24,10 @@ def build() -> Model:
     m.independent(psi)
     m.gravity((0, -9.81, 0))
     m.line(A, B, C, D)
+    m.range("B.position.x", 0.03, 0.3)
+    m.range("C.position.x", 0.2, 0.45)
+    m.range("C.position.y", 0.15, 0.4)
+    m.range("D.position.x", 0.25, 0.5)
+    m.range("crank.mass", 0.05, 5)
     m.simulation(duration=2.0, zd0={"psi": 12.0})
     return m

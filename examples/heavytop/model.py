@@ -28,5 +28,7 @@ def build(spin: float = 150.0, precession: float = -4.61538) -> Model:
         m.line(O, point, following)
     m.independent(P.x, P.z, Q.x)
     at_p, at_q = (np.cross((0, spin, precession), point.initial) for point in (P, Q))
+    m.range("top.mass", 5, 50)
+    m.range("gravity.z", -25, 0)
     m.simulation(duration=1.0, zd0={"P.x": at_p[0], "P.z": at_p[2], "Q.x": at_q[0]})
     return m

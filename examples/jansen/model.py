@@ -26,6 +26,10 @@ def build(turns_per_second: float = 1.0, density: float = 0.5, driven: bool = Tr
     m.gravity((0, -9.81, 0))
     if driven:
         m.drive(psi, 2 * np.pi * turns_per_second * m.time)
+    m.range("M.position.x", 0.08, 0.2)
+    m.range("P.position.x", -0.45, -0.3)
+    m.range("P.position.y", -0.15, 0)
+    m.range("T.position.y", -1, -0.8)
     m.simulation(duration=1 / turns_per_second)
     return m
 

@@ -17,5 +17,8 @@ def build(N: int = 2) -> Model:
         m.line(start, end)
     m.independent(tops[0].x)
     m.gravity((0, -9.81, 0))
+    m.range("B0.position.y", 0.5, 1.5)
+    m.range("B1.position.y", 0.5, 1.5)
+    m.range("gravity.y", -25, 0)
     m.simulation(duration=0.6, zd0={"B0.x": 1.0})
     return m

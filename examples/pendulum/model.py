@@ -11,5 +11,8 @@ def build(length: float = 1.0, mass: float = 1.0) -> Model:
     m.distance(A, B)
     m.gravity((0, -9.81, 0))
     m.line(A, B)
+    m.range("B.position.x", -3, -0.2)
+    m.range("bob.mass", 0.1, 5)
+    m.range("gravity.y", -25, 0)
     m.simulation(duration=10.0)
     return m

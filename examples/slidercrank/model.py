@@ -23,5 +23,8 @@ def build(crank: float = 0.153, rod: float = 0.306, speed: float = 150.0) -> Mod
     m.gravity((0, -9.81, 0))
     m.line(A, B, C)
     m.arrow(C, x)
+    m.range("B.position.x", 0.05, 0.3)
+    m.range("C.position.x", 0.3, 0.7)
+    m.range("slider.mass", 0.01, 0.5)
     m.simulation(duration=0.1, zd0={"psi": speed})
     return m

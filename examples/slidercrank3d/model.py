@@ -31,5 +31,8 @@ def build() -> Model:
     m.line(A, B, C, O)
     m.arrow(A, X)
     m.arrow(C, h)
+    m.range("slider.mass", 0.5, 10)
+    m.range("rod.mass", 0.1, 2)
+    m.range("gravity.z", -25, 0)
     m.simulation(duration=5.0, zd0={"psi": 6.0})
     return m

@@ -79,6 +79,9 @@ def build() -> Model:
     m.telescope(D, S, 0.025)
     m.wheel(m.bodies["spindle"], 0.33, 0.2, W.initial, (0, 1, 0))
     m.arrow(W, axis)
+    m.range("C_S.stiffness", 100000, 600000)
+    m.range("D_S.damping", 0, 40000)
+    m.range("spindle.mass", 5, 40)
     m.simulation(duration=2 * PERIOD)
     return m
 

@@ -13,6 +13,7 @@ from ncgen.model.shapes import Solid, Strut
 class Drawing:
     """lines: pairs of points; arrows: (point, vector), the vector being drawn from the point; solids, struts: shapes
 
+    ranges: {number: its least and its largest value} of numbers that a page offers first
     folder: where the files of meshes lie whose names do not say it; the working directory if None
     """
 
@@ -21,6 +22,7 @@ class Drawing:
     solids: list[Solid] = field(default_factory=list)
     struts: list[Strut] = field(default_factory=list)
     folder: Path | None = None
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def has_shapes(self) -> bool:

@@ -5,6 +5,7 @@ A shape stands where it is in the initial position, in global axes, as centres o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -34,6 +35,17 @@ class Pictures(Contents):
     def arrow(self, point: Point, vector: Vector) -> None:
         """Draw a unit vector at a point."""
         self.drawing.arrows.append((point, vector))
+
+    @fact
+    def range(self, number: str, low: Number, high: Number) -> None:
+        """Offer a number first in the page of the model (`ncgen export MODEL --to html`), with a slider from low to high.
+
+        number: a parameter or an input, or a plain number by the name that the page gives it, such as `B.position.x`, `crank.mass`,
+            `gravity.y`
+        """
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise ModelError(f"range of {number}: from {low:g} to {high:g}; give two numbers that increase")
+        self.drawing.ranges[number] = float(low), float(high)
 
     @fact
     def box(

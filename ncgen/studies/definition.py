@@ -183,7 +183,10 @@ class Study:
         ] + ([self.steps] if self.steps else [])  # fmt: skip
         if has_events(self.model):
             content.append(
-                digest_of_events(self.model) or hashlib.sha256(pickle.dumps((self.model.events, self.model.frictions))).hexdigest()
+                digest_of_events(self.model)
+                or hashlib.sha256(
+                    pickle.dumps((self.model.events, self.model.frictions, self.model.ratchets, self.model.locks))
+                ).hexdigest()
             )
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 

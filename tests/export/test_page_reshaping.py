@@ -171,8 +171,9 @@ def test_a_slider_has_a_range_from_the_model(browser, page_of):
     found = {name.split(" ")[0]: numbers for name, numbers in rows}
     assert all(low < value < high for low, high, value in found.values())
     assert found["coupler.mass"][0] == 0 and found["gravity.y"][:2] == pytest.approx([-19.62, -1.962])
-    low, high, _ = found["B.position.x"]
-    assert 0.1 < high - low < 1 and low + high == pytest.approx(0.2)
+    low, high, _ = found["A.position.x"]
+    assert 0.1 < high - low < 1 and low + high == pytest.approx(0)
+    assert found["B.position.x"] == [0.03, 0.3, 0.1]
 
 
 @shown

@@ -1,7 +1,8 @@
 """Exports: a folder that builds and runs where Python is not.
 
 A target is a module `NAME_target` here, found by its name, with a function `files(package)`: {path in the folder: text or bytes}, of a
-`Package`, or, where it does without the mechanism's motion, `files_of(model)`; templates/package/NAME holds its templates. One with
+`Package`, or, where it does without the mechanism's motion, `files_of(model)`; templates/package/NAME holds its templates. One whose motion
+goes through events says so by HAS_EVENTS. One with
 binaries for other machines has `check(platforms)`, which refuses unknown ones before anything is generated, and `files` takes them.
 """
 
@@ -29,10 +30,10 @@ def targets() -> tuple[str, ...]:
     return tuple(sorted(module.name.removesuffix(END) for module in iter_modules(__path__) if module.name.endswith(END)))
 
 
-def _package(model: Model) -> Package:
+def _package(model: Model, events: bool) -> Package:
     from ncgen.exchange.export.package import package
 
-    return package(model)
+    return package(model, events)
 
 
 @output_was("folder")
@@ -73,6 +74,7 @@ def export(model: Model, to: str, output: Path | str, platforms: Sequence[str] =
         if not hasattr(target, "check"):
             raise ModelError(f"platforms: {to} is written as sources, for any machine; leave it out")
         target.check(platforms)
-    files = target.files_of(model) if hasattr(target, "files_of") else target.files(_package(model), **more)
+    whole = hasattr(target, "files_of")
+    files = target.files_of(model) if whole else target.files(_package(model, getattr(target, "HAS_EVENTS", False)), **more)
     contents = {name: data if isinstance(data, bytes) else data.encode() for name, data in files.items()}
     return [write_bytes(place / name, data) for name, data in contents.items()]

@@ -7,6 +7,8 @@ import re
 from ncgen.emit.environment import render
 from ncgen.exchange.export.package import Package, renamed
 
+HAS_EVENTS = True
+
 
 def files(package: Package) -> dict[str, str]:
     """{path in the folder: text}."""

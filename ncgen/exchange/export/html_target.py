@@ -7,7 +7,7 @@ import re
 import zlib
 
 from ncgen.emit.environment import render
-from ncgen.errors import counted
+from ncgen.errors import counted, unknown_word
 from ncgen.exchange.export.package import Package, package
 from ncgen.exchange.export.wasm_target import assembled
 from ncgen.exchange.turnable import turnable
@@ -46,6 +46,7 @@ def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
     made, records = assembled(package, kernels, "Mechanism")
     data = _scene(scene, drawn) | _mechanism(package) | {"places": _places(package, drawn, fixed), "kernels": [k.name for k in kernels]}
     data["rows"] = [_row(model, row, own) for row in package.kernels.rows]
+    _check_ranges(model)
     data |= {"parameters": [_parameter(model, name, own) for name in model.numbers]}
     data |= {"movable": _movable(model), "loads": _loads(equations, scene)}
     script = render("package/html/script.js.jinja", wrapper=render("package/wasm/wrapper.js.jinja", **records))
@@ -112,12 +113,20 @@ def _freedom(package: Package) -> str:
 
 
 def _parameter(model: Model, name: str, own: tuple[str, ...]) -> dict:
-    """Unit of a parameter, and the group of sliders that it belongs to."""
-    if name in own:
+    """Unit of a parameter, the group of sliders that it belongs to, and the ends of its slider where the model says them."""
+    ends = model.drawing.ranges.get(name)
+    if name in own or ends:
         group = "inputs" if name in model.inputs else "parameters"
     else:
         group = GROUPS.get(next((part for part in name.split(".") if part in GROUPS), ""), "others")
-    return {"unit": model.numbers[name].unit, "group": group}
+    return {"unit": model.numbers[name].unit, "group": group} | ({"range": ends} if ends else {})
+
+
+def _check_ranges(model: Model) -> None:
+    """Refuse a range of what the page has no slider for."""
+    for name in model.drawing.ranges:
+        if name not in model.numbers:
+            raise unknown_word(name, f"{model.name}: range", model.numbers)
 
 
 def _loads(equations: Terms, scene: Scene) -> list[dict]:

@@ -20,7 +20,8 @@ from ncgen.emit.environment import render
 from ncgen.emit.naming import labels, prefix_of
 from ncgen.emit.runtime import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shortened
+from ncgen.exchange.export.event_table import EventTable, refusal_of_events
 from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.properties import is_conservative, is_definite
@@ -33,7 +34,7 @@ from ncgen.program.motions.full_loads import assemble_loads
 from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
 from ncgen.program.motions.outputs import assemble_outputs
 from ncgen.solver.engines.compiled import own_positions
-from ncgen.solver.given import has_events
+from ncgen.solver.given import has_events, names_of_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.positions.rank import freedom, trial_positions
@@ -51,6 +52,9 @@ RUNTIME = "ncgen_driven.c"
 
 BREAKS = "ncgen_breaks.c"
 """Likewise of those whose laws of time change their formula."""
+
+EVENTS = "ncgen_events.c"
+"""Likewise of those that have events."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +94,8 @@ class Package:
     @cached_property
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
-        needed = needed_by(RUNTIME, *([BREAKS] if self.switching else []), defined=(WITHOUT_TABLES,))
+        more = [*([BREAKS] if self.switching else []), *([EVENTS] if self.events else [])]
+        needed = needed_by(RUNTIME, *more, defined=(WITHOUT_TABLES,))
         runtime = runtime_files(*HEADERS, *needed, defined=(WITHOUT_TABLES,))
         files = self.sources.c | self.recursion | runtime
         records = self.records | self._described
@@ -172,12 +177,14 @@ class Package:
                 ("q", labels(self.kernels.coordinates)),
                 ("p", labels(self.kernels.parameters)),
                 ("output", labels(tuple(self.kernels.model.outputs))),
+                ("event", labels(tuple(self.kernels.model.events))),
             ],
             "kernel_shapes": [
                 {"name": name, "inputs": program.inputs, "size": program.size} for name, program in programs.programs.items()
             ],
             "tangents": self.tangents is not None,
             "breaks": self.switching.described if self.switching else None,
+            "events": self.events.described if self.events else None,
             **program_records(self._motion_programs(), self.prefix, "motion"),
         }
 
@@ -204,12 +211,18 @@ class Package:
         pairs = [self.full, self.tangents] if self.tangents else []
         own = [program for pair in pairs for program in (pair.closing, pair.motion)]
         switches = [self.switching.program] if self.switching else []
-        return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches]
+        happening = self.events.programs if self.events else []
+        return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches, *happening]
 
     @cached_property
     def switching(self) -> Switching | None:
         """When laws of time change their formula; None where none does."""
         return assemble_switches(self.kernels, self.sources.programs.equations, self.duration)
+
+    @cached_property
+    def events(self) -> EventTable | None:
+        """What happens on the way; None where nothing does."""
+        return EventTable(self.kernels, self.sources.programs.equations) if self.kernels.model.events else None
 
     @cached_property
     def outputs(self) -> list[Program]:
@@ -224,9 +237,9 @@ class Package:
         return next(e.unit for e in self.kernels.model.elements.values() if any(c.name == coordinate for c in e.components))
 
 
-def package(model: Model) -> Package:
-    """Generate a mechanism and its motion. Raises ModelError where its motion has no export."""
-    if reason := _refusal(model):
+def package(model: Model, events: bool = False) -> Package:
+    """Generate a mechanism and its motion; events: whether the target supports them. Raises ModelError where its motion has no export."""
+    if reason := _refusal(model, events):
         raise ModelError(f"{model.name} cannot be exported: {reason}")
     sources = generate(model)
     kernels = compile(sources, backend="numpy")
@@ -255,11 +268,14 @@ def _simulation(kernels: Kernels) -> Run:
     return run
 
 
-def _refusal(model: Model) -> str | None:
+def _refusal(model: Model, events: bool) -> str | None:
     if model.callbacks:
         return "it calls a Python function"
-    if has_events(model):
-        return "exports do not support events yet"
+    if has_events(model) and not events:
+        names = shortened(names_of_events(model))
+        return f"this export does not support events yet ({names}); take c, python, fmu2 or fmu3"
+    if reason := refusal_of_events(model):
+        return reason
     if model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps; use smooth angles"
     return None

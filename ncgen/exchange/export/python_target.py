@@ -6,6 +6,8 @@ from ncgen.emit.environment import render
 from ncgen.exchange.export.package import Package
 from ncgen.toolchain.abi import marked
 
+HAS_EVENTS = True
+
 
 def files(package: Package) -> dict[str, str]:
     """{path in the folder: text}."""

@@ -47,7 +47,8 @@ typedef struct ncgen_moment {
 size_t ncgen_driven_workspace(const ncgen_driven *d);
 
 /* On to the time t_end > moment->t: with error control by as many steps as that takes, else by equal steps of at most
- * options->max_step. Where it fails the moment stays as it was. */
+ * options->max_step. Where it fails the moment stays as it was. At the first condition of options->event it ends before, and
+ * statistics->stopped is 1; accelerations and power are then those of another time. */
 int ncgen_go_on(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end, ncgen_statistics *statistics);
 
 /* The same for `count` moments one after the other, each on by h seconds with n_p numbers of p of its own, count n_p in all. statuses
@@ -64,6 +65,10 @@ int ncgen_evaluate_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_mome
 
 /* Multipliers of the rows (n_rows): M qdd + phi_q' lam = force. */
 int ncgen_multipliers(const ncgen_driven *d, const ncgen_real *p, const ncgen_moment *moment, ncgen_real *lam);
+
+/* What impulses along the coordinates (n_coordinates) change of the velocities, the constraints answering with impulses of their own:
+ * M change + phi_q' mu = impulses, phi_q change = 0. */
+int ncgen_respond(const ncgen_driven *d, const ncgen_real *p, const ncgen_moment *moment, const ncgen_real *impulses, ncgen_real *change);
 
 /* end functions */
 

@@ -120,7 +120,8 @@ int ncgen_go_on_in_parts(const ncgen_driven *d, const ncgen_breaks *b, const ncg
 {
     const ncgen_scalar rounding = ncgen_rounding(), beyond = t_end + 2 * place_at(t_end, NCGEN_ABS(moment->t), rounding).gap;
     int status = NCGEN_OK;
-    while (status == NCGEN_OK && moment->t < t_end) {
+    statistics->stopped = 0;
+    while (status == NCGEN_OK && moment->t < t_end && !statistics->stopped) {
         const ncgen_scalar t = moment->t;
         const place found = next_place(b, p, t, beyond, rounding);
         const ncgen_scalar before = found.t - found.gap, behind = found.t + found.gap, goal = before < t_end ? before : t_end;

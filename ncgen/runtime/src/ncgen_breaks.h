@@ -26,7 +26,7 @@ ncgen_scalar ncgen_break_after(const ncgen_breaks *b, const ncgen_real *p, ncgen
 ncgen_scalar ncgen_time_beside_break(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, int behind);
 
 /* ncgen_go_on in parts: each ends before a law of time changes its formula, and the next one begins behind that. Where it fails the moment
- * is the one that the last part began with. */
+ * is the one that the last part began with. It ends where ncgen_go_on ends before. */
 int ncgen_go_on_in_parts(const ncgen_driven *d, const ncgen_breaks *b, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end,
                          ncgen_statistics *statistics);
 

@@ -74,7 +74,7 @@ int ncgen_go_on(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment
         status = ncgen_explicit(&r, &w.stepping);
     if (status != NCGEN_OK)
         return status;
-    moment->t = t_end;
+    moment->t = statistics->stopped ? r.start_t : t_end;
     moment->h = statistics->next_step;
     moment->work += r.start_work;
     keep(&r, r.start_q, r.start_qd, w.stepping.slopes, moment);
@@ -135,5 +135,29 @@ int ncgen_multipliers(const ncgen_driven *d, const ncgen_real *p, const ncgen_mo
         status = NCGEN_SINGULAR;
     if (status == NCGEN_OK)
         ncgen_copy(r.m, w.constrained.solution + r.n, lam);
+    return status;
+}
+
+int ncgen_respond(const ncgen_driven *d, const ncgen_real *p, const ncgen_moment *moment, const ncgen_real *impulses, ncgen_real *change)
+{
+    parts w;
+    ncgen_run r;
+    ncgen_statistics statistics;
+    int status = begin(&r, &w, d, d->options, p, moment, 1, &moment->t, &statistics);
+    if (status == NCGEN_OK)
+        status = ncgen_constrained_matrices(&r, moment->t);
+    if (status == NCGEN_OK)
+        status = ncgen_constrained_factor(&r);
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_copy(r.n, impulses, w.constrained.right);
+    for (int i = 0; i < r.m; ++i)
+        w.constrained.right[r.n + i] = 0;
+    r.settling = 1; /* as many digits as there are */
+    status = ncgen_constrained_solve(&r);
+    if (status == NCGEN_OK && !ncgen_is_finite(r.n, w.constrained.solution))
+        status = NCGEN_SINGULAR;
+    if (status == NCGEN_OK)
+        ncgen_copy(r.n, w.constrained.solution, change);
     return status;
 }

@@ -209,8 +209,9 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     method, grid, number, p = task.method, task.grid, task.number, task.p
     dynamics = all_coordinates(kernels, number, form, method.integrator.name)
     q, qd, work = task.q, task.velocities, 0.0
-    if dynamics.singular_mass and not dynamics.is_emitted:
-        # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
+    if dynamics.singular_mass and not dynamics.is_emitted and not task.first_step:
+        # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
+        # the step of a part before it has been checked.
         least_energy(kernels, q, float(grid[0]), p)
     settings = method.options
     in_c = settings_in_c(settings)

@@ -64,8 +64,8 @@ class Instant:
 
     def turned(self, before: np.ndarray, done: Iterable[int]) -> dict[int, Search]:
         """Events, but for those done, whose conditions the last changes carried to the other side; before (C,): their values then."""
-        after, _ = self.functions.values(self.at)
-        small, ways = CLOSED * self.functions.scales(self.at), self.functions.directions
+        after, scales = self.functions.weighed(self.at)
+        small, ways = CLOSED * scales, self.functions.directions
         turned = (before * after < 0) & (np.abs(before) > small) & (np.abs(after) > small) & (np.sign(after) * ways >= 0)
         return {k: "action" for k in np.flatnonzero(turned[: len(self.functions.events)]).tolist() if k not in done}
 
@@ -152,7 +152,7 @@ class Instant:
             return
         functions, start = self.functions, self.at
         all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
-        values, scales = functions.values(start)[0], functions.scales(start)
+        values, scales = functions.weighed(start)
         taking = [k for k in all_impacts if k in due or abs(values[k]) <= CLOSED * scales[k]]
         gaps = self._gaps([*taking, *(k for k in functions.ratchets if values[k] <= 0)])
         if not np.any(gaps.closing(start.qd)):

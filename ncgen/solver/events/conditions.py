@@ -49,12 +49,15 @@ class EventFunctions:
     @cached_property
     def searches(self) -> tuple[Search, ...]:
         """How every condition is found."""
-        found: list[Search] = ["sampled" if self._degree(event) is None else "proof" for event in self.events]
+        found: list[Search] = ["sampled" if degree_within_step(event.when, self.kernels) is None else "proof" for event in self.events]
         return (*found, *(["proof"] * (self.count - len(found))))  # type: ignore[return-value]
 
     @cached_property
     def rows(self) -> tuple[Held, ...]:
         """The constraints that modes can have."""
+        return self.kernels.remember("rows of modes", (), self._rows)
+
+    def _rows(self) -> tuple[Held, ...]:
         contacts = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         held = [Held(k, event.name, event.when) for k, event in contacts]
         sticking = [Held(k, f.name, f.along.position - symbol_of(f.held), f.static) for k, f in self.frictions.items()]
@@ -78,7 +81,7 @@ class EventFunctions:
     @cached_property
     def degree(self) -> int:
         """Of the polynomials in time that conditions are within a step."""
-        return QUADRATIC if any(self._degree(event) == 2 for event in self.events) else LINEAR
+        return most_degree(self.kernels)
 
     def watched(self, signs: np.ndarray, stop: Stop | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
         """What C is given.
@@ -102,7 +105,12 @@ class EventFunctions:
 
     def scales(self, at: State) -> np.ndarray:
         """What the conditions' values are compared with, (C,): the sizes of their terms, and what moving by natural sizes changes."""
-        return self.values(at)[1] + np.abs(self.slopes(at)[0]) @ self.kernels.column_sizes
+        return self.weighed(at)[1]
+
+    def weighed(self, at: State) -> tuple[np.ndarray, np.ndarray]:
+        """The conditions' values and `scales`, (C,) each."""
+        values, terms = self.values(at)
+        return values, terms + np.abs(self.slopes(at)[0]) @ self.kernels.column_sizes
 
     def slopes(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """Gradients ∂/∂q (C, n) and ∂/∂t (C,)."""
@@ -129,7 +137,7 @@ class EventFunctions:
 
     def numbers(self, at: State) -> dict[int, dict[str, float]]:
         """{position of the event: {name: new value}} of what actions change."""
-        names = [(k, name) for k, name, _ in _changes(self.events)]
+        names = [(k, name) for k, name, _ in changes_of(self.events)]
         found = self._call("action_values", at) if names else ()
         told: dict[int, dict[str, float]] = {}
         for (k, name), value in zip(names, found, strict=True):
@@ -140,20 +148,6 @@ class EventFunctions:
         if not self.count and name in ("conditions", "condition_slopes"):
             return np.empty(0)
         return self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
-
-    @cached_property
-    def _moving(self) -> set[str]:
-        names = set(self.kernels.coordinates) | set(self.kernels.inputs)
-        return names | {rate_name(name) for name in self.kernels.coordinates}
-
-    def _degree(self, event: Event) -> int | None:
-        """1 or 2 where the condition is such a polynomial of what is one in time within a step; None for others."""
-        from ncgen.model.expressions import is_symbolic, symbols_in
-
-        if is_symbolic(event.when) and {s.name for s in symbols_in(event.when)} & set(self.kernels.inputs):
-            return None  # it may change in any way
-        found = degree_of(event.when, self._moving)
-        return max(found, 1) if found is not None and found <= 2 else None
 
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
@@ -200,7 +194,7 @@ class EventFunctions:
 
     def _made(self) -> CompiledFunctions:
         kernels, conditions = self.kernels, self.conditions
-        values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in _changes(self.events)]
+        values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)]
         count = len(conditions)
         sizes = {
             "conditions": 2 * count,
@@ -221,6 +215,22 @@ class EventFunctions:
         return made
 
 
-def _changes(events: tuple[Event, ...]) -> list[tuple[int, str, Scalar]]:
+def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:
+    """1 or 2 where a condition is such a polynomial of what is one in time within a step; None for others."""
+    from ncgen.model.expressions import is_symbolic, symbols_in
+
+    if is_symbolic(when) and {s.name for s in symbols_in(when)} & set(kernels.inputs):
+        return None  # it may change in any way
+    found = degree_of(when, {*kernels.coordinates, *map(rate_name, kernels.coordinates)})
+    return max(found, 1) if found is not None and found <= 2 else None
+
+
+def most_degree(kernels: Kernels) -> int:
+    """Of the polynomials in time that the conditions of a mechanism are within a step."""
+    whens = (event.when for event in kernels.model.events.values())
+    return QUADRATIC if any(degree_within_step(when, kernels) == 2 for when in whens) else LINEAR
+
+
+def changes_of(events: Sequence[Event]) -> list[tuple[int, str, Scalar]]:
     """(position of the event, name, new value) of all that actions change by expressions."""
     return [(k, *pair) for k, event in enumerate(events) for a in event.do if isinstance(a, Change) for pair in a.values.items()]

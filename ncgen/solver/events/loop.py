@@ -136,7 +136,7 @@ class Loop:
         Raises ModelError for a gap that an impact is to close and that is open by less than nothing.
         """
         functions, at = self.functions, self.at
-        values, scales = functions.values(at)[0], functions.scales(at)
+        values, scales = functions.weighed(at)
         rates, _ = functions.rates(at, self._accelerations())
         due: dict[int, Search] = {}
         for k, event in enumerate(functions.events):
@@ -210,8 +210,8 @@ class Loop:
     def _set_signs(self, due: dict[int, Search]) -> None:
         """The side on which each condition goes on: beyond zero for those that happened, else where it is."""
         functions = self.functions
-        now = functions.values(self.at)[0]
-        clear = np.abs(now) > CLOSED * functions.scales(self.at)
+        now, scales = functions.weighed(self.at)
+        clear = np.abs(now) > CLOSED * scales
         self.signs = np.where(clear, np.sign(now), self.signs).astype(int)
         for k in due:
             if k < len(functions.events):

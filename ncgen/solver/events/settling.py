@@ -126,7 +126,7 @@ class Settling:
         """Whether a gap is closed and does not open, or a joint does not move."""
         if k in self.functions.moving:
             return k in due or self._is_still(k, at)
-        values, scales = self.functions.values(at)[0], self.functions.scales(at)
+        values, scales = self.functions.weighed(at)
         return bool(abs(values[k]) <= CLOSED * scales[k]) and self._is_still(k, at) and (k in held or k not in due)
 
     def _is_still(self, k: int, at: State) -> bool:

@@ -65,7 +65,8 @@ def project_position(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndar
 def project_velocity(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> np.ndarray:
     """The velocity nearest to q̇ that satisfies Φ_q q̇ = ν; a consistent one comes back to the last bit."""
     rows, sizes = kernels.row_sizes, kernels.column_sizes
-    jacobian, nu = sparse_jacobian(kernels, q, t, p), kernels.nu(q, t, p) / rows
+    jacobian_of = scaled_jacobian if kernels.n + kernels.m <= LARGE else sparse_jacobian
+    jacobian, nu = jacobian_of(kernels, q, t, p), kernels.nu(q, t, p) / rows
     rest = nu - jacobian @ (qd / sizes)
     terms = abs(jacobian) @ np.abs(qd / sizes) + np.abs(nu)
     if np.all(np.abs(rest) <= 4 * np.finfo(float).eps * terms):

@@ -1,0 +1,247 @@
+"""Events in exported C: times and states of our own runs, and of closed forms; what exports do not have is refused by name."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+from exported import STRICT, shell
+
+import ncgen
+from ncgen.emit.naming import prefix_of
+from ncgen.errors import ModelError
+from ncgen.exchange.export import export
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "events"))
+
+from bouncing import G, ball  # noqa: E402
+from sliding import sliding_block  # noqa: E402
+
+DRIVER = r"""
+#include <stdio.h>
+#include <stdlib.h>
+#include "@_motion.h"
+#define EVENTS (int)(sizeof state.happened / sizeof *state.happened)
+static void print(const char *word, const @_state *state, const @_real *p)
+{
+    printf("%s %.17g", word, (double)state->t);
+    for (int i = 0; i < #_N_COORDINATES; ++i) printf(" %.17g", (double)state->q[i]);
+    for (int i = 0; i < #_N_COORDINATES; ++i) printf(" %.17g", (double)state->qd[i]);
+    for (int i = 0; i < #_N_PARAMETERS; ++i) printf(" %.17g", (double)p[i]);
+    printf(" %.17g\n", (double)state->work);
+}
+int main(int count, char **arguments)
+{
+    @_state state;
+    @_real p[#_N_PARAMETERS + 1];
+    const @_real end = (@_real)atof(arguments[1]);
+    @_defaults(p);
+    int status = @_start(&state, p), before = -1;
+    while (!status && state.t < end && !state.stopped) {
+        status = @_next_event(&state, p, end, (@_real)TOLERANCE, (@_real)TOLERANCE);
+        int sum = 0;
+        for (int k = 0; k < EVENTS; ++k) sum += state.happened[k];
+        if (!status && sum != before && state.t < end) print("event", &state, p);
+        before = sum;
+    }
+    print("end", &state, p);
+    for (int k = 0; k < EVENTS; ++k) printf("%s%d", k ? " " : "", state.happened[k]);
+    printf("\n%d %s\n", state.stopped, @_message(status));
+    (void)count;
+    return 0;
+}
+"""
+
+
+def run_in_c(model: ncgen.Model, folder: Path, seconds: float, tolerance: float = 1e-12, flags: str = "-O0", number: str = ""):
+    """(rows of events, last row, how often each event happened, whether it stopped, message) of an exported model."""
+    export(model, "c", folder)
+    prefix = prefix_of(model.name)
+    text = DRIVER.replace("@", prefix).replace("#_", f"{prefix.upper()}_")
+    (folder / "driver.c").write_text(text)
+    shell(f"cc -std=c99 {flags} {number} -DTOLERANCE={tolerance} -Iinclude -Isrc driver.c src/*.c -lm -o driver", folder)
+    *rows, counts, last = shell(f"./driver {seconds!r}", folder).splitlines()
+    table = [(line.split()[0], np.array(line.split()[1:], dtype=float)) for line in rows]
+    events = [row for word, row in table if word == "event"]
+    return events, table[-1][1], [int(n) for n in counts.split()], last[0] == "1", last[2:]
+
+
+def test_a_ball_bounces(tmp_path):
+    """Closed form: impacts at t₁ and 2 t₁ and so on, the end where bounces accumulate."""
+    events, last, counts, stopped, said = run_in_c(ball(rest="end"), tmp_path, 2.0, flags=f"-O1 {STRICT}")
+    assert [row[0] for row in events[:2]] == pytest.approx([0.4515236409857309, 0.9030472819714618], rel=1e-12)
+    assert events[9][0] == pytest.approx(1.352807158734592, rel=1e-12)
+    assert stopped and said == "ok" and counts == [len(events)] and last[0] == pytest.approx(1.354570922957193, abs=1e-5)
+    with pytest.warns(UserWarning, match="bounces accumulate"):
+        own = ncgen.simulate(ncgen.compile(ball(rest="end")), 2.0)
+    assert len(own.events) == len(events) and last[0] == pytest.approx(own.t[-1], abs=1e-10)
+    assert events[0][-1] == pytest.approx(-0.75 * G, rel=1e-10)  # work: what the impact takes
+
+
+def test_a_ball_that_comes_to_rest_is_refused_on_the_way(tmp_path):
+    """Nothing holds it; the motion ends before with words, and is right up to there."""
+    events, last, _, stopped, said = run_in_c(ball(), tmp_path, 2.0)
+    assert not stopped and said.startswith("bounces accumulate: a gap is at rest")
+    own = [each.t for each in ncgen.simulate(ncgen.compile(ball()), 2.0).events if not each.what]
+    assert [row[0] for row in events] == pytest.approx(own[:-1], abs=1e-11) and last[0] == events[-1][0]
+
+
+@pytest.mark.parametrize("number", ["SINGLE", "LONG_DOUBLE"])
+def test_other_number_types(tmp_path, number):
+    tolerance = 1e-5 if number == "SINGLE" else 1e-15
+    events, *_ = run_in_c(ball(), tmp_path, 0.7, tolerance, number=f"-DBALL_NCGEN_{number}")
+    assert events[0][0] == pytest.approx(0.4515236409857309, rel=1e-6 if number == "SINGLE" else 1e-15)
+
+
+def wheel() -> ncgen.Model:
+    """T7: steps of 1.034549811423279 s in the limit cycle; a foot turns gravity on and takes cos 2α of the velocity."""
+    half, slope = math.pi / 8, 0.08
+    m, psi = sliding_block("wheel")
+    feet = m.parameter("feet", 0.0)
+    m.torque(psi, G * sympy.sin(psi - 2 * half * feet))
+    m.event(
+        "foot", when=psi - slope - half - 2 * half * feet, direction="rising",
+        do={"feet": feet + 1, "rate(s)": math.cos(2 * half) * psi.rate},
+    )  # fmt: skip
+    m.simulation(duration=5.0, q0={"s": slope - half, "A.x": slope - half}, qd0={"s": 1.095462839647657})
+    return m
+
+
+def test_changes_of_parameters_and_velocities(tmp_path):
+    events, last, counts, *_ = run_in_c(wheel(), tmp_path, 5.0)
+    assert np.diff([0.0, *(row[0] for row in events)]) == pytest.approx([1.034549811423279] * 4, rel=1e-10)
+    assert counts == [4] and last[5] == 4.0  # feet
+
+
+def three_balls(order: str) -> ncgen.Model:
+    m = ncgen.Model("balls")
+    for k, x in enumerate((-1.0, 0.0, 0.1)):
+        m.body(f"ball{k}", [m.point(f"P{k}", (x, 0), fixed="y")], mass=1.0)
+    x = [m.elements[f"P{k}"].x for k in range(3)]
+    for k in (1, 2):
+        m.event(f"gap{k}", when=x[k] - x[k - 1] - 0.1, do=ncgen.impact(restitution=1.0, order=order, rest="end"))
+    m.simulation(duration=1.5, qd0={"P0.x": 1.0, "P1.x": 0.0, "P2.x": 0.0})
+    return m
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"), [("simultaneous", (-1 / 3, 2 / 3, 2 / 3)), ("in turn", (0.0, 0.0, 1.0)), ("", "several impacts")]
+)
+def test_the_law_of_several_impacts(tmp_path, order, expected):
+    events, last, _, _, said = run_in_c(three_balls(order), tmp_path, 1.5)
+    if order:
+        assert last[4:7] == pytest.approx(expected, abs=1e-12) and events[0][0] == pytest.approx(0.9, rel=1e-12)
+    else:
+        assert said.startswith(expected)
+
+
+def fourbar() -> ncgen.Model:
+    """A four-bar linkage whose crank hits a stop: impulses of all joints answer."""
+    m = ncgen.load("fourbar")
+    kernels = ncgen.compile(m)
+    m.stop(m.elements["psi"], upper=float(kernels.q0[kernels.index["psi"]]) + 0.4, restitution=0.6, name="stop")
+    return m
+
+
+def against(model: ncgen.Model, folder: Path, seconds: float, rtol: float) -> None:
+    """Events and the end of a motion in C are those of our own run."""
+    kernels = ncgen.compile(model)
+    options = {k: v for k, v in model.simulation_options.items() if k in ("zd0", "z", "qd0", "q0")}
+    run = ncgen.simulate(kernels, seconds, rtol=1e-12, points=2, **options)
+    events, last, _, _, said = run_in_c(model, folder, seconds, 1e-13)
+    assert said == "ok" and len(events) == len({each.t for each in run.events}) > 0
+    assert [row[0] for row in events] == pytest.approx(sorted({each.t for each in run.events}), rel=rtol)
+    n = kernels.n
+    assert last[1 : 1 + n] == pytest.approx(run.q[-1], abs=rtol) and last[1 + n : 1 + 2 * n] == pytest.approx(run.qd[-1], abs=10 * rtol)
+
+
+def test_a_loop_hits_a_stop(tmp_path):
+    against(fourbar(), tmp_path, 0.6, 1e-9)
+
+
+def test_a_compliant_stop(tmp_path):
+    """Hunt-Crossley: inputs that events change say whether it touches."""
+    m, s = sliding_block("stop")
+    m.stop(s, upper=0.5, stiffness=1e4, damping=0.5, exponent=1.5, name="stop")
+    m.simulation(duration=0.8, qd0={"s": 1.0})
+    events, last, counts, *_ = run_in_c(m, tmp_path, 0.8)
+    assert events[0][0] == pytest.approx(0.5, rel=1e-11) and counts == [1, 1]
+    assert -last[3] == pytest.approx(0.7484349315974342, rel=1e-9)
+
+
+def test_a_law_of_time_with_breaks(tmp_path):
+    m, s = sliding_block("pushed")
+    m.torque(s, 4 * ncgen.smooth_step((m.time - 0.2) / 0.2))
+    m.event("half", when=s - 0.5, direction="rising", do={"rate(s)": -s.rate})
+    m.event("late", when=m.time - 0.3, direction="rising")
+    against(m, tmp_path, 1.5, 1e-9)
+
+
+def test_an_event_that_ends_the_motion(tmp_path):
+    m, s = sliding_block("ended")
+    m.event("wall", when=s - 0.5, direction="rising", do="stop")
+    m.simulation(duration=1.0, qd0={"s": 1.0})
+    events, last, counts, stopped, said = run_in_c(m, tmp_path, 1.0)
+    assert stopped and said == "ok" and counts == [1] and last[0] == pytest.approx(0.5, rel=1e-13)
+
+
+def friction() -> ncgen.Model:
+    m, s = sliding_block("rubbing")
+    m.friction(s, coulomb=1.0)
+    return m
+
+
+def called() -> ncgen.Model:
+    m, s = sliding_block("called")
+    m.event("seen", when=s - 0.5, do=lambda at, kernels: None)
+    return m
+
+
+@pytest.mark.parametrize(
+    ("model", "target", "message"),
+    [
+        (friction, "c", "rubbing cannot be exported: joints that stick are not exported yet (s.friction)"),
+        (called, "c", "called cannot be exported: event seen calls a Python function"),
+        (ball, "html", "ball cannot be exported: this export does not support events yet (floor); take c,"),
+        (ball, "wasm", "ball cannot be exported: this export does not support events yet (floor); take c,"),
+        (ball, "casadi", "ball cannot be exported: this export does not support events yet (floor); take c,"),
+    ],
+    ids=lambda x: x if isinstance(x, str) else x.__name__,
+)
+def test_refused(model, target, message, tmp_path):
+    with pytest.raises(ModelError) as refused:
+        export(model(), target, tmp_path)
+    assert str(refused.value).startswith(message)
+
+
+PYTHON = r"""
+import ball
+motion = ball.Motion()
+motion.next_event(2.0, 1e-12, 1e-12)
+print(motion.t, *motion.q, *motion.qd, motion.happened["floor"])
+motion.p = [0.25]
+motion.next_event(2.0, 1e-12, 1e-12)
+print(motion.t, motion.qd[0], motion.happened["floor"])
+motion.advance(2.0)
+print(motion.stopped, motion.t)
+try:
+    motion.step(0.1)
+except ball.MotionError as error:
+    print(error)
+"""
+
+
+def test_a_python_package(tmp_path):
+    """Restitution 0.5, then 0.25 from the second impact on."""
+    export(ball(rest="end"), "python", tmp_path)
+    shell(f"{sys.executable} setup.py --quiet build_ext --inplace", tmp_path)
+    first, second, third, said = shell(f"{sys.executable} -c '{PYTHON}'", tmp_path).splitlines()
+    fall, speed = math.sqrt(2 / G), math.sqrt(2 * G)
+    assert [float(x) for x in first.split()] == pytest.approx([fall, 0.0, speed / 2, 1.0], abs=1e-11)
+    assert [float(x) for x in second.split()] == pytest.approx([2 * fall, speed / 8, 2.0], abs=1e-11)
+    assert third.split()[0] == "True" and float(third.split()[1]) == pytest.approx(2 * fall + speed / 4 / G / 0.75, abs=1e-5)
+    assert said == "an event has ended the motion"
