@@ -189,6 +189,11 @@ def _direction(model: Model | None, raw: object) -> Spatial | Combination:
     return parse_direction(_text(model, raw), {name: e for name, e in _there(model).elements.items() if isinstance(e, Spatial)})
 
 
+def _curve(model: Model | None, raw: object) -> object:
+    """The name of a spline or a table."""
+    return _there(model).curves.get(name := _name(model, raw), name)
+
+
 def _option(model: Model | None, raw: object) -> object:
     """What a run can be told, as `ncgen.simulate` takes it: everything but a date."""
     if isinstance(raw, dict):
@@ -236,6 +241,7 @@ CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "Direction": _direction,
     **dict.fromkeys(("Body", "Point", "Vector", "Spatial", "Relative", "Component | Relative"), _name),
     **dict.fromkeys(("Sequence[Point]", "Sequence[Vector]", "Sequence[Spatial]"), _names),
+    "Curve": _curve,
     "option": _option,
 }
 """{annotation: conversion(model, what a file says)}."""

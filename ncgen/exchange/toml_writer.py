@@ -15,6 +15,7 @@ from ncgen.exchange.words import NOT_IN_FILES, kind_of, signature_of
 from ncgen.model import Model
 from ncgen.model.actions import STOP, Action, Call, Change, Impact, Locking, Stop
 from ncgen.model.bodies import WORDS_OF_INERTIA, Body
+from ncgen.model.curves import Curve
 from ncgen.model.elements import Combination, Component, Element
 from ncgen.model.facts import Fact
 from ncgen.model.kinks import without_kinks
@@ -83,7 +84,7 @@ class _Writer:
             return "true" if value else "false"
         if isinstance(value, str):
             return _quoted(normal(value), where)
-        if isinstance(value, (Element, Body, Parameter, Component)):
+        if isinstance(value, (Element, Body, Parameter, Component, Curve)):
             return _quoted(value.name, where)
         if isinstance(value, (Impact, Change, Stop, Call, Locking)):
             return self.text(_told(value, where), where)

@@ -14,6 +14,7 @@ from ncgen.model.elements import AXES, Point, Spatial
 if TYPE_CHECKING:
     from ncgen.model.bodies import Body, BodyFrame
     from ncgen.model.conditions import Condition
+    from ncgen.model.contacts import Contact
     from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
     from ncgen.model.elements import Component, Element
@@ -48,6 +49,7 @@ class Contents:
     ratchets: what moves in one direction only, by name
     locks: constraints that events switch on and off, by name
     beginnings: {parameter or input: an expression of which it has the value at the start of a run}
+    contacts: friction of rigid contacts, by the names of their events
     facts: how the model was told
     frames: of links, by their names in a robot's file
     limits: {coordinate: (lowest, highest) value of its joint in a robot's file, rad or m}
@@ -79,6 +81,7 @@ class Contents:
     ratchets: dict[str, Ratchet]
     locks: dict[str, Lock]
     beginnings: dict[str, Scalar]
+    contacts: dict[str, Contact]
     gravity_field: tuple[Value, ...]
     branches: dict[str, tuple[Parameter, ...]]
     chosen_independent: tuple[str, ...]

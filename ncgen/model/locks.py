@@ -6,15 +6,15 @@ from dataclasses import replace
 
 from ncgen.errors import ModelError
 from ncgen.model.actions import Locking
+from ncgen.model.contacts import Contacts
 from ncgen.model.displacements import Displacement
 from ncgen.model.elements import Component, Relative
 from ncgen.model.events import Event, Lock
 from ncgen.model.facts import fact
-from ncgen.model.frictions import Frictions
 from ncgen.model.values import Driven, Value
 
 
-class Locks(Frictions):
+class Locks(Contacts):
     """The part of a model that owns locks."""
 
     @fact

@@ -83,6 +83,7 @@ class Model(Joints, Locks, Pictures):
         self.ratchets = {}
         self.locks = {}
         self.beginnings = {}
+        self.contacts = {}
         self.gravity_field = (0.0, 0.0, 0.0)
         self.branches = {}
         self.chosen_independent = ()

@@ -118,9 +118,9 @@ def _is_known(name: str, known: Outline) -> bool:
 
 
 def event_names(model: Model) -> tuple[str, ...]:
-    """What may be named of events: an event, an element, and what either does to what is held."""
+    """What may be named of events: an event, a friction, and what either does to what is held."""
     contacts = [name for name, event in model.events.items() if event.impact]
-    kinds = ((contacts, GAPS), (model.frictions, JOINTS), (model.ratchets, RATCHETS))
+    kinds = ((contacts, GAPS), ((*model.frictions, *model.contacts), JOINTS), (model.ratchets, RATCHETS))
     held = [f"{name} {what}" for names, words in kinds for name in names for what in words]
     return (*model.events, *model.frictions, *model.ratchets, *held)
 

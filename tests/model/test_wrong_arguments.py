@@ -90,6 +90,10 @@ def calls(s) -> dict[str, dict]:
         "lock": {"coordinate": s.psi, "when": s.A.x - 1, "until": s.model.time - 1, "name": "new"},
         "clutch": {"coordinate": s.psi, "other": s.A.x, "ratio": 2.0, "when": s.A.x - 1, "until": s.model.time - 1, "closed": False,
                    "name": "new"},
+        "contact": {
+            "name": "new", "body": s.rod, "point": s.A, "on": s.arm, "at": s.B, "radius": 0.1, "around": 0.2, "axis": s.w, "inside": True,
+            "friction": 0.3, "restitution": 0.5, "tangential": 0.1, "law": "newton", "order": "in turn", "rest": "hold",
+        },
         "rolling": {"disc": s.rod, "centre": s.A, "axle": s.u, "across": s.w, "radius": 1.0, "normal": (0.0, 0.0, 1.0)},
         "gravity": {"field": (0, 0, -9.81)},
         "force": {"point": s.A, "vector": (1, 2, 3), "label": "mine"},

@@ -120,6 +120,8 @@ def refusal_of_events(model: Model) -> str | None:
         return f"locks and ratchets are not exported yet ({shortened(others)}); use ncgen.simulate"
     if model.frictions:
         return f"joints that stick are not exported yet ({shortened(list(model.frictions))}); take a law that is smooth, or ncgen.simulate"
+    if model.contacts:
+        return f"friction of contacts is not exported yet ({shortened(list(model.contacts))}); leave it out, or use ncgen.simulate"
     if called := [event.name for event in model.events.values() if event.is_called]:
         return f"event {called[0]} calls a Python function; write what it does as expressions"
     known = (Change, Impact, Stop)

@@ -13,7 +13,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call, Locking, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.impacts import Gaps, Hit
+from ncgen.solver.events.impacts import Gap, Gaps, Hit
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import least_energy, project_velocity, velocity_residual
 from ncgen.solver.parameter_checks import refused_parameters
@@ -21,6 +21,9 @@ from ncgen.solver.trajectories.happening import LOCKS, Happening, Search
 
 MOST_ROUNDS = 1000
 """Rounds of events that bring about others at one instant."""
+
+GAIN = 1e-9
+"""Energy that an impact may give, relative to that there is: rounding."""
 
 LOCKED = 1e-9
 """The largest share of its terms by which a velocity may miss the constraints after a lock has closed."""
@@ -31,12 +34,16 @@ CLOSED = 1e-10
 
 @dataclass(eq=False)
 class Instant:
-    """What happens at one instant. at: the state so far; happened: in order; stops: True where the run ends here"""
+    """What happens at one instant. at: the state so far; happened: in order; stops: True where the run ends here
+
+    stuck: numbers of contacts that impacts leave sticking
+    """
 
     functions: EventFunctions
     at: State
     happened: list[Happening] = field(default_factory=list)
     stops: bool = False
+    stuck: list[int] = field(default_factory=list)
 
     @property
     def kernels(self) -> Kernels:
@@ -66,8 +73,9 @@ class Instant:
         """Events, but for those done, whose conditions the last changes carried to the other side; before (C,): their values then."""
         after, scales = self.functions.weighed(self.at)
         small, ways = CLOSED * scales, self.functions.directions
+        ways = np.where(np.arange(len(ways)) < len(self.functions.events), ways, np.nan)  # velocities of joints and contacts are no events
         turned = (before * after < 0) & (np.abs(before) > small) & (np.abs(after) > small) & (np.sign(after) * ways >= 0)
-        return {k: "action" for k in np.flatnonzero(turned[: len(self.functions.events)]).tolist() if k not in done}
+        return {k: "action" for k in np.flatnonzero(turned).tolist() if k not in done}
 
     def lock(self, names: Sequence[str]) -> None:
         """Close locks where they are, with the impulses of their constraints. Raises ModelError where others contradict them."""
@@ -104,9 +112,9 @@ class Instant:
         """Stop ratchets that run backward, but for those that are due as they only just turn, by impulses that only push."""
         start = self.at
         taking = [k for k in self.functions.ratchets if k not in due and self.functions.values(start)[0][k] <= 0]
-        if not taking or not np.any((gaps := self._gaps(taking)).closing(start.qd)):
+        if not taking or not np.any((gaps := Gaps(self.functions.mode(start), start, self._gaps(taking))).closing(start.qd)):
             return
-        hit = gaps.all_at_once(start.qd)
+        hit = gaps.all_at_once(start.qd, f"{self.kernels.name} at t = {start.t:.6g} s")
         self.at = replace(start, qd=hit.qd)
         self._note_impulses(gaps.names, {}, hit, start)
 
@@ -154,27 +162,51 @@ class Instant:
         all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
         values, scales = functions.weighed(start)
         taking = [k for k in all_impacts if k in due or abs(values[k]) <= CLOSED * scales[k]]
-        gaps = self._gaps([*taking, *(k for k in functions.ratchets if values[k] <= 0)])
+        gaps = Gaps(functions.mode(start), start, self._gaps([*taking, *(k for k in functions.ratchets if values[k] <= 0)]))
         if not np.any(gaps.closing(start.qd)):
             return
         order = self._order(taking, gaps)
         where = f"{self.kernels.name} at t = {start.t:.6g} s"
-        hit = gaps.in_turn(start.qd, where) if order == "in turn" else gaps.all_at_once(start.qd)
+        hit = gaps.in_turn(start.qd, where) if order == "in turn" else gaps.all_at_once(start.qd, where)
         self.at = replace(start, qd=hit.qd)
+        self._check_energy(hit, gaps, where)
+        slides = {gap: number for number, gap in functions.gaps.items()}
+        for number, k in enumerate(taking):
+            if hit.sticks[number]:
+                self.stuck.append(slides[k])
         found = {functions.events[k].name: search for k, search in searches.items() if k < len(functions.events)}
         self._note_impulses(gaps.names, found, hit, start)
         for k in due:  # what else they do
             if len(functions.events[k].do) > 1:
                 self._act(k, searches[k])
 
-    def _gaps(self, numbers: list[int]) -> Gaps:
-        """Those of events, and ratchets that do not run forward."""
-        functions, at, first = self.functions, self.at, len(self.functions.events)
+    def _gaps(self, taking: list[int]) -> list[Gap]:
+        """The gaps that take part in impacts, with their friction, and ratchets."""
+        functions, at, nothing = self.functions, self.at, np.zeros((0, self.kernels.n))
         gradients, drift = functions.slopes(at)
-        rows = [functions.rate_slopes(at)[k] if k >= first else gradients[k] for k in numbers]
-        names = tuple(functions.ratchets[k].name if k >= first else functions.events[k].name for k in numbers)
-        restitution = np.array([functions.restitution(k, at) if k < first else 0.0 for k in numbers])
-        return Gaps(functions.mode(at), at, np.array(rows), np.where(np.array(numbers) < first, drift[numbers], 0.0), restitution, names)
+        sliding, gaps = functions.sliding(at), []
+        slides = {gap: number for number, gap in functions.gaps.items()}
+        for k in taking:
+            if k in functions.ratchets:
+                gaps.append(Gap(functions.ratchets[k].name, functions.rate_slopes(at)[k], 0.0, 0.0, nothing))
+                continue
+            gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), nothing)
+            if k in slides:
+                number = slides[k]
+                gap = replace(
+                    gap, rubs=sliding[number][1], friction=functions.friction(number, at),
+                    tangential=functions.tangential(number, at), is_poisson=functions.contacts[number].law == "poisson",
+                )  # fmt: skip
+            gaps.append(gap)
+        return gaps
+
+    def _check_energy(self, hit: Hit, gaps: Gaps, where: str) -> None:
+        """Raise ModelError where a law of impact gives energy, as Newton's may with friction."""
+        if (lost := float(np.sum(hit.lost))) < -GAIN * float(np.sum(np.abs(hit.lost)) + abs(self._energy(self.at)[0])):
+            raise ModelError(
+                f"{where}: the impact of {', '.join(gaps.names)} would gain {-lost:.6g} J; with friction Newton's law may do so, "
+                'take law="poisson" or less restitution'
+            )
 
     def _order(self, taking: list[int], gaps: Gaps) -> str:
         """The law of several impacts. Raises ModelError where it is not said and matters."""
@@ -185,8 +217,7 @@ class Instant:
                 f"{self.kernels.name}: impacts of {', '.join(gaps.names)} at one instant, t = {self.at.t:.6g} s, have different orders; "
                 "give all the same one"
             )
-        coupled = np.abs(gaps.G - np.diag(np.diag(gaps.G))) > 1e-12 * np.sqrt(np.outer(np.diag(gaps.G), np.diag(gaps.G)))
-        if not orders and np.any(coupled):
+        if not orders and gaps.are_coupled():
             raise ModelError(
                 f"{self.kernels.name}: several impacts at one instant, of {', '.join(gaps.names)} at t = {self.at.t:.6g} s, "
                 'where laws differ; say which holds, order="simultaneous" or order="in turn" of ncgen.impact or of the element'

@@ -13,11 +13,12 @@ from ncgen.mechanism.conditions import LINEAR, OFF, QUADRATIC, Conditions
 from ncgen.mechanism.functions import CompiledFunctions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Change
+from ncgen.model.contacts import Contact
 from ncgen.model.elements import rate_name
 from ncgen.model.events import Event, Lock
 from ncgen.model.frictions import Friction
 from ncgen.model.one_sided import Ratchet
-from ncgen.model.values import Scalar, as_sympy, is_number, symbol_of
+from ncgen.model.values import Scalar, Value, is_number, symbol_of
 from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
 from ncgen.solver.events.modes import Held, LoadConditions, variant
 from ncgen.solver.events.state import State
@@ -39,18 +40,23 @@ class EventFunctions:
         model = kernels.model
         self.kernels, self.events, self.named = kernels, tuple(model.events.values()), model.events
         self.frictions: dict[int, Friction] = dict(enumerate(model.frictions.values(), len(self.events)))
-        self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), len(self.events) + len(self.frictions)))
-        self.locks = {each.name: Held(-1, each.name, each.along.position - symbol_of(each.held)) for each in model.locks.values()}
-        self.count = len(self.events) + len(self.frictions) + len(self.ratchets)
+        rubbing = enumerate(model.contacts.values(), len(self.events) + len(self.frictions))
+        self.contacts: dict[int, Contact] = dict(rubbing)
+        names = [event.name for event in self.events]
+        self.gaps = {k: names.index(contact.name) for k, contact in self.contacts.items()}
+        first = len(self.events) + len(self.frictions) + len(self.contacts)
+        self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), first))
+        self.locks = {each.name: Held(-1, each.name, (each.along.position - symbol_of(each.held),)) for each in model.locks.values()}
+        self.count = first + len(self.ratchets)
         ways = [DIRECTIONS[event.direction] for event in self.events]
-        self.directions = np.array([*ways, *([OFF] * len(self.frictions)), *([DIRECTIONS["falling"]] * len(self.ratchets))], dtype=int)
+        falling = [DIRECTIONS["falling"]] * len(self.ratchets)
+        self.directions = np.array([*ways, *([OFF] * (first - len(ways))), *falling], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
 
     @cached_property
     def searches(self) -> tuple[Search, ...]:
         """How every condition is found."""
-        found: list[Search] = ["sampled" if degree_within_step(event.when, self.kernels) is None else "proof" for event in self.events]
-        return (*found, *(["proof"] * (self.count - len(found))))  # type: ignore[return-value]
+        return tuple("sampled" if degree_within_step(when, self.kernels) is None else "proof" for _, when in self.conditions)
 
     @cached_property
     def rows(self) -> tuple[Held, ...]:
@@ -58,11 +64,14 @@ class EventFunctions:
         return self.kernels.remember("rows of modes", (), self._rows)
 
     def _rows(self) -> tuple[Held, ...]:
-        contacts = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
-        held = [Held(k, event.name, event.when) for k, event in contacts]
-        sticking = [Held(k, f.name, f.along.position - symbol_of(f.held), f.static) for k, f in self.frictions.items()]
-        caught = [Held(k, r.name, r.along.position - symbol_of(r.held)) for k, r in self.ratchets.items()]
-        return (*held, *sticking, *caught)
+        closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
+        rubbing = self.kernels.model.contacts
+        held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
+        sticking = [Held(k, f.name, (f.along.position - symbol_of(f.held),), f.static) for k, f in self.frictions.items()]
+        rests = {event.name for _, event in closing}
+        rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
+        caught = [Held(k, r.name, (r.along.position - symbol_of(r.held),)) for k, r in self.ratchets.items()]
+        return (*held, *sticking, *rolling, *caught)
 
     @property
     def moving(self) -> dict[int, Friction | Ratchet]:
@@ -152,8 +161,10 @@ class EventFunctions:
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of every condition."""
-        rates = [(each.name, each.along.rate) for each in self.moving.values()]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates]
+        rates = [(f"friction {each.name}", each.along.rate) for each in self.frictions.values()]
+        turns = [(f"ratchet {each.name}", each.along.rate) for each in self.ratchets.values()]
+        slides = [(f"contact {each.name}", each.forward) for each in self.contacts.values()]
+        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *turns]
 
     @property
     def read_inputs(self) -> EventFunctions:
@@ -163,11 +174,37 @@ class EventFunctions:
     def restitution(self, k: int, at: State) -> float:
         """Of an event's impact; 0 for other events."""
         event = self.events[k]
-        return self._number(f"event {event.name}", as_sympy(event.impact.restitution), at) if event.impact else 0.0
+        return self._number(f"event {event.name}", event.impact.restitution, at) if event.impact else 0.0
 
     def static(self, k: int, at: State) -> float:
         """Static friction of a friction (N or N m)."""
         return self._number(f"friction {self.frictions[k].name}", self.frictions[k].static, at)
+
+    def limit(self, held: Held, at: State) -> float:
+        """What holds it: static friction of a joint (N or N m), the coefficient of a contact that sticks; 0 of a gap."""
+        if held.sticks:
+            return self.friction(held.number, at)
+        return 0.0 if held.static is None else self.static(held.number, at)
+
+    def friction(self, k: int, at: State) -> float:
+        """Coefficient of friction of a contact."""
+        return self._number(f"contact {self.contacts[k].name}, friction", self.contacts[k].friction, at)
+
+    def tangential(self, k: int, at: State) -> float:
+        """Tangential restitution of a contact."""
+        return self._number(f"contact {self.contacts[k].name}, tangential", self.contacts[k].tangential, at)
+
+    def sliding(self, at: State) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+        """{contact: (velocities (d,) at which it slides, m/s, and their gradients (d, n) by q̇)}, d being 1 in the plane and 2 in space."""
+        if not self.contacts:
+            return {}
+        numbers = self._call("contact_velocities", at)
+        sizes, n, found, place = [len(c.sliding) for c in self.contacts.values()], self.kernels.n, {}, 0
+        slopes = numbers[sum(sizes) :].reshape(sum(sizes), n)
+        for k, size in zip(self.contacts, sizes, strict=True):
+            found[k] = numbers[place : place + size], slopes[place : place + size]
+            place += size
+        return found
 
     def place(self, of: Friction | Ratchet | Lock, at: State) -> float:
         """Where what is held is (m or rad)."""
@@ -177,17 +214,17 @@ class EventFunctions:
         """{name: number} of what parameters and inputs are at the start."""
         return {name: self._number(name, value, at) for name, value in self.kernels.model.beginnings.items()}
 
-    def _number(self, where: str, value: Scalar, at: State) -> float:
+    def _number(self, where: str, value: Value | Scalar, at: State) -> float:
         """A number, or an expression."""
         return float(value) if is_number(value) else float(self._call("element_values", at)[self._elements.index((where, value))])
 
     @cached_property
-    def _elements(self) -> list[tuple[str, Scalar]]:
-        """(words, value) of restitutions, static frictions, places and beginnings that are expressions."""
-        pairs: list[tuple[str, Scalar]] = [
-            (f"event {event.name}", as_sympy(event.impact.restitution)) for event in self.events if event.impact
-        ]
+    def _elements(self) -> list[tuple[str, Value | Scalar]]:
+        """(words, value) of restitutions, friction, places and beginnings that are expressions."""
+        pairs = [(f"event {event.name}", event.impact.restitution) for event in self.events if event.impact]
         pairs += [(f"friction {each.name}", each.static) for each in self.frictions.values()]
+        pairs += [(f"contact {each.name}, friction", each.friction) for each in self.contacts.values()]
+        pairs += [(f"contact {each.name}, tangential", each.tangential) for each in self.contacts.values()]
         pairs += [(each.name, each.along.position) for each in (*self.moving.values(), *self.kernels.model.locks.values())]
         pairs += list(self.kernels.model.beginnings.items())
         return [pair for pair in pairs if not is_number(pair[1])]
@@ -195,6 +232,7 @@ class EventFunctions:
     def _made(self) -> CompiledFunctions:
         kernels, conditions = self.kernels, self.conditions
         values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)]
+        slides = [(f"contact {each.name}", w) for each in self.contacts.values() for w in each.sliding]
         count = len(conditions)
         sizes = {
             "conditions": 2 * count,
@@ -202,13 +240,16 @@ class EventFunctions:
             "condition_rates": 2 * count,
             "action_values": len(values),
             "element_values": len(self._elements),
+            "contact_velocities": len(slides) * (kernels.n + 1),
         }
         sizes = {name: size for name, size in sizes.items() if size}
         counts = {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)}
-        told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements)]).encode()).hexdigest()[:16]
+        told = hashlib.sha256(
+            repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements, *slides)]).encode()
+        ).hexdigest()[:16]
         made = functions(
             kernels, f"events {told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
-            lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements),
+            lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements, slides),
         )  # fmt: skip
         if not isinstance(made, CompiledFunctions):
             raise ModelError(f"{kernels.name}: events need compiled kernels; compile the model with backend='c'")
@@ -227,7 +268,8 @@ def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:
 
 def most_degree(kernels: Kernels) -> int:
     """Of the polynomials in time that the conditions of a mechanism are within a step."""
-    whens = (event.when for event in kernels.model.events.values())
+    model = kernels.model
+    whens = [*(event.when for event in model.events.values()), *(contact.forward for contact in model.contacts.values())]
     return QUADRATIC if any(degree_within_step(when, kernels) == 2 for when in whens) else LINEAR
 
 

@@ -123,7 +123,7 @@ class Loop:
     def _due(self, crossed: tuple[int, ...]) -> dict[int, Search]:
         """Conditions of the mechanism that crossed; those of loads become constraints that are released."""
         functions = self.functions
-        self.settling.release(self.held, [k - functions.count for k in crossed if k >= functions.count])
+        self.settling.release(self.held, [k - functions.count for k in crossed if k >= functions.count], self.mode, self.at)
         return {k: functions.searches[k] for k in crossed if k < functions.count}
 
     def _is_stop(self, crossed: tuple[int, ...]) -> bool:
@@ -145,7 +145,8 @@ class Loop:
                 raise ModelError(
                     f"event {event.name}: the gap is {values[k]:.6g} at the start; begin where it is not below 0, or make it another event"
                 )
-            if is_zero and rates[k] and (np.sign(rates[k]) == functions.directions[k] or not functions.directions[k]):
+            moves = rates[k] and not (event.impact and self.settling.is_still(k, at))
+            if is_zero and moves and (np.sign(rates[k]) == functions.directions[k] or not functions.directions[k]):
                 due[k] = "start"
             self.signs[k] = 1 if event.impact else int(np.sign(rates[k] if is_zero else values[k]))
         self.at = self.settling.begin(at)
@@ -181,7 +182,8 @@ class Loop:
         rests = self._resting(due)
         ended = [name for name, _ in rests.values() if self.functions.named[name].impact.rest == "end"]  # type: ignore[union-attr]
         resting = [k for k in rests if self.functions.events[k].name not in ended]
-        found = self.settling.settle(before, self.at, self.held, due, resting)
+        unhit = self.held if np.array_equal(before.qd, self.at.qd) else ()
+        found = self.settling.settle(self.at, self.held, due, [*resting, *instant.stuck, *unhit], before.qd)
         self.at = found.at
         self._note(before, instant.happened, found.happened, dict(rests.values()))
         self._set_signs(due)

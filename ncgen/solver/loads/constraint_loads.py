@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from ncgen.errors import NcgenError
 from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.program.motions.full_motion import MotionSizes
 from ncgen.program.motions.multipliers import STATE, assemble_multipliers
 from ncgen.solver.positions.assembly import assemble
@@ -19,7 +20,7 @@ MOST_UNKNOWNS = 100
 
 def refusal_of_multipliers(kernels: Kernels) -> str:
     """Why multipliers cannot be compiled as functions, in words, or nothing."""
-    if kernels.model.callbacks:
+    if any(not isinstance(function, ReactiveForce) for function in kernels.model.callbacks):
         return "the model calls a Python function, whose forces no program has"
     if kernels.n + kernels.m > MOST_UNKNOWNS:
         return f"{kernels.n} coordinates and {kernels.m} constraints are more than {MOST_UNKNOWNS} unknowns, which would compile for long"
