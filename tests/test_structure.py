@@ -331,11 +331,7 @@ SHARED_MODULES = {
 }  # fmt: skip
 """Names that several modules still have; the list may only become shorter."""
 
-SHARED_CLASSES = {
-    "Bound", "Call", "Choice", "Deferred", "Drawing", "Function", "Functions", "Inertia", "Input", "Instant", "Link", "Loop", "Moved",
-    "Names", "Output", "Part", "Pieces", "Reference", "Start", "State", "States", "Stop", "Term", "Tolerances", "TreePlace",
-    "Watched",
-}  # fmt: skip
+SHARED_CLASSES = {"Loop"}
 """Names that several classes still have; the list may only become shorter."""
 
 

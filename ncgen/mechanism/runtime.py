@@ -19,7 +19,7 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.callbacks import Choices, ExternalForces
 from ncgen.mechanism.conditions import Conditions, Watched
-from ncgen.mechanism.driving import Driver, Function, Pieces
+from ncgen.mechanism.driving import Driver, Function, InputPieces
 from ncgen.mechanism.in_python import in_python, tangents_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
@@ -137,7 +137,7 @@ class Dynamics:
         sizes: ArrayLike | None = None,
         looks: np.ndarray | None = None,
         progress: Callable[[float], None] | None = None,
-        inputs: Sequence[Pieces | Function | None] = (),
+        inputs: Sequence[InputPieces | Function | None] = (),
         breaks: ArrayLike = (),
         choose: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
         **options: InC,

@@ -14,12 +14,12 @@ from ncgen.view import curves, sketch
 from ncgen.view.curves import curves as drawn
 from ncgen.view.scene import scene_of
 from ncgen.view.spots import MOST, spots
-from ncgen.view.svg import Drawing, below_each_other
+from ncgen.view.svg import SvgDrawing, below_each_other
 
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def lines(drawing: Drawing) -> list[list[np.ndarray]]:
+def lines(drawing: SvgDrawing) -> list[list[np.ndarray]]:
     """Of every path its pieces, (K, 2) each."""
     paths = [path.get("d") for path in ElementTree.fromstring(str(drawing)).iter(f"{SVG}path")]
     return [[np.array(re.findall(r"-?[\d.]+", piece), dtype=float).reshape(-1, 2) for piece in d.split("M")[1:]] for d in paths]

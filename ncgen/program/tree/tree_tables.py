@@ -45,7 +45,7 @@ class NoTables(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class TreePlace:
+class SampledPlace:
     """A position q (n,), Φ there (m,) in natural sizes, and values of Φ_q and M."""
 
     q: np.ndarray
@@ -62,7 +62,7 @@ class Around:
     """
 
     q: np.ndarray
-    looks: Sequence[Callable[[np.ndarray], TreePlace]]
+    looks: Sequence[Callable[[np.ndarray], SampledPlace]]
     rows: np.ndarray
     columns: np.ndarray
 
@@ -127,7 +127,7 @@ class OpenTree:
 
     # -- masses --------------------------------------------------------------------------------
 
-    def _take_masses(self, pattern: Pattern, places: Sequence[TreePlace]) -> None:
+    def _take_masses(self, pattern: Pattern, places: Sequence[SampledPlace]) -> None:
         """Entries of M, each with a link that carries what it speaks of; as a pair where it is the same along all axes."""
         self._weigh(pattern, places[0])
         masses_between: dict[tuple[int, int, int], dict[tuple[int, int], int]] = defaultdict(dict)
@@ -148,7 +148,7 @@ class OpenTree:
             else:
                 self.singles += [(link, a, x, b, y, value) for (x, y), value in sorted(entries.items())]
 
-    def _weigh(self, pattern: Pattern, place: TreePlace) -> None:
+    def _weigh(self, pattern: Pattern, place: SampledPlace) -> None:
         """How much the velocity of an element counts where the rates of a joint are found, as `ncgen.program.tree.joint_rates` has it:
         of one screw that of the element alone that it moves most, of several those of all, each with its mass."""
         diagonal = scipy.sparse.csr_array((place.mass, pattern.indices, pattern.indptr), shape=pattern.shape).diagonal()
@@ -210,7 +210,7 @@ class OpenTree:
                     others[i] += value * step[c]
         return block, others
 
-    def _closed(self, q: np.ndarray, place_at: Callable[[np.ndarray], TreePlace]) -> TreePlace:
+    def _closed(self, q: np.ndarray, place_at: Callable[[np.ndarray], SampledPlace]) -> SampledPlace:
         """The closed position near q, each link brought to those before it by the smallest change."""
         for _ in range(MOST_STEPS):
             place = place_at(q)
@@ -224,7 +224,7 @@ class OpenTree:
             q = q + step
         raise NoTables("bodies do not close one after the other")
 
-    def _places(self) -> list[TreePlace]:
+    def _places(self) -> list[SampledPlace]:
         """Closed positions: where the mechanism is, and two around it, with other parameters where there are any."""
         first, *others = self.around.looks
         closed_places = [self._closed(self.around.q, first)]
@@ -235,7 +235,7 @@ class OpenTree:
             closed_places.append(self._closed(guess, others[k % len(others)] if others else first))
         return closed_places
 
-    def _take_measured(self, places: Sequence[TreePlace]) -> None:
+    def _take_measured(self, places: Sequence[SampledPlace]) -> None:
         """Which joint every measured coordinate measures: they are those that no body carries."""
         measuring_rows: dict[int, int] = {}
         for r, row in enumerate(self.rows):
@@ -249,7 +249,7 @@ class OpenTree:
             rates = np.array([self._rate(c, measuring_rows[c], place, v) for place, _, v in trials])
             self.measured[c] = self._measures(self.own[self.group[c]], rates, np.array([x for _, x, _ in trials]))
 
-    def _rate(self, c: int, row: int, place: TreePlace, v: np.ndarray) -> float:
+    def _rate(self, c: int, row: int, place: SampledPlace, v: np.ndarray) -> float:
         """What a row says of a measured coordinate's rate at the others' velocities."""
         begin = self.pattern.indptr[row]
         entries = {j: place.phi_q[begin + k] for k, j in enumerate(self.rows[row])}
@@ -296,13 +296,13 @@ class OpenTree:
             qd[c] = ratio * rates[k]
         return qd
 
-    def _check(self, place: TreePlace) -> None:
+    def _check(self, place: SampledPlace) -> None:
         """Raise NoTables where a row does not allow what the joints do, or lets more move."""
         self._check_rows(place, range(len(self.rows)))
         if any(rank != freedom for rank, _, freedom in self._ranks(place)):
             raise NoTables("a body can move otherwise than by its joint")
 
-    def _check_rows(self, place: TreePlace, rows: Sequence[int]) -> None:
+    def _check_rows(self, place: SampledPlace, rows: Sequence[int]) -> None:
         """Raise NoTables where one of these rows, or a fixed component, does not allow what the joints do."""
         jacobian = scipy.sparse.csr_array((place.phi_q, self.pattern.indices, self.pattern.indptr), shape=self.pattern.shape)
         for x in self._random():
@@ -312,11 +312,11 @@ class OpenTree:
             if np.any(off[rows] > SAME * terms[rows]) or np.any(np.abs(held) > least):
                 raise NoTables("rows close loops")
 
-    def is_regular(self, place: TreePlace) -> bool:
+    def is_regular(self, place: SampledPlace) -> bool:
         """True where all rows are independent, link by link."""
         return all(rank == rows == freedom for rank, rows, freedom in self._ranks(place))
 
-    def _ranks(self, place: TreePlace) -> Iterator[tuple[int, int, int]]:
+    def _ranks(self, place: SampledPlace) -> Iterator[tuple[int, int, int]]:
         """Of every link the rank of the rows that close it, how many they are, and what their rank must be."""
         for link, unknowns in enumerate(self.unknowns):
             block, _ = self._block(link, place.phi_q, np.zeros(self.n))

@@ -22,7 +22,7 @@ from ncgen.model.values import Scalar, Value, is_number, symbol_of
 from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
 from ncgen.solver.events.modes import Held, LoadConditions, variant
 from ncgen.solver.events.state import State
-from ncgen.solver.runs.stop import DIRECTIONS, Stop
+from ncgen.solver.runs.stop import DIRECTIONS, StopCondition
 from ncgen.solver.trajectories.happening import Search
 from ncgen.toolchain.abi import InC
 
@@ -92,7 +92,7 @@ class EventFunctions:
         """Of the polynomials in time that conditions are within a step."""
         return most_degree(self.kernels)
 
-    def watched(self, signs: np.ndarray, stop: Stop | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
+    def watched(self, signs: np.ndarray, stop: StopCondition | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
         """What C is given.
 
         signs (C,): sides on which conditions begin; directions (C,); loads: those of what is held, behind them; stop: the last one

@@ -15,7 +15,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, NcgenError
 from ncgen.mechanism import recall
-from ncgen.mechanism.functions import Functions
+from ncgen.mechanism.functions import ProgramFunctions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.ir.blocks import Program
@@ -142,7 +142,7 @@ class JointsInLoops(JointSpace):
         return outputs.reshape(*outputs.shape[:-1], len(self.sizes), self.n)
 
     @cached_property
-    def _spread_functions(self) -> Functions:
+    def _spread_functions(self) -> ProgramFunctions:
         return self._functions_of(
             "spread", {"joint_spread_rate": ("t", "q", "v", "p")}, lambda: {"joint_spread_rate": len(self.sizes) * self.n}
         )

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ncgen.mechanism.functions import Functions, functions
+from ncgen.mechanism.functions import ProgramFunctions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.model.elements import rate_name
@@ -51,7 +51,7 @@ def load_slopes(kernels: Kernels, t: float, state: Sequence[np.ndarray], p: np.n
     return np.array([function("load_slopes", t, *state, p, seed) for seed in np.eye(len(felt))]).T
 
 
-def _slopes_made(kernels: Kernels) -> Functions:
+def _slopes_made(kernels: Kernels) -> ProgramFunctions:
     from ncgen.program.motions.full_loads import loaded_elements
     from ncgen.program.motions.outputs import LOAD_INPUTS, assemble_load_slopes
 
@@ -69,11 +69,11 @@ def _counts(kernels: Kernels) -> dict[str, int]:
     return counts | {"seed": sum(counts.values())}
 
 
-def _function(kernels: Kernels) -> Functions:
+def _function(kernels: Kernels) -> ProgramFunctions:
     return kernels.remember("outputs", (), lambda: _made(kernels))
 
 
-def _made(kernels: Kernels) -> Functions:
+def _made(kernels: Kernels) -> ProgramFunctions:
     from ncgen.program.motions.outputs import assemble_outputs
 
     sizes, counts = dict.fromkeys(INPUTS, len(kernels.model.outputs)), _counts(kernels)
