@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from ncgen.errors import ModelError, one_of, shown
-from ncgen.model.elements import Moved, coordinate_of
+from ncgen.model.elements import SymbolicCoordinate, coordinate_of
 from ncgen.model.names import normal
 from ncgen.model.values import Driven, Scalar, Value
 
@@ -101,7 +101,7 @@ def check_order(order: str, where: str) -> str:
     return one_of(order, f"{where}: order", ORDERS) if order != "" else order
 
 
-def lock(what: str | Moved) -> Locking:
+def lock(what: str | SymbolicCoordinate) -> Locking:
     """Return the action of an event that locks a coordinate or closes a clutch: `m.event("grip", when=…, do=ncgen.lock("psi"))`.
 
     Parameters
@@ -117,7 +117,7 @@ def lock(what: str | Moved) -> Locking:
     return Locking(_name_of(what), True)
 
 
-def free(what: str | Moved) -> Locking:
+def free(what: str | SymbolicCoordinate) -> Locking:
     """Return the action of an event that frees what `lock` locks.
 
     Parameters
