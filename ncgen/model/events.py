@@ -100,7 +100,7 @@ class Events(Loads):
         """An action that names a coordinate names its lock, which is made where there is none."""
         if not isinstance(action, Locking) or action.lock in self.locks:
             return action
-        from ncgen.model.arguments import coordinate
+        from ncgen.model.argument_readers import coordinate
 
         return replace(action, lock=self._lock(f"{action.lock}.lock", Displacement.of(where, coordinate(self, action.lock, where))).name)
 
