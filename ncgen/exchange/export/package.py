@@ -208,8 +208,7 @@ class Package:
 
     def _motion_programs(self) -> list[Program]:
         """What stands beside the kernels as functions."""
-        pairs = [self.full, self.tangents] if self.tangents else []
-        own = [program for pair in pairs for program in (pair.closing, pair.motion)]
+        own = [self.full.closing, self.tangents.closing, self.tangents.motion] if self.tangents else []
         switches = [self.switching.program] if self.switching else []
         happening = self.events.programs if self.events else []
         return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches, *happening]
