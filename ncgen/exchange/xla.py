@@ -86,8 +86,8 @@ def _fill(ffi: Interface, room: int) -> InC:
 
     def tell(kind: type[BaseException], raised: BaseException, traceback: TracebackType) -> None:
         text = str(raised) if isinstance(raised, NcgenError) else shortened(f"{kind.__name__}: {raised}")
-        told = text.encode()[: room - 1] + b"\0"
-        ffi.memmove(traceback.tb_frame.f_locals["line"], told, len(told))
+        written = text.encode()[: room - 1] + b"\0"
+        ffi.memmove(traceback.tb_frame.f_locals["line"], written, len(written))
 
     return ffi.callback("ncgen_xla_fill *", fill, error=1, onerror=tell)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ncgen.mechanism.in_python import INTERRUPTED, InPython, tangents_of
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.program.ir.blocks import Pattern
 from ncgen.toolchain.abi import InC
 
@@ -26,7 +27,7 @@ class ExternalForces(InPython):
     def __init__(self, kernels: Kernels) -> None:
         super().__init__(kernels)
         self._kernels, thread, array, n, force = kernels, self.thread, self.array, kernels.n, kernels.external_force
-        nowhere = (self.ffi.NULL,) * 6
+        nowhere, n_p = (self.ffi.NULL,) * 6, len(kernels.p0)
 
         def external(t: float, q: InC, qd: InC, p: InC, forces: InC) -> int:
             if thread.raised is not None:
@@ -34,10 +35,18 @@ class ExternalForces(InPython):
             places = thread.places or nowhere
             if q != places[0] or qd != places[1] or forces != places[2]:
                 thread.places = places = q, qd, forces, array(q, n), array(qd, n), array(forces, n)
-            places[5][:] = force(t, places[3].copy(), places[4].copy())  # copies: a callback may keep its arguments
+            numbers = array(p, n_p) if n_p else kernels.p0
+            places[5][:] = force(t, places[3].copy(), places[4].copy(), numbers)  # copies: a callback may keep its arguments
             return 0
 
-        self.function: InC = self.put(external, "ncgen_velocity_kernel *")
+        self.function: InC = self._own_function(kernels) or self.put(external, "ncgen_velocity_kernel *")
+
+    def _own_function(self, kernels: Kernels) -> InC | None:
+        """The address of the only callback, where it is compiled."""
+        first, *others = kernels.model.callbacks
+        if others or not isinstance(first, ReactiveForce):
+            return None
+        return self.ffi.cast("ncgen_velocity_kernel *", first.address)
 
     @cached_property
     def tangents(self) -> InC:
@@ -45,10 +54,10 @@ class ExternalForces(InPython):
         kernels, n = self._kernels, self._kernels.n
 
         def stiffness(t: float, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, lam: np.ndarray, p: np.ndarray) -> np.ndarray:
-            return (kernels.stiffness(q, qd, qdd, lam, t, p).toarray() - self._derivative(t, (q, qd), 0)).ravel()
+            return (kernels.stiffness(q, qd, qdd, lam, t, p).toarray() - self._derivative(t, (q, qd), p, 0)).ravel()
 
         def damping(t: float, q: np.ndarray, qd: np.ndarray, p: np.ndarray) -> np.ndarray:
-            return (kernels.damping(q, qd, t, p).toarray() - self._derivative(t, (q, qd), 1)).ravel()
+            return (kernels.damping(q, qd, t, p).toarray() - self._derivative(t, (q, qd), p, 1)).ravel()
 
         made = self.ffi.new("ncgen_tangents *", self.ffi.cast("ncgen_tangents *", tangents_of(kernels))[0])
         full = Pattern((n, n), tuple(range(0, n * n + 1, n)), tuple(range(n)) * n)
@@ -57,15 +66,15 @@ class ExternalForces(InPython):
         made.damping = self.kernel(("t", "q", "qd", "p"), n * n, damping)
         return made
 
-    def _derivative(self, t: float, state: tuple[np.ndarray, np.ndarray], part: int) -> np.ndarray:
+    def _derivative(self, t: float, state: tuple[np.ndarray, np.ndarray], p: np.ndarray, part: int) -> np.ndarray:
         """∂force/∂q (part 0) or ∂force/∂q̇ (part 1), (n, n), by forward differences."""
         force, sizes = self._kernels.external_force, self._kernels.column_sizes
-        at = force(t, *(x.copy() for x in state))
+        at = force(t, *(x.copy() for x in state), p)
         full = np.empty((len(at), len(at)))
         for k, step in enumerate(ROUNDING * (sizes + np.abs(state[part]))):
             moved = [x.copy() for x in state]
             moved[part][k] += step
-            full[:, k] = (force(t, *moved) - at) / step
+            full[:, k] = (force(t, *moved, p) - at) / step
         return full
 
 

@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import DomainError, ModelError, NcgenError, counted, shown
 from ncgen.mechanism.arguments import constant, numbers
-from ncgen.mechanism.batch import Batch
+from ncgen.mechanism.kernel_batch import Batch
+from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.mechanism.tangents import Tangents
 from ncgen.model import Model
 from ncgen.model.elements import Length, Point
@@ -275,13 +276,13 @@ class Kernels(ABC):
     def force(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Generalised forces Q, shape (n,): applied ones and velocity-dependent inertia."""
         force = self.values("force", t, q, qd, p)
-        return force + self._finite_external(t, q, qd) if self.model.callbacks else force
+        return force + self._finite_external(t, q, qd, p) if self.model.callbacks else force
 
     def energy(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Kinetic and potential energy (J), and the power (W) of forces without a potential."""
         energy = self.values("energy", t, q, qd, p)
         if self.model.callbacks:
-            energy[..., 2] += self._finite_external(t, q, qd) @ qd
+            energy[..., 2] += self._finite_external(t, q, qd, p) @ qd
         return energy
 
     def energies(self, q: np.ndarray, qd: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -291,19 +292,23 @@ class Kernels(ABC):
             return np.array([self.energy(*instant, p) for instant in instants])
         return np.array([self._call("energy", s, x, v, p, program.size) for x, v, s in instants])
 
-    def external_force(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike) -> np.ndarray:
-        """Forces (n,) of the model's own functions, finite or not; ModelError naming a function that returns something else."""
+    def external_force(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike, p: np.ndarray) -> np.ndarray:
+        """Forces (n,) of the model's own functions, finite or not; ModelError naming a function that returns something else.
+
+        p (n_p,): with the values of inputs at t
+        """
         total, shape = None, (self.n,)
         for function in self.model.callbacks:
-            force = np.asarray(function(t, q, qd, self), dtype=float)
+            value = function.at(t, q, qd, p) if isinstance(function, ReactiveForce) else function(t, q, qd, self)
+            force = np.asarray(value, dtype=float)
             if force.shape != shape:
                 raise ModelError(self._refused(function, t))
             total = force if total is None else total + force
         return np.zeros(shape) if total is None else total
 
-    def _finite_external(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike) -> np.ndarray:
+    def _finite_external(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike, p: ArrayLike | None) -> np.ndarray:
         """The same; DomainError naming a function that returns NaN or an infinite number."""
-        total = self.external_force(t, q, qd)
+        total = self.external_force(t, q, qd, self.present(t, self.p0 if p is None else p))
         if not np.all(np.isfinite(total)):
             culprit = next((f for f in self.model.callbacks if not np.all(np.isfinite(f(t, q, qd, self)))), self.model.callbacks[0])
             raise DomainError(self._refused(culprit, t))
@@ -317,14 +322,14 @@ class Kernels(ABC):
 
     @cached_property
     def batch(self) -> Batch:
-        """The kernels of many states in one call; compiled when first asked for (ncgen.mechanism.batch)."""
+        """The kernels of many states in one call; compiled when first asked for (ncgen.mechanism.kernel_batch)."""
         return self._batch(self)
 
     # -- tangents ------------------------------------------------------------------------------
 
     @cached_property
     def tangents(self) -> Tangents:
-        """The tangent kernels, generated and compiled when first asked for (ncgen.program.differentiation.tangents)."""
+        """The tangent kernels, generated and compiled when first asked for (ncgen.program.differentiation.tangent_programs)."""
         return self._tangents.by_state(self.programs)
 
     @cached_property

@@ -12,7 +12,7 @@ import numpy as np
 
 from ncgen.mechanism.driving import Function
 from ncgen.mechanism.time_laws import TIME
-from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.ir.ranges import ranges, values
 
 FIRST_INTERVALS = 32
@@ -60,7 +60,9 @@ HALVINGS = 6
 """How often the time between two samples is halved at most."""
 
 
-def quick_changes(ops: Sequence[Op], node: int, given: Mapping[Input, float], start: float, end: float, breaks: np.ndarray) -> np.ndarray:
+def quick_changes(
+    ops: Sequence[Op], node: int, given: Mapping[ArrayElement, float], start: float, end: float, breaks: np.ndarray
+) -> np.ndarray:
     """Times (s), ascending, at which steps of a run have to end for the changes of a node's value.
 
     given: {parameter: value}; breaks (K,): times (s) between which the node is smooth
@@ -113,11 +115,11 @@ def _asked(function: Function, times: np.ndarray) -> np.ndarray:
     return values
 
 
-def _at(ops: Sequence[Op], node: int, given: Mapping[Input, float], t: np.ndarray) -> np.ndarray:
+def _at(ops: Sequence[Op], node: int, given: Mapping[ArrayElement, float], t: np.ndarray) -> np.ndarray:
     return np.broadcast_to(values(ops, node, {**given, TIME: t}), t.shape)
 
 
-def _widths(ops: Sequence[Op], node: int, given: Mapping[Input, float], low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _widths(ops: Sequence[Op], node: int, given: Mapping[ArrayElement, float], low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Bounds of how much the value changes in intervals; a large number where nothing is known."""
     bound = {key: (np.asarray(value), np.asarray(value)) for key, value in given.items()}
     least, most = ranges(ops, [node], {**bound, TIME: (low, high)})[0]

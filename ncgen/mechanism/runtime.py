@@ -19,14 +19,14 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.callbacks import Choices, ExternalForces
 from ncgen.mechanism.conditions import Conditions, Watched
-from ncgen.mechanism.driving import Driver, Function, Pieces
+from ncgen.mechanism.driving import Driver, Function, InputPieces
 from ncgen.mechanism.in_python import in_python, tangents_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.listening import Listener, watch
+from ncgen.mechanism.motion_sources import Written
 from ncgen.mechanism.properties import uses_tangents
 from ncgen.mechanism.runtime_library import interface_of, load_with_headers, model_in, part_for, runtime_of
-from ncgen.mechanism.written import Written
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
 from ncgen.toolchain.abi import NUMBERS, InC
@@ -137,7 +137,7 @@ class Dynamics:
         sizes: ArrayLike | None = None,
         looks: np.ndarray | None = None,
         progress: Callable[[float], None] | None = None,
-        inputs: Sequence[Pieces | Function | None] = (),
+        inputs: Sequence[InputPieces | Function | None] = (),
         breaks: ArrayLike = (),
         choose: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
         **options: InC,

@@ -14,17 +14,19 @@ from ncgen.model.elements import AXES, Point, Spatial
 if TYPE_CHECKING:
     from ncgen.model.bodies import Body, BodyFrame
     from ncgen.model.conditions import Condition
+    from ncgen.model.contacts import Contact
     from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
     from ncgen.model.elements import Component, Element
-    from ncgen.model.events import Event
+    from ncgen.model.events import Event, Lock
     from ncgen.model.facts import Fact
     from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor
     from ncgen.model.frictions import Friction
+    from ncgen.model.one_sided import Ratchet
     from ncgen.model.outputs import Output
     from ncgen.model.rigid import Claims
     from ncgen.model.rows import Row
-    from ncgen.model.values import Input, Parameter, Value
+    from ncgen.model.values import Input, Parameter, Scalar, Value
 
 
 Box: TypeAlias = tuple[int, np.ndarray, np.ndarray]
@@ -44,6 +46,10 @@ class Contents:
     conditions: on values that depend on parameters and stand in no body and no row of the catalogue by themselves, such as radii
     events: what happens where conditions are fulfilled on the way, by name
     frictions: dry friction that sticks, by name
+    ratchets: what moves in one direction only, by name
+    locks: constraints that events switch on and off, by name
+    beginnings: {parameter or input: an expression of which it has the value at the start of a run}
+    contacts: friction of rigid contacts, by the names of their events
     facts: how the model was told
     frames: of links, by their names in a robot's file
     limits: {coordinate: (lowest, highest) value of its joint in a robot's file, rad or m}
@@ -72,6 +78,10 @@ class Contents:
     conditions: list[Condition]
     events: dict[str, Event]
     frictions: dict[str, Friction]
+    ratchets: dict[str, Ratchet]
+    locks: dict[str, Lock]
+    beginnings: dict[str, Scalar]
+    contacts: dict[str, Contact]
     gravity_field: tuple[Value, ...]
     branches: dict[str, tuple[Parameter, ...]]
     chosen_independent: tuple[str, ...]

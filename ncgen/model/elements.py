@@ -27,7 +27,7 @@ Direction: TypeAlias = "Spatial | Combination"
 """In signatures: a vector, a segment such as `r4 - r2`, or a combination of them with numbers."""
 
 
-class Moved(Symbolic):
+class SymbolicCoordinate(Symbolic):
     """A coordinate that is one number, by its name."""
 
     @property
@@ -47,7 +47,7 @@ class Moved(Symbolic):
 
 
 @dataclass(frozen=True)
-class Component(Moved):
+class Component(SymbolicCoordinate):
     """One scalar coordinate: `r2.x`, or the angle `psi1`.
 
     `value` is what the user gave: a number, a parameter or an expression of parameters;
@@ -169,7 +169,7 @@ class Constant(Vector):
         return cls(name, tuple(Component(f"{name}.{axis}", True, *pair) for axis, pair in zip(AXES, pairs, strict=True)))
 
 
-class Relative(Moved, Element):
+class Relative(SymbolicCoordinate, Element):
     """A scalar coordinate between elements: it can be driven, loaded, and used in expressions by itself."""
 
     word = "relative angle or distance"

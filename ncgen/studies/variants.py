@@ -22,12 +22,12 @@ from ncgen.methods.table import AUTO
 from ncgen.solver.given import has_events, position
 from ncgen.solver.motions.batch import in_lanes, side_by_side
 from ncgen.solver.motions.simulate import simulate
-from ncgen.solver.motions.states import Choice, States, closed
+from ncgen.solver.motions.states import CommonCoordinates, States, closed
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.runs.run import EMITTED, Run
 from ncgen.solver.runs.start import begin, check_count, check_independent
 from ncgen.solver.trajectories.energy import drifts
-from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations
+from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.studies.definition import Study
 from ncgen.studies.design import argument_of
@@ -79,7 +79,7 @@ class Bench:
 
     def __init__(self, study: Study, sample: np.ndarray | None = None) -> None:
         self.study, self.kernels, self.sample = study, compile(study.model), sample
-        self._choice: Choice | None = None
+        self._choice: CommonCoordinates | None = None
         self.refused = self._why_not_in_lanes()
         if self.refused and study.simulation.get("engine", AUTO) in EMITTED:
             raise ModelError(
@@ -187,7 +187,7 @@ class Bench:
             q, _, p = self._starts(rows)
             q, _ = closed(self.kernels, q, run.initial.t, p)
             try:
-                self._choice = Choice.at_first(self.kernels, q, run.initial.t, p, run.initial.z, method, self._named_rates)
+                self._choice = CommonCoordinates.at_first(self.kernels, q, run.initial.t, p, run.initial.z, method, self._named_rates)
                 self.sample = rows
                 break
             except (SingularError, DomainError) as error:

@@ -4,35 +4,34 @@ conditions(t, q, qd, p)            -> of every condition its value, and the size
 condition_slopes(t, q, qd, p)      -> of every condition ∂/∂q (n), ∂/∂q̇ (n) and ∂/∂t
 condition_rates(t, q, qd, qdd, p)  -> the C rates of change along the motion, then the C second derivatives, those of conditions without q̇
 action_values(t, q, qd, p)         -> the numbers that actions set
-element_values(t, q, qd, p)        -> restitutions and static frictions that are expressions
+element_values(t, q, qd, p)        -> restitutions and coefficients of friction that are expressions
+contact_velocities(t, q, qd, p)    -> velocities at which contacts slide, and of each ∂/∂q̇ (n)
 
 In a mode the mechanism has more constraints, held ones, and `conditions` those of their loads behind its own: the load of a gap, static
-friction less and plus the load of a joint, each positive as long as the constraint is held.
+friction less and plus the load of a joint, friction of a contact that sticks less its force (both squared), each positive as long as the
+constraint is held; and what is positive as long as the loads of contacts that slide are determined.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ncgen.errors import ModelError, shortened
-from ncgen.model.elements import rate_name
 from ncgen.model.expressions import symbols_in
 from ncgen.model.names import TIME
 from ncgen.model.values import Scalar
 from ncgen.program.assemble import input_lengths
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient, tangent
-from ncgen.program.ir.lower import lower_value
 from ncgen.program.ir.verify import verify
-from ncgen.program.labels import labelled_errors
 from ncgen.program.lines import Lines
+from ncgen.program.motions.expression_nodes import expression_node
 from ncgen.program.motions.full_motion import MotionSizes
 from ncgen.program.motions.multipliers import AccelerationNodes
-from ncgen.program.motions.outputs import read_component
+from ncgen.program.motions.sliding import Sliding, SlidingNodes
 from ncgen.symbolic.numbering import Terms
 
 if TYPE_CHECKING:
@@ -44,6 +43,7 @@ INPUTS = {
     "condition_rates": ("t", "q", "qd", "qdd", "p"),
     "action_values": ("t", "q", "qd", "p"),
     "element_values": ("t", "q", "qd", "p"),
+    "contact_velocities": ("t", "q", "qd", "p"),
 }
 
 Named: TypeAlias = tuple[str, Scalar]
@@ -51,9 +51,9 @@ Named: TypeAlias = tuple[str, Scalar]
 
 
 def assemble_conditions(
-    equations: Terms, conditions: Sequence[Named], values: Sequence[Named], elements: Sequence[Named]
+    equations: Terms, conditions: Sequence[Named], values: Sequence[Named], elements: Sequence[Named], velocities: Sequence[Named]
 ) -> dict[str, Program]:
-    """The programs of conditions and values of actions and elements, each with the words that messages call it by.
+    """The programs of conditions, values of actions and elements, and velocities of contacts, each with the words of messages.
 
     Raises ModelError where one mentions what the model does not have.
     """
@@ -67,12 +67,14 @@ def assemble_conditions(
     along[variables[-1]] = graph.const(1.0)
     rates = [tangent(graph, [gap], along).get(gap, zero) for gap in gaps]
     second = [tangent(graph, [rate], along).get(rate, zero) for rate in rates]
+    slides = [expression_node(lines, *each) for each in velocities]
     outputs = {
         "conditions": [node for pair in zip(gaps, sizes, strict=True) for node in pair],
         "condition_slopes": [found.get(v, zero) for found in slopes for v in variables],
         "condition_rates": [*rates, *second],
         "action_values": [expression_node(lines, *each) for each in values],
         "element_values": [expression_node(lines, *each) for each in elements],
+        "contact_velocities": [*slides, *(gradient(graph, w, variables).get(v, zero) for w in slides for v in variables[n : 2 * n])],
     }
     programs = {name: lines.program(name, INPUTS[name], nodes) for name, nodes in outputs.items() if nodes}
     for program in programs.values():
@@ -80,35 +82,66 @@ def assemble_conditions(
     return programs
 
 
-def assemble_mode_conditions(
-    equations: Terms, conditions: Sequence[Named], held: Sequence[tuple[str, Scalar | None]], sizes: MotionSizes, rows: np.ndarray
-) -> dict[str, Program]:
-    """The program `conditions` of a mode, whose last constraints are held.
+@dataclass(frozen=True, eq=False)
+class HeldLoad:
+    """What holds a constraint of a mode. row: number of its first constraint; words, as messages call it
 
-    held: its words, and static friction or None for a gap; rows (m,): natural sizes of the constraints, with which multipliers are compared
+    static: friction that holds a joint; grip: (number of the constraint of its gap, coefficient) of a contact that sticks, which has as
+    many constraints as `directions`. A gap has neither
+    """
+
+    words: str
+    row: int
+    static: Scalar | None = None
+    grip: tuple[int, Scalar] | None = None
+    directions: int = 1
+
+
+def assemble_mode_conditions(
+    equations: Terms,
+    conditions: Sequence[Named],
+    held: Sequence[HeldLoad],
+    sliding: Sequence[Sliding],
+    sizes: MotionSizes,
+    rows: np.ndarray,
+) -> dict[str, Program]:
+    """The program `conditions` of a mode.
+
+    held: its constraints; sliding: contacts that slide in it; rows (m,): natural sizes of constraints, with which multipliers are compared
     """
     lines = Lines(equations)
+    graph = lines.graph
     found = [expression_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
-    found += load_conditions(lines, AccelerationNodes(lines, sizes).lam, held, rows)
+    motion = SlidingNodes(lines, sizes, sliding) if sliding else AccelerationNodes(lines, sizes)
+    found += load_conditions(lines, motion.lam, held, rows)
+    if isinstance(motion, SlidingNodes):
+        found += [motion.margin, graph.const(1.0)]
     program = lines.program("conditions", INPUTS["conditions"], found)
     verify(program, input_lengths(equations))
     return {"conditions": program}
 
 
-def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[tuple[str, Scalar | None]], rows: np.ndarray) -> list[int]:
-    """Return nodes of values and sizes of the conditions of loads; lam (m,): nodes of all multipliers, others as of
-    `assemble_mode_conditions`."""
-    graph, nodes = lines.graph, list[int]()
-    all_loads = graph.sum([graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(lam, rows, strict=True)])
-    for k, (where, static) in enumerate(held, len(lam) - len(held)):
-        load, size = graph.neg(lam[k]), graph.mul(graph.const(1 / float(rows[k])), all_loads)
-        if static is None:
-            nodes += [load, size]
-            continue
-        most = expression_node(lines, where, static)
-        size = graph.add(most, size)
-        nodes += [graph.sub(most, load), size, graph.add(most, load), size]
-    return nodes
+def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], rows: np.ndarray) -> list[int]:
+    """Return nodes of values and sizes of the conditions of loads. lam (m,): nodes of all multipliers; others as of
+    `assemble_mode_conditions`"""
+    graph, found = lines.graph, list[int]()
+    sums = [graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(lam, rows, strict=True)]
+    all_loads = graph.sum(sums)
+    for each in held:
+        load, size = graph.neg(lam[each.row]), graph.mul(graph.const(1 / float(rows[each.row])), all_loads)
+        if each.grip is not None:
+            gap, friction = each.grip
+            most = graph.mul(expression_node(lines, each.words, friction), lam[gap])
+            most = graph.mul(most, most)
+            force = graph.sum([graph.mul(x, x) for x in lam[each.row : each.row + each.directions]])
+            found += [graph.sub(most, force), graph.sum([most, graph.mul(size, size)])]
+        elif each.static is not None:
+            most = expression_node(lines, each.words, each.static)
+            size = graph.add(most, size)
+            found += [graph.sub(most, load), size, graph.add(most, load), size]
+        else:
+            found += [load, size]
+    return found
 
 
 def terms_of(expression: Scalar) -> sympy.Expr:
@@ -129,24 +162,3 @@ def degree_of(expression: Scalar, moving: set[str]) -> int | None:
         return 0
     poly = formula.as_poly(*symbols)
     return None if poly is None else poly.total_degree()
-
-
-def expression_node(lines: Lines, where: str, given: Scalar) -> int:
-    """Return the node of an expression. Raises ModelError, with what messages call it, where it mentions what the model does not have."""
-    import sympy
-
-    expression = sympy.sympify(given)
-    known = {TIME: partial(lines.graph.load, "t", 0)}
-    known |= {p.name: partial(lines.graph.load, "p", i) for i, p in enumerate(lines.equations.parameters)}
-    for component in lines.equations.model.components:
-        for name, array in ((component.name, "q"), (rate_name(component.name), "qd")):
-            known[name] = partial(read_component, lines, array, component)
-    mentioned = sorted(s.name for s in symbols_in(expression))
-    for name in mentioned:
-        if name not in known:
-            raise ModelError(
-                f"{where}: {shortened(name, 60)} is neither a coordinate, a velocity, a parameter, an input nor m.time; "
-                "correct the expression"
-            )
-    with labelled_errors(where):
-        return lower_value(lines.graph, expression, {name: known[name]() for name in mentioned})

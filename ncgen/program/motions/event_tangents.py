@@ -12,14 +12,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ncgen.model.values import Scalar
 from ncgen.program.assemble import input_lengths
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient, tangent
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
-from ncgen.program.motions.conditions import Named, expression_node, load_conditions
+from ncgen.program.motions.conditions import HeldLoad, Named, load_conditions
+from ncgen.program.motions.expression_nodes import expression_node
 from ncgen.program.motions.full_motion import MotionSizes, directions
 from ncgen.program.motions.multipliers import AccelerationNodes
 from ncgen.symbolic.numbering import Terms
@@ -33,7 +33,7 @@ INPUTS = {
 
 
 def assemble_condition_tangent(
-    equations: Terms, conditions: Sequence[Named], held: Sequence[tuple[str, Scalar | None]], sizes: MotionSizes, rows: np.ndarray
+    equations: Terms, conditions: Sequence[Named], held: Sequence[HeldLoad], sizes: MotionSizes, rows: np.ndarray
 ) -> dict[str, Program]:
     """Of a mode, or of the mechanism itself where nothing is held; arguments as of `assemble_mode_conditions`."""
     lines = Lines(equations)

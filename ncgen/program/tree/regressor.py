@@ -22,7 +22,7 @@ from ncgen.errors import ModelError
 from ncgen.model import Model, bodies
 from ncgen.model.arithmetic import weights
 from ncgen.program.algebra.space import PLACES, Vector
-from ncgen.program.tree.composite import Inertia
+from ncgen.program.tree.composite import SpatialInertia
 from ncgen.program.tree.tree_motion import TreePlace, TreeVelocity
 from ncgen.symbolic.inertia import standard_inertia
 from ncgen.symbolic.tree import Tree
@@ -82,7 +82,7 @@ def regressor(
     return columns
 
 
-def _units(place: TreePlace) -> list[Inertia]:
+def _units(place: TreePlace) -> list[SpatialInertia]:
     """The inertia that one parameter alone says, for each."""
     zero, one = place.space.graph.const(0.0), place.space.graph.const(1.0)
     nothing = [zero] * 10
@@ -91,7 +91,7 @@ def _units(place: TreePlace) -> list[Inertia]:
         values = [*nothing[:k], one, *nothing[k + 1 :]]
         by_entry = dict(zip(ENTRIES, values[4:], strict=True))
         xx, yy, zz, xy, xz, yz = (by_entry[entry] for entry in PLACES)
-        inertias.append(Inertia(values[0], (values[1], values[2], values[3]), (xx, yy, zz, xy, xz, yz)))
+        inertias.append(SpatialInertia(values[0], (values[1], values[2], values[3]), (xx, yy, zz, xy, xz, yz)))
     return inertias
 
 

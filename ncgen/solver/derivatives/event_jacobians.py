@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call
 from ncgen.model.elements import coordinate_of
@@ -53,6 +53,7 @@ class EventJacobians:
     def __init__(self, kernels: Kernels, driven: Sequence[int], length: float) -> None:
         self.kernels, self.functions, self.driven, self.length = kernels, EventFunctions(kernels), list(driven), length
         self.tangents = EventTangents(self.functions)
+        self._refuse()
         self.rows = {row.number: row for row in self.functions.rows}
         self.n = kernels.n
 
@@ -64,10 +65,19 @@ class EventJacobians:
         change = before
         for done in o.done:
             change = self._impact(done, time, change) if done.is_impact else self._act(done, time, change)
-        through = self._mode(o, change) - np.outer(following := self._flow(o.after, o.held), time)
+        through = self._mode(o, time, change) - np.outer(following := self._flow(o.after, o.held), time)
         if o.held:
             through = self._onto(o, through)
         return EventJacobian(time, before, through + np.outer(following, time), through)
+
+    def _refuse(self) -> None:
+        """Raise ModelError naming elements whose events have no derivatives yet."""
+        model = self.kernels.model
+        if names := [*model.contacts, *model.locks, *model.ratchets]:
+            raise ModelError(
+                f"{model.name}: derivatives through friction of contacts, locks and ratchets ({shortened(names)}) are not supported yet; "
+                "take differences of runs, or leave them out"
+            )
 
     def mode(self, held: tuple[int, ...]) -> Kernels:
         """The kernels of a mode."""
@@ -180,9 +190,13 @@ class EventJacobians:
         event = self.functions.events[k]
         if event.impact is None or is_number(event.impact.restitution):
             return 0.0
+        return self._element(f"event {event.name}", values)
+
+    def _element(self, words: str, values: np.ndarray) -> np.ndarray:
+        """How the value of an element changes, (N,), of those of all values."""
         first = len(changes_of(self.functions.events))
-        elements = [where for where, _ in self.functions.named_values[first:]]
-        return values[first + elements.index(f"event {event.name}")]
+        names = [where for where, _ in self.functions.named_values[first:]]
+        return values[first + names.index(words)]
 
     def _impulses(self, done: Done, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Those of the constraints (m,), and along other rows (k, n), that change velocities as they changed."""
@@ -193,13 +207,22 @@ class EventJacobians:
 
     # -- modes ---------------------------------------------------------------------------------
 
-    def _mode(self, o: Occurrence, change: np.ndarray) -> np.ndarray:
+    def begun(self, at: State) -> np.ndarray:
+        """How the state and parameters with which events begin, at the start of a run, change with those that are given, (N, N)."""
+        change, names = np.eye(2 * self.n + len(at.p)), self.kernels.parameters
+        values = self._along(self.tangents.values(at), np.zeros(len(change)), change)
+        for name, value in self.kernels.model.beginnings.items():
+            change[2 * self.n + names.index(name)] = 0.0 if is_number(value) else self._element(name, values)
+        return change
+
+    def _mode(self, o: Occurrence, time: np.ndarray, change: np.ndarray) -> np.ndarray:
         """Directions of slip are given, and what begins to stick sticks where it is."""
         after, first, names = change.copy(), 2 * self.n, self.kernels.parameters
+        values = self._along(self.tangents.values(o.after), time, change)
         for k, friction in self.functions.frictions.items():
             after[first + names.index(friction.slip)] = 0.0
             if k in o.held and k not in o.held_before:
-                after[first + names.index(friction.held)] = change[self.kernels.index[friction.coordinate]]
+                after[first + names.index(friction.held)] = self._element(friction.name, values)
         return after
 
     def _onto(self, o: Occurrence, change: np.ndarray) -> np.ndarray:

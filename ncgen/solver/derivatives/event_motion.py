@@ -7,7 +7,7 @@ differentiated, by steps over the times of the grid, from the state in which the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -96,18 +96,19 @@ class EventMotion:
         self.kernels, self.t, self.signals = kernels, times, signals
         if len(kernels.holonomic) != kernels.m:
             raise ModelError(f"{kernels.name}: motions with events and rolling conditions are not differentiated")
-        passage = simulate_events(kernels, times, rtol=FINE, **given)
-        self.instants = passage.instants
-        self._check()
-        self._happened = {id(o): [each for each in passage.happened if each.t == o.before.t] for o in self.instants}
         told = signals.told if signals else ()
         first = len(kernels.p0) - len(told)
         driven = [first + i for i, signal in enumerate(told) if signal is not None]
         self._jacobians = EventJacobians(kernels.driven_by(signals), driven, float(times[-1] - times[0]))
+        passage = simulate_events(kernels, times, rtol=FINE, **given)
+        self.instants, begun = passage.instants, passage.begun
+        assert begun is not None, "a run with events has begun"
+        self._check()
+        self._happened = {id(o): [each for each in passage.happened if each.t == o.before.t] for o in self.instants}
         self._through: list[EventJacobian] = [self._jacobians(o) for o in self.instants]
         self._begun = make(kernels, initial, times[:2], follows)
-        self.p, self.names = self._begun.p, self._begun.names
-        self._parts = list(self._split(make, initial, follows))
+        self.p, self.names, self._first = self._begun.p, self._begun.names, self._jacobians.begun(begun)
+        self._parts = list(self._split(make, replace(initial, p=begun.p), follows))
         self.q, self.qd = (self._on_the_grid([rows(part.motion) for part in self._moving]) for rows in (lambda m: m.q, lambda m: m.qd))
 
     def _check(self) -> None:
@@ -190,7 +191,7 @@ class EventMotion:
         """Every part with changes of q and q̇ at all its times, and every instant with the changes of [q; q̇; p] before it."""
         n, count = self.kernels.n, len(self.p)
         dq, dqd = self._begun.along(directions)
-        change = np.vstack([dq[0], dqd[0], np.vstack([directions, np.zeros((count, directions.shape[1]))])[:count]])
+        change = self._first @ np.vstack([dq[0], dqd[0], np.vstack([directions, np.zeros((count, directions.shape[1]))])[:count]])
         for k, part in enumerate(self._parts):
             if part is not None:
                 rows = part.motion.along(part.seeds(change))
@@ -218,7 +219,7 @@ class EventMotion:
             more, driven = part.weights(slopes), [felt, *driven]
             more[2 * n :] += weights[2 * n :]
             weights = more
-        own = np.zeros((2, len(self._begun.t), n))
+        own, weights = np.zeros((2, len(self._begun.t), n)), self._first.T @ weights
         own[0, 0], own[1, 0] = weights[:n], weights[n : 2 * n]
         slopes, _ = self._begun.backward(*own, names)
         slopes[: len(self.p)] += weights[2 * n :]

@@ -17,9 +17,9 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving_breaks import Jump
+from ncgen.mechanism.program_functions import ProgramFunctions, functions
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.method import Method
 from ncgen.methods.newmark import newmark
@@ -79,7 +79,7 @@ class _Equations:
         kind = f"{method.replace('-', '_')}_step"
         n_p, instants = len(kernels.p0), len(INSTANTS) * len(kernels.inputs)
         counts = {"h": 1 + extra(method, kernels.n), "x": layout.state, "u": layout.unknowns, "w": instants, "p": n_p}
-        self._functions: Functions = functions(kernels, kind, inputs, sizes, counts, lambda: {"step": made.program})
+        self._functions: ProgramFunctions = functions(kernels, kind, inputs, sizes, counts, lambda: {"step": made.program})
         used = np.ones(layout.unknowns, dtype=bool)
         for first, count in layout.multipliers:
             used[first : first + count] = np.isin(np.arange(count), kept)

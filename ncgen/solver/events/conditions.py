@@ -10,17 +10,19 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.conditions import LINEAR, OFF, QUADRATIC, Conditions
-from ncgen.mechanism.functions import CompiledFunctions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import CompiledFunctions, functions
 from ncgen.model.actions import Change
+from ncgen.model.contacts import Contact
 from ncgen.model.elements import rate_name
-from ncgen.model.events import Event
+from ncgen.model.events import Event, Lock
 from ncgen.model.frictions import Friction
+from ncgen.model.one_sided import Ratchet
 from ncgen.model.values import Scalar, Value, is_number, symbol_of
 from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
-from ncgen.solver.events.modes import Held, LoadConditions
+from ncgen.solver.events.modes import Held, LoadConditions, variant
 from ncgen.solver.events.state import State
-from ncgen.solver.runs.stop import DIRECTIONS, Stop
+from ncgen.solver.runs.stop import DIRECTIONS, StopCondition
 from ncgen.solver.trajectories.happening import Search
 from ncgen.toolchain.abi import InC
 
@@ -38,16 +40,23 @@ class EventFunctions:
         model = kernels.model
         self.kernels, self.events, self.named = kernels, tuple(model.events.values()), model.events
         self.frictions: dict[int, Friction] = dict(enumerate(model.frictions.values(), len(self.events)))
-        self.count = len(self.events) + len(self.frictions)
+        rubbing = enumerate(model.contacts.values(), len(self.events) + len(self.frictions))
+        self.contacts: dict[int, Contact] = dict(rubbing)
+        names = [event.name for event in self.events]
+        self.gaps = {k: names.index(contact.name) for k, contact in self.contacts.items()}
+        first = len(self.events) + len(self.frictions) + len(self.contacts)
+        self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), first))
+        self.locks = {each.name: Held(-1, each.name, (each.along.position - symbol_of(each.held),)) for each in model.locks.values()}
+        self.count = first + len(self.ratchets)
         ways = [DIRECTIONS[event.direction] for event in self.events]
-        self.directions = np.array([*ways, *([OFF] * len(self.frictions))], dtype=int)
+        falling = [DIRECTIONS["falling"]] * len(self.ratchets)
+        self.directions = np.array([*ways, *([OFF] * (first - len(ways))), *falling], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
 
     @cached_property
     def searches(self) -> tuple[Search, ...]:
         """How every condition is found."""
-        found: list[Search] = ["sampled" if degree_within_step(event.when, self.kernels) is None else "proof" for event in self.events]
-        return (*found, *(["proof"] * len(self.frictions)))  # type: ignore[return-value]
+        return tuple("sampled" if degree_within_step(when, self.kernels) is None else "proof" for _, when in self.conditions)
 
     @cached_property
     def rows(self) -> tuple[Held, ...]:
@@ -55,22 +64,35 @@ class EventFunctions:
         return self.kernels.remember("rows of modes", (), self._rows)
 
     def _rows(self) -> tuple[Held, ...]:
-        contacts = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
-        held = [Held(k, event.name, event.when) for k, event in contacts]
-        sticking = [Held(k, f.name, symbol_of(f.coordinate) - symbol_of(f.held), f.static) for k, f in self.frictions.items()]
-        return (*held, *sticking)
+        closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
+        rubbing = self.kernels.model.contacts
+        held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
+        sticking = [Held(k, f.name, (f.along.position - symbol_of(f.held),), f.static) for k, f in self.frictions.items()]
+        rests = {event.name for _, event in closing}
+        rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
+        caught = [Held(k, r.name, (r.along.position - symbol_of(r.held),)) for k, r in self.ratchets.items()]
+        return (*held, *sticking, *rolling, *caught)
+
+    @property
+    def moving(self) -> dict[int, Friction | Ratchet]:
+        """What is held by its velocity, by the numbers of its conditions."""
+        return {**self.frictions, **self.ratchets}
+
+    def mode(self, at: State, held: Sequence[Held] = ()) -> Kernels:
+        """The kernels of the mode in which these are held and the locks of a state are closed; held constraints are the last ones."""
+        return variant(self.kernels, (*(self.locks[name] for name in at.locked), *held))
 
     @property
     def can_hold(self) -> bool:
         """True where the mechanism has modes."""
-        return bool(self.rows)
+        return bool(self.rows or self.locks)
 
     @cached_property
     def degree(self) -> int:
         """Of the polynomials in time that conditions are within a step."""
         return most_degree(self.kernels)
 
-    def watched(self, signs: np.ndarray, stop: Stop | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
+    def watched(self, signs: np.ndarray, stop: StopCondition | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
         """What C is given.
 
         signs (C,): sides on which conditions begin; directions (C,); loads: those of what is held, behind them; stop: the last one
@@ -82,7 +104,7 @@ class EventFunctions:
         if stop:
             coordinates, values = np.append(coordinates, stop.coordinate), np.append(values, stop.value)
             directions, signs = np.append(directions, stop.direction), np.append(signs, 0)
-        address = loads.address if loads else self._functions.address("conditions")
+        address = loads.address if loads else self._functions.address("conditions") if self.count else None
         return Conditions(coordinates, values, directions, signs, address, self.degree)
 
     def values(self, at: State) -> tuple[np.ndarray, np.ndarray]:
@@ -101,11 +123,20 @@ class EventFunctions:
 
     def slopes(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """Gradients ∂/∂q (C, n) and ∂/∂t (C,)."""
-        found = self._call("condition_slopes", at).reshape(self.count, -1)
+        found = self._slopes(at)
         return found[:, : self.kernels.n], found[:, -1]
+
+    def rate_slopes(self, at: State) -> np.ndarray:
+        """Gradients ∂/∂q̇ (C, n)."""
+        return self._slopes(at)[:, self.kernels.n : 2 * self.kernels.n]
+
+    def _slopes(self, at: State) -> np.ndarray:
+        return self._call("condition_slopes", at).reshape(self.count, 2 * self.kernels.n + 1)
 
     def rates(self, at: State, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivatives along the motion (C,), the second of conditions without velocities; qdd (n,): accelerations."""
+        if not self.count:
+            return np.empty(0), np.empty(0)
         found = self._functions("condition_rates", at.t, at.q, at.qd, qdd, self.kernels.present(at.t, at.p))
         return found[: self.count], found[self.count :]
 
@@ -123,13 +154,17 @@ class EventFunctions:
         return told
 
     def _call(self, name: str, at: State) -> np.ndarray:
+        if not self.count and name in ("conditions", "condition_slopes"):
+            return np.empty(0)
         return self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
 
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of every condition."""
-        rates = [(f"friction {each.name}", symbol_of(rate_name(each.coordinate))) for each in self.frictions.values()]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates]
+        rates = [(f"friction {each.name}", each.along.rate) for each in self.frictions.values()]
+        turns = [(f"ratchet {each.name}", each.along.rate) for each in self.ratchets.values()]
+        slides = [(f"contact {each.name}", each.forward) for each in self.contacts.values()]
+        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *turns]
 
     @property
     def read_inputs(self) -> EventFunctions:
@@ -145,25 +180,64 @@ class EventFunctions:
         """Static friction of a friction (N or N m)."""
         return self._number(f"friction {self.frictions[k].name}", self.frictions[k].static, at)
 
-    def _number(self, where: str, value: Value, at: State) -> float:
-        """A number, or an expression of parameters."""
+    def limit(self, held: Held, at: State) -> float:
+        """What holds it: static friction of a joint (N or N m), the coefficient of a contact that sticks; 0 of a gap."""
+        if held.sticks:
+            return self.friction(held.number, at)
+        return 0.0 if held.static is None else self.static(held.number, at)
+
+    def friction(self, k: int, at: State) -> float:
+        """Coefficient of friction of a contact."""
+        return self._number(f"contact {self.contacts[k].name}, friction", self.contacts[k].friction, at)
+
+    def tangential(self, k: int, at: State) -> float:
+        """Tangential restitution of a contact."""
+        return self._number(f"contact {self.contacts[k].name}, tangential", self.contacts[k].tangential, at)
+
+    def sliding(self, at: State) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+        """{contact: (velocities (d,) at which it slides, m/s, and their gradients (d, n) by q̇)}, d being 1 in the plane and 2 in space."""
+        if not self.contacts:
+            return {}
+        numbers = self._call("contact_velocities", at)
+        sizes, n, found, place = [len(c.sliding) for c in self.contacts.values()], self.kernels.n, {}, 0
+        slopes = numbers[sum(sizes) :].reshape(sum(sizes), n)
+        for k, size in zip(self.contacts, sizes, strict=True):
+            found[k] = numbers[place : place + size], slopes[place : place + size]
+            place += size
+        return found
+
+    def place(self, of: Friction | Ratchet | Lock, at: State) -> float:
+        """Where what is held is (m or rad)."""
+        return self._number(of.name, of.along.position, at)
+
+    def beginnings(self, at: State) -> dict[str, float]:
+        """{name: number} of what parameters and inputs are at the start."""
+        return {name: self._number(name, value, at) for name, value in self.kernels.model.beginnings.items()}
+
+    def _number(self, where: str, value: Value | Scalar, at: State) -> float:
+        """A number, or an expression."""
         return float(value) if is_number(value) else float(self._call("element_values", at)[self._elements.index((where, value))])
 
     @cached_property
-    def named_values(self) -> list[tuple[str, Scalar]]:
+    def named_values(self) -> list[tuple[str, Value | Scalar]]:
         """(words, value) of what actions change by expressions, in the order of `changes_of`, and then of elements."""
         return [*((f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)), *self._elements]
 
     @cached_property
-    def _elements(self) -> list[tuple[str, Value]]:
-        """(words, value) of restitutions and static frictions that are expressions."""
+    def _elements(self) -> list[tuple[str, Value | Scalar]]:
+        """(words, value) of restitutions, friction, places and beginnings that are expressions."""
         pairs = [(f"event {event.name}", event.impact.restitution) for event in self.events if event.impact]
         pairs += [(f"friction {each.name}", each.static) for each in self.frictions.values()]
+        pairs += [(f"contact {each.name}, friction", each.friction) for each in self.contacts.values()]
+        pairs += [(f"contact {each.name}, tangential", each.tangential) for each in self.contacts.values()]
+        pairs += [(each.name, each.along.position) for each in (*self.moving.values(), *self.kernels.model.locks.values())]
+        pairs += list(self.kernels.model.beginnings.items())
         return [pair for pair in pairs if not is_number(pair[1])]
 
     def _made(self) -> CompiledFunctions:
         kernels, conditions = self.kernels, self.conditions
-        values = self.named_values[: len(changes_of(self.events))]
+        values: list[tuple[str, Scalar]] = [(f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)]
+        slides = [(f"contact {each.name}", w) for each in self.contacts.values() for w in each.sliding]
         count = len(conditions)
         sizes = {
             "conditions": 2 * count,
@@ -171,13 +245,16 @@ class EventFunctions:
             "condition_rates": 2 * count,
             "action_values": len(values),
             "element_values": len(self._elements),
+            "contact_velocities": len(slides) * (kernels.n + 1),
         }
         sizes = {name: size for name, size in sizes.items() if size}
         counts = {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)}
-        told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements)]).encode()).hexdigest()[:16]
+        told = hashlib.sha256(
+            repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements, *slides)]).encode()
+        ).hexdigest()[:16]
         made = functions(
             kernels, f"events {told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
-            lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements),
+            lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements, slides),
         )  # fmt: skip
         if not isinstance(made, CompiledFunctions):
             raise ModelError(f"{kernels.name}: events need compiled kernels; compile the model with backend='c'")
@@ -196,7 +273,8 @@ def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:
 
 def most_degree(kernels: Kernels) -> int:
     """Of the polynomials in time that the conditions of a mechanism are within a step."""
-    whens = (event.when for event in kernels.model.events.values())
+    model = kernels.model
+    whens = [*(event.when for event in model.events.values()), *(contact.forward for contact in model.contacts.values())]
     return QUADRATIC if any(degree_within_step(when, kernels) == 2 for when in whens) else LINEAR
 
 

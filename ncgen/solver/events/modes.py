@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -17,12 +17,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.functions import CompiledFunctions
-from ncgen.mechanism.functions import functions as functions_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
-from ncgen.model.values import Scalar, Value
-from ncgen.program.motions.conditions import INPUTS, assemble_mode_conditions
+from ncgen.mechanism.program_functions import CompiledFunctions
+from ncgen.mechanism.program_functions import functions as functions_of
+from ncgen.mechanism.reactive import ReactiveForce
+from ncgen.model.contacts import Contact
+from ncgen.model.values import Scalar, Value, as_sympy
+from ncgen.program.motions.conditions import INPUTS, HeldLoad, assemble_mode_conditions
+from ncgen.program.motions.multipliers import STATE
+from ncgen.program.motions.sliding import Sliding, assemble_friction
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
@@ -38,13 +42,23 @@ DOMAIN = STATUS.index("domain")
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A constraint that a mode can have. number: of the condition that it belongs to; row: an expression that stays zero in the mode;
-    static: the friction that holds it, None for a gap"""
+    """Constraints that a mode can have together. number: of the condition that they belong to; rows: expressions that stay zero in the mode
+
+    static: the friction that holds a joint, None for others; rubs: the friction of a contact; sticks: whether these are the velocities of
+    such a contact, and not its gap
+    """
 
     number: int
     name: str
-    row: Scalar
+    rows: tuple[Scalar, ...]
     static: Value | None = None
+    rubs: Contact | None = None
+    sticks: bool = False
+
+    @property
+    def key(self) -> tuple[str, bool]:
+        """What tells it from others of a mechanism."""
+        return self.name, self.sticks
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,21 +74,63 @@ def variant(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     """The kernels of a mechanism with more constraints, which have the coordinates and parameters of the mechanism itself."""
     if not held:
         return kernels
-    key = tuple(each.name for each in held)
+    key = tuple(each.key for each in held)
     return kernels.remember("modes", key, lambda: _made(kernels, held)).driven_by(kernels._drive)
 
 
 def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     model = copy.deepcopy(kernels.model)
-    model.events, model.frictions, model.chosen_independent = {}, {}, ()
+    model.events, model.frictions, model.contacts, model.ratchets, model.locks, model.chosen_independent = {}, {}, {}, {}, {}, ()
     for each in held:
-        model.constrain(each.row, f"{each.name}, held")  # type: ignore[arg-type]
+        for row in each.rows:
+            hold = model.constrain_velocity if each.sticks else model.constrain
+            hold(row, f"{each.name}, held")  # type: ignore[arg-type]
     made = import_module("ncgen.compiler").compile(model, backend="c")
     if made.coordinates != kernels.coordinates or made.parameters != kernels.parameters:
         raise ModelError(
             f"{kernels.name}: {', '.join(each.name for each in held)} cannot be held; their constraints change the coordinates"
         )
+    if sliding := sliding_of(made, held):
+        made.model.callbacks.append(_friction(made, sliding))
     return made
+
+
+def sliding_of(kernels: Kernels, held: tuple[Held, ...]) -> tuple[Sliding, ...]:
+    """The contacts that slide in a mode: those whose gap is held while they do not stick. kernels: of the mode"""
+    sticking = {each.name for each in held if each.sticks}
+    return tuple(
+        Sliding(c.name, row, as_sympy(c.friction), c.sliding, c.slip)
+        for each, row in zip(held, first_rows(kernels, held), strict=True)
+        if (c := each.rubs) and c.name not in sticking
+    )
+
+
+def first_rows(kernels: Kernels, held: Sequence[Held]) -> list[int]:
+    """The numbers of the first constraints of what is held, which are the last ones of a mode."""
+    ends = np.cumsum([len(each.rows) for each in held])
+    return [int(kernels.m - ends[-1] + end - len(each.rows)) for each, end in zip(held, ends, strict=True)]
+
+
+def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
+    """The friction of contacts that slide. Raises ModelError where it cannot be compiled."""
+    names = ", ".join(each.name for each in sliding)
+    if why := refusal_of_multipliers(kernels):
+        raise ModelError(f"{kernels.name}: contact {names} cannot slide with friction: {why}; leave its friction out")
+    told = hashlib.sha256(repr([(s.name, s.row, str(s.friction), str(s.velocity), s.slip) for s in sliding]).encode()).hexdigest()[:16]
+    made = functions_of(
+        kernels, f"friction_{told}", {"friction_forces": STATE}, {"friction_forces": kernels.n},
+        {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)},
+        lambda: assemble_friction(kernels.programs.equations, motion_sizes(kernels), sliding),
+    )  # fmt: skip
+    assert isinstance(made, CompiledFunctions), "events need compiled kernels"
+    return ReactiveForce(made, "friction_forces")
+
+
+def forces_of(mode: Kernels, held: tuple[Held, ...], number: int, at: State) -> np.ndarray:
+    """The forces of one constraint of what a mode holds, by its number in that: one for each of its rows (N)."""
+    row = first_rows(mode, held)[number]
+    lam = accelerations_by("lagrange").motion(mode, at.q, at.qd, at.t, mode.present(at.t, at.p), {}).lam
+    return -lam[row : row + len(held[number].rows)]
 
 
 def rank_of(kernels: Kernels, mode: Kernels, at: State) -> int:
@@ -83,14 +139,18 @@ def rank_of(kernels: Kernels, mode: Kernels, at: State) -> int:
 
 
 def count_of(held: Iterable[Held]) -> int:
-    """How many conditions loads have: one of a gap, two of a joint."""
-    return sum(1 if each.static is None else 2 for each in held)
+    """How many conditions loads have: one of a gap or a contact that sticks, two of a joint; and one of all contacts that slide."""
+    held = tuple(held)
+    slides = {each.name for each in held if each.rubs and not each.sticks} - {each.name for each in held if each.sticks}
+    return sum(1 if each.static is None else 2 for each in held) + bool(slides)
 
 
 class LoadConditions(ABC):
     """The conditions of a mechanism, and behind them those of the loads of what a mode holds, which are positive as long as it holds.
 
-    A gap has one, its load; a joint two, static friction less and plus its load. Their sizes are those of all loads together, by energy.
+    A gap has one, its load; a joint two, static friction less and plus its load; a contact that sticks one, friction less its force, both
+    squared; all contacts that slide one together, which is positive as long as their loads are determined. Sizes are those of all loads
+    together, by energy.
 
     address: of the function, as `Conditions` has it; count: how many there are of loads; raised: what went wrong in a call of Python
     """
@@ -107,22 +167,36 @@ class LoadConditions(ABC):
 def load_conditions(functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> LoadConditions:
     """Those of a mode: compiled, but for models that call Python functions or have more unknowns than are emitted."""
     kind = _InPython if refusal_of_multipliers(mode) else _Compiled
-    made = mode.remember("load conditions", tuple(each.name for each in held), lambda: kind(functions.read_inputs, mode, held))
+    made = mode.remember("load conditions", tuple(each.key for each in held), lambda: kind(functions.read_inputs, mode, held))
     made.raised = None
     return made
+
+
+def held_loads(kernels: Kernels, held: tuple[Held, ...]) -> list[HeldLoad]:
+    """What holds each constraint of a mode; kernels: of the mode."""
+    rows = first_rows(kernels, held)
+    gaps = {each.name: row for each, row in zip(held, rows, strict=True) if each.rubs and not each.sticks}
+    return [
+        HeldLoad(each.name, row, grip=(gaps[each.name], as_sympy(each.rubs.friction)), directions=len(each.rows))
+        if each.rubs and each.sticks
+        else HeldLoad(each.name, row, None if each.static is None else as_sympy(each.static))
+        for each, row in zip(held, rows, strict=True)
+    ]
 
 
 class _Compiled(LoadConditions):
     """In one program with those of the mechanism."""
 
     def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> None:
-        conditions, loads = functions.conditions, [(each.name, each.static) for each in held]
-        told = hashlib.sha256(repr([(where, str(e)) for where, e in (*conditions, *loads)]).encode()).hexdigest()[:16]
+        conditions, loads, sliding = functions.conditions, held_loads(mode, held), sliding_of(mode, held)
+        words = [str((e.words, e.row, e.static, e.grip, e.directions)) for e in loads]
+        words += [*(str((s.row, s.velocity, s.friction)) for s in sliding), *(str(pair) for pair in conditions)]
+        told = hashlib.sha256(repr(words).encode()).hexdigest()[:16]
         counts = {"q": mode.n, "qd": mode.n, "p": len(mode.p0)}
         self.count = count_of(held)
         made = functions_of(
             mode, f"mode_{told}", {"conditions": INPUTS["conditions"]}, {"conditions": 2 * (len(conditions) + self.count)}, counts,
-            lambda: assemble_mode_conditions(mode.programs.equations, conditions, loads, motion_sizes(mode), mode.row_sizes),
+            lambda: assemble_mode_conditions(mode.programs.equations, conditions, loads, sliding, motion_sizes(mode), mode.row_sizes),
         )  # fmt: skip
         assert isinstance(made, CompiledFunctions), "events need compiled kernels"
         self._function, self.address, self._first = made, made.address("conditions"), 2 * len(conditions)
@@ -158,11 +232,14 @@ class _InPython(LoadConditions):
         rows = self._mode.row_sizes
         lam = accelerations_by("lagrange").motion(self._mode, at.q, at.qd, at.t, at.p, {}).lam
         found, total = [], float(np.sum(rows * np.abs(lam)))
-        for k, each in enumerate(self._held, self._mode.m - len(self._held)):
-            if each.static is None:
+        for each, load in zip(self._held, held_loads(self._mode, self._held), strict=True):
+            k, most = load.row, self._functions.limit(each, at)
+            if load.grip:
+                square = (most * lam[load.grip[0]]) ** 2
+                found.append((square - np.sum(lam[k : k + load.directions] ** 2), square + (total / rows[k]) ** 2))
+            elif each.static is None:
                 found.append((-lam[k], total / rows[k]))
-                continue
-            most = self._functions.static(each.number, at)
-            found += [(most + side * lam[k], most + total / rows[k]) for side in (1, -1)]
+            else:
+                found += [(most + side * lam[k], most + total / rows[k]) for side in (1, -1)]
         values, sizes = np.array(found).T
         return values, sizes

@@ -1,6 +1,6 @@
-"""Which gaps stay closed and which joints stick after an instant: constraints are held as long as their loads allow.
+"""Which gaps stay closed and what sticks after an instant: constraints are held as long as their loads allow.
 
-All that may be held is, then what a load of the wrong sign, or beyond static friction, says is released, the worst one first.
+All that may be held is, then what a load of the wrong sign, or beyond friction, says is released, the worst one first.
 """
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.conditions import OFF
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.modes import load_conditions, variant
+from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of
+from ncgen.solver.events.rubbing import check_determined, undetermined
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
-from ncgen.solver.trajectories.happening import GAPS, JOINTS, Happening, Search
+from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
 SLACK = 1e-10
 """A load on the wrong side by less than this share of the largest is held."""
@@ -26,7 +28,10 @@ CLEAR = 1e-6
 """The same where velocities are those before a projection, which moves them by a rounding."""
 
 STANDSTILL = 1e-9
-"""A gap opens, or a joint slips, if its velocity is above this share of what it adds up."""
+"""A gap opens, or a joint or a contact slips, if its velocity is above this share of what it adds up."""
+
+TURNING = 1e-6
+"""A contact in space whose sliding velocity turned by 90°, and is above this share of what it adds up, did not come to rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,145 +44,194 @@ class Settled:
 
 
 class Settling:
-    """rows: {number of a condition: what holds it}. left: numbers of what was released at this instant."""
+    """rows: {number of a condition: what holds it}. left: {number of what was released at this instant: the direction in which it slips}"""
 
     def __init__(self, functions: EventFunctions) -> None:
         self.functions, self.kernels = functions, functions.kernels
         self.rows = {row.number: row for row in functions.rows}
-        self.left: dict[int, float] = {}
+        self.left: dict[int, np.ndarray] = {}
+        self._before = 0.0  # greatest velocity before the instant, with which what is left of others is compared
 
     # -- what C watches ------------------------------------------------------------------------
 
     def directions(self, held: tuple[int, ...], p: np.ndarray) -> np.ndarray:
-        """Of the mechanism's conditions (C,): a held gap is not watched, nor the velocity of what sticks."""
+        """Of the mechanism's conditions (C,): a held gap is not watched, nor the velocity of what sticks or does not touch."""
         ways = self.functions.directions.copy()
         for k, friction in self.functions.frictions.items():
             ways[k] = -int(p[self._place(friction.slip)]) or OFF
+        for k, gap in self.functions.gaps.items():
+            ways[k] = -1 if gap in held else OFF
         ways[list(held)] = OFF
         return ways
 
-    def release(self, held: tuple[int, ...], crossed: list[int]) -> None:
-        """Note which constraints the load conditions of these numbers release, and to which side."""
+    def release(self, held: tuple[int, ...], crossed: list[int], mode: Kernels, at: State) -> None:
+        """Note what the load conditions of these numbers release, and in which direction. Raises ConvergenceError where the loads of
+        contacts that slide are no longer determined."""
         self.left, number = {}, 0
+        rows = tuple(self.rows[k] for k in held)
         for k in held:
-            both = (1, -1) if k in self.functions.frictions else (1,)
-            for side in both:
+            for side in (1, -1) if k in self.functions.frictions else (1,):
                 if number in crossed:
-                    self.left[k] = float(-side)
+                    self.left[k] = np.array([-side])
                 number += 1
+        if any(k in self.functions.frictions for k in self.left):  # what a joint bore may push a gap closed
+            self.left = {k: side for k, side in self.left.items() if k in self.functions.frictions or self.rows[k].rubs}
+        if number in crossed and (sliding := sliding_of(mode, rows)):
+            raise undetermined(self.functions, sliding, at)
+        self.left |= {k: self._onwards(mode, held, k, at) for k in self.left if self.rows[k].sticks}
 
     # -- modes ---------------------------------------------------------------------------------
 
     def begin(self, at: State) -> State:
         """The state at the start, slip directions being those of the velocities."""
         values, p = self.functions.values(at)[0], at.p.copy()
+        for name, number in self.functions.beginnings(at).items():
+            p[self._place(name)] = number
         for k, friction in self.functions.frictions.items():
-            p[self._place(friction.slip)] = 0.0 if self._is_still(k, at) else np.sign(values[k])
+            p[self._place(friction.slip)] = 0.0 if self.is_still(k, at) else np.sign(values[k])
         return replace(at, p=p)
 
-    def settle(self, at: State, held: tuple[int, ...], due: dict[int, Search], resting: list[int]) -> Settled:
-        """The mode after an instant. Raises ConvergenceError where none is found."""
+    def settle(self, at: State, held: tuple[int, ...], due: dict[int, Search], resting: Sequence[int], before: np.ndarray) -> Settled:
+        """The mode after an instant.
+
+        resting: gaps whose bounces end, contacts that an impact leaves sticking, and those that nothing has hit; before (n,): velocities
+        Raises ConvergenceError where no mode is found.
+        """
         functions, start, released = self.functions, at, dict(self.left)
-        wanted = [k for k in self.rows if self._may_hold(k, at, held, due, resting)]
-        wanted = [k for k in wanted if k not in released]
+        self._before = self._speed(before)
+        wanted = [k for k in self.rows if self._may_hold(k, at, held, due, resting) and k not in released]
+        self._drop_what_is_open(wanted)
         p = at.p.copy()
         for k in wanted:
-            if k in functions.frictions and k not in held:
-                p[self._place(functions.frictions[k].held)] = at.q[self.kernels.index[functions.frictions[k].coordinate]]
+            if k in functions.moving and k not in held:
+                p[self._place(functions.moving[k].held)] = functions.place(functions.moving[k], at)
         at = replace(at, p=p)
         for _ in range(len(self.rows) + 1):
-            at, worst = self._tried(replace(at, p=self._slipping(at, wanted, released)), start, tuple(wanted), held)
+            at = replace(at, p=self._slipping(replace(start, p=at.p), wanted, released, due))
+            at, worst = self._tried(at, start, tuple(wanted), held)
             if worst is None:
                 break
             released[worst[0]] = worst[1]
             wanted.remove(worst[0])
+            self._drop_what_is_open(wanted)
         else:
             raise ConvergenceError(
                 f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
             )
-        p = at.p
-        for k, friction in functions.frictions.items():
-            if k not in wanted and k not in released and (p[self._place(friction.slip)] == 0.0 or k in due):
-                p[self._place(friction.slip)] = np.sign(functions.values(at)[0][k])
         self.left = released
-        at = replace(at, p=p)
         return Settled(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
 
-    def _slipping(self, at: State, held: Sequence[int], released: Mapping[int, float]) -> np.ndarray:
-        """Parameters in which what is held does not slip, and what was released does to its side."""
-        p = at.p.copy()
-        for k, friction in self.functions.frictions.items():
-            if k in held or k in released:
-                p[self._place(friction.slip)] = 0.0 if k in held else released[k]
+    def _slipping(self, at: State, wanted: Sequence[int], released: Mapping[int, np.ndarray], due: Mapping[int, Search]) -> np.ndarray:
+        """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""
+        functions, p, values = self.functions, at.p.copy(), self.functions.values(at)[0]
+        for k, friction in functions.frictions.items():
+            place = self._place(friction.slip)
+            if k in wanted or k in released:
+                p[place] = 0.0 if k in wanted else released[k][0]
+            elif p[place] == 0.0 or k in due or not self.is_still(k, at):
+                p[place] = np.sign(values[k])
+        sliding = functions.sliding(at)
+        for k, contact in functions.contacts.items():
+            places, velocity = [self._place(name) for name in contact.slip], sliding[k][0]
+            if k in wanted or functions.gaps[k] not in wanted:
+                p[places] = 0.0
+            elif k in released:
+                p[places] = released[k]
+            elif speed := np.linalg.norm(velocity):
+                p[places] = velocity / speed
         return p
 
-    def _may_hold(self, k: int, at: State, held: tuple[int, ...], due: dict[int, Search], resting: list[int]) -> bool:
-        """Whether a gap is closed and does not open, or a joint does not move."""
+    def _drop_what_is_open(self, wanted: list[int]) -> None:
+        """A contact that is open does not stick."""
+        wanted[:] = [k for k in wanted if self.functions.gaps.get(k, wanted[0]) in wanted]
+
+    def _may_hold(self, k: int, at: State, held: tuple[int, ...], due: dict[int, Search], resting: Sequence[int]) -> bool:
+        """Whether a gap is closed and does not open, or a joint or a contact does not move."""
         if k in resting:
             return True
-        if k in self.functions.frictions:
-            return k in due or (at.p[self._place(self.functions.frictions[k].slip)] == 0.0 and self._is_still(k, at))
+        if k in self.functions.moving:
+            return k in due or self.is_still(k, at)
+        if k in self.functions.contacts:
+            return self.is_still(k, at, TURNING if k in due else STANDSTILL) or (k in due and len(self.rows[k].rows) == 1)
         values, scales = self.functions.weighed(at)
-        return bool(abs(values[k]) <= CLOSED * scales[k]) and self._is_still(k, at) and (k in held or k not in due)
+        return bool(abs(values[k]) <= CLOSED * scales[k]) and self.is_still(k, at) and (k in held or k not in due)
 
-    def _is_still(self, k: int, at: State) -> bool:
-        """Whether a gap does not change, or a joint does not move, but for rounding."""
-        if k in self.functions.frictions:
-            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * self.kernels.column_sizes[self._column(k)] * self._speed(at)
+    def is_still(self, k: int, at: State, share: float = STANDSTILL) -> bool:
+        """Whether a gap does not change, or a joint or a contact does not move, but for rounding."""
+        sizes = self.kernels.column_sizes
+        speed = max(self._speed(at.qd), self._before)
+        if k in self.functions.moving:
+            return abs(self.functions.values(at)[0][k]) <= share * (np.abs(self.functions.rate_slopes(at)[k]) @ sizes) * speed
+        if k in self.functions.contacts:
+            velocity, slopes = self.functions.sliding(at)[k]
+            return bool(np.all(np.abs(velocity) <= share * np.max(np.abs(slopes) @ sizes) * speed))
         slopes, drift = self.functions.slopes(at)
-        return bool(abs(slopes[k] @ at.qd + drift[k]) <= STANDSTILL * (np.abs(slopes[k]) @ np.abs(at.qd) + abs(drift[k])))
+        return bool(abs(slopes[k] @ at.qd + drift[k]) <= share * (np.abs(slopes[k]) @ sizes * speed + abs(drift[k])))
 
-    def _speed(self, at: State) -> float:
-        return float(np.max(np.abs(at.qd) / self.kernels.column_sizes, initial=0.0))
+    def _speed(self, qd: np.ndarray) -> float:
+        """The greatest velocity (1/s) in natural sizes."""
+        return float(np.max(np.abs(qd) / self.kernels.column_sizes, initial=0.0))
 
-    def _column(self, k: int) -> int:
-        return self.kernels.index[self.functions.frictions[k].coordinate]
+    def _tried(
+        self, at: State, start: State, held: tuple[int, ...], before: tuple[int, ...]
+    ) -> tuple[State, tuple[int, np.ndarray] | None]:
+        """The state on the constraints of a mode, and what must be released with the direction in which it slips, or None.
 
-    def _tried(self, at: State, start: State, held: tuple[int, ...], before: tuple[int, ...]) -> tuple[State, tuple[int, float] | None]:
-        """The state on the constraints of a mode, and the one that must be released with its side, or None. before: what was held; a gap
-        that was not is held only if it is pushed."""
+        before: what was held; a gap that was not is held only if it is pushed
+        """
         if not held:
             return replace(at, q=start.q, qd=start.qd), None
         rows = tuple(self.rows[k] for k in held)
-        kernels = variant(self.kernels, rows)
+        kernels = self.functions.mode(at, rows)
         loads, p, worst = load_conditions(self.functions, kernels, rows), self.kernels.present(at.t, at.p), None
         if all(k in self.functions.frictions for k in held):  # joints that stand still: their loads there say it without projecting
             worst = self._worst(loads.at(replace(start, p=p)), held, before, CLEAR)
         if worst is None:
             q, _ = project_position(kernels, start.q, at.t, at.p)
             at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
+            check_determined(self.functions, kernels, rows, at)
             worst = self._worst(loads.at(replace(at, p=p)), held, before, SLACK)
+        if worst and self.rows[worst[0]].sticks:
+            worst = worst[0], self._onwards(kernels, held, worst[0], at)
         return at, worst
+
+    def _onwards(self, mode: Kernels, held: tuple[int, ...], k: int, at: State) -> np.ndarray:
+        """The direction in which a contact begins to slide that its friction cannot hold."""
+        force = forces_of(mode, tuple(self.rows[each] for each in held), held.index(k), at)
+        size = float(np.linalg.norm(force))
+        return -force / size if size else force
 
     def _worst(
         self, loads: tuple[np.ndarray, np.ndarray], held: tuple[int, ...], before: tuple[int, ...], slack: float
-    ) -> tuple[int, float] | None:
+    ) -> tuple[int, np.ndarray] | None:
         """Of conditions of loads, values and sizes, the constraint that is violated most, and its side."""
         margins = iter([value / size if size else 0.0 for value, size in zip(*(each.tolist() for each in loads), strict=True)])
         worst, excess = None, slack
         for k in held:
             is_joint = k in self.functions.frictions
             for side in (-1.0, 1.0) if is_joint else (1.0,):
-                over = (0.0 if is_joint or k in before else 2 * SLACK) - next(margins)
+                over = (0.0 if is_joint or self.rows[k].sticks or k in before else 2 * SLACK) - next(margins)
                 if over > excess:
-                    worst, excess = (k, side), over
+                    worst, excess = (k, np.array([side])), over
         return worst
 
     def _happened(
         self, start: State, at: State, before: tuple[int, ...], after: tuple[int, ...], due: dict[int, Search]
     ) -> list[Happening]:
-        """What became held, or free; a joint whose slip only turns round has done both."""
-        found = []
+        """What became held, or free; a joint or contact whose slip only turns round has done both."""
+        happened = []
         for k, row in self.rows.items():
-            is_joint = k in self.functions.frictions
-            words = JOINTS if is_joint else GAPS
+            slips = k in self.functions.frictions or row.sticks
+            words = JOINTS if slips else RATCHETS if k in self.functions.ratchets else GAPS
             change = words[0] if k in after and k not in before else words[1] if k in before and k not in after else ""
-            if is_joint and not change and k in due and k not in after:
+            if row.sticks and change == JOINTS[1] and self.functions.gaps[k] not in after:
+                change = ""  # it leaves
+            if slips and not change and k in due and k not in after and len(row.rows) == 1:
                 change = JOINTS[2]
             if change:
                 search: Search = due.get(k, "sampled" if k in before else "action")
-                found.append(Happening(at.t, row.name, search, at.q, start.qd, at.qd, what=change))
-        return found
+                happened.append(Happening(at.t, row.name, search, at.q, start.qd, at.qd, what=change))
+        return happened
 
     def _place(self, name: str) -> int:
         return self.kernels.parameters.index(name)

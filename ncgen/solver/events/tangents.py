@@ -7,13 +7,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ncgen.mechanism.functions import Functions
-from ncgen.mechanism.functions import functions as functions_of
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import ProgramFunctions
+from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_tangents import INPUTS, assemble_action_tangents, assemble_condition_tangent
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.modes import Held, count_of
+from ncgen.solver.events.modes import Held, count_of, held_loads
 from ncgen.solver.events.state import State
 from ncgen.solver.loads.constraint_loads import motion_sizes
 
@@ -45,7 +45,7 @@ class EventTangents:
         n, m = self.kernels.n, self.kernels.m
         return columns[:n], columns[n : n + m], columns[n + m :: 2], columns[n + m + 1 :: 2]
 
-    def _columns(self, made: Functions, name: str, at: State, *more: np.ndarray) -> np.ndarray:
+    def _columns(self, made: ProgramFunctions, name: str, at: State, *more: np.ndarray) -> np.ndarray:
         p = self.kernels.present(at.t, at.p)
         return np.array([made(name, at.t, at.q, at.qd, p, *more, seed) for seed in self._seeds]).T
 
@@ -54,20 +54,27 @@ class EventTangents:
         n, m = self.kernels.n, self.kernels.m
         return {"q": n, "qd": n, "p": len(self.kernels.p0), "after": n, "mu": m, "push": len(self.gaps), "seed": len(self._seeds)}
 
-    def _conditions(self, mode: Kernels, held: tuple[Held, ...]) -> Functions:
-        conditions, loads = self.functions.conditions, [(each.name, each.static) for each in held]
+    def _conditions(self, mode: Kernels, held: tuple[Held, ...]) -> ProgramFunctions:
+        conditions, loads = self.functions.conditions, held_loads(mode, held)
 
         def made() -> dict[str, Program]:
             return assemble_condition_tangent(mode.programs.equations, conditions, loads, motion_sizes(mode), mode.row_sizes)
 
         sizes = {"condition_tangent": len(conditions) + count_of(held)}
-        return functions_of(mode, _word([*conditions, *loads]), {name: INPUTS[name] for name in sizes}, sizes, self._counts, made)
+        return functions_of(
+            mode,
+            _word([*conditions, *((each.words, each.static) for each in loads)]),
+            {name: INPUTS[name] for name in sizes},
+            sizes,
+            self._counts,
+            made,
+        )
 
     @property
-    def _actions(self) -> Functions:
+    def _actions(self) -> ProgramFunctions:
         return self.kernels.remember("action tangents", (), self._made)
 
-    def _made(self) -> Functions:
+    def _made(self) -> ProgramFunctions:
         kernels, values, conditions = self.kernels, self.functions.named_values, self.functions.conditions
         gaps = [conditions[k] for k in self.gaps]
         sizes = {"value_tangent": len(values)} if values else {}

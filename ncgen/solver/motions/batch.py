@@ -15,12 +15,12 @@ from ncgen.mechanism.break_times import break_times_of_each
 from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.model.arguments import truth
+from ncgen.model.argument_readers import truth
 from ncgen.solver.engines.compiled import GROWTH
 from ncgen.solver.given import Given, checked_kernels, finite, has_events, names_of
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate
-from ncgen.solver.motions.states import Choice, States, those_in_lanes
+from ncgen.solver.motions.states import CommonCoordinates, States, those_in_lanes
 from ncgen.solver.positions.position import TOLERANCE
 from ncgen.solver.runs.run import COMPILED, Run, count
 from ncgen.solver.runs.signals import Signal
@@ -85,7 +85,7 @@ class BatchAccelerations:
     qd: np.ndarray | None
     zdd: np.ndarray
     codes: np.ndarray = field(repr=False)
-    choice: Choice = field(repr=False)
+    choice: CommonCoordinates = field(repr=False)
 
     def __repr__(self) -> str:
         return f"<BatchAccelerations of {', '.join(self.independent)}: {int(self.ok.sum())} of {len(self.q)} states>"

@@ -49,7 +49,7 @@ from ncgen.solver.given import (
 )
 from ncgen.solver.groups import CONSISTENT_RESIDUAL, DEFAULTS, MotionArguments, check_names
 from ncgen.solver.runs.signals import Signals, signals_of
-from ncgen.solver.runs.stop import Stop, stop_at
+from ncgen.solver.runs.stop import StopCondition, stop_at
 from ncgen.solver.runs.telling import Told, check_told
 
 COMPILED = "compiled"
@@ -146,7 +146,7 @@ class Run:
     rtol: float = 1e-8
     atol: float | None = None
     max_step: float = np.inf
-    stop: Stop | None = None
+    stop: StopCondition | None = None
     engine: str = AUTO
     number: str = "double"
     signals: Signals | None = None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import DomainError, ModelError, counted, unknown_word
-from ncgen.mechanism.driving import Function, Pieces
+from ncgen.mechanism.driving import Function, InputPieces
 from ncgen.solver.given import Outline, echo, finite, known_name, several
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
@@ -27,7 +27,7 @@ FEWEST = 2
 
 
 @dataclass(frozen=True, eq=False)
-class SignalTable(Pieces):
+class SignalTable(InputPieces):
     """An input as values at instants, and what holds between them; polynomials are linear in the values."""
 
     hold: Hold
@@ -57,7 +57,7 @@ class Signals:
 
     name: str
     names: tuple[str, ...]
-    told: tuple[Pieces | Function | None, ...]
+    told: tuple[InputPieces | Function | None, ...]
     begun: float | None = None
 
     def begun_at(self, t: float) -> Signals:
@@ -70,7 +70,7 @@ class Signals:
         first = len(p) - len(self.told)
         for i, signal in enumerate(self.told):
             if signal is not None:
-                value = signal(t, self.begun) if isinstance(signal, Pieces) else signal(t)
+                value = signal(t, self.begun) if isinstance(signal, InputPieces) else signal(t)
                 p[first + i] = self._checked(i, value, t)
         return p
 
@@ -85,9 +85,9 @@ class Signals:
         return number
 
     @property
-    def functions(self) -> tuple[Pieces | Function | None, ...]:
+    def functions(self) -> tuple[InputPieces | Function | None, ...]:
         """As C asks for them: functions of Python are checked."""
-        return tuple(s if s is None or isinstance(s, Pieces) else self._watched(i, s) for i, s in enumerate(self.told))
+        return tuple(s if s is None or isinstance(s, InputPieces) else self._watched(i, s) for i, s in enumerate(self.told))
 
     def by_values(self, t: np.ndarray, begun: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
         """{name: how Σ weights · inputs changes with its values, (K,)} of the inputs that are tables.
@@ -110,7 +110,7 @@ def signals_of(kernels: Outline, inputs: Mapping[str, Signal] | None, p: np.ndar
         return None
     if not isinstance(inputs, Mapping):
         raise ModelError(f"inputs: {echo(inputs)} given; give {{name: number, function of time, or (times, values)}}")
-    functions: list[Pieces | Function | None] = [None] * len(names)
+    functions: list[InputPieces | Function | None] = [None] * len(names)
     for name, signal in inputs.items():
         place = names.index(known_name(name, names, "inputs", "input"))
         if callable(signal):

@@ -1,7 +1,7 @@
 """What stands in a model file as what the builder takes.
 
 TOML has texts, numbers and lists: an expression in quotes is read here, and what is no text, number or list where one is needed
-is refused in the words of a file. Everything else is the builder's own to say (`ncgen.model.arguments`).
+is refused in the words of a file. Everything else is the builder's own to say (`ncgen.model.argument_readers`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.exchange.grammar import parse_direction, parse_expression
 from ncgen.exchange.words import kind_of
 from ncgen.model import Model
-from ncgen.model.arguments import READERS
+from ncgen.model.actions import LOCKINGS
+from ncgen.model.argument_readers import READERS
 from ncgen.model.bodies import WORDS_OF_INERTIA
 from ncgen.model.elements import Spatial
 from ncgen.model.names import LAW, TIME
@@ -178,12 +179,19 @@ def _doing(model: Model | None, raw: object) -> object:
         raise ModelError(f'{shown(raw)} is no action; write "stop", {{ impact = {{ restitution = 0.5 }} }} or {{ name = value }}')
     if set(raw) == {"impact"} and isinstance(raw["impact"], dict):
         return {"impact": {key: item if key in ("order", "rest") else _value(model, item) for key, item in raw["impact"].items()}}
+    if len(raw) == 1 and set(raw) < set(LOCKINGS) and isinstance(next(iter(raw.values())), str):
+        return raw
     return {key: _driven(model, item) for key, item in raw.items()}
 
 
 def _direction(model: Model | None, raw: object) -> Spatial | Combination:
     """The name of a vector, or a segment such as "B - A"."""
     return parse_direction(_text(model, raw), {name: e for name, e in _there(model).elements.items() if isinstance(e, Spatial)})
+
+
+def _curve(model: Model | None, raw: object) -> object:
+    """The name of a spline or a table."""
+    return _there(model).curves.get(name := _name(model, raw), name)
 
 
 def _option(model: Model | None, raw: object) -> object:
@@ -233,6 +241,7 @@ CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "Direction": _direction,
     **dict.fromkeys(("Body", "Point", "Vector", "Spatial", "Relative", "Component | Relative"), _name),
     **dict.fromkeys(("Sequence[Point]", "Sequence[Vector]", "Sequence[Spatial]"), _names),
+    "Curve": _curve,
     "option": _option,
 }
 """{annotation: conversion(model, what a file says)}."""

@@ -143,6 +143,13 @@ def expression(given: object, where: str) -> Scalar:
     return without_kinks(check_expression(result, where), where)
 
 
+def _curve(model: Contents, given: object, where: str) -> object:
+    found = model.curves.get(normal(given)) if isinstance(given, str) else given
+    if found is None or all(each is not found for each in model.curves.values()):
+        raise ModelError(f"{where}: {shown(given)} is not a spline or a table of this model; make one with m.spline first")
+    return found
+
+
 def _law(model: Contents, given: object, where: str) -> Expression:
     """A tension as an expression of the symbols x and v, or as a function of both that returns one."""
     if taken := [name for name in LAW if name in model.numbers]:
@@ -270,6 +277,7 @@ READERS: dict[str, Reader[object]] = {
     "Number": _number,
     "Numbers": _numbers,
     "Doing": actions_of,
+    "Curve": _curve,
     "Sequence[Numbers]": _rows,
 }
 """{annotation: reader(model, what was given, where)}."""

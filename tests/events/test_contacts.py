@@ -1,0 +1,116 @@
+"""Contacts: gaps that close between surfaces of bodies, which slide with friction, stick, roll and bounce."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import ncgen
+
+G, RADIUS = 9.81, 0.1
+
+
+def disc(height: float, friction: object = 0.2, flat: bool = True, **options: object) -> ncgen.Model:
+    """A homogeneous sphere of 1 kg and 0.1 m above the ground, in the plane or in space."""
+    m = ncgen.Model("ball")
+    zero = (0,) * (1 if flat else 2)
+    up = m.vector("up", (*zero, 1), fixed=True)
+    O, C = m.point("O", (*zero, 0), fixed=True), m.point("C", (*zero, height))
+    if flat:
+        ball = m.body("ball", [C, m.point("D", (RADIUS, height))], mass=1.0, com=(0, height), inertia=0.4 * RADIUS**2)
+    else:
+        ball = m.body("ball", [C], [m.vector("u", (1, 0, 0)), m.vector("v", (0, 1, 0))], mass=1.0, inertia=[0.4 * RADIUS**2] * 3)
+    m.gravity((*zero, -G))
+    m.contact("floor", ball, C, m.ground, O, radius=RADIUS, normal=up, friction=friction, **options)
+    return m
+
+
+def velocity(speed: float, spin: float) -> dict[str, float]:
+    """Of the flat sphere along x, turning counterclockwise (rad/s)."""
+    return {"C.x": speed, "C.y": 0.0, "D.x": speed, "D.y": RADIUS * spin}
+
+
+def spin(q: np.ndarray, qd: np.ndarray) -> float:
+    """Of the flat sphere, C.x, C.y, D.x, D.y being the coordinates."""
+    (x, y), (u, v) = q[2:] - q[:2], qd[2:] - qd[:2]
+    return (x * v - y * u) / RADIUS**2
+
+
+def test_a_sphere_slides_and_rolls():
+    """From 5 m/s it rolls at 2 v₀/(7 μ g) with 5/7 of the velocity, after 3.12 m."""
+    kernels = ncgen.compile(disc(RADIUS))
+    run = ncgen.simulate(kernels, 2.0, qd0=velocity(5.0, 0.0), rtol=1e-11)
+    rests, sticks = run.events
+    assert [rests.what, sticks.what] == ["rests", "sticks"] and sticks.search == "proof"
+    assert sticks.t == pytest.approx(0.72811999417504, rel=1e-10)
+    assert sticks.q[kernels.index["C.x"]] == pytest.approx(3.120514260750172, rel=1e-9)
+    assert [run["rate(C.x)"][-1], spin(run.q[-1], run.qd[-1])] == pytest.approx([25 / 7, -250 / 7], rel=1e-9)
+    assert run["C.x"][-1] == pytest.approx(3.120514260750172 + (2 - 0.72811999417504) * 25 / 7, rel=1e-9)
+    assert run.energy_drift < 1e-10 and np.max(np.abs(run["C.y"] - RADIUS)) < 1e-12
+
+
+def test_a_spinning_sphere_drops():
+    """Spin 50 rad/s: the impact's friction cannot stop it, it slides and rolls later (generalised-alpha paper, nme.6801, example 10.1)."""
+    kernels = ncgen.compile(disc(1.0))
+    run = ncgen.simulate(kernels, 1.0, qd0=velocity(0.0, 50.0), rtol=1e-11)
+    hit, rests, sticks = run.events
+    assert [hit.what, rests.what, sticks.what] == ["", "rests", "sticks"]
+    assert hit.t == rests.t == pytest.approx(0.4283529368781193, rel=1e-10)
+    assert [hit.after[0], spin(hit.q, hit.after)] == pytest.approx([-0.8404284621548701, 28.98928844612825], rel=1e-9)
+    assert sticks.t == pytest.approx(0.72811999417504, rel=1e-10)
+    assert sticks.q[0] == pytest.approx(-0.3400857101250286, rel=1e-9)
+    assert [run.qd[-1, 0], spin(run.q[-1], run.qd[-1])] == pytest.approx([-10 / 7, 100 / 7], rel=1e-9)
+    assert run.energy_drift < 1e-10
+
+
+def test_a_slowly_spinning_sphere_rolls_at_once():
+    kernels = ncgen.compile(disc(1.0))
+    run = ncgen.simulate(kernels, 1.0, qd0=velocity(0.0, 10.0), rtol=1e-11)
+    assert [each.what for each in run.events] == ["", "rests", "sticks"] and len({each.t for each in run.events}) == 1
+    assert [run.qd[-1, 0], spin(run.q[-1], run.qd[-1])] == pytest.approx([-2 / 7, 20 / 7], rel=1e-9)
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.7])
+def test_a_sphere_in_space_slides_and_rolls(turned):
+    """The same along any direction of the plane."""
+    kernels = ncgen.compile(disc(RADIUS, flat=False))
+    along = np.array([math.cos(turned), math.sin(turned)])
+    run = ncgen.simulate(kernels, 2.0, qd0={"C.x": 5 * along[0], "C.y": 5 * along[1], "C.z": 0.0}, rtol=1e-11)
+    assert [each.what for each in run.events] == ["rests", "sticks"]
+    assert run.events[1].t == pytest.approx(0.72811999417504, rel=1e-10)
+    assert run.events[1].q[:2] == pytest.approx(3.120514260750172 * along, rel=1e-9)
+    assert run.qd[-1, :2] == pytest.approx(25 / 7 * along, rel=1e-9)
+
+
+def rod(friction: float, angle: float, tail: float = 0.0) -> ncgen.Model:
+    """A rod of 1 m and 1 kg whose lower end touches the ground; its upper end is to the left, so that the end that slides to the right
+    drives it into the ground."""
+    m = ncgen.Model("rod")
+    up = m.vector("up", (0, 1), fixed=True)
+    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0))
+    body = m.body("rod", [A, m.point("B", (-math.cos(angle), math.sin(angle)))], mass=1.0, inertia="rod")
+    m.gravity((0, -G))
+    m.contact("tip", body, A, m.ground, O, normal=up, friction=friction)
+    return m
+
+
+@pytest.mark.parametrize("degrees", [45.0, 60.0, math.degrees(math.atan(2))])
+def test_a_rod_slides_below_the_friction_of_painleve(degrees):
+    """The load of a sliding end is determined for μ < (1 + 3 cos² θ)/(3 sin θ cos θ): 5/3 at 45°, and at least 4/3, at tan θ = 2."""
+    angle = math.radians(degrees)
+    limit = (1 + 3 * math.cos(angle) ** 2) / (3 * math.sin(angle) * math.cos(angle))
+    start = {"A.x": 1.0, "A.y": 0.0, "B.x": 1.0, "B.y": 0.0}
+    below = ncgen.simulate(ncgen.compile(rod(0.999 * limit, angle)), 1e-3, qd0=start)
+    assert below.events[0].what == "rests"
+    with pytest.raises(
+        ncgen.ConvergenceError, match=r"rod: at t = 0 s the load of contact tip with friction .* at \(0, 0, 0\) m is not det"
+    ):
+        ncgen.simulate(ncgen.compile(rod(1.001 * limit, angle)), 1e-3, qd0=start)
+
+
+def test_a_rod_that_slides_the_other_way_may_have_any_friction():
+    start = {"A.x": -1.0, "A.y": 0.0, "B.x": -1.0, "B.y": 0.0}
+    run = ncgen.simulate(ncgen.compile(rod(5.0, math.radians(45))), 1e-3, qd0=start)
+    assert run.events[0].what == "rests"
