@@ -176,7 +176,7 @@ def run(
     from ncgen.mechanism.runtime_library import beside, part_for
     from ncgen.methods.table import AUTO
     from ncgen.report.inspection import inspect as facts_of
-    from ncgen.report.running import run_record, write_outputs
+    from ncgen.report.run_report import run_record, write_outputs
     from ncgen.report.screen import show_inspection, show_run
     from ncgen.report.timing import kernel_times
     from ncgen.solver.motions.simulate import simulate

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from ncgen.comparisons.rates import emitted_parts
+from ncgen.comparisons.derivative_parts import emitted_parts
 from ncgen.comparisons.rivals import KERNELS
 from ncgen.comparisons.rivals.base import own_start
-from ncgen.mechanism.batch import CompiledBatch, available
+from ncgen.mechanism.kernel_batch import CompiledBatch, available
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.runtime import Outcome
 from ncgen.report.clock import Run, Spread, measure, repeated

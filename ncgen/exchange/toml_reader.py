@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
-from ncgen.exchange.arguments import convert, shown
-from ncgen.exchange.layout import FileTable, layout
+from ncgen.exchange.file_arguments import convert, shown
 from ncgen.exchange.text import NotToml, placed, text_of, toml
+from ncgen.exchange.toml_layout import FileTable, layout
 from ncgen.exchange.words import head, is_required, signature_of, suggestion, words
 from ncgen.model import Model
 from ncgen.model.names import normal

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 from ncgen.emit.naming import prefix_of
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.motion_sources import Seen, motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.recall import Files
 from ncgen.mechanism.runtime import Dynamics, Outcome
 from ncgen.mechanism.runtime_library import Part, beside, load_with_headers, runtime_of
-from ncgen.mechanism.written import Seen, motion_source
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.algebra.quasidefinite import Elimination, plan
 from ncgen.program.tree.table_layout import TreeTables

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import DomainError, ModelError, NcgenError, counted, shown
 from ncgen.mechanism.arguments import constant, numbers
-from ncgen.mechanism.batch import Batch
+from ncgen.mechanism.kernel_batch import Batch
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.mechanism.tangents import Tangents
 from ncgen.model import Model
@@ -322,14 +322,14 @@ class Kernels(ABC):
 
     @cached_property
     def batch(self) -> Batch:
-        """The kernels of many states in one call; compiled when first asked for (ncgen.mechanism.batch)."""
+        """The kernels of many states in one call; compiled when first asked for (ncgen.mechanism.kernel_batch)."""
         return self._batch(self)
 
     # -- tangents ------------------------------------------------------------------------------
 
     @cached_property
     def tangents(self) -> Tangents:
-        """The tangent kernels, generated and compiled when first asked for (ncgen.program.differentiation.tangents)."""
+        """The tangent kernels, generated and compiled when first asked for (ncgen.program.differentiation.tangent_programs)."""
         return self._tangents.by_state(self.programs)
 
     @cached_property

@@ -25,7 +25,7 @@ from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.programs import Programs, TangentPrograms
 from ncgen.resources import package_files
 from ncgen.symbolic.numbering import DeferredTerms
-from ncgen.toolchain.folder import Json, keep, kept
+from ncgen.toolchain.cache_location import Json, keep, kept
 from ncgen.toolchain.undisturbed import undisturbed
 
 Files: TypeAlias = dict[str, str]

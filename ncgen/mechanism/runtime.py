@@ -24,9 +24,9 @@ from ncgen.mechanism.in_python import in_python, tangents_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.listening import Listener, watch
+from ncgen.mechanism.motion_sources import Written
 from ncgen.mechanism.properties import uses_tangents
 from ncgen.mechanism.runtime_library import interface_of, load_with_headers, model_in, part_for, runtime_of
-from ncgen.mechanism.written import Written
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
 from ncgen.toolchain.abi import NUMBERS, InC

@@ -12,7 +12,7 @@ from cffi import FFI
 
 from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import (
+from ncgen.emit.runtime_files import (
     EXPLICIT_ONLY,
     HEADERS,
     ORDINARY,

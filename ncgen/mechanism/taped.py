@@ -10,12 +10,12 @@ from itertools import pairwise
 import numpy as np
 
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
+from ncgen.emit.runtime_files import PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.arguments import pointer
-from ncgen.mechanism.batch import aligned, in_lanes
 from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 from ncgen.mechanism.driving import Function, InputPieces, told_at
+from ncgen.mechanism.kernel_batch import aligned, in_lanes
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import ANY_STEP
 from ncgen.mechanism.moving_breaks import Jump, Jumping

@@ -101,7 +101,7 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
     if isinstance(given, (Change, Stop, Call)):
         return (given,)
     if isinstance(given, Impact):
-        from ncgen.model.arguments import value
+        from ncgen.model.argument_readers import value
 
         return (Impact(value(model, given.restitution, f"{where}, restitution"), given.order, given.rest),)
     if isinstance(given, str) and given == STOP:
@@ -117,7 +117,7 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
 
 def _changed(model: Contents, name: object, value: object, where: str) -> Scalar:
     """The new value of something that an event may change."""
-    from ncgen.model.arguments import expression
+    from ncgen.model.argument_readers import expression
 
     moving = {component.name for component in model.components if not component.fixed}
     if not isinstance(name, str) or (normal(name) not in model.numbers and _rated(normal(name)) not in moving):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Concatenate, ParamSpec, TypeVar
 
 from ncgen.errors import ModelError
-from ncgen.model.arguments import read
+from ncgen.model.argument_readers import read
 from ncgen.model.bodies import Body
 from ncgen.model.contents import Contents
 from ncgen.model.curves import check_curves

@@ -10,7 +10,7 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
-from ncgen.model.arguments import value
+from ncgen.model.argument_readers import value
 from ncgen.model.bodies import (
     WORDS_OF_INERTIA,
     Body,

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from ncgen import __version__
 from ncgen.exchange.examples import example_names, example_text, lesson, load
 from ncgen.model import Model
-from ncgen.toolchain.folder import keep, kept
+from ncgen.toolchain.cache_location import keep, kept
 
 
 def gallery(progress: Callable[[int], None] | None = None) -> list[dict]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import runtime_files
+from ncgen.emit.runtime_files import runtime_files
 from ncgen.mechanism.arguments import numbers, pointer
 from ncgen.report.clock import Run
 from ncgen.toolchain.abi import NUMBERS, abi, marked

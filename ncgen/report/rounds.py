@@ -10,7 +10,7 @@ from pathlib import Path
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError, counted
 from ncgen.exchange.checking import checked
-from ncgen.report.running import run_record
+from ncgen.report.run_report import run_record
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.positions.rank import freedom
 from ncgen.solver.runs.simulation_options import simulation_of

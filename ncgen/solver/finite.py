@@ -192,7 +192,7 @@ def _of_arguments(kernels: Kernels, given: dict[str, Any]) -> str | None:
 
 
 def _of_terms(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
-    from ncgen.program.differentiation.tangents import TANGENTS
+    from ncgen.program.differentiation.tangent_programs import TANGENTS
     from ncgen.program.kernel_table import KERNELS
 
     definition = {**KERNELS, **TANGENTS}[kernel]

@@ -23,7 +23,7 @@ from ncgen.solver.given import count as whole
 from ncgen.solver.given import has_events, known_name, several
 from ncgen.solver.runs.run import Run, outline
 from ncgen.solver.runs.simulation_options import check_options, simulation_of
-from ncgen.solver.trajectories.outputs import uses_accelerations
+from ncgen.solver.trajectories.output_values import uses_accelerations
 from ncgen.studies.design import Design, Varied, argument_of, started
 from ncgen.studies.kept import Kept, kept
 

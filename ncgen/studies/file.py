@@ -20,8 +20,8 @@ from typing import Any
 
 from ncgen.errors import ModelError, NcgenError
 from ncgen.exchange.examples import load
-from ncgen.exchange.layout import FileTable, layout
 from ncgen.exchange.text import NotToml, placed, text_of, toml
+from ncgen.exchange.toml_layout import FileTable, layout
 from ncgen.exchange.words import suggestion
 from ncgen.studies.definition import Study
 from ncgen.studies.design import table

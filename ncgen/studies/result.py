@@ -16,8 +16,8 @@ import numpy as np
 from ncgen.errors import ModelError, NcgenError, counted
 from ncgen.files import output_was, path_of, write_text, writing
 from ncgen.solver.given import echo, offer
-from ncgen.studies.folder import Folder
 from ncgen.studies.indices import Indices, indices
+from ncgen.studies.study_folder import Folder
 from ncgen.studies.variants import Part
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ class StudyResult:
         Figure or Path
             A matplotlib figure; the file if `output` is given.
         """
-        view = import_module("ncgen.view.variants")
+        view = import_module("ncgen.view.variant_pictures")
         wanted = (names,) if isinstance(names, str) else tuple(names or self.about["kept"])
         shape = tuple(self.about["shape"]) if self.about["design"] == "grid" and self.complete else None
         title = f"{self.about['model']}: {counted(len(self), 'variant')}"

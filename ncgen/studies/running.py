@@ -22,9 +22,9 @@ from ncgen.solver.runs.telling import check_told
 from ncgen.studies import engines
 from ncgen.studies.definition import Study
 from ncgen.studies.design import Varied
-from ncgen.studies.folder import Folder, manifest
 from ncgen.studies.pace import ChunkPace
 from ncgen.studies.result import StudyResult
+from ncgen.studies.study_folder import Folder, manifest
 from ncgen.studies.variants import Bench, Part
 
 Told = Callable[[int, int, "float | None"], None]

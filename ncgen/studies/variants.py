@@ -27,7 +27,7 @@ from ncgen.solver.positions.partition import determined
 from ncgen.solver.runs.run import EMITTED, Run
 from ncgen.solver.runs.start import begin, check_count, check_independent
 from ncgen.solver.trajectories.energy import drifts
-from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations
+from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.studies.definition import Study
 from ncgen.studies.design import argument_of

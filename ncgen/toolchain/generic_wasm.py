@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ncgen.emit.c.generic import generic_files
-from ncgen.emit.runtime import (
+from ncgen.emit.runtime_files import (
     EXPLICIT_ONLY,
     FOLDER,
     HEADERS,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.view.chosen import above_lowest, grouped
-from ncgen.view.curves import curves
+from ncgen.view.curve_pictures import curves
 from ncgen.view.svg import SvgDrawing, below_each_other
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from ncgen.model import Model
 from ncgen.view.chart import GRID, empty, settle
 from ncgen.view.eye import AZIMUTH, ELEVATION, screen
 from ncgen.view.histories import plot
-from ncgen.view.labels import LabelPlaces
+from ncgen.view.label_places import LabelPlaces
 from ncgen.view.scene import Scene, scene_of
 from ncgen.view.still import palette, shadows, solids
 

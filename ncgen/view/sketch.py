@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.view.eye import screen
-from ncgen.view.labels import LabelPlaces
+from ncgen.view.label_places import LabelPlaces
 from ncgen.view.scene import Scene
 from ncgen.view.svg import INK, RED, TEXT, SvgDrawing, path, text
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.comparisons.rates import REFINED, emitted_parts
+from ncgen.comparisons.derivative_parts import REFINED, emitted_parts
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels

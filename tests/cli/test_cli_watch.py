@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from ncgen.cli.watching import Saved, _blocks, _ender
-from ncgen.exchange.start import start_text
+from ncgen.exchange.first_model import start_text
 from ncgen.report.rounds import Round, differences, look, told
 from ncgen.report.saves import EVERY, GONE, saves
 

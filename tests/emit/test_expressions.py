@@ -7,7 +7,7 @@ import math
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ncgen.emit.expressions import LONGEST, write
+from ncgen.emit.infix import LONGEST, write
 from ncgen.emit.naming import Names
 from ncgen.program.ir import passes
 from ncgen.program.ir.blocks import Program, Store, Straight

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.emit.runtime import explicit_names, ordinary_names, runtime_names, stiff_names
+from ncgen.emit.runtime_files import explicit_names, ordinary_names, runtime_names, stiff_names
 from ncgen.mechanism import runtime, runtime_library
 from ncgen.methods.table import AUTO, INTEGRATORS
 

@@ -11,7 +11,7 @@ import sympy
 
 import ncgen
 from ncgen import Model, ModelError
-from ncgen.model.arguments import READERS
+from ncgen.model.argument_readers import READERS
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Element
 

@@ -11,7 +11,7 @@ from ncgen import view
 from ncgen.errors import NcgenError
 from ncgen.model import Model
 from ncgen.view.figure import figure, plot, save
-from ncgen.view.labels import LabelPlaces
+from ncgen.view.label_places import LabelPlaces
 
 
 def artists(axes, gid):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ncgen.emit.c.files import program_records
 from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
-from ncgen.emit.runtime import runtime_files
+from ncgen.emit.runtime_files import runtime_files
 from ncgen.model.elements import rate_name
 from ncgen.model.names import TIME
 from ncgen.program.ir.angles import share_angles

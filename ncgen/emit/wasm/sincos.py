@@ -6,7 +6,7 @@ from __future__ import annotations
 import ast
 import re
 
-from ncgen.emit.runtime import runtime_text
+from ncgen.emit.runtime_files import runtime_text
 from ncgen.emit.wasm.binary import F64, I32, Signature, WasmFunction, double, unsigned
 from ncgen.emit.wasm.code import CALL, ELSE, END, F64_CONST, F64_STORE, GET, IF, LESS, OWN, SET, SINCOS
 

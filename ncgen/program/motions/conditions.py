@@ -28,7 +28,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient, tangent
 from ncgen.program.ir.verify import verify
 from ncgen.program.lines import Lines
-from ncgen.program.motions.expressions import expression_node
+from ncgen.program.motions.expression_nodes import expression_node
 from ncgen.program.motions.full_motion import MotionSizes
 from ncgen.program.motions.multipliers import AccelerationNodes
 from ncgen.program.motions.sliding import Sliding, SlidingNodes

@@ -17,9 +17,9 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.functions import ProgramFunctions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving_breaks import Jump
+from ncgen.mechanism.program_functions import ProgramFunctions, functions
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.method import Method
 from ncgen.methods.newmark import newmark

@@ -15,8 +15,8 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from ncgen.errors import NcgenError
-from ncgen.mechanism.batch import thread_count
 from ncgen.mechanism.break_times import break_times_of_each
+from ncgen.mechanism.kernel_batch import thread_count
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motions import LaneRuns, Motions
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion

@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneDynamics
     from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
     from ncgen.mechanism.library import CompiledKernels
+    from ncgen.mechanism.motion_sources import Seen
     from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics, Outcome
-    from ncgen.mechanism.written import Seen
     from ncgen.program.ir.sampling import Sample
 
 MOST_RATES = 60
@@ -346,8 +346,8 @@ def _made(
 ) -> LaneDynamics | DenseDynamics | EmittedDynamics:
     """A state derivative; positions: the choice for them where it is another than for velocities."""
     from ncgen.mechanism.batch_runs import LaneDynamics
+    from ncgen.mechanism.motion_sources import Written
     from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics
-    from ncgen.mechanism.written import Written
 
     if form == "dense":
         return DenseDynamics(kernels, split, number, positions)

@@ -10,8 +10,8 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.conditions import LINEAR, OFF, QUADRATIC, Conditions
-from ncgen.mechanism.functions import CompiledFunctions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import CompiledFunctions, functions
 from ncgen.model.actions import Change
 from ncgen.model.contacts import Contact
 from ncgen.model.elements import rate_name

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.functions import CompiledFunctions
-from ncgen.mechanism.functions import functions as functions_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
+from ncgen.mechanism.program_functions import CompiledFunctions
+from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.model.contacts import Contact
 from ncgen.model.values import Scalar, Value, as_sympy

@@ -26,7 +26,7 @@ from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.happening import Happening
-from ncgen.solver.trajectories.outputs import uses_loads
+from ncgen.solver.trajectories.output_values import uses_loads
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import SingularError
-from ncgen.mechanism.functions import ProgramFunctions
+from ncgen.mechanism.program_functions import ProgramFunctions
 from ncgen.solver import given
 from ncgen.solver.joints import identification
 from ncgen.solver.joints.joint_kinematics import JointKinematics

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.functions import ProgramFunctions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import ProgramFunctions, functions
 from ncgen.model.elements import Component, Point, Spatial
 from ncgen.model.values import is_number
 from ncgen.program.ir.blocks import Program
-from ncgen.program.tree.joint_space import Made
+from ncgen.program.tree.joint_programs import Made
 from ncgen.solver import geometry, given
 from ncgen.solver.frames import transformation
 from ncgen.solver.joints.joint_names import carried, refuse_thin
@@ -38,7 +38,7 @@ INPUTS = {
     "joint_loads": ("t", "q", "v", "p"),
     "joint_momenta": ("t", "q", "p"),
 }
-"""The programs of `ncgen.program.tree.joint_space`, and what they take."""
+"""The programs of `ncgen.program.tree.joint_programs`, and what they take."""
 
 
 class JointKinematics(ABC):

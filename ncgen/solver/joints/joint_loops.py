@@ -15,12 +15,12 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, NcgenError
 from ncgen.mechanism import recall
-from ncgen.mechanism.functions import ProgramFunctions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import ProgramFunctions
 from ncgen.program.algebra.elimination import EliminationError
 from ncgen.program.ir.blocks import Program
-from ncgen.program.tree.joint_loops import JointLoops
-from ncgen.program.tree.joint_space import Made
+from ncgen.program.tree.joint_programs import Made
+from ncgen.program.tree.loop_programs import JointLoops
 from ncgen.program.tree.rates import NoRecursion
 from ncgen.solver.engines.compiled import samples
 from ncgen.solver.joints.joint_kinematics import INPUTS

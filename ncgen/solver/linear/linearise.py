@@ -36,7 +36,7 @@ from ncgen.solver.positions.position import solve_position
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import signals_of
 from ncgen.solver.runs.start import given_velocity, independent_rates
-from ncgen.solver.trajectories.outputs import output_slopes, uses_loads
+from ncgen.solver.trajectories.output_values import output_slopes, uses_loads
 
 if TYPE_CHECKING:
     from scipy.signal import StateSpace

@@ -6,8 +6,8 @@ import hashlib
 from collections.abc import Sequence
 
 from ncgen.errors import NcgenError
-from ncgen.mechanism.functions import ProgramFunctions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import ProgramFunctions, functions
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.program.motions.full_motion import MotionSizes
 from ncgen.program.motions.multipliers import STATE, assemble_multipliers

@@ -15,7 +15,7 @@ from ncgen.mechanism.break_times import break_times_of_each
 from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.model.arguments import truth
+from ncgen.model.argument_readers import truth
 from ncgen.solver.engines.compiled import GROWTH
 from ncgen.solver.given import Given, checked_kernels, finite, has_events, names_of
 from ncgen.solver.groups import MotionArguments, StartArguments, takes

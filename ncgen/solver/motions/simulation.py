@@ -33,7 +33,7 @@ from ncgen.solver.runs.choice import ALL, EXPLICIT
 from ncgen.solver.runs.run import Initial, relative_tolerance
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.tolerances import NEAR_ZERO, Tolerances
-from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, uses_loads
+from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations, uses_loads
 
 if TYPE_CHECKING:
     from ncgen.mechanism.moving import Moving, MovingRow, Stepping

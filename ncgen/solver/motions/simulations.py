@@ -40,7 +40,7 @@ from ncgen.solver.motions.simulation import (
 )
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial
-from ncgen.solver.trajectories.outputs import uses_accelerations
+from ncgen.solver.trajectories.output_values import uses_accelerations
 
 if TYPE_CHECKING:
     from ncgen.solver.events.steps import Past, Steps
@@ -93,7 +93,7 @@ def start_batch(kernels: Kernels, variants: int, *, threads: int | None = 1, **a
     ModelError, ConvergenceError, SingularError
         As `start`.
     """
-    from ncgen.mechanism.batch import thread_count
+    from ncgen.mechanism.kernel_batch import thread_count
 
     driven = checked_kernels(kernels).driven_by(None)
     size = count(variants, "variants")

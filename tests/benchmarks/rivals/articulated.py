@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.rivals.casadi import code
 from ncgen.comparisons.rivals.base import foreign
-from ncgen.emit.runtime import runtime_files
+from ncgen.emit.runtime_files import runtime_files
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.values import evaluate
 from ncgen.program.programs import Split

@@ -11,7 +11,7 @@ import numpy as np
 from ncgen.emit.c import files as in_c
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.numpy import files as in_numpy
-from ncgen.emit.runtime import HEADERS, runtime_files
+from ncgen.emit.runtime_files import HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism import recall
 from ncgen.mechanism.arguments import pointer, sized

@@ -1,7 +1,7 @@
 """What stands in a model file as what the builder takes.
 
 TOML has texts, numbers and lists: an expression in quotes is read here, and what is no text, number or list where one is needed
-is refused in the words of a file. Everything else is the builder's own to say (`ncgen.model.arguments`).
+is refused in the words of a file. Everything else is the builder's own to say (`ncgen.model.argument_readers`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.exchange.grammar import parse_direction, parse_expression
 from ncgen.exchange.words import kind_of
 from ncgen.model import Model
-from ncgen.model.arguments import READERS
+from ncgen.model.argument_readers import READERS
 from ncgen.model.bodies import WORDS_OF_INERTIA
 from ncgen.model.elements import Spatial
 from ncgen.model.names import LAW, TIME
