@@ -78,7 +78,7 @@ class EventTable:
     def programs(self) -> list[Program]:
         """Of conditions, their slopes and rates, and of what actions set."""
         conditions = [(f"event {event.name}", event.when) for event in self.events]
-        return list(assemble_conditions(self.equations, conditions, self._filled[1], []).values())
+        return list(assemble_conditions(self.equations, conditions, self._filled[1], [], []).values())
 
     @cached_property
     def described(self) -> dict[str, object]:

@@ -13,7 +13,7 @@ from ncgen.program.algebra.quasidefinite import Elimination
 from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.toolchain.generic_wasm import LINKED, binary
 
-CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD LAM SIGNS HAPPENED STOPPED STATE FUNCTIONS WORDS".split())
+CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD LAM HAPPENED STOPPED STATE FUNCTIONS WORDS".split())
 """What the wrapper calls its constants: no class can be called so."""
 
 FUNCTIONS = (
