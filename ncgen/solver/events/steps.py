@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -140,7 +140,7 @@ class Steps:
         if reason := loop.run(path, task):
             raise ConvergenceError(f"{self._kernels.name}: {reason}; take other steps or tolerances")
         if path.stopped is None:
-            loop.arrive(State(t_end, path.q[-1], path.qd[-1], loop.at.p), float(path.work[-1]))
+            loop.arrive(replace(loop.at, t=t_end, q=path.q[-1], qd=path.qd[-1]), float(path.work[-1]))
         self.evaluations, self.impulses = path.evaluations, tuple(path.impulses)
         self._note(path.stopped is not None)
 
