@@ -19,10 +19,10 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call
 from ncgen.model.elements import coordinate_of
 from ncgen.model.values import is_number
+from ncgen.solver.events.condition_jacobians import EventTangents
 from ncgen.solver.events.conditions import EventFunctions, changes_of
 from ncgen.solver.events.modes import Held, count_of, load_conditions, variant
 from ncgen.solver.events.state import Done, Occurrence, State
-from ncgen.solver.events.tangents import EventTangents
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.instant import scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
