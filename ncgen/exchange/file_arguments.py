@@ -16,6 +16,7 @@ from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.exchange.grammar import parse_direction, parse_expression
 from ncgen.exchange.words import kind_of
 from ncgen.model import Model
+from ncgen.model.actions import LOCKINGS
 from ncgen.model.argument_readers import READERS
 from ncgen.model.bodies import WORDS_OF_INERTIA
 from ncgen.model.elements import Spatial
@@ -178,6 +179,8 @@ def _doing(model: Model | None, raw: object) -> object:
         raise ModelError(f'{shown(raw)} is no action; write "stop", {{ impact = {{ restitution = 0.5 }} }} or {{ name = value }}')
     if set(raw) == {"impact"} and isinstance(raw["impact"], dict):
         return {"impact": {key: item if key in ("order", "rest") else _value(model, item) for key, item in raw["impact"].items()}}
+    if len(raw) == 1 and set(raw) < set(LOCKINGS) and isinstance(next(iter(raw.values())), str):
+        return raw
     return {key: _driven(model, item) for key, item in raw.items()}
 
 

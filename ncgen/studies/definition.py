@@ -16,7 +16,7 @@ from ncgen.errors import SHOWN, ModelError, counted, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.model import Model
-from ncgen.model.digest import digest, digest_of_events
+from ncgen.model.digest import OF_EVENTS, digest, digest_of_events
 from ncgen.model.elements import coordinate_of
 from ncgen.model.model import checked_model
 from ncgen.solver.given import count as whole
@@ -183,8 +183,7 @@ class Study:
         ] + ([self.steps] if self.steps else [])  # fmt: skip
         if has_events(self.model):
             content.append(
-                digest_of_events(self.model)
-                or hashlib.sha256(pickle.dumps((self.model.events, self.model.frictions, self.model.contacts))).hexdigest()
+                digest_of_events(self.model) or hashlib.sha256(pickle.dumps([getattr(self.model, name) for name in OF_EVENTS])).hexdigest()
             )
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 

@@ -34,7 +34,7 @@ from ncgen.program.motions.full_loads import assemble_loads
 from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
 from ncgen.program.motions.output_programs import assemble_outputs
 from ncgen.solver.engines.compiled import own_positions
-from ncgen.solver.given import has_events
+from ncgen.solver.given import has_events, names_of_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.positions.rank import freedom, trial_positions
@@ -208,8 +208,7 @@ class Package:
 
     def _motion_programs(self) -> list[Program]:
         """What stands beside the kernels as functions."""
-        pairs = [self.full, self.tangents] if self.tangents else []
-        own = [program for pair in pairs for program in (pair.closing, pair.motion)]
+        own = [self.full.closing, self.tangents.closing, self.tangents.motion] if self.tangents else []
         switches = [self.switching.program] if self.switching else []
         happening = self.events.programs if self.events else []
         return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches, *happening]
@@ -272,7 +271,7 @@ def _refusal(model: Model, events: bool) -> str | None:
     if model.callbacks:
         return "it calls a Python function"
     if has_events(model) and not events:
-        names = shortened([*model.events, *model.frictions])
+        names = shortened(names_of_events(model))
         return f"this export does not support events yet ({names}); take c, python, fmu2 or fmu3"
     if reason := refusal_of_events(model):
         return reason

@@ -5,7 +5,7 @@ the mass m, the first moments m c and the second ones Ixx, Ixy, Iyy, Ixz, Iyz, I
 
     m a + ω̇ × h + ω × (ω × h),    I ω̇ + ω × I ω + h × a
 
-with a the acceleration of the origin against gravity. With everything expressed along the frame's axes the inertia of one parameter alone is 0
+with a the acceleration of the origin against gravity. With everything along the frame's axes the inertia of one parameter alone is 0
 but for one or two entries, so most of this vanishes, and what a joint feels of it is its screw times that.
 Source: Atkeson, An, Hollerbach, Estimation of inertial parameters of manipulator loads and links (1986).
 """

@@ -80,7 +80,7 @@ def variant(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
 
 def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     model = copy.deepcopy(kernels.model)
-    model.events, model.frictions, model.contacts, model.chosen_independent = {}, {}, {}, ()
+    model.events, model.frictions, model.contacts, model.ratchets, model.locks, model.chosen_independent = {}, {}, {}, {}, {}, ()
     for each in held:
         for row in each.rows:
             hold = model.constrain_velocity if each.sticks else model.constrain

@@ -33,7 +33,7 @@ LONGEST = 0.2
 """How far an independent joint goes before loops are closed again, in its natural size (a rad, or the mechanism's length)."""
 
 SHORTEST = 1e-4
-"""Share of the first step to which steps are cut where loops do not close; they are known not to close where it would have to be shorter."""
+"""Share of the first step to which steps are cut where loops do not close; they do not close where it would have to be shorter."""
 
 FARTHEST = 5000.0
 """How far an independent joint may be from its start, in its natural size: 796 turns, a few seconds of closing loops on the way."""
