@@ -118,6 +118,16 @@ def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **op
     return _carry_out(kernels, run, choice, start, None, breaks)
 
 
+def simulate_events(kernels: Kernels, times: np.ndarray, **options: Any) -> Passage:
+    """As `simulate` over times (K,), s, from the first of them on: what a run with events meets on its way."""
+    run = Run.from_arguments(checked_kernels(kernels), float(times[-1] - times[0]), points=times, **options)
+    kernels, choice = kernels.driven_by(run.signals), choose(run)
+    start = begin(kernels, run.initial, partitioned=False)
+    motion = _Motion(kernels, run, choice, start, run.times, np.zeros(len(run.times), dtype=bool), None)
+    motion.advance()
+    return motion.passage
+
+
 def _carry_out(
     kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None, breaks: np.ndarray | None = None
 ) -> Trajectory:
