@@ -356,12 +356,12 @@ static int keep(const variant *v, const ncgen_moment *moment)
     return status;
 }
 
-int ncgen_linked_settle(int is_driven)
+int ncgen_linked_project_state(int is_driven)
 {
     const variant *v = is_driven ? &with_drives : &own;
     ncgen_moment moment = present();
     choose_method(0, 1, 1);
-    int status = ncgen_settle_moment(&v->driven, parameters, &moment);
+    int status = ncgen_project_moment(&v->driven, parameters, &moment);
     if (status == NCGEN_OK && events.count > 0 && !is_driven)
         status = ncgen_begin_events(&v->driven, &events, parameters, &moment, &passage);
     return status == NCGEN_OK ? keep(v, &moment) : status;
@@ -379,7 +379,7 @@ int ncgen_linked_start(void)
 {
     clear(size_of_state(), state);
     ncgen_copy(2 * n, described, state + STATE);
-    return ncgen_linked_settle(0);
+    return ncgen_linked_project_state(0);
 }
 
 int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one)

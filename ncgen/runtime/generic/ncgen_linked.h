@@ -52,7 +52,7 @@ int ncgen_linked_start(void);
 
 /* After a change of the state or of parameters: position and velocity onto the constraints, and where is_driven is set onto those of the
  * drives, too; accelerations and multipliers. */
-int ncgen_linked_settle(int is_driven);
+int ncgen_linked_project_state(int is_driven);
 
 /* Accelerations and multipliers, where positions are on the constraints. */
 int ncgen_linked_evaluate(void);
