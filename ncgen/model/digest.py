@@ -32,7 +32,7 @@ def digest(model: Model) -> str | None:
 
 def digest_of_events(model: Model) -> str | None:
     """The same of what happens on the way of its motions, which equations do not depend on."""
-    return _digest({"events": model.events, "frictions": model.frictions})
+    return _digest({"events": model.events, "frictions": model.frictions, "contacts": model.contacts})
 
 
 def _digest(contents: dict[str, object]) -> str | None:
