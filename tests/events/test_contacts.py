@@ -188,3 +188,23 @@ def test_a_ball_in_a_tube_comes_up_again():
     run = ncgen.simulate(ncgen.compile(m), period, points=times, qd0=start, rtol=1e-11)
     assert [each.what for each in run.events] == ["rests", "sticks"]
     assert run["C.z"] == pytest.approx([-2.5 * G / omega**2 * (1 - math.cos(2 * math.pi * t / period)) for t in times], abs=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0, 1.5, 2.0, 5.0])
+def test_a_block_that_is_pushed_across_a_slope(share):
+    """Friction is against a velocity that turns downhill: share |v| + v_down changes by g sin α (1 − share²) a second, for μ = share tan α,
+    and above 1 the block comes to rest when it vanishes."""
+    alpha, speed = 0.3, 2.0
+    m = ncgen.Model("slope")
+    n, O, P = m.vector("n", (0, 0, 1), fixed=True), m.point("O", (0, 0, 0), fixed=True), m.point("P", (0, 0, 0))
+    body = m.body("block", [P], mass=1.0)
+    m.gravity((G * math.sin(alpha), 0, -G * math.cos(alpha)))
+    m.contact("slope", body, P, m.ground, O, normal=n, friction=m.parameter("mu", share * math.tan(alpha)))
+    rate = G * math.sin(alpha) * (1 - share**2)
+    end = -share * speed / rate if share > 1 else 1.0
+    run = ncgen.simulate(ncgen.compile(m), 1.1 * end, qd0={"P.x": 0.0, "P.y": speed, "P.z": 0.0}, rtol=1e-11)
+    total = share * np.hypot(run["rate(P.x)"], run["rate(P.y)"]) + run["rate(P.x)"]
+    assert np.max(np.abs(total - np.maximum(share * speed + rate * run.t, 0.0))) < 1e-9
+    if share > 1:
+        assert [each.what for each in run.events] == ["rests", "sticks"] and run.events[1].t == pytest.approx(end, rel=1e-9)
+        assert not np.any(run.qd[-1])

@@ -32,7 +32,8 @@ NOISE = {LINEAR: 1000 * float(np.finfo(float).eps), QUADRATIC: 20000 * float(np.
 class EventFunctions:
     """The functions of a model's events; C is their number.
 
-    kernels: those that the run is computed with
+    kernels: those that the run is computed with; frictions, contacts: {number of a condition: whose velocity it is}; gaps: {number of a
+    contact's: that of its gap}; turns: {number: contact in space whose direction it watches}
     """
 
     def __init__(self, kernels: Kernels) -> None:
@@ -43,7 +44,9 @@ class EventFunctions:
         self.contacts: dict[int, Contact] = dict(rubbing)
         names = [event.name for event in self.events]
         self.gaps = {k: names.index(contact.name) for k, contact in self.contacts.items()}
-        self.count = len(self.events) + len(self.frictions) + len(self.contacts)
+        turning = [k for k, contact in self.contacts.items() if len(contact.sliding) > 1]
+        self.turns = dict(enumerate(turning, len(self.events) + len(self.frictions) + len(self.contacts)))
+        self.count = len(self.events) + len(self.frictions) + len(self.contacts) + len(self.turns)
         ways = [DIRECTIONS[event.direction] for event in self.events]
         self.directions = np.array([*ways, *([OFF] * (self.count - len(self.events)))], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
@@ -137,7 +140,8 @@ class EventFunctions:
         """(words, expression) of every condition."""
         rates = [(f"friction {each.name}", symbol_of(rate_name(each.coordinate))) for each in self.frictions.values()]
         slides = [(f"contact {each.name}", each.forward) for each in self.contacts.values()]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides]
+        turns = [(f"contact {self.contacts[k].name}", self.contacts[k].kept) for k in self.turns.values()]
+        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *turns]
 
     @property
     def read_inputs(self) -> EventFunctions:
