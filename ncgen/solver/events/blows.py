@@ -30,14 +30,11 @@ INSIDE = 1e-7
 Manner: TypeAlias = "tuple[bool, np.ndarray | None]"
 """What a contact does: whether its gap does not open, and the direction (d,) in which it slides, None where it sticks."""
 
-POLISH = 50
-"""Between two attempts at the linear equations."""
+SAME = 1e-15
+"""Changes of a sweep, relative to the impulses, that are rounding."""
 
 CLOSE = 1e-10
 """What the laws may miss, relative to the velocities and impulses."""
-
-TURNS = 200
-"""Changes of the directions of sliding in space, each of which follows from the last impulses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +73,8 @@ def _solved(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.nd
         found = (_of_manners(G, bias, blows, least, manners) for manners in product(*choices))
         return next((impulses for impulses in found if _obeys(G, bias, blows, least, impulses)), None)
     impulses = least.copy()
-    for sweep in range(SWEEPS):
+    for _ in range(SWEEPS):
+        before = impulses.copy()
         for blow in blows:
             gap, across = blow.places[0], blow.places[1:]
             impulses[gap] = max(least[gap], impulses[gap] - (G[gap] @ impulses + bias[gap]) / G[gap, gap])
@@ -84,9 +82,11 @@ def _solved(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.nd
                 size = float(np.max(np.diag(G)[across]))
                 new = impulses[across] - (G[across] @ impulses + bias[across]) / size
                 impulses[across] = _into(new, blow.friction * impulses[gap])
-        if sweep % POLISH == POLISH - 1 and (polished := _polished(G, bias, blows, least, impulses)) is not None:
-            return polished
-    return None
+        if np.max(np.abs(impulses - before)) <= SAME * np.max(np.abs(impulses)):
+            break
+    manners = [_manner(G @ impulses + bias, impulses, blow, least) for blow in blows]
+    exact = _of_manners(G, bias, blows, least, manners)
+    return next((each for each in (exact, impulses) if _obeys(G, bias, blows, least, each)), None)
 
 
 def _manners(directions: int) -> list[Manner]:
@@ -113,18 +113,6 @@ def _of_manners(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: n
         elif is_closed or least[gap]:
             matrix[across], right[across] = G[across], -bias[across]
     return np.linalg.lstsq(matrix, right, rcond=None)[0]
-
-
-def _polished(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.ndarray, impulses: np.ndarray) -> np.ndarray | None:
-    """The same for what impulses say that each contact does, if that obeys the laws."""
-    for _ in range(TURNS):
-        manners = [_manner(G @ impulses + bias, impulses, blow, least) for blow in blows]
-        new = _of_manners(G, bias, blows, least, manners)
-        settled = np.max(np.abs(new - impulses)) <= 1e-15 * np.max(np.abs(new), initial=0.0)
-        impulses = new
-        if settled:
-            break
-    return impulses if _obeys(G, bias, blows, least, impulses) else None
 
 
 def _manner(velocity: np.ndarray, impulses: np.ndarray, blow: Blow, least: np.ndarray) -> Manner:
