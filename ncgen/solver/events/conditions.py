@@ -215,7 +215,7 @@ class EventFunctions:
             repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements, *slides)]).encode()
         ).hexdigest()[:16]
         made = functions(
-            kernels, f"events {told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
+            kernels, f"events_{told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
             lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements, slides),
         )  # fmt: skip
         if not isinstance(made, CompiledFunctions):
