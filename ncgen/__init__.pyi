@@ -15,7 +15,9 @@ from ncgen.exchange.export import export as export
 from ncgen.exchange.jax_functions import jax as jax
 from ncgen.exchange.torch_functions import torch as torch
 from ncgen.model import Model as Model
+from ncgen.model.actions import free as free
 from ncgen.model.actions import impact as impact
+from ncgen.model.actions import lock as lock
 from ncgen.model.curves import smooth_step as smooth_step
 from ncgen.report.inspection import inspect as inspect
 from ncgen.solver.derivatives.gradients import gradient_batch as gradient_batch

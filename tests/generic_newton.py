@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.mechanism.functions import functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import functions
 from ncgen.methods.newmark import newmark
 from ncgen.program.ir.derivatives import gradient
 from ncgen.program.lines import line

@@ -62,7 +62,7 @@ def _card(name: str) -> str:
     says = escape((inspect.getdoc(example_module(name)) or "").partition("\n\n")[0].replace("\n", " "))
     living = f' · <a href="living/{name}.html">move it</a>' if name in LIVING else ""
     picture = Path(example_module(name).__file__ or "").with_name(f"{name}.png")
-    image = f'<img src="{name}/{name}.png" alt="{name}" loading="lazy">' if picture.is_file() else ""
+    image = f'<img src="{name}/{name}.png" alt="" loading="lazy">' if picture.is_file() else ""
     return f'<div><a href="{name}/index.html">{image}<b>{name}</b></a>{living}<p>{says}</p></div>'
 
 

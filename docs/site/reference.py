@@ -12,7 +12,7 @@ import gallery
 import griffe
 
 import ncgen
-from ncgen.exchange.arguments import CONVERSIONS
+from ncgen.exchange.file_arguments import CONVERSIONS
 from ncgen.exchange.words import head, is_required, kind_of, signature_of, words
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model

@@ -19,7 +19,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import typer  # noqa: E402
 
 from ncgen import __version__  # noqa: E402
-from ncgen.cli import files, measuring, models, studies, watching  # noqa: E402
+from ncgen.cli import file_commands, measuring, models, studies, watching  # noqa: E402
 from ncgen.cli.terminal import err, out  # noqa: E402
 from ncgen.cli.wording import in_options  # noqa: E402
 from ncgen.errors import CompileError, NcgenError  # noqa: E402
@@ -39,14 +39,14 @@ app = typer.Typer(
 GROUPS = {
     "Models": {
         "list": models.list_examples,
-        "new": files.new,
-        "draw": files.draw,
-        "check": files.check,
+        "new": file_commands.new,
+        "draw": file_commands.draw,
+        "check": file_commands.check,
         "inspect": models.inspect,
-        "convert": files.convert,
+        "convert": file_commands.convert,
     },
     "Motions": {"run": models.run, "watch": watching.watch, "study": studies.study},
-    "Generated code": {"generate": models.generate, "export": files.export, "cache": files.cache},
+    "Generated code": {"generate": models.generate, "export": file_commands.export, "cache": file_commands.cache},
     "Measurements": {"bench": measuring.bench, "compare": measuring.compare, "hard": measuring.hard},
 }
 """The commands by the panel of `ncgen --help` that lists them."""

@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from ncgen.comparisons.rates import emitted_parts
+from ncgen.comparisons.derivative_parts import emitted_parts
 from ncgen.comparisons.rivals import KERNELS
 from ncgen.comparisons.rivals.base import own_start
-from ncgen.mechanism.batch import CompiledBatch, available
+from ncgen.mechanism.kernel_batch import CompiledBatch, available
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.runtime import Outcome
 from ncgen.report.clock import Run, Spread, measure, repeated
-from ncgen.report.methods import Tolerances
-from ncgen.report.repeat import Call, each, runner
+from ncgen.report.methods import ToleranceArguments
+from ncgen.report.repeat import KernelCall, each, runner
 from ncgen.solver.engines.compiled import GROWTH, dynamics, is_emitted
 from ncgen.solver.motions.batch import BatchTrajectory, accelerations_batch, simulate_batch
 from ncgen.solver.positions.position import TOLERANCE
@@ -35,7 +35,7 @@ WAYS = {False: "batch, one after the other", True: "batch in lanes"}
 WRITTEN = "copying the results alone"
 """What memory allows: results of so many states pass through no cache."""
 
-TOLERANCES: Tolerances = {"rtol": 1e-6, "atol": 1e-8}
+TOLERANCES: ToleranceArguments = {"rtol": 1e-6, "atol": 1e-8}
 
 
 def batch_records(kernels: CompiledKernels) -> Iterator[dict]:
@@ -61,7 +61,7 @@ def _kernel_records(kernels: CompiledKernels) -> Iterator[dict]:
         chosen = WAYS[isinstance(usual, CompiledBatch) and usual.in_lanes(name)]
         picked = out[chosen]
         own = kernels.values(name, 0.0, q[-1], qd[-1], None)
-        call = Call(kernels.function(name), picked.shape[1], kernels)
+        call = KernelCall(kernels.function(name), picked.shape[1], kernels)
         moves = "qd" in kernels.programs.programs[name].inputs
         runs: dict[str, Run] = {
             ALONE_IN_C: each(0.0, q, qd, kernels.p0, call.function, moves, picked),

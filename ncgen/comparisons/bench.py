@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.text import Text
 
 from ncgen.comparisons.batches import RUNS, STATES, batch_records
+from ncgen.comparisons.derivative_parts import arithmetic_rate, derivative_records
 from ncgen.comparisons.falls import fall_records
-from ncgen.comparisons.rates import arithmetic_rate, derivative_records
 from ncgen.comparisons.rivals import KERNELS, Inputs, Others, exact, nobody, relative_error, rivals
 from ncgen.compiler import compile
 from ncgen.model import Model

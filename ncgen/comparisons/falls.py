@@ -13,7 +13,7 @@ from ncgen.comparisons.rivals import handwritten
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.report.methods import Tolerances
+from ncgen.report.methods import ToleranceArguments
 from ncgen.solver.engines.compiled import is_emitted
 from ncgen.solver.groups import StartArguments
 from ncgen.solver.motions.simulate import simulate
@@ -83,7 +83,7 @@ def _settings(duration: float) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
         yield "rk4", f"{steps} steps", {"max_step": duration / steps}
 
 
-def tolerances(rtol: float) -> Tolerances:
+def tolerances(rtol: float) -> ToleranceArguments:
     return {"rtol": rtol, "atol": ABSOLUTE * rtol}
 
 

@@ -31,7 +31,7 @@ from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
-from ncgen.toolchain.folder import keep, kept
+from ncgen.toolchain.cache_location import keep, kept
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 from ncgen.emit.environment import comment_text, loop_comments
-from ncgen.emit.expressions import Assignment, write
+from ncgen.emit.infix import Assignment, write
+from ncgen.emit.loop_tables import Tables
 from ncgen.emit.naming import Names
-from ncgen.emit.tables import Tables
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Block, Loop, Program, Slot, Store, TableStore

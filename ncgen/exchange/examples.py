@@ -20,7 +20,7 @@ from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.words import is_required
 from ncgen.files import is_file, opened
 from ncgen.model import Model
-from ncgen.model.arguments import truth
+from ncgen.model.argument_readers import truth
 from ncgen.resources import folder
 from ncgen.solver.groups import takes
 

@@ -65,12 +65,12 @@ class Measure:
     def size(self, node: ast.expr, level: int = 1) -> Size:
         if level > MOST_LEVELS:
             raise ModelError(f"{quoted(self.text)} has more than {MOST_LEVELS} levels; write it with fewer parentheses, or in parts")
-        found = self._size(node, level)
-        if found.digits > (HEAVIEST if found.value is None else 2 * MOST_DIGITS):
+        size_of_node = self._size(node, level)
+        if size_of_node.digits > (HEAVIEST if size_of_node.value is None else 2 * MOST_DIGITS):
             raise ModelError(f"{quoted(self.text)}: the exact numbers in it have too many digits; write numbers with a decimal point")
-        if found.value is not None and not math.isfinite(found.value):
+        if size_of_node.value is not None and not math.isfinite(size_of_node.value):
             raise self._not_finite(node)
-        return found
+        return size_of_node
 
     def _size(self, node: ast.expr, level: int) -> Size:
         if (number := number_of(node)) is not None:

@@ -13,7 +13,7 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.words import NOT_IN_FILES, kind_of, signature_of
 from ncgen.model import Model
-from ncgen.model.actions import STOP, Action, Call, Change, Impact, Stop
+from ncgen.model.actions import STOP, Action, Call, Change, Impact, Locking, Stop
 from ncgen.model.bodies import WORDS_OF_INERTIA, Body
 from ncgen.model.curves import Curve
 from ncgen.model.elements import Combination, Component, Element
@@ -86,8 +86,8 @@ class _Writer:
             return _quoted(normal(value), where)
         if isinstance(value, (Element, Body, Parameter, Component, Curve)):
             return _quoted(value.name, where)
-        if isinstance(value, (Impact, Change, Stop, Call)):
-            return self.text(_told(value, where), where)
+        if isinstance(value, (Impact, Change, Stop, Call, Locking)):
+            return self.text(_action_in_file(value, where), where)
         if isinstance(value, Combination):
             return _quoted(_combination(value), where)
         if isinstance(value, dict):
@@ -114,12 +114,14 @@ class _Writer:
         return text
 
 
-def _told(action: Action, where: str) -> object:
+def _action_in_file(action: Action, where: str) -> object:
     """An action as a file says it."""
     if isinstance(action, Call):
         raise ModelError(f"{where}: a Python function cannot be written into a model file; give values by name")
     if isinstance(action, Stop):
         return STOP
+    if isinstance(action, Locking):
+        return {"lock" if action.closes else "free": action.lock}
     if isinstance(action, Change):
         return dict(action.values)
     return {

@@ -139,7 +139,7 @@ def _autograd() -> Any:
         def vmap(info: Any, dims: Any, *given: Any) -> Any:
             return mapped(Back, info, dims, *given)
 
-    class Moved(library.autograd.Function):
+    class MotionInTorch(library.autograd.Function):
         @staticmethod
         def forward(function: MotionFunction, p: Tensor, rates: Tensor) -> tuple[Tensor, ...]:
             return call(function.forward, p, rates)
@@ -155,6 +155,6 @@ def _autograd() -> Any:
 
         @staticmethod
         def vmap(info: Any, dims: Any, *given: Any) -> Any:
-            return mapped(Moved, info, dims, *given)
+            return mapped(MotionInTorch, info, dims, *given)
 
-    return Moved
+    return MotionInTorch

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import RUNTIME_HEADERS, runtime_files
+from ncgen.emit.runtime_files import RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
-from ncgen.mechanism.batch import LANES, aligned, in_lanes, load, thread_count
+from ncgen.mechanism.kernel_batch import LANES, aligned, in_lanes, load, thread_count
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.listening import Listener, watch
-from ncgen.mechanism.written import Written
+from ncgen.mechanism.motion_sources import Written
 from ncgen.methods.table import INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC, declared, runtime_abi
 

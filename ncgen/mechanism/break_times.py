@@ -13,13 +13,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ncgen.mechanism.driving import Function
-from ncgen.mechanism.driving import Pieces as Signal
+from ncgen.mechanism.driving import Function, InputPieces
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.narrow_laws import quick_changes, quick_changes_of
 from ncgen.mechanism.time_laws import TIME, Switch, TimeLaws, time_laws
 from ncgen.model.pieces import Pieces
-from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.ir.passes import compute
 from ncgen.program.ir.ranges import level, levels_below, ranges, values
 
@@ -56,7 +55,7 @@ def break_times(
     p: np.ndarray,
     start: float,
     end: float,
-    signals: Sequence[Signal | Function | None] = (),
+    signals: Sequence[InputPieces | Function | None] = (),
     rounding: float = DOUBLE,
 ) -> np.ndarray:
     """Find the breaks of a run, shape (B, 2) in s, ascending: where a step has to end, and where the next but one begins.
@@ -77,7 +76,7 @@ def break_times(
         breaks.append(kernels.remember("breaks in time", key, lambda: _of_laws(laws, p, start, end, gap, driven), KEPT))
     for signal in signals:
         if signal is not None:
-            times = signal.knots if isinstance(signal, Signal) else quick_changes_of(signal, start, end)
+            times = signal.knots if isinstance(signal, InputPieces) else quick_changes_of(signal, start, end)
             breaks.append(np.column_stack([times, times]))
     return merged(np.concatenate(breaks), start, end, gap)
 
@@ -90,7 +89,7 @@ def breaks_of_laws(kernels: Kernels, laws: TimeLaws, start: float, end: float) -
 
 def _of_laws(laws: TimeLaws, p: np.ndarray, start: float, end: float, gap: float, driven: Collection[int]) -> np.ndarray:
     """The breaks of the model's own laws, (K, 2) in no order. driven: positions in p of what changes otherwise"""
-    given: dict[Input, float] = {Input("p", k): float(p[k]) for k in laws.parameters}
+    given: dict[ArrayElement, float] = {ArrayElement("p", k): float(p[k]) for k in laws.parameters}
     lines = _straight_lines(laws.ops, given, driven)
     breaks = [NO_BREAKS]
     for switch, times in _by_switch(laws, lines, given, start, end, gap):
@@ -143,12 +142,12 @@ def switch_times(
 
     gap (s): what is left out on both sides of other breaks; driven: positions in p of what changes otherwise
     """
-    given: dict[Input, float] = {Input("p", k): float(p[k]) for k in laws.parameters}
+    given: dict[ArrayElement, float] = {ArrayElement("p", k): float(p[k]) for k in laws.parameters}
     yield from _by_switch(laws, _straight_lines(laws.ops, given, driven), given, start, end, gap)
 
 
 def _by_switch(
-    laws: TimeLaws, lines: Sequence[Line], given: Mapping[Input, float], start: float, end: float, gap: float
+    laws: TimeLaws, lines: Sequence[Line], given: Mapping[ArrayElement, float], start: float, end: float, gap: float
 ) -> Iterator[tuple[Switch, np.ndarray | None]]:
     """As of `switch_times`; lines: what the nodes are over time."""
     rounding = DOUBLE * max(abs(start), abs(end))
@@ -168,7 +167,7 @@ def _by_switch(
         yield switch, times
 
 
-def _straight_lines(ops: Sequence[Op], given: Mapping[Input, float], driven: Collection[int]) -> list[Line]:
+def _straight_lines(ops: Sequence[Op], given: Mapping[ArrayElement, float], driven: Collection[int]) -> list[Line]:
     """For every node a and b where it is a t + b, True where it is another function of time, None where an input drives it."""
     lines: list[Line] = []
     for op in ops:
@@ -239,7 +238,7 @@ def _intervals(breaks: np.ndarray, start: float, end: float, gap: float) -> tupl
 
 
 def _on_a_curve(
-    ops: Sequence[Op], switch: Switch, given: Mapping[Input, float], intervals: tuple[np.ndarray, np.ndarray], rounding: float
+    ops: Sequence[Op], switch: Switch, given: Mapping[ArrayElement, float], intervals: tuple[np.ndarray, np.ndarray], rounding: float
 ) -> np.ndarray | None:
     """When any function of time passes knots, None where that is too often: intervals are halved until none has a knot in its range, or
     the function rises or falls in it. Where even the narrowest tell neither, or there are too many, the values at their ends decide."""
@@ -267,7 +266,7 @@ def _on_a_curve(
 
 
 def _between(
-    ops: Sequence[Op], switch: Switch, given: Mapping[Input, float], low: np.ndarray, high: np.ndarray, rounding: float
+    ops: Sequence[Op], switch: Switch, given: Mapping[ArrayElement, float], low: np.ndarray, high: np.ndarray, rounding: float
 ) -> np.ndarray | None:
     """When the argument passes the knots between its values at the ends of intervals, by bisection; None where that is too often."""
     at = partial(values, ops, switch.argument)
@@ -306,7 +305,7 @@ def break_times_of_each(kernels: Kernels, p: np.ndarray, start: float, end: floa
     return breaks
 
 
-def beside(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:
+def outside_breaks(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Times (s), those inside a break being where the step before it ends, or at the start of a run where the step after it begins."""
     times = np.array(times, dtype=float)
     for before, after in breaks[breaks[:, 0] < breaks[:, 1]]:

@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ncgen.emit.runtime import runtime_files
+from ncgen.emit.runtime_files import runtime_files
 from ncgen.errors import NcgenError, shown
 from ncgen.mechanism.arguments import numbers
 from ncgen.mechanism.library import STATUS, CompiledKernels

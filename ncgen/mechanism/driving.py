@@ -16,7 +16,7 @@ from ncgen.toolchain.once import once
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class InputPieces:
     """An input as polynomials from knot to knot.
 
     knots (K,): s, ascending; coefficients (K, 4): of 1, s, s² and s³ with s = t − knot
@@ -46,9 +46,9 @@ class Pieces:
 Function = Callable[[float], float]
 
 
-def told_at(signal: Pieces | Function, t: np.ndarray, begun: np.ndarray) -> np.ndarray:
+def signal_values(signal: InputPieces | Function, t: np.ndarray, begun: np.ndarray) -> np.ndarray:
     """A signal at times (s), each inside a step that began at another one; of functions of Python every time is asked for."""
-    return signal.at(t, begun) if isinstance(signal, Pieces) else np.vectorize(signal, otypes=[float])(t)
+    return signal.at(t, begun) if isinstance(signal, InputPieces) else np.vectorize(signal, otypes=[float])(t)
 
 
 class Driver:
@@ -59,12 +59,12 @@ class Driver:
     raised: what a function raised, or None
     """
 
-    def __init__(self, laws: Sequence[Pieces | Function | None], number: Number, breaks: ArrayLike = ()) -> None:
+    def __init__(self, laws: Sequence[InputPieces | Function | None], number: Number, breaks: ArrayLike = ()) -> None:
         self._ffi: Interface = runtime_abi(number.name)
         self.raised: BaseException | None = None
         self._is_told = any(laws)
-        self.functions = {i: each for i, each in enumerate(laws) if callable(each) and not isinstance(each, Pieces)}
-        pieces = [each if isinstance(each, Pieces) else None for each in laws]
+        self.functions = {i: each for i, each in enumerate(laws) if callable(each) and not isinstance(each, InputPieces)}
+        pieces = [each if isinstance(each, InputPieces) else None for each in laws]
         self._arrays = [
             np.cumsum([0, *(len(each.knots) if each else 0 for each in pieces)]).astype(np.intc),
             np.concatenate([np.empty(0), *(each.knots for each in pieces if each)]).astype(number.dtype),
@@ -77,7 +77,7 @@ class Driver:
         self._piecewise: InC = self._ffi.new("ncgen_piecewise *", {"count": len(laws), "start": start, "knots": knots})
         self._piecewise.coefficients = coefficients
         if self.functions:
-            self._piecewise.others, self._piecewise.context = _asked(number.name), self._handle
+            self._piecewise.others, self._piecewise.context = _callback_of(number.name), self._handle
         self.breaks, self.n_breaks = ends, len(self._arrays[3])
 
     def signals(self, function: InC) -> InC:
@@ -92,7 +92,7 @@ class Driver:
 
 
 @once
-def _asked(number: str) -> InC:
+def _callback_of(number: str) -> InC:
     """The function that C calls, whose context is the handle of a `Driver`; one serves all runs of a number type."""
     ffi: Interface = runtime_abi(number)
 

@@ -14,7 +14,7 @@ from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import pointer
-from ncgen.mechanism.batch import CompiledBatch
+from ncgen.mechanism.kernel_batch import CompiledBatch
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.tangents import CompiledTangents
 from ncgen.program.programs import Programs

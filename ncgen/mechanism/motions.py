@@ -12,10 +12,10 @@ from math import prod
 import numpy as np
 
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
+from ncgen.emit.runtime_files import PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.arguments import laid, numbers, pointer
-from ncgen.mechanism.batch import aligned, in_lanes
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+from ncgen.mechanism.kernel_batch import aligned, in_lanes
 from ncgen.mechanism.sweep import Sizes
 from ncgen.methods.table import INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi

@@ -13,12 +13,11 @@ from typing import TypeAlias
 import numpy as np
 
 from ncgen.mechanism.break_times import DOUBLE, UNCERTAINTY, break_times, merged, switch_times
-from ncgen.mechanism.driving import Function
-from ncgen.mechanism.driving import Pieces as Signal
+from ncgen.mechanism.driving import Function, InputPieces
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.time_laws import TIME, TimeLaws, time_laws
 from ncgen.program.ir.derivatives import tangent
-from ncgen.program.ir.graph import Graph, Input, Op
+from ncgen.program.ir.graph import ArrayElement, Graph, Op
 from ncgen.program.ir.ranges import values
 
 SAME = 1e-9
@@ -80,7 +79,9 @@ class _Slopes:
     by_parameters: list[dict[int, int]] = field(default_factory=list)
 
 
-def moving_breaks(kernels: Kernels, p: np.ndarray, times: np.ndarray, signals: Sequence[Signal | Function | None] = ()) -> MovingBreaks:
+def moving_breaks(
+    kernels: Kernels, p: np.ndarray, times: np.ndarray, signals: Sequence[InputPieces | Function | None] = ()
+) -> MovingBreaks:
     """Find the breaks of a motion over the times (K,) of a grid (s), and how they move with parameters p (n_p,).
 
     told: what drives the inputs, as of `break_times`
@@ -90,11 +91,11 @@ def moving_breaks(kernels: Kernels, p: np.ndarray, times: np.ndarray, signals: S
     if not laws.switches:
         return MovingBreaks(rows, np.zeros((len(rows), count)))
     slopes = kernels.remember("laws of time by parameters", any(signals), lambda: _slopes(laws))
-    given = {Input("p", k): float(p[k]) for k in laws.parameters}
+    given = {ArrayElement("p", k): float(p[k]) for k in laws.parameters}
     driven = [count - len(signals) + i for i, signal in enumerate(signals) if signal is not None]
     gap = UNCERTAINTY * DOUBLE * max(abs(start), abs(end))
     breaks, unknown, bending = [rows], set[int](), set[int]()
-    held = np.concatenate([np.empty(0), *(signal.knots[_jumps(signal)] for signal in signals if isinstance(signal, Signal))])
+    held = np.concatenate([np.empty(0), *(signal.knots[_jumps(signal)] for signal in signals if isinstance(signal, InputPieces))])
     jumps = [(held, np.zeros((len(held), count)))]
     for k, (switch, at) in enumerate(switch_times(laws, p, start, end, gap, driven)):
         movers = slopes.by_parameters[k]
@@ -127,7 +128,7 @@ def _slopes(laws: TimeLaws) -> _Slopes:
     return _Slopes(tuple(graph.ops), by_time, slopes)
 
 
-def _rates(slopes: _Slopes, switch: int, given: Mapping[Input, float], at: np.ndarray, count: int) -> np.ndarray:
+def _rates(slopes: _Slopes, switch: int, given: Mapping[ArrayElement, float], at: np.ndarray, count: int) -> np.ndarray:
     """dτ/dp at times when the argument of a switch passes knots, (times, count)."""
     rates, by_time, inputs_there = np.zeros((len(at), count)), slopes.by_time[switch], {**given, TIME: at}
     for k, node in slopes.by_parameters[switch].items():
@@ -153,7 +154,7 @@ def _by_row(rows: np.ndarray, at: np.ndarray, rates: np.ndarray, start: float, e
     return moved
 
 
-def _jumps(signal: Signal) -> np.ndarray:
+def _jumps(signal: InputPieces) -> np.ndarray:
     """At which of its knots a table jumps, (K,)."""
     before = signal.at(signal.knots[1:], signal.knots[:-1])
     size = np.max(np.abs(signal.coefficients[:, 0]), initial=0.0)

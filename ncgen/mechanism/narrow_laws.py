@@ -12,7 +12,7 @@ import numpy as np
 
 from ncgen.mechanism.driving import Function
 from ncgen.mechanism.time_laws import TIME
-from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.ir.ranges import ranges, values
 
 FIRST_INTERVALS = 32
@@ -60,7 +60,9 @@ HALVINGS = 6
 """How often the time between two samples is halved at most."""
 
 
-def quick_changes(ops: Sequence[Op], node: int, given: Mapping[Input, float], start: float, end: float, breaks: np.ndarray) -> np.ndarray:
+def quick_changes(
+    ops: Sequence[Op], node: int, given: Mapping[ArrayElement, float], start: float, end: float, breaks: np.ndarray
+) -> np.ndarray:
     """Times (s), ascending, at which steps of a run have to end for the changes of a node's value.
 
     given: {parameter: value}; breaks (K,): times (s) between which the node is smooth
@@ -91,7 +93,7 @@ def quick_changes(ops: Sequence[Op], node: int, given: Mapping[Input, float], st
 def quick_changes_of(function: Function, start: float, end: float) -> np.ndarray:
     """The same for a function of Python. Where it raises, or gives no number, there is no break: the run reports it if it comes there."""
     t = np.linspace(start, end, SAMPLES)
-    x = _asked(function, t)
+    x = _values_at(function, t)
     left = FURTHER_SAMPLES
     for _ in range(HALVINGS):
         where = np.flatnonzero(np.abs(np.diff(x)) > RESOLVED * _size(x))
@@ -99,11 +101,11 @@ def quick_changes_of(function: Function, start: float, end: float) -> np.ndarray
             break
         left -= len(where)
         middle = t[where] + (t[where + 1] - t[where]) / 2
-        t, x = np.insert(t, where + 1, middle), np.insert(x, where + 1, _asked(function, middle))
+        t, x = np.insert(t, where + 1, middle), np.insert(x, where + 1, _values_at(function, middle))
     return _flanks(t, x)
 
 
-def _asked(function: Function, times: np.ndarray) -> np.ndarray:
+def _values_at(function: Function, times: np.ndarray) -> np.ndarray:
     values = np.full(len(times), np.nan)
     for k, t in enumerate(times.tolist()):
         try:
@@ -113,11 +115,11 @@ def _asked(function: Function, times: np.ndarray) -> np.ndarray:
     return values
 
 
-def _at(ops: Sequence[Op], node: int, given: Mapping[Input, float], t: np.ndarray) -> np.ndarray:
+def _at(ops: Sequence[Op], node: int, given: Mapping[ArrayElement, float], t: np.ndarray) -> np.ndarray:
     return np.broadcast_to(values(ops, node, {**given, TIME: t}), t.shape)
 
 
-def _widths(ops: Sequence[Op], node: int, given: Mapping[Input, float], low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _widths(ops: Sequence[Op], node: int, given: Mapping[ArrayElement, float], low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Bounds of how much the value changes in intervals; a large number where nothing is known."""
     bound = {key: (np.asarray(value), np.asarray(value)) for key, value in given.items()}
     least, most = ranges(ops, [node], {**bound, TIME: (low, high)})[0]
@@ -149,14 +151,14 @@ def _flanks(t: np.ndarray, x: np.ndarray, jump: float = 0.0) -> np.ndarray:
         falls = np.flatnonzero(lengths[2:] > ratio * lengths[1:-1]) + 2
         last = np.append(-1, rises)[np.searchsorted(rises, falls)]  # before each fall; the start of the run where there is none
         falls = falls[falls - last <= PLACES + 2]
-        backward = _beside(-ends[::-1], ratio, len(lengths) - 1 - falls)
-        breaks = np.unique(np.concatenate([_beside(ends, ratio, rises), -backward]))
+        backward = _breaks_next_to(-ends[::-1], ratio, len(lengths) - 1 - falls)
+        breaks = np.unique(np.concatenate([_breaks_next_to(ends, ratio, rises), -backward]))
         if len(breaks) <= most:
             return breaks
     return np.empty(0)
 
 
-def _beside(ends: np.ndarray, ratio: float, slow: np.ndarray) -> np.ndarray:
+def _breaks_next_to(ends: np.ndarray, ratio: float, slow: np.ndarray) -> np.ndarray:
     """Breaks for changes from slow to fast.
 
     ends (K,): of parts in which a law changes by as much each, but for the first and the last; slow: the numbers of those that a fast one

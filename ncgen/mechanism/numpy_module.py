@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.emit.sources import Sources
-from ncgen.mechanism.batch import NumPyBatch
+from ncgen.mechanism.kernel_batch import NumPyBatch
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.tangents import NumPyTangents
 from ncgen.program.programs import Programs

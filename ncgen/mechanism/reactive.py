@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ncgen.mechanism.functions import CompiledFunctions
     from ncgen.mechanism.kernels import Kernels
+    from ncgen.mechanism.program_functions import CompiledFunctions
 
 
 @dataclass(frozen=True, eq=False)

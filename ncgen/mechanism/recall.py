@@ -21,11 +21,11 @@ from ncgen.model import Model
 from ncgen.model.digest import digest
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
-from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.programs import Programs, TangentPrograms
 from ncgen.resources import package_files
-from ncgen.symbolic.numbering import Deferred
-from ncgen.toolchain.folder import Json, keep, kept
+from ncgen.symbolic.numbering import DeferredTerms
+from ncgen.toolchain.cache_location import Json, keep, kept
 from ncgen.toolchain.undisturbed import undisturbed
 
 Files: TypeAlias = dict[str, str]
@@ -38,7 +38,7 @@ LARGEST = 8_000_000
 PACKAGES = ("jinja2", "mpmath", "numpy", "sympy")
 """What generating relies on."""
 
-PARTS = {kind.__name__: kind for kind in (Column, Input, Loop, Pattern, Pieces, Program, Slot, Store, Straight, TableStore)}
+PARTS = {kind.__name__: kind for kind in (Column, ArrayElement, Loop, Pattern, Pieces, Program, Slot, Store, Straight, TableStore)}
 """What programs are made of, besides operations."""
 
 OPERATIONS = "operations"
@@ -63,7 +63,7 @@ def recall(model: Model, emission: str, key: str) -> Sources | None:
         return None
     with undisturbed():
         programs, phi_q, mass, omitted, files = _restored(entry)
-    equations = Deferred(model)  # it derives what it lacks of them when asked
+    equations = DeferredTerms(model)  # it derives what it lacks of them when asked
     return Sources(Programs(equations, programs, phi_q, mass, emission, omitted), {"c": files})
 
 
@@ -119,8 +119,8 @@ def shared(description: str, make: Callable[[], Files]) -> Files:
 
 def _plain(value: Any) -> Json:
     """Programs as JSON can say them: tuples as lists, operations as columns, all else by its name with its parts."""
-    if isinstance(value, Input):
-        return {"Input": list(value)}
+    if isinstance(value, ArrayElement):
+        return {"ArrayElement": list(value)}
     if is_dataclass(value):
         return {type(value).__name__: [_plain(getattr(value, field.name)) for field in fields(value)]}
     if isinstance(value, dict):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.emit.runtime import HEADERS, PRINTED, RUNTIME_HEADERS, runtime_files
+from ncgen.emit.runtime_files import HEADERS, PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.recall import Files
 from ncgen.toolchain.abi import DUAL, InC, Interface, declared, runtime_abi

@@ -1,7 +1,7 @@
 """The tangent kernels of a mechanism, ready to be called: made when they are first needed.
 
 Explicit integrators never need them, so they are generated and compiled apart from the other kernels. `Tangents` are
-those by position and velocity, or those by the parameters (ncgen.program.differentiation.tangents).
+those by position and velocity, or those by the parameters (ncgen.program.differentiation.tangent_programs).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from ncgen.emit.c import files as in_c
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.numpy import files as in_numpy
-from ncgen.emit.runtime import HEADERS, runtime_files
+from ncgen.emit.runtime_files import HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism import recall
 from ncgen.mechanism.arguments import pointer
@@ -49,7 +49,7 @@ class Tangents(ABC):
         """stiffness, damping, phidd_q and phidd_qd."""
 
         def made() -> TangentPrograms:
-            from ncgen.program.differentiation.tangents import assemble_tangents
+            from ncgen.program.differentiation.tangent_programs import assemble_tangents
 
             return assemble_tangents(programs.equations, programs.emission)
 
@@ -60,7 +60,7 @@ class Tangents(ABC):
         """phi_p, phid_p, phidd_p and balance_p."""
 
         def made() -> TangentPrograms:
-            from ncgen.program.differentiation.tangents import assemble_parameter_tangents
+            from ncgen.program.differentiation.tangent_programs import assemble_parameter_tangents
 
             return assemble_parameter_tangents(programs.equations)
 

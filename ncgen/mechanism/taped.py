@@ -10,12 +10,12 @@ from itertools import pairwise
 import numpy as np
 
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
+from ncgen.emit.runtime_files import PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.arguments import pointer
-from ncgen.mechanism.batch import aligned, in_lanes
 from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
-from ncgen.mechanism.driving import Function, Pieces, told_at
+from ncgen.mechanism.driving import Function, InputPieces, signal_values
+from ncgen.mechanism.kernel_batch import aligned, in_lanes
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import ANY_STEP
 from ncgen.mechanism.moving_breaks import Jump, Jumping
@@ -78,7 +78,7 @@ class Taped:
 
     def __init__(
         self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray,
-        tolerances: Mapping[str, InC] | None = None, inputs: Sequence[Pieces | Function | None] = (), breaks: np.ndarray = NO_BREAKS,
+        tolerances: Mapping[str, InC] | None = None, inputs: Sequence[InputPieces | Function | None] = (), breaks: np.ndarray = NO_BREAKS,
         jumps: Jumping | None = None, **options: InC,
     ) -> None:  # fmt: skip
         self._jumping = jumps
@@ -100,13 +100,13 @@ class Taped:
         self.driven = self._stages(INTEGRATORS[method], inputs)
         self._sizes = replace(self._sizes, n_inputs=self.driven.values.shape[2])
 
-    def _stages(self, method: Integrator, signals: Sequence[Pieces | Function | None]) -> Driven:
+    def _stages(self, method: Integrator, signals: Sequence[InputPieces | Function | None]) -> Driven:
         """The inputs of all stages."""
         begun = self._times[:-1, None]
         nodes = np.array([float(c) for c in method.coefficients.c[: method.coefficients.stages]])
         t, begun = np.broadcast_arrays(begun + nodes * np.diff(self._times)[:, None], begun)
         first = self._parameters - len(signals)
-        values = [self._p[first + i] + 0 * t if signal is None else told_at(signal, t, begun) for i, signal in enumerate(signals)]
+        values = [self._p[first + i] + 0 * t if signal is None else signal_values(signal, t, begun) for i, signal in enumerate(signals)]
         return Driven(t, begun, np.array(values).reshape(len(signals), *t.shape).transpose(1, 2, 0))
 
     def _take_room(self, method: str, steps: int) -> None:

@@ -13,10 +13,10 @@ from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.functions import FUNCTIONS
-from ncgen.program.ir.graph import PIECES, Graph, Input, Op
+from ncgen.program.ir.graph import PIECES, ArrayElement, Graph, Op
 from ncgen.program.ir.inlined import inlined
 
-TIME = Input("t", 0)
+TIME = ArrayElement("t", 0)
 
 ZERO = Pieces((0.0,), ((0.0, -1.0), (0.0, 1.0)))
 """What sign is, as pieces."""
@@ -73,11 +73,11 @@ class TimeLaws:
 def time_laws(kernels: Kernels, of_inputs: bool = False) -> TimeLaws:
     """The switches of time in forces and constraints, found once for a mechanism; of_inputs: with those that depend on inputs alone."""
     inputs = len(kernels.inputs) if of_inputs else 0
-    changing = {TIME, *(Input("p", len(kernels.p0) - 1 - k) for k in range(inputs))}
+    changing = {TIME, *(ArrayElement("p", len(kernels.p0) - 1 - k) for k in range(inputs))}
     return kernels.remember("laws of time", of_inputs, lambda: _laws(kernels, changing))
 
 
-def _laws(kernels: Kernels, changing: Collection[Input]) -> TimeLaws:
+def _laws(kernels: Kernels, changing: Collection[ArrayElement]) -> TimeLaws:
     """changing: the time, and inputs that change with it."""
     graph, known, outputs = Graph(), {}, []
     sizes = {"t": 1, "p": len(kernels.p0), "q": kernels.n, "qd": kernels.n}
@@ -175,7 +175,7 @@ def may_switch(program: Program) -> bool:
     return _reads(program, SWITCHING, {TIME})
 
 
-def _reads(program: Program, codes: Container[str], changing: Collection[Input]) -> bool:
+def _reads(program: Program, codes: Container[str], changing: Collection[ArrayElement]) -> bool:
     """True if a program reads some of what changes with time and has an operation of some codes."""
     if not any(op.code in codes for block in program.blocks for op in block.ops):
         return False

@@ -1,4 +1,4 @@
-"""What an event does: an impact, other velocities, inputs or parameters, the end of the run, or a Python function."""
+"""What an event does: an impact, a lock, other velocities, inputs or parameters, the end of the run, or a Python function."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from ncgen.errors import ModelError, one_of, shown
-from ncgen.model.elements import coordinate_of
+from ncgen.model.elements import SymbolicCoordinate, coordinate_of
 from ncgen.model.names import normal
 from ncgen.model.values import Driven, Scalar, Value
 
@@ -54,7 +54,15 @@ class Call:
     function: Callable[..., Mapping[str, float] | None]
 
 
-Action: TypeAlias = "Impact | Change | Stop | Call"
+@dataclass(frozen=True)
+class Locking:
+    """A lock that closes or opens, by its name or that of its coordinate."""
+
+    lock: str
+    closes: bool
+
+
+Action: TypeAlias = "Impact | Change | Stop | Call | Locking"
 
 Doing: TypeAlias = "Action | str | Mapping[str, Driven] | Callable[..., object] | list[object] | tuple[object, ...]"
 """In signatures: one or several of them, as a user writes them."""
@@ -85,9 +93,55 @@ def impact(restitution: Value = 0.0, order: str = "", rest: str = "hold") -> Imp
         For an unknown word.
     """
     one_of(rest, "impact: rest", AT_REST)
-    if order != "":
-        one_of(order, "impact: order", ORDERS)
-    return Impact(restitution, order, rest)
+    return Impact(restitution, check_order(order, "impact"), rest)
+
+
+def check_order(order: str, where: str) -> str:
+    """A law of several impacts, or "". Raises ModelError for another word."""
+    return one_of(order, f"{where}: order", ORDERS) if order != "" else order
+
+
+def lock(what: str | SymbolicCoordinate) -> Locking:
+    """Return the action of an event that locks a coordinate or closes a clutch: `m.event("grip", when=…, do=ncgen.lock("psi"))`.
+
+    Parameters
+    ----------
+    what : str or coordinate
+        A coordinate, or the name of a lock or clutch of the model. It stays where it is at that instant until it is freed.
+
+    Returns
+    -------
+    Locking
+        The action.
+    """
+    return Locking(_name_of(what), True)
+
+
+def free(what: str | SymbolicCoordinate) -> Locking:
+    """Return the action of an event that frees what `lock` locks.
+
+    Parameters
+    ----------
+    what : str or coordinate
+        A coordinate, or the name of a lock or clutch of the model.
+
+    Returns
+    -------
+    Locking
+        The action.
+    """
+    return Locking(_name_of(what), False)
+
+
+def _name_of(what: object) -> str:
+    name = what if isinstance(what, str) else getattr(what, "name", None)
+    if not isinstance(name, str):
+        raise ModelError(f"lock, free: {shown(what)} is neither a coordinate nor the name of a lock; give one of them")
+    return normal(name)
+
+
+LOCKINGS: dict[str, Callable[[str], Locking]] = {"lock": lock, "free": free}
+"""Words of model files."""
 
 
 def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]:
@@ -98,10 +152,10 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
         raise ModelError(f"{where}: {shown(given)} holds no action; leave it out where the event is only recorded")
     if isinstance(given, (list, tuple)):
         return tuple(action for each in given for action in actions_of(model, each, where))
-    if isinstance(given, (Change, Stop, Call)):
+    if isinstance(given, (Change, Stop, Call, Locking)):
         return (given,)
     if isinstance(given, Impact):
-        from ncgen.model.arguments import value
+        from ncgen.model.argument_readers import value
 
         return (Impact(value(model, given.restitution, f"{where}, restitution"), given.order, given.rest),)
     if isinstance(given, str) and given == STOP:
@@ -109,15 +163,19 @@ def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]
     if isinstance(given, Mapping):
         if set(given) == {"impact"} and isinstance(given["impact"], Mapping):
             return actions_of(model, impact(**given["impact"]), where)
+        if len(given) == 1 and (word := next(iter(given))) in LOCKINGS and isinstance(given[word], str):
+            return (LOCKINGS[word](given[word]),)
         return (Change({normal(name): _changed(model, name, value, where) for name, value in given.items()}),)
     if callable(given):
         return (Call(cast("Callable[..., Mapping[str, float] | None]", given)),)
-    raise ModelError(f'{where}: {shown(given)} is no action; give "stop", ncgen.impact(…), {{name: value}} or a function')
+    raise ModelError(
+        f'{where}: {shown(given)} is no action; give "stop", ncgen.impact(…), ncgen.lock(…), ncgen.free(…), {{name: value}} or a function'
+    )
 
 
 def _changed(model: Contents, name: object, value: object, where: str) -> Scalar:
     """The new value of something that an event may change."""
-    from ncgen.model.arguments import expression
+    from ncgen.model.argument_readers import expression
 
     moving = {component.name for component in model.components if not component.fixed}
     if not isinstance(name, str) or (normal(name) not in model.numbers and _rated(normal(name)) not in moving):

@@ -18,14 +18,15 @@ if TYPE_CHECKING:
     from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
     from ncgen.model.elements import Component, Element
-    from ncgen.model.events import Event
+    from ncgen.model.events import Event, Lock
     from ncgen.model.facts import Fact
     from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor
     from ncgen.model.frictions import Friction
+    from ncgen.model.one_sided import Ratchet
     from ncgen.model.outputs import Output
     from ncgen.model.rigid import Claims
     from ncgen.model.rows import Row
-    from ncgen.model.values import Input, Parameter, Value
+    from ncgen.model.values import Input, Parameter, Scalar, Value
 
 
 Box: TypeAlias = tuple[int, np.ndarray, np.ndarray]
@@ -45,6 +46,9 @@ class Contents:
     conditions: on values that depend on parameters and stand in no body and no row of the catalogue by themselves, such as radii
     events: what happens where conditions are fulfilled on the way, by name
     frictions: dry friction that sticks, by name
+    ratchets: what moves in one direction only, by name
+    locks: constraints that events switch on and off, by name
+    beginnings: {parameter or input: an expression of which it has the value at the start of a run}
     contacts: friction of rigid contacts, by the names of their events
     facts: how the model was told
     frames: of links, by their names in a robot's file
@@ -74,6 +78,9 @@ class Contents:
     conditions: list[Condition]
     events: dict[str, Event]
     frictions: dict[str, Friction]
+    ratchets: dict[str, Ratchet]
+    locks: dict[str, Lock]
+    beginnings: dict[str, Scalar]
     contacts: dict[str, Contact]
     gravity_field: tuple[Value, ...]
     branches: dict[str, tuple[Parameter, ...]]
@@ -89,7 +96,7 @@ class Contents:
     limits: dict[str, tuple[float, float]]
     _related: Claims
     _box: Box | None
-    _telling: bool
+    _is_recording: bool
 
     @property
     def components(self) -> list[Component]:

@@ -10,7 +10,7 @@ import numpy as np
 from ncgen.errors import ModelError, counted, one_of, shown
 from ncgen.model import arithmetic, curves, measures
 from ncgen.model import rows as row
-from ncgen.model.arguments import own_direction
+from ncgen.model.argument_readers import own_direction
 from ncgen.model.catalogue import BRANCH_WEIGHTS
 from ncgen.model.conditions import UNIT_LENGTH, Condition
 from ncgen.model.contents import Contents

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ncgen.errors import ModelError, counted, foreign, one_of, shown
-from ncgen.model.arguments import expression
+from ncgen.model.argument_readers import expression
 from ncgen.model.expressions import is_symbolic
 from ncgen.model.lookups import curves_in, looked_up
 from ncgen.model.pieces import ENDS, Pieces, are_finite, cubic, linear, slopes_of

@@ -17,9 +17,12 @@ from ncgen.model.catalogue import RowType
 from ncgen.model.elements import Constant, Element
 from ncgen.model.model import Model
 
+OF_EVENTS = ("events", "frictions", "contacts", "ratchets", "locks", "beginnings")
+"""What a model holds of what happens on the way of its motions."""
+
 BESIDE = (
-    "facts", "callbacks", "conditions", "events", "frictions", "contacts", "drawing", "left_out", "assembled", "closing", "starts",
-    "frames", "simulation_options", "_related", "_telling", "_box",
+    *OF_EVENTS, "facts", "callbacks", "conditions", "drawing", "left_out", "assembled", "closing", "starts", "frames",
+    "simulation_options", "_related", "_is_recording", "_box",
 )  # fmt: skip
 """What a model also holds: how it was told, what is called from Python only, what happens on the way, what p must satisfy, what is shown,
 what is done with it. All else counts."""
@@ -32,7 +35,7 @@ def digest(model: Model) -> str | None:
 
 def digest_of_events(model: Model) -> str | None:
     """The same of what happens on the way of its motions, which equations do not depend on."""
-    return _digest({"events": model.events, "frictions": model.frictions, "contacts": model.contacts})
+    return _digest({name: getattr(model, name) for name in OF_EVENTS})
 
 
 def _digest(contents: dict[str, object]) -> str | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
-from ncgen.model.values import Expression, Scalar, Symbolic, Value, as_sympy, is_number, symbol_of, told, total
+from ncgen.model.values import Expression, Scalar, Symbolic, Value, as_sympy, is_number, symbol_of, text_of, total
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -27,7 +27,7 @@ Direction: TypeAlias = "Spatial | Combination"
 """In signatures: a vector, a segment such as `r4 - r2`, or a combination of them with numbers."""
 
 
-class Moved(Symbolic):
+class SymbolicCoordinate(Symbolic):
     """A coordinate that is one number, by its name."""
 
     @property
@@ -47,7 +47,7 @@ class Moved(Symbolic):
 
 
 @dataclass(frozen=True)
-class Component(Moved):
+class Component(SymbolicCoordinate):
     """One scalar coordinate: `r2.x`, or the angle `psi1`.
 
     `value` is what the user gave: a number, a parameter or an expression of parameters;
@@ -169,7 +169,7 @@ class Constant(Vector):
         return cls(name, tuple(Component(f"{name}.{axis}", True, *pair) for axis, pair in zip(AXES, pairs, strict=True)))
 
 
-class Relative(Moved, Element):
+class Relative(SymbolicCoordinate, Element):
     """A scalar coordinate between elements: it can be driven, loaded, and used in expressions by itself."""
 
     word = "relative angle or distance"
@@ -253,7 +253,7 @@ class Combination:
             return f"{self.terms[0][1].name}-{self.terms[1][1].name}"
         parts = []
         for weight, element in self.terms:
-            sign = "-" if weight == -1.0 else "" if weight == 1.0 else f"{weight:g}*" if is_number(weight) else f"{told(weight)}*"
+            sign = "-" if weight == -1.0 else "" if weight == 1.0 else f"{weight:g}*" if is_number(weight) else f"{text_of(weight)}*"
             parts.append(f"{sign}{element.name}")
         return "+".join(parts).replace("+-", "-")
 

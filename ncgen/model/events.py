@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
 from ncgen.errors import ModelError, one_of
-from ncgen.model.actions import Action, Call, Doing, Impact, Stop
+from ncgen.model.actions import Action, Call, Doing, Impact, Locking, Stop
 from ncgen.model.conditions import Between, Bound
-from ncgen.model.elements import Component, Relative
+from ncgen.model.displacements import Displacement
 from ncgen.model.expressions import is_symbolic, symbols_in
 from ncgen.model.facts import fact
 from ncgen.model.loads import Loads
@@ -45,6 +45,21 @@ class Event:
         return any(isinstance(action, Call) for action in self.do)
 
 
+@dataclass(frozen=True, eq=False)
+class Lock:
+    """A constraint that events switch on and off: a displacement stays where it is.
+
+    held: name of the parameter that says where; closed: whether it is from the start on
+    is_declared: False where an event named a coordinate
+    """
+
+    name: str
+    along: Displacement
+    held: str
+    closed: bool = False
+    is_declared: bool = False
+
+
 def called_by(events: Iterable[Event]) -> Iterator[Callable[..., object]]:
     """The Python functions that events call."""
     return (action.function for event in events for action in event.do if isinstance(action, Call))
@@ -59,12 +74,13 @@ class Events(Loads):
 
         when: an expression of m.time, coordinates, velocities, parameters and inputs, such as the gap between two points
         direction: "falling" (a gap closes), "rising" or "either"
-        do: `ncgen.impact(restitution=0.5)`; {name: value} for other inputs, parameters or velocities ("rate(psi)"), values being numbers or
-            expressions; "stop"; a function of the state, which returns such a dictionary or None; or several of these in a list. Without
-            it the event is only recorded, in `run.events`
+        do: `ncgen.impact(restitution=0.5)`; `ncgen.lock(psi)`, `ncgen.free(psi)`; {name: value} for other inputs, parameters or velocities
+            ("rate(psi)"), values being numbers or expressions; "stop"; a function of the state, which returns such a dictionary or None; or
+            several of these in a list. Without it the event is only recorded, in `run.events`
         """
         one_of(direction, f"event {name}: direction", DIRECTIONS)
-        event = Event(name, when, direction, do or ())  # type: ignore[arg-type]  # as READERS leave them
+        actions: tuple[Action, ...] = do or ()  # type: ignore[assignment]  # as READERS leave them
+        event = Event(name, when, direction, tuple(self._resolved(action, f"event {name}, do") for action in actions))  # type: ignore[arg-type]
         if event.impact:
             self._check_restitution(f"event {name}, do", event.impact.restitution)
         if event.impact and direction != "falling":
@@ -80,6 +96,20 @@ class Events(Loads):
         self.events[event.name] = event
         return event
 
+    def _resolved(self, action: Action, where: str) -> Action:
+        """An action that names a coordinate names its lock, which is made where there is none."""
+        if not isinstance(action, Locking) or action.lock in self.locks:
+            return action
+        from ncgen.model.argument_readers import coordinate
+
+        return replace(action, lock=self._lock(f"{action.lock}.lock", Displacement.of(where, coordinate(self, action.lock, where))).name)
+
+    def _lock(self, name: str, along: Displacement) -> Lock:
+        """The lock of this name, which is open where it is new."""
+        if name not in self.locks:
+            self.locks[name] = Lock(name, along, self.parameter(f"{name}.held", 0.0).name)
+        return self.locks[name]
+
     def _no_position(self, when: Scalar) -> str:
         """The name of a velocity or an input in an expression, or nothing."""
         names = sorted(s.name for s in symbols_in(when)) if is_symbolic(when) else []
@@ -94,13 +124,3 @@ class Events(Loads):
     def _check_restitution(self, where: str, restitution: Value) -> None:
         """Refuse one outside 0 to 1, now and wherever parameters are given."""
         self._require(Between(f"{where}: restitution", restitution, 0.0, 1.0))
-
-    def _check_moving(self, coordinate: Component | Relative, where: str) -> None:
-        """Raise ModelError for a fixed coordinate."""
-        if getattr(coordinate, "fixed", False):
-            raise ModelError(f"{where}: the coordinate is fixed; name one that moves")
-
-
-def component_of(coordinate: Component | Relative) -> Component:
-    """The coordinate itself, or the one that a relative angle or length consists of."""
-    return coordinate if isinstance(coordinate, Component) else coordinate.components[0]

@@ -6,21 +6,24 @@ from dataclasses import dataclass
 
 from ncgen.errors import ModelError
 from ncgen.model.conditions import Ordered
+from ncgen.model.displacements import Displacement
 from ncgen.model.elements import Component, Relative
-from ncgen.model.events import component_of
+from ncgen.model.expressions import is_symbolic, symbols_in
 from ncgen.model.facts import fact
+from ncgen.model.kinks import without_kinks
 from ncgen.model.one_sided import OneSided
-from ncgen.model.values import Value, as_sympy
+from ncgen.model.values import Driven, Scalar, Value, as_sympy
 
 
 @dataclass(frozen=True, eq=False)
 class Friction:
-    """Dry friction along a coordinate, by its name. static: N or N m; slip, held: names of the input that says in which direction it slips,
-    and of the parameter that says where it sticks"""
+    """Dry friction along a displacement, by its name. static: N or N m
+
+    slip, held: names of the input that says in which direction it slips, and of the parameter that says where it sticks"""
 
     name: str
-    coordinate: str
-    static: Value
+    along: Displacement
+    static: Scalar
     slip: str
     held: str
 
@@ -32,29 +35,36 @@ class Frictions(OneSided):
     def friction(
         self,
         coordinate: Component | Relative,
-        coulomb: Value,
-        static: Value | None = None,
+        coulomb: Driven,
+        static: Driven | None = None,
         viscous: Value = 0.0,
         stribeck: Value | None = None,
+        other: Component | Relative | None = None,
+        ratio: Value = 1.0,
         name: str = "",
     ) -> Friction:
-        """Add dry friction along a coordinate, which sticks exactly: as a constraint, until its force exceeds static friction.
+        """Add dry friction along a coordinate or between two, which sticks exactly: as a constraint, until it exceeds static friction.
 
         Parameters
         ----------
         coordinate : Component or Relative
             The coordinate, a length or an angle.
-        coulomb : float or expression of parameters
-            Sliding friction in N, or N m about an angle.
-        static : float or expression of parameters, optional
-            Static friction. Default: coulomb.
+        coulomb : float or expression
+            Sliding friction in N, or N m about an angle, of parameters, or of inputs, time, coordinates and velocities: a brake. Where
+            such an expression is negative, there is no friction.
+        static : float or expression, optional
+            Static friction; no less than coulomb. Default: coulomb.
         viscous : float or expression of parameters
             Viscous friction in N s/m, or N m s.
         stribeck : float or expression of parameters, optional
             Velocity in m/s or rad/s over which sliding friction falls from static to coulomb, by exp(−|v|/stribeck). Without it it falls at
             once.
+        other : Component or Relative, optional
+            Another coordinate; friction then acts between both, along coordinate − ratio · other: a clutch that slips.
+        ratio : float or expression of parameters
+            Of the other coordinate.
         name : str, optional
-            Default: the coordinate with .friction.
+            Default: the coordinates with .friction.
 
         Returns
         -------
@@ -63,21 +73,36 @@ class Frictions(OneSided):
         """
         from sympy import exp
 
-        where = name or f"{coordinate.name}.friction"
+        where = name or f"{coordinate.name if other is None else f'{coordinate.name}.{other.name}'}.friction"
         if where in self.frictions:
             raise ModelError(f"friction {where}: there is one of that name already; give another name")
-        self._check_moving(coordinate, where)
-        most = coulomb if static is None else static
-        self._require_sign(where, ">=", coulomb=coulomb, viscous=viscous)
+        along = Displacement.of(where, coordinate, other, ratio)
+        self._require_sign(where, ">=", viscous=viscous)
         if stribeck is not None:
             self._require_sign(where, ">", stribeck=stribeck)
-        if static is not None:
-            self._require(Ordered(coulomb, "<=", static, f"{where}: static is {{1}}, less than coulomb, {{0}}; give at least as much"))
+        least, most = self._limits(where, coulomb, static)
         slip, held = self.input(f"{where}.slip"), self.parameter(f"{where}.held", 0.0)
-        sliding = as_sympy(coulomb)
+        sliding = least
         if stribeck is not None:
-            sliding += (as_sympy(most) - as_sympy(coulomb)) * exp(-as_sympy(slip) * coordinate.rate / as_sympy(stribeck))
-        component = component_of(coordinate)
-        self._apply(where, [(component, -as_sympy(slip) * sliding - as_sympy(viscous) * coordinate.rate)])
-        self.frictions[where] = Friction(where, component.name, most, slip.name, held.name)
+            sliding += (most - least) * exp(-as_sympy(slip) * along.rate / as_sympy(stribeck))
+        self._apply(where, along.forces(-as_sympy(slip) * sliding - as_sympy(viscous) * along.rate))
+        self.frictions[where] = Friction(where, along, most, slip.name, held.name)
         return self.frictions[where]
+
+    def _limits(self, where: str, coulomb: Scalar, static: Scalar | None) -> tuple[Scalar, Scalar]:
+        """Sliding and static friction. What parameters alone determine is checked; other expressions count as 0 where they are
+        negative, and static friction as no less than sliding friction."""
+        from sympy import Max
+
+        most = coulomb if static is None else static
+        if self._is_constant(coulomb) and self._is_constant(most):
+            self._require_sign(where, ">=", coulomb=coulomb)
+            if static is not None:
+                self._require(Ordered(coulomb, "<=", static, f"{where}: static is {{1}}, less than coulomb, {{0}}; give at least as much"))
+            return coulomb, most
+        least = Max(0, coulomb)
+        return without_kinks(least, where), without_kinks(least if static is None else Max(least, static), where)
+
+    def _is_constant(self, value: Scalar) -> bool:
+        """Whether it is a number or an expression of parameters."""
+        return not is_symbolic(value) or {s.name for s in symbols_in(value)} <= set(self.parameters)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, counted, shown
 from ncgen.model import measures
-from ncgen.model.arguments import expression, sequence
+from ncgen.model.argument_readers import expression, sequence
 from ncgen.model.bodies import Body
 from ncgen.model.conditions import Bound
 from ncgen.model.coordinates import Coordinates

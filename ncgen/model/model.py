@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING, Unpack
 
 from ncgen.errors import ModelError, counted, shown
 from ncgen.model.bodies import Body
-from ncgen.model.contacts import Contacts
 from ncgen.model.coordinates import check_form
 from ncgen.model.drawing import Drawing
 from ncgen.model.events import called_by
 from ncgen.model.facts import fact
 from ncgen.model.joints import Joints
+from ncgen.model.locks import Locks
 from ncgen.model.names import check_word, normal
 from ncgen.model.pictures import Pictures
 from ncgen.model.rigid import Frame
@@ -41,7 +41,7 @@ LONGEST_NAME = 100
 """Characters of a model's name, which becomes a file name."""
 
 
-class Model(Joints, Contacts, Pictures):
+class Model(Joints, Locks, Pictures):
     """Describe a mechanism in natural coordinates.
 
     Parameters
@@ -80,6 +80,9 @@ class Model(Joints, Contacts, Pictures):
         self.conditions = []
         self.events = {}
         self.frictions = {}
+        self.ratchets = {}
+        self.locks = {}
+        self.beginnings = {}
         self.contacts = {}
         self.gravity_field = (0.0, 0.0, 0.0)
         self.branches = {}
@@ -96,7 +99,7 @@ class Model(Joints, Contacts, Pictures):
         self.assembled = ()
         self.closing = None
         self.starts = {}
-        self._telling = False
+        self._is_recording = False
 
     def __repr__(self) -> str:
         parts = counted(len(self.components), "coordinate"), counted(len(self.rows), "row"), counted(len(self.bodies), "body")

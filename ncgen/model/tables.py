@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar
 
 from ncgen.errors import ModelError, counted, shown
-from ncgen.model.arguments import coordinate
+from ncgen.model.argument_readers import coordinate
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Direction, Point, Spatial, Vector
 from ncgen.model.values import Value, is_number

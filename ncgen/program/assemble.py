@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ncgen.errors import shown
-from ncgen.model.values import told
+from ncgen.model.values import text_of
 from ncgen.program.accumulation import combine, take_constants
-from ncgen.program.binding import Bound, Derived, Places, Reference, Structure, bind
+from ncgen.program.binding import BoundTerm, Derived, Places, Reference, Structure, bind
 from ncgen.program.ir import passes
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Block, Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
@@ -48,7 +48,7 @@ class Built(NamedTuple):
 class Contribution:
     """One group of equal terms in one kernel: a body of operations and where its results go."""
 
-    members: list[Bound]
+    members: list[BoundTerm]
     graph: Graph
     parts: list[tuple[Place, int]]
     slots: list[tuple[Reference, Slot | Column]] = field(default_factory=list)
@@ -124,19 +124,19 @@ def programs_of(kernels: Iterable[Kernel], equations: Terms, least: float) -> di
     return built
 
 
-def _bind(term: Term, equations: Terms, derived: Derived) -> Bound:
+def _bind(term: Term, equations: Terms, derived: Derived) -> BoundTerm:
     with labelled_errors(term.label):
         return bind(term, equations, derived)
 
 
-def _groups(kernel: Kernel, equations: Terms, bound: Mapping[Term, Bound]) -> list[list[Bound]]:
-    groups: dict[Structure, list[Bound]] = defaultdict(list)
+def _groups(kernel: Kernel, equations: Terms, bound: Mapping[Term, BoundTerm]) -> list[list[BoundTerm]]:
+    groups: dict[Structure, list[BoundTerm]] = defaultdict(list)
     for term in kernel.terms(equations):
         groups[bound[term].structure].append(bound[term])
     return list(groups.values())
 
 
-def _build(kernel: Kernel, members: list[Bound], equations: Terms) -> Contribution:
+def _build(kernel: Kernel, members: list[BoundTerm], equations: Terms) -> Contribution:
     """The loop body of a group; constants that are the same in every member are folded into it."""
     graph, first = Graph(), members[0]
     slots: dict[Reference, int] = {}
@@ -157,7 +157,7 @@ def _build(kernel: Kernel, members: list[Bound], equations: Terms) -> Contributi
     return contribution
 
 
-def parts_of(kernel: Kernel, bound: Bound, graph: Graph, read: Callable[[Reference], int]) -> list[tuple[Place, int]]:
+def parts_of(kernel: Kernel, bound: BoundTerm, graph: Graph, read: Callable[[Reference], int]) -> list[tuple[Place, int]]:
     """(place, node) of what a term contributes to a kernel; structural zeros stay out. read(reference) gives inputs."""
     places = Places(graph, bound, read)
     wanted = [key for key in bound.template.outputs if key.name in kernel.wants]
@@ -166,7 +166,7 @@ def parts_of(kernel: Kernel, bound: Bound, graph: Graph, read: Callable[[Referen
         return [(place, node) for place, node in kernel.parts(places, outputs) if graph.value(node) != 0.0]
 
 
-def _slot(reference: Reference, members: Sequence[Bound], equations: Terms) -> Slot | Column:
+def _slot(reference: Reference, members: Sequence[BoundTerm], equations: Terms) -> Slot | Column:
     kind, k = reference
     if kind == "lam":
         return Slot("lam", tuple(b.row for b in members))
@@ -177,7 +177,7 @@ def _slot(reference: Reference, members: Sequence[Bound], equations: Terms) -> S
     return Slot(kind, tuple(equations.index[b.coordinates[k]] for b in members))
 
 
-def place_of(place: Place, bound: Bound, equations: Terms) -> tuple[int, ...]:
+def place_of(place: Place, bound: BoundTerm, equations: Terms) -> tuple[int, ...]:
     """Where a contribution goes: numbers of a row, of coordinates, of an energy or of a parameter of the mechanism."""
 
     def number(axis: Axis) -> int:
@@ -244,7 +244,7 @@ def _derived_block(derived: Derived, needed: Sequence[int], equations: Terms) ->
     stores: list[Store] = []
     for i in needed:
         with labelled_errors(shown(derived.expressions[i])):
-            stores.append(Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=told(derived.expressions[i])))
+            stores.append(Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=text_of(derived.expressions[i])))
     return Straight(tuple(graph.ops), tuple(stores), names, "derived from parameters")
 
 

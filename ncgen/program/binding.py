@@ -15,7 +15,7 @@ from ncgen.errors import ModelError
 from ncgen.model.elements import Component, rate_name
 from ncgen.model.names import TIME
 from ncgen.model.values import Parameter, Value, is_number
-from ncgen.program.ir.graph import Graph, Input
+from ncgen.program.ir.graph import ArrayElement, Graph
 from ncgen.program.ir.lower import LoweredTemplate, lowered
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.templates import Template
@@ -54,7 +54,7 @@ Structure: TypeAlias = tuple[Template, tuple[tuple[tuple[Source, Source], ...], 
 
 
 @dataclass(eq=False)
-class Bound:
+class BoundTerm:
     """A term with its sources.
 
     scalars: pairs per scalar; data: {name of a constant: its source}
@@ -68,7 +68,7 @@ class Bound:
     data: dict[str, Source] = field(default_factory=dict)
     coordinates: list[Component] = field(default_factory=list)
     constants: list[float] = field(default_factory=list)
-    parameters: list[Input] = field(default_factory=list)
+    parameters: list[ArrayElement] = field(default_factory=list)
     names: dict[Reference, str] = field(default_factory=dict)
 
     @property
@@ -97,9 +97,9 @@ class Derived:
         return self._places[expression]
 
 
-def bind(term: Term, equations: Terms, derived: Derived) -> Bound:
+def bind(term: Term, equations: Terms, derived: Derived) -> BoundTerm:
     """Find the sources of every scalar and constant of a term."""
-    bound = Bound(term, lowered(term.template))
+    bound = BoundTerm(term, lowered(term.template))
     positions = equations.parameter_index
 
     def value(v: Value, name: str) -> Source:
@@ -111,7 +111,7 @@ def bind(term: Term, equations: Terms, derived: Derived) -> Bound:
             bound.constants.append(float(v))
             reference = Reference("const", len(bound.constants) - 1)
         else:
-            source = Input("p", positions[v.name]) if isinstance(v, Parameter) else Input("d", derived.index(v))
+            source = ArrayElement("p", positions[v.name]) if isinstance(v, Parameter) else ArrayElement("d", derived.index(v))
             bound.parameters.append(source)
             reference = Reference("p", len(bound.parameters) - 1)
         bound.names[reference] = name
@@ -143,7 +143,7 @@ class Places:
     read(reference) gives the node of what a reference stands for.
     """
 
-    def __init__(self, graph: Graph, bound: Bound, read: Callable[[Reference], int]) -> None:
+    def __init__(self, graph: Graph, bound: BoundTerm, read: Callable[[Reference], int]) -> None:
         self.graph = graph
         self.bound = bound
         self.read = read

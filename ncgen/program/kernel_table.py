@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple, TypeAlias
 from ncgen.program.binding import Places
 from ncgen.program.programs import ENERGIES
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.templates import Output
+from ncgen.symbolic.templates import TemplateOutput
 from ncgen.symbolic.term import Term
 
 
@@ -26,7 +26,7 @@ class Axis(NamedTuple):
 Place: TypeAlias = tuple[Axis, ...]
 """What tells the contributions of a term apart: where each goes, along every axis of the output."""
 
-Nodes: TypeAlias = dict[Output, int]
+Nodes: TypeAlias = dict[TemplateOutput, int]
 """{output of a template: its node}."""
 
 Parts: TypeAlias = Callable[[Places, Nodes], Iterable[tuple[Place, int]]]
@@ -53,7 +53,7 @@ class Kernel:
 
 def _row(name: str) -> Parts:
     def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
-        yield (ROW,), outputs[Output(name)]
+        yield (ROW,), outputs[TemplateOutput(name)]
 
     return parts
 
@@ -69,12 +69,14 @@ def chain(name: str, order: int, by_row: bool) -> Parts:
         made: dict[tuple[int, int], int] = {}
         for i, first in enumerate(weights):
             if order == 1:
-                pieces = [graph.mul(w, outputs[output]) for k, w in first if (output := Output(name, (k,))) in outputs]
+                pieces = [graph.mul(w, outputs[output]) for k, w in first if (output := TemplateOutput(name, (k,))) in outputs]
                 yield (*head, axes[i]), graph.sum(pieces)
                 continue
             for j, second in enumerate(weights):
                 if i <= j:  # of a symmetric matrix each pair is computed once, so that it is symmetric to the last bit
-                    made[i, j] = graph.sum(graph.mul(graph.mul(w, x), outputs[Output(name, (k, l))]) for k, w in first for l, x in second)
+                    made[i, j] = graph.sum(
+                        graph.mul(graph.mul(w, x), outputs[TemplateOutput(name, (k, l))]) for k, w in first for l, x in second
+                    )
                 yield (*head, axes[i], axes[j]), made[min(i, j), max(i, j)]
 
     return parts
@@ -82,8 +84,8 @@ def chain(name: str, order: int, by_row: bool) -> Parts:
 
 def _energies(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
     for k, name in enumerate(ENERGIES):
-        if Output(name) in outputs:
-            yield (Axis("energy", k),), outputs[Output(name)]
+        if TemplateOutput(name) in outputs:
+            yield (Axis("energy", k),), outputs[TemplateOutput(name)]
 
 
 POSITION, VELOCITY = ("t", "q", "p"), ("t", "q", "qd", "p")

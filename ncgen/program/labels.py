@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ncgen.errors import ModelError
-from ncgen.program.binding import Bound, Reference
+from ncgen.program.binding import BoundTerm, Reference
 from ncgen.symbolic.numbering import Terms
 
 
@@ -36,7 +36,7 @@ def load_name(array: str, index: int, equations: Terms) -> str:
     return "t" if array == "t" else f"{array}{index}"
 
 
-def reference_name(bound: Bound, reference: Reference) -> str:
+def reference_name(bound: BoundTerm, reference: Reference) -> str:
     """What a reader calls what a reference of a term stands for."""
     kind, k = reference
     if kind == "lam":
@@ -44,7 +44,7 @@ def reference_name(bound: Bound, reference: Reference) -> str:
     return MARKS[kind] + bound.names[Reference("q", k)] if kind in MARKS else bound.names[reference]
 
 
-def term_comment(bound: Bound, equations: Terms) -> str:
+def term_comment(bound: BoundTerm, equations: Terms) -> str:
     term = bound.term
     if term.row is None:
         return term.label

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ncgen.model.values import Value, as_sympy, is_number
 from ncgen.program.algebra.elimination import Matrix
 from ncgen.program.assemble import parts_of, place_of
-from ncgen.program.binding import Bound, Derived, Reference, bind
+from ncgen.program.binding import BoundTerm, Derived, Reference, bind
 from ncgen.program.ir.angles import share_angles
 from ncgen.program.ir.blocks import Program, written
 from ncgen.program.ir.cut import cut
@@ -60,7 +60,7 @@ class Lines:
         """{(row, column): node} of a kernel whose output is a matrix."""
         return {(i, j): node for (i, j), node in self.gather(kernel).items()}
 
-    def _read(self, bound: Bound, reference: Reference) -> int:
+    def _read(self, bound: BoundTerm, reference: Reference) -> int:
         kind, k = reference
         if kind == "const":
             return self.graph.const(bound.constants[k])

@@ -136,13 +136,13 @@ def _polynomial(equations: Equations, term: Term) -> list[Placed]:
     names = {c.name: c for ((_, c),) in term.scalars}
     numbers = {parameter.name: parameter.default for parameter in term.data if isinstance(parameter, Parameter)}
     values = {name: c.initial for name, c in names.items() if not equations.moves(c)} | numbers
-    written = term.template.outputs[templates.Output("phi")].subs({sympy.Symbol(k, real=True): v for k, v in values.items()})
+    written = term.template.outputs[templates.TemplateOutput("phi")].subs({sympy.Symbol(k, real=True): v for k, v in values.items()})
     free = [sympy.Symbol(name, real=True) for name in names if name not in values]
     try:
         polynomial = sympy.Poly(written, *free, templates.time())
     except sympy.PolynomialError:
         polynomial = None
-    if polynomial is None or term.template.outputs[templates.Output("nu")].has(*free):
+    if polynomial is None or term.template.outputs[templates.TemplateOutput("nu")].has(*free):
         raise ModelError(f"{term.label}: {written} is no constraint that tables hold; write a polynomial of degree 2 in the coordinates")
     return _products(equations, term, polynomial, [names[s.name] for s in free])
 

@@ -26,7 +26,7 @@ from ncgen.view.curves_of_motion import curves_of_motion
 from ncgen.view.scene import scene_of
 from ncgen.view.sketch import sketch
 from ncgen.view.spots import spots
-from ncgen.view.svg import Drawing
+from ncgen.view.svg import SvgDrawing
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
@@ -60,7 +60,7 @@ class CardTable:
 @dataclass(frozen=True)
 class Picture:
     title: str
-    svg: Drawing
+    svg: SvgDrawing
 
 
 @dataclass

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from ncgen import __version__
 from ncgen.exchange.examples import example_names, example_text, lesson, load
 from ncgen.model import Model
-from ncgen.toolchain.folder import keep, kept
+from ncgen.toolchain.cache_location import keep, kept
 
 
 def gallery(progress: Callable[[int], None] | None = None) -> list[dict]:
@@ -29,12 +29,12 @@ def _facts(name: str) -> dict:
     digest = hashlib.sha256(f"{__version__}\n{example_text(name)}".encode()).hexdigest()
     facts = kept("facts", digest[:40])
     if facts is None:
-        facts = _found(load(name))
+        facts = _degrees_of_freedom(load(name))
         keep("facts", digest[:40], facts)
     return facts
 
 
-def _found(model: Model) -> dict:
+def _degrees_of_freedom(model: Model) -> dict:
     from ncgen.compiler import compile
     from ncgen.solver.positions.rank import freedom
 

@@ -15,7 +15,7 @@ ONE = "dop853"
 """Every formalism is tried with this one, since there the integrator is not what differs."""
 
 
-class Tolerances(TypedDict):
+class ToleranceArguments(TypedDict):
     """How an integrator that chooses its steps is told its accuracy: arguments of `simulate`."""
 
     rtol: float

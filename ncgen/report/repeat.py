@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import runtime_files
+from ncgen.emit.runtime_files import runtime_files
 from ncgen.mechanism.arguments import numbers, pointer
 from ncgen.report.clock import Run
 from ncgen.toolchain.abi import NUMBERS, abi, marked
@@ -42,7 +42,7 @@ def _repeater() -> tuple[Any, Any]:  # cffi's stubs know neither arrays of NumPy
 
 
 @dataclass
-class Call:
+class KernelCall:
     """A kernel's function in C and how many numbers it writes; owner: the library, which must live as long."""
 
     function: object
@@ -54,7 +54,7 @@ class Call:
         self.out = np.empty(self.size)
 
 
-def runner(t: float, q: ArrayLike, v: ArrayLike, p: ArrayLike, positions: Sequence[Call], velocity: Call | None = None) -> Run:
+def runner(t: float, q: ArrayLike, v: ArrayLike, p: ArrayLike, positions: Sequence[KernelCall], velocity: KernelCall | None = None) -> Run:
     """A function run(times) that calls up to two kernels of the position and one of the velocity; it fills their `out`."""
     ffi, library = _repeater()
     inputs = [np.ascontiguousarray(numbers(a, name)) for name, a in (("q", q), ("v", v), ("p", p))]

@@ -7,7 +7,7 @@ import numpy as np
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import Run, measure, repeated
-from ncgen.report.repeat import Call, runner
+from ncgen.report.repeat import KernelCall, runner
 
 ROUNDS = 7
 
@@ -27,6 +27,6 @@ def _run(kernels: Kernels, name: str) -> Run:
     velocity = "qd" in program.inputs
     q, v, p = kernels.q0, np.ones(kernels.n), kernels.p0
     if isinstance(kernels, CompiledKernels):
-        call = Call(kernels.function(name), program.size, kernels)
+        call = KernelCall(kernels.function(name), program.size, kernels)
         return runner(0.0, q, v, p, [] if velocity else [call], call if velocity else None)
     return repeated(lambda: kernels.values(name, 0.0, q, v if velocity else None, p))

@@ -78,7 +78,7 @@ def is_finite(values: np.ndarray | csr_array) -> bool:
         return math.isfinite(np.add.reduce(numbers, axis=None)) or bool(np.all(np.isfinite(numbers)))
 
 
-class Watched:
+class FiniteKernels:
     """The kernels of a mechanism, which raise DomainError with the owner's name where a result is not finite.
 
     Where the state itself is not, that is told; the kernels have no part in it.
@@ -97,22 +97,22 @@ class Watched:
 
 
 def _method(name: str, kernel: str, arguments: tuple[str, ...]) -> Callable[..., Any]:
-    def look(self: Watched, *given: Any, **named: Any) -> Any:
+    def checked(self: FiniteKernels, *given: Any, **named: Any) -> Any:
         value = getattr(self._kernels, name)(*given, **named)
         if not is_finite(value):
             raise refusal(self._kernels, kernel, **dict(zip(arguments, given, strict=False)), **named)
         return value
 
-    return look
+    return checked
 
 
 for _name, _of in WATCHED.items():
-    setattr(Watched, _name, _method(_name, *_of))
+    setattr(FiniteKernels, _name, _method(_name, *_of))
 
 
 def watched(kernels: Kernels) -> Kernels:
-    """The same kernels, watched. What they have, a `Watched` has, so it passes for kernels wherever these are called and read."""
-    return kernels if isinstance(kernels, Watched) else cast(Kernels, Watched(kernels))
+    """The same kernels, watched. What they have, a `FiniteKernels` has, so it passes for kernels wherever these are called and read."""
+    return kernels if isinstance(kernels, FiniteKernels) else cast(Kernels, FiniteKernels(kernels))
 
 
 def check_instant(kernels: Kernels, q: np.ndarray, qd: np.ndarray | None = None, t: float = 0.0, p: np.ndarray | None = None) -> None:
@@ -120,7 +120,7 @@ def check_instant(kernels: Kernels, q: np.ndarray, qd: np.ndarray | None = None,
     for kernel in INSTANT:
         if WATCHED[kernel][1] is VELOCITY and qd is None:
             continue
-        if not is_finite(kernels.values(kernel, t, q, qd, p)):  # plain numbers: a sparse matrix takes longer to make than to look at
+        if not is_finite(kernels.values(kernel, t, q, qd, p)):  # plain numbers: a sparse matrix takes longer to make than to check
             raise refusal(kernels, kernel, q=q, qd=qd, t=t, p=p)
 
 
@@ -192,7 +192,7 @@ def _of_arguments(kernels: Kernels, given: dict[str, Any]) -> str | None:
 
 
 def _of_terms(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
-    from ncgen.program.differentiation.tangents import TANGENTS
+    from ncgen.program.differentiation.tangent_programs import TANGENTS
     from ncgen.program.kernel_table import KERNELS
 
     definition = {**KERNELS, **TANGENTS}[kernel]

@@ -258,13 +258,18 @@ def real_numbers(given: Any, what: str) -> np.ndarray | None:
 
 def has_events(model: Model) -> bool:
     """True for a model in which something happens on the way of a motion."""
-    return bool(model.events or model.frictions)
+    return bool(names_of_events(model))
+
+
+def names_of_events(model: Model) -> list[str]:
+    """Of events, and of elements that events begin and end."""
+    return [*model.events, *model.frictions, *model.ratchets, *model.locks]
 
 
 def refuse_events(model: Model, what: str) -> None:
     """Raise ModelError for a model with events, which `what`, a public function, does not have yet."""
     if has_events(model):
-        names = shortened([*model.events, *model.frictions])
+        names = shortened(names_of_events(model))
         raise ModelError(f"{model.name}: {what} does not support events yet ({names}); take ncgen.simulate, or leave them out")
 
 

@@ -16,14 +16,14 @@ from ncgen.errors import SHOWN, ModelError, counted, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.model import Model
-from ncgen.model.digest import digest, digest_of_events
+from ncgen.model.digest import OF_EVENTS, digest, digest_of_events
 from ncgen.model.elements import coordinate_of
 from ncgen.model.model import checked_model
 from ncgen.solver.given import count as whole
 from ncgen.solver.given import has_events, known_name, several
 from ncgen.solver.runs.run import Run, outline
 from ncgen.solver.runs.simulation_options import check_options, simulation_of
-from ncgen.solver.trajectories.outputs import uses_accelerations
+from ncgen.solver.trajectories.output_values import uses_accelerations
 from ncgen.studies.design import Design, Varied, argument_of, started
 from ncgen.studies.kept import Kept, kept
 
@@ -183,8 +183,7 @@ class Study:
         ] + ([self.steps] if self.steps else [])  # fmt: skip
         if has_events(self.model):
             content.append(
-                digest_of_events(self.model)
-                or hashlib.sha256(pickle.dumps((self.model.events, self.model.frictions, self.model.contacts))).hexdigest()
+                digest_of_events(self.model) or hashlib.sha256(pickle.dumps([getattr(self.model, name) for name in OF_EVENTS])).hexdigest()
             )
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 

@@ -21,7 +21,7 @@ from ncgen.errors import ModelError
 from ncgen.model import Model
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import Outline, known_name, names_of, offer
-from ncgen.solver.trajectories.happening import GAPS, JOINTS, Happening
+from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening
 from ncgen.studies.design import started
 from ncgen.studies.extremes import extremes
 
@@ -120,10 +120,9 @@ def _is_known(name: str, known: Outline) -> bool:
 def event_names(model: Model) -> tuple[str, ...]:
     """What may be named of events: an event, a friction, and what either does to what is held."""
     contacts = [name for name, event in model.events.items() if event.impact]
-    held = [f"{name} {what}" for name in contacts for what in GAPS] + [
-        f"{name} {what}" for name in (*model.frictions, *model.contacts) for what in JOINTS
-    ]
-    return (*model.events, *model.frictions, *held)
+    kinds = ((contacts, GAPS), ((*model.frictions, *model.contacts), JOINTS), (model.ratchets, RATCHETS))
+    held = [f"{name} {what}" for names, words in kinds for name in names for what in words]
+    return (*model.events, *model.frictions, *model.ratchets, *held)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.along import Recorded
 from ncgen.solver.trajectories.trajectory import Trajectory
-from ncgen.studies.folder import Folder
 from ncgen.studies.result import StudyResult
+from ncgen.studies.study_folder import Folder
 
 
 @overload

@@ -16,8 +16,8 @@ import numpy as np
 from ncgen.errors import ModelError, NcgenError, counted
 from ncgen.files import output_was, path_of, write_text, writing
 from ncgen.solver.given import echo, offer
-from ncgen.studies.folder import Folder
 from ncgen.studies.indices import Indices, indices
+from ncgen.studies.study_folder import Folder
 from ncgen.studies.variants import Part
 
 if TYPE_CHECKING:
@@ -98,18 +98,18 @@ class StudyResult:
         return len(self) == self.about["variants"] and (self.folder is None or self.folder.is_whole())
 
     @cached_property
-    def said(self) -> dict[int, str]:
-        """{variant: sentence} of those of which something is to be said, that they failed or a warning."""
+    def messages(self) -> dict[int, str]:
+        """{variant: sentence} of variants that failed or have a warning."""
         messages: dict[int, str] = {}
         for _, _, at in self._spans:
-            messages |= self.folder.said(at) if self.folder else at.said
+            messages |= self.folder.messages(at) if self.folder else at.messages
         return messages
 
     @property
     def failures(self) -> dict[int, str]:
         """{variant: why it did not arrive}."""
         failed = set(self.variant[~self.ok].tolist())
-        return {variant: sentence for variant, sentence in self.said.items() if variant in failed}
+        return {variant: sentence for variant, sentence in self.messages.items() if variant in failed}
 
     # -- tables ----------------------------------------------------------------------------------------------------------------------------
 
@@ -244,7 +244,7 @@ class StudyResult:
         Figure or Path
             A matplotlib figure; the file if `output` is given.
         """
-        view = import_module("ncgen.view.variants")
+        view = import_module("ncgen.view.variant_pictures")
         wanted = (names,) if isinstance(names, str) else tuple(names or self.about["kept"])
         shape = tuple(self.about["shape"]) if self.about["design"] == "grid" and self.complete else None
         title = f"{self.about['model']}: {counted(len(self), 'variant')}"

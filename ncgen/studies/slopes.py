@@ -19,7 +19,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.solver.derivatives.sensitivity import Motion, motion_of
 from ncgen.solver.engines.compiled import is_written_out
 from ncgen.solver.groups import StartArguments
-from ncgen.solver.trajectories.outputs import output_slopes, outputs_of
+from ncgen.solver.trajectories.output_values import output_slopes, outputs_of
 from ncgen.studies import extremes
 from ncgen.studies.definition import Study
 from ncgen.studies.design import started

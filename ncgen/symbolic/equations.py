@@ -20,7 +20,7 @@ from ncgen.model.expressions import symbols_in
 from ncgen.model.forces import Couple, Force, Load, Potential
 from ncgen.model.names import LAW, TIME
 from ncgen.model.rows import Owner, Row, describe
-from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, told
+from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, text_of
 from ncgen.symbolic import templates
 from ncgen.symbolic.inertia_terms import inertia_terms
 from ncgen.symbolic.numbering import Terms
@@ -61,7 +61,7 @@ def build_equations(model: Model, owner: Owner | None = None, massless: Collecti
     massless: bodies whose masses and weights are left out
     """
     omitted: list[str] = []
-    perpendicular, names = perpendicular_pairs(model), Names(model)
+    perpendicular, names = perpendicular_pairs(model), ModelNames(model)
     its_own = [(number, row) for number, row in enumerate(model.rows) if owner is None or row.owner == owner]
     rows = [_row(names, number, row, perpendicular, omitted) for number, row in its_own]
     bodies = [body for body in model.bodies.values() if body.inertia and body not in massless]
@@ -78,7 +78,7 @@ def build_equations(model: Model, owner: Owner | None = None, massless: Collecti
 def build_bonds(model: Model) -> Equations:
     """The rows that no body owns, with all fixed coordinates released: what they do to fixed elements can be seen."""
     omitted: list[str] = []
-    perpendicular, names = perpendicular_pairs(model), Names(model)
+    perpendicular, names = perpendicular_pairs(model), ModelNames(model)
     rows = [_row(names, number, row, perpendicular, omitted) for number, row in enumerate(model.rows) if row.owner.kind != "body"]
     fixed = frozenset(c for e in model.elements.values() for c in e.components if c.fixed)
     return Equations(model, tuple(rows), (), (), tuple(omitted), fixed)
@@ -86,7 +86,7 @@ def build_bonds(model: Model) -> Equations:
 
 def build_springs(model: Model) -> Equations:
     """The springs and potentials of a model alone: what pulls without belonging to a body."""
-    names = Names(model)
+    names = ModelNames(model)
     springs, potentials = (_load(names, spring) for spring in model.springs), (_potential(names, each) for each in model.potentials)
     return Equations(model, (), (), (*springs, *potentials))
 
@@ -99,7 +99,7 @@ def _released(model: Model, owner: Owner | None) -> frozenset[Component]:
 # -- rows ---------------------------------------------------------------------------------------
 
 
-def _row(names: Names, number: int, row: Row, perpendicular: Pairs, omitted: list[str]) -> Term:
+def _row(names: ModelNames, number: int, row: Row, perpendicular: Pairs, omitted: list[str]) -> Term:
     if row.type is None:
         import sympy
 
@@ -147,7 +147,7 @@ def _scale(row: Row, kind: RowType) -> Scalar:
 # -- what users write ---------------------------------------------------------------------------
 
 
-class Names:
+class ModelNames:
     """What expressions can mention of a model, by name."""
 
     def __init__(self, model: Model) -> None:
@@ -185,7 +185,7 @@ def _words(things: Iterable[Component | Parameter]) -> tuple[str, ...]:
     return tuple(thing.name for thing in things)
 
 
-def _load(names: Names, load: Load) -> Term:
+def _load(names: ModelNames, load: Load) -> Term:
     """A force type of the catalogue at its place."""
     kind, make = load.type, templates.force_template
     arguments, data = load.given()
@@ -201,7 +201,7 @@ def _load(names: Names, load: Load) -> Term:
     return Term(make(kind), _forms(arguments), tuple(data), Owner("user", load.label), load.label, equation=equation)
 
 
-def _varies(names: Names, load: Load, data: Sequence[Value]) -> bool:
+def _varies(names: ModelNames, load: Load, data: Sequence[Value]) -> bool:
     """Whether coordinates or time occur in the constants of a force type."""
     import sympy
 
@@ -209,7 +209,7 @@ def _varies(names: Names, load: Load, data: Sequence[Value]) -> bool:
     return bool(names.mentioned(written, load.label)[0]) or templates.time() in written.free_symbols
 
 
-def _varying(names: Names, load: Load, arguments: Sequence[Combination | Component], data: Sequence[Value]) -> Term:
+def _varying(names: ModelNames, load: Load, arguments: Sequence[Combination | Component], data: Sequence[Value]) -> Term:
     """A force type of the catalogue whose constants are expressions of time, coordinates and rates, such as a couple's components."""
     import sympy
 
@@ -221,7 +221,7 @@ def _varying(names: Names, load: Load, arguments: Sequence[Combination | Compone
     return Term(template, forms, tuple(numbers), Owner("user", load.label), load.label, equation=equation)
 
 
-def _force(names: Names, force: Force, released: Collection[Component]) -> Term:
+def _force(names: ModelNames, force: Force, released: Collection[Component]) -> Term:
     import sympy
 
     components = {c: sympy.sympify(e) for c, e in force.components if not c.fixed or c in released}
@@ -229,7 +229,7 @@ def _force(names: Names, force: Force, released: Collection[Component]) -> Term:
     scalars = list(dict.fromkeys([*scalars, *components]))
     along = {scalars.index(c): e for c, e in components.items()}
     template = templates.user_force(force.label, _words(scalars), _words(data), along)
-    equation = ", ".join(f"{told(e)} along {c.name}" for c, e in components.items())
+    equation = ", ".join(f"{text_of(e)} along {c.name}" for c, e in components.items())
     return Term(template, _forms(scalars), tuple(data), Owner("user", force.label), force.label, equation=equation)
 
 
@@ -265,11 +265,11 @@ def _borne_by(model: Model, owner: Owner) -> list[Force | Couple]:
     return [force for force in model.forces if owner.kind == "body" and bearer(force) == owner.name]
 
 
-def _potential(names: Names, potential: Potential) -> Term:
+def _potential(names: ModelNames, potential: Potential) -> Term:
     import sympy
 
     scalars, data = names.mentioned(potential.expression, potential.label)
     _refuse_rates(potential.expression, scalars, f"{potential.label}: a potential", "use m.force or m.torque")
     expression = sympy.sympify(potential.expression)
     template = templates.user_potential(potential.label, _words(scalars), _words(data), expression)
-    return Term(template, _forms(scalars), tuple(data), Owner("user", potential.label), potential.label, equation=told(expression))
+    return Term(template, _forms(scalars), tuple(data), Owner("user", potential.label), potential.label, equation=text_of(expression))

@@ -56,7 +56,7 @@ class Terms(Numbering):
     omitted: tuple[str, ...]
 
 
-class Deferred(Terms):
+class DeferredTerms(Terms):
     """The equations of a model whose programs are at hand: its terms are derived if anybody asks for them."""
 
     released: frozenset[Component] = frozenset()
@@ -67,9 +67,9 @@ class Deferred(Terms):
     def __repr__(self) -> str:
         return f"<Equations {self.model.name}: kept from before>"
 
-    def __reduce__(self) -> tuple[type[Deferred], tuple[Model]]:
+    def __reduce__(self) -> tuple[type[DeferredTerms], tuple[Model]]:
         """Pickled as its model."""
-        return Deferred, (self.model,)
+        return DeferredTerms, (self.model,)
 
     def __getattr__(self, name: str) -> object:
         if name not in ("rows", "masses", "forces", "omitted"):

@@ -33,17 +33,17 @@ SCALE = "scale"
 USER_FORCE = "user force"
 
 
-class Output(NamedTuple):
+class TemplateOutput(NamedTuple):
     """What an output of a template is: its name, and the numbers of the scalars that it belongs to."""
 
     name: str
     scalars: tuple[int, ...] = ()
 
 
-Outputs: TypeAlias = "dict[Output, sympy.Expr]"
+Outputs: TypeAlias = "dict[TemplateOutput, sympy.Expr]"
 
 
-class Deferred(Mapping[Output, "sympy.Expr"]):
+class DeferredOutputs(Mapping[TemplateOutput, "sympy.Expr"]):
     """Outputs that sympy derives when something asks for one of them."""
 
     def __init__(self, derive: Callable[[], Outputs]) -> None:
@@ -53,10 +53,10 @@ class Deferred(Mapping[Output, "sympy.Expr"]):
     def _outputs(self) -> Outputs:
         return self._derive()
 
-    def __getitem__(self, output: Output) -> sympy.Expr:
+    def __getitem__(self, output: TemplateOutput) -> sympy.Expr:
         return self._outputs[output]
 
-    def __iter__(self) -> Iterator[Output]:
+    def __iter__(self) -> Iterator[TemplateOutput]:
         return iter(self._outputs)
 
     def __len__(self) -> int:
@@ -74,7 +74,7 @@ class Template:
     equation: str
     scalars: tuple[str, ...]
     data: tuple[str, ...]
-    outputs: Mapping[Output, sympy.Expr] = field(repr=False)
+    outputs: Mapping[TemplateOutput, sympy.Expr] = field(repr=False)
     is_catalogued: bool = False
 
 
@@ -116,9 +116,9 @@ def differentiate(phi: sympy.Expr, scalars: tuple[str, ...]) -> Outputs:
     step = sympy.Dummy("step", real=True)
     moved = {s: s + step * rate for s, rate in zip(x, v, strict=True)} | {time(): time() + step}
     curvature = replaced(replaced(smooth, moved).diff(step, 2), {step: sympy.Integer(0)})
-    outputs: Outputs = {Output("nu"): -smooth.diff(time()), Output("gamma"): -curvature}
-    outputs.update({Output("phi_q", (k,)): smooth.diff(s) for k, s in enumerate(x)})
-    return {Output("phi"): phi, **{key: whole(value) for key, value in outputs.items()}}
+    outputs: Outputs = {TemplateOutput("nu"): -smooth.diff(time()), TemplateOutput("gamma"): -curvature}
+    outputs.update({TemplateOutput("phi_q", (k,)): smooth.diff(s) for k, s in enumerate(x)})
+    return {TemplateOutput("phi"): phi, **{key: whole(value) for key, value in outputs.items()}}
 
 
 def _beside_kinks(expression: sympy.Expr) -> tuple[sympy.Expr, Callable[[sympy.Expr], sympy.Expr]]:
@@ -148,7 +148,9 @@ def row_template(key: str) -> Template:
     """The derivation of one row type of the catalogue."""
     row: RowType = ROW_TYPES[key]
     scalars = sum(map(vector, row.vectors), ()) + row.scalars
-    return Template(key, row.equation, scalars, row.data + (SCALE,), Deferred(partial(_derived_row, row, scalars)), is_catalogued=True)
+    return Template(
+        key, row.equation, scalars, row.data + (SCALE,), DeferredOutputs(partial(_derived_row, row, scalars)), is_catalogued=True
+    )
 
 
 def _derived_row(row: RowType, scalars: tuple[str, ...]) -> Outputs:
@@ -181,8 +183,12 @@ def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], d
     if any(slope.has(*v) for slope in B if v):
         raise ValueError("it is not linear in the rates")
     change = sympy.Add(smooth.diff(time()), *(smooth.diff(s) * rate for s, rate in zip(x, v, strict=True)))
-    outputs: Outputs = {Output("phi"): sympy.Integer(0), Output("nu"): -replaced(psi, still), Output("gamma"): whole(-change)}
-    outputs.update({Output("phi_q", (k,)): slope for k, slope in enumerate(B)})
+    outputs: Outputs = {
+        TemplateOutput("phi"): sympy.Integer(0),
+        TemplateOutput("nu"): -replaced(psi, still),
+        TemplateOutput("gamma"): whole(-change),
+    }
+    outputs.update({TemplateOutput("phi_q", (k,)): slope for k, slope in enumerate(B)})
     return Template(key, f"{psi}", scalars, data, outputs)
 
 
@@ -203,8 +209,8 @@ def derived_force(kind: ForceType) -> Template:
     friction = kind.friction(sympy, x, v, **data)
     parts = (replaced(slope, {at: x}), friction)
     tension = parts if kind.regular else (sympy.Add(*parts),)
-    outputs: Outputs = {Output("force", (k,)): sympy.Add(*(-part * along for part in tension)) for k, along in enumerate(direction)}
-    outputs |= {Output("potential"): kind.potential(sympy, x, **data), Output("power"): -friction * v}
+    outputs: Outputs = {TemplateOutput("force", (k,)): sympy.Add(*(-part * along for part in tension)) for k, along in enumerate(direction)}
+    outputs |= {TemplateOutput("potential"): kind.potential(sympy, x, **data), TemplateOutput("power"): -friction * v}
     return Template(kind.key, kind.equation, scalars, kind.data, outputs)
 
 
@@ -231,7 +237,7 @@ def varying_force(
 def force_template(kind: ForceType) -> Template:
     """The derivation of one force type of the catalogue."""
     scalars = sum(map(vector, kind.vectors), ()) + kind.scalars
-    derived = Deferred(partial(_derived_force, kind))
+    derived = DeferredOutputs(partial(_derived_force, kind))
     return Template(kind.key, kind.equation, scalars, kind.data, derived, is_catalogued=True)
 
 
@@ -265,8 +271,8 @@ def _working(components: dict[int, sympy.Expr], scalars: tuple[str, ...]) -> Out
     import sympy
 
     speeds = rates(scalars)
-    outputs: Outputs = {Output("force", (k,)): expression for k, expression in components.items()}
-    return outputs | {Output("power"): sympy.Add(*(expression * speeds[k] for k, expression in components.items()))}
+    outputs: Outputs = {TemplateOutput("force", (k,)): expression for k, expression in components.items()}
+    return outputs | {TemplateOutput("power"): sympy.Add(*(expression * speeds[k] for k, expression in components.items()))}
 
 
 def user_force(key: str, scalars: tuple[str, ...], data: tuple[str, ...], components: dict[int, sympy.Expr]) -> Template:
@@ -285,21 +291,21 @@ def without_names(template: Template) -> Template:
 def user_potential(key: str, scalars: tuple[str, ...], data: tuple[str, ...], potential: sympy.Expr) -> Template:
     """A potential the user wrote out; its force is the negative gradient, and what it changes by itself in time is power."""
     smooth, whole = _beside_kinks(potential)
-    outputs: Outputs = {Output("force", (k,)): whole(-smooth.diff(s)) for k, s in enumerate(symbols(scalars))}
-    outputs[Output("potential")] = potential
+    outputs: Outputs = {TemplateOutput("force", (k,)): whole(-smooth.diff(s)) for k, s in enumerate(symbols(scalars))}
+    outputs[TemplateOutput("potential")] = potential
     if time() in potential.free_symbols:
-        outputs[Output("power")] = whole(smooth.diff(time()))
+        outputs[TemplateOutput("power")] = whole(smooth.diff(time()))
     return Template(key, "user potential", scalars, data, outputs)
 
 
 def _inertia(scalars: tuple[str, ...], kinetic: sympy.Expr, extra: Outputs | None = None) -> Outputs:
     """Outputs from a kinetic energy ½ vᵀMv, a quadratic form of the rates of the scalars; more: other outputs."""
     speeds = rates(scalars)
-    outputs: Outputs = {Output("kinetic"): kinetic, **(extra or {})}
+    outputs: Outputs = {TemplateOutput("kinetic"): kinetic, **(extra or {})}
     for k, speed in enumerate(speeds):
         momentum = kinetic.diff(speed)
         for l, other in enumerate(speeds):
-            outputs[Output("mass", (k, l))] = outputs[Output("mass", (l, k))] if l < k else momentum.diff(other)
+            outputs[TemplateOutput("mass", (k, l))] = outputs[TemplateOutput("mass", (l, k))] if l < k else momentum.diff(other)
     return outputs
 
 
@@ -311,7 +317,7 @@ def _derived_mass_diagonal() -> Outputs:
 @cache
 def mass_diagonal() -> Template:
     """A constant entry on the diagonal of M."""
-    return Template("mass-diagonal", "m v^2 / 2", ("x",), ("m",), Deferred(_derived_mass_diagonal), is_catalogued=True)
+    return Template("mass-diagonal", "m v^2 / 2", ("x",), ("m",), DeferredOutputs(_derived_mass_diagonal), is_catalogued=True)
 
 
 def _derived_mass_pair() -> Outputs:
@@ -322,7 +328,7 @@ def _derived_mass_pair() -> Outputs:
 @cache
 def mass_pair() -> Template:
     """A pair of equal constant entries off the diagonal of M."""
-    return Template("mass-pair", "m v w", ("x", "y"), ("m",), Deferred(_derived_mass_pair), is_catalogued=True)
+    return Template("mass-pair", "m v w", ("x", "y"), ("m",), DeferredOutputs(_derived_mass_pair), is_catalogued=True)
 
 
 def catalogue() -> tuple[Template, ...]:
@@ -333,24 +339,24 @@ def catalogue() -> tuple[Template, ...]:
 
 def _derived_weight() -> Outputs:
     (x,), (f,) = symbols(["x"]), symbols(["f"])
-    return {Output("force", (0,)): f, Output("potential"): -f * x}
+    return {TemplateOutput("force", (0,)): f, TemplateOutput("potential"): -f * x}
 
 
 @cache
 def weight() -> Template:
     """A constant force along one coordinate, such as gravity: V = −f x."""
-    return Template("weight", "-f x", ("x",), ("f",), Deferred(_derived_weight), is_catalogued=True)
+    return Template("weight", "-f x", ("x",), ("f",), DeferredOutputs(_derived_weight), is_catalogued=True)
 
 
 def _derived_energy_offset() -> Outputs:
     (v,) = symbols(["V"])
-    return {Output("potential"): v}
+    return {TemplateOutput("potential"): v}
 
 
 @cache
 def energy_offset() -> Template:
     """The potential energy of what is fixed."""
-    return Template("energy-offset", "V", (), ("V",), Deferred(_derived_energy_offset), is_catalogued=True)
+    return Template("energy-offset", "V", (), ("V",), DeferredOutputs(_derived_energy_offset), is_catalogued=True)
 
 
 @cache
@@ -362,7 +368,7 @@ def cross_product_body() -> Template:
     Q_in = −(m a₃ κ, z₁₃ κ, z₂₃ κ) − (∂ẇ/∂(ȧ, u̇))ᵀ z₃₃ κ, and gravity pulls at w with the weight g.
     """
     names, data = vector("r") + vector("a") + vector("u"), ("mr", "ma", "mu", "mw", "gx", "gy", "gz")
-    derived = Deferred(partial(_derived_cross_product_body, names))
+    derived = DeferredOutputs(partial(_derived_cross_product_body, names))
     return Template("cross-product-body", "kinetic energy of w = a x u", names, data, derived, is_catalogued=True)
 
 
@@ -379,9 +385,9 @@ def _derived_cross_product_body(names: tuple[str, ...]) -> Outputs:
     kinetic = momentum.dot(dw) + mw * dw.dot(dw) / 2
     kappa = 2 * da.cross(du)
     pull = g - mw * kappa
-    outputs: Outputs = {Output("potential"): -g.dot(a.cross(u))}
+    outputs: Outputs = {TemplateOutput("potential"): -g.dot(a.cross(u))}
     # virtual power of the pull on w: pull·(δa×u + a×δu) = δa·(u×pull) + δu·(pull×a)
     along = [-mr * kappa, u.cross(pull) - ma * kappa, pull.cross(a) - mu * kappa]
     for k, component in enumerate(c for block in along for c in block):
-        outputs[Output("force", (k,))] = component
+        outputs[TemplateOutput("force", (k,))] = component
     return _inertia(names, kinetic, outputs)

@@ -21,7 +21,7 @@ from ncgen.symbolic.numbering import Numbering
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class TreeLink:
     """A body in the tree. parent: the number of the link that carries it, None for the ground; screws: of its joint, outward."""
 
     body: Body
@@ -33,7 +33,7 @@ class Link:
 class Tree:
     """links: each after its parent; loose: bodies that are too thin to be links, such as points and bars in space."""
 
-    links: tuple[Link, ...]
+    links: tuple[TreeLink, ...]
     loose: tuple[Body, ...]
     home: dict[Spatial, int] = field(default_factory=dict)
     """{element: the link nearest to the ground that it moves with}; what rests and what belongs to no link is not there."""
@@ -71,7 +71,7 @@ def spanning_tree(model: Model) -> Tree:
     """The tree of a model's bodies."""
     waiting, sliding = [body for body in model.bodies.values() if _is_solid(body)], sliding_of(model)
     loose = tuple(body for body in model.bodies.values() if not _is_solid(body))
-    links: list[Link] = []
+    links: list[TreeLink] = []
     best: dict[Body, tuple[int | None, tuple[Screw, ...]]] = {
         body: (None, joint_to_ground(body, sliding.get(frozenset({body, model.ground})))) for body in waiting
     }
@@ -89,7 +89,7 @@ def spanning_tree(model: Model) -> Tree:
         if body in taken or freedoms != len(best[body][1]):
             continue
         taken.add(body)
-        links.append(Link(body, *best[body]))
+        links.append(TreeLink(body, *best[body]))
         mine = set(body.elements)
         for other in {user: None for element in body.elements for user in users[element] if user not in taken}:
             shared = [e for e in other.elements if e in mine]

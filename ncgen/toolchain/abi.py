@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from cffi import FFI
 
-from ncgen.emit.runtime import runtime_text
+from ncgen.emit.runtime_files import runtime_text
 from ncgen.toolchain.once import once
 
 Interface: TypeAlias = Any

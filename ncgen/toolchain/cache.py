@@ -24,8 +24,8 @@ from typing import Any
 from ncgen.errors import CompileError, NcgenError
 from ncgen.files import opened
 from ncgen.toolchain import compilers
+from ncgen.toolchain.cache_location import KEY, TEMPORARY, cache_folder, folders, forget, intruder, sealed, sweep, unsealed, written
 from ncgen.toolchain.compilers import FLAGS, LIBRARIES, LIBRARY, Compiler
-from ncgen.toolchain.folder import KEY, TEMPORARY, cache_folder, folders, forget, intruder, sealed, sweep, unsealed, written
 from ncgen.toolchain.preparation import preparing
 
 RECORD = "build.json"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ncgen.emit.c.generic import generic_files
-from ncgen.emit.runtime import (
+from ncgen.emit.runtime_files import (
     EXPLICIT_ONLY,
     FOLDER,
     HEADERS,
@@ -47,7 +47,7 @@ class Module(NamedTuple):
 GENERIC = Module("ncgen_table_run", ("ncgen_driven.c",), generic_files, ("-O2",))
 LINKED = Module(
     "ncgen_linked",
-    ("ncgen_breaks.c",),
+    ("ncgen_breaks.c", "ncgen_events.c"),
     lambda: runtime_files(*HEADERS),
     ("-Os", "-Wl,--export-table", "-Wl,--growable-table", "-Wl,--export=__heap_base"),
 )

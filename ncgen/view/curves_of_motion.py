@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.view.chosen import above_lowest, grouped
-from ncgen.view.curves import curves
-from ncgen.view.svg import Drawing, below_each_other
+from ncgen.view.curve_pictures import curves
+from ncgen.view.svg import SvgDrawing, below_each_other
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
@@ -17,7 +17,7 @@ PANELS, LINES = 2, 6
 """Pictures of coordinates, and curves in each."""
 
 
-def curves_of_motion(run: Trajectory) -> Drawing:
+def curves_of_motion(run: Trajectory) -> SvgDrawing:
     """Angles and lengths, or the independent coordinates; energies where there are any; the largest |Φ| as its power of ten."""
     drawn = [curves(run.t, {name: run[name] for name in names[:LINES]}, label) for label, names in [*grouped(run).items()][:PANELS]]
     kinetic, potential = above_lowest(run)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.view.eye import screen
-from ncgen.view.labels import LabelPlaces
+from ncgen.view.label_places import LabelPlaces
 from ncgen.view.scene import Scene
-from ncgen.view.svg import INK, RED, TEXT, Drawing, path, text
+from ncgen.view.svg import INK, RED, TEXT, SvgDrawing, path, text
 
 WIDTH, HEIGHT, MARGIN = 250.0, 210.0, 22.0
 """Of a picture (px)."""
@@ -22,7 +22,7 @@ HEAD = 6.0
 """Of an arrow (px)."""
 
 
-def sketch(scene: Scene, frame: int = 0) -> Drawing:
+def sketch(scene: Scene, frame: int = 0) -> SvgDrawing:
     """One time of a scene; a planar scene without the vectors normal to it."""
     points, tips = _on_screen(scene, frame)
     places = LabelPlaces(np.eye(2), OFFSET)
@@ -42,9 +42,9 @@ def sketch(scene: Scene, frame: int = 0) -> Drawing:
         named = [(name, point, "currentColor") for name, point in zip(scene.points, points, strict=True)]
         named += [(name, tip, RED) for name, _, tip in arrows]
         for name, point, colour in named:
-            x, y = places.beside(point)
+            x, y = places.next_to(point)
             parts.append(text(x, y + 4, name, colour=colour))
-    return Drawing(f"<g {TEXT}>{''.join(parts)}</g>", WIDTH, HEIGHT, f"{scene.name} at t = {scene.t[frame]:.4g} s")
+    return SvgDrawing(f"<g {TEXT}>{''.join(parts)}</g>", WIDTH, HEIGHT, f"{scene.name} at t = {scene.t[frame]:.4g} s")
 
 
 def _on_screen(scene: Scene, frame: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from ncgen.program.ir.blocks import Pattern
-from ncgen.view.svg import INK, RED, Drawing
+from ncgen.view.svg import INK, RED, SvgDrawing
 
 LARGEST = 200.0
 """The longer side of a picture (px)."""
@@ -16,7 +16,7 @@ MOST = 100
 """Cells along a side: of a larger matrix several rows and columns share a cell."""
 
 
-def spots(pattern: Pattern, label: str, marked: Collection[int] = ()) -> Drawing:
+def spots(pattern: Pattern, label: str, marked: Collection[int] = ()) -> SvgDrawing:
     """A pattern, a square a number; marked: rows in red."""
     rows, columns = pattern.shape
     share = max(1, -(-max(rows, columns) // MOST))
@@ -30,4 +30,4 @@ def spots(pattern: Pattern, label: str, marked: Collection[int] = ()) -> Drawing
         if squares:
             paths.append(f'<path transform="scale({size:.3f})" d="{squares}" style="fill:{colour}"/>')
     frame = f'<rect x="0.5" y="0.5" width="{width * size - 1:.1f}" height="{height * size - 1:.1f}" {INK} opacity="0.4"/>'
-    return Drawing(frame + "".join(paths), round(width * size, 1), round(height * size, 1), label)
+    return SvgDrawing(frame + "".join(paths), round(width * size, 1), round(height * size, 1), label)

@@ -26,7 +26,7 @@ ENLARGED = 2.4
 
 
 @dataclass(frozen=True)
-class Drawing:
+class SvgDrawing:
     """A picture of some size (px); label: what it shows, for those who do not see it."""
 
     content: str = field(repr=False)
@@ -53,13 +53,13 @@ class Drawing:
         return f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{escape(self.label)}" {box} {size}>{content}</svg>'
 
 
-def below_each_other(drawings: Sequence[Drawing], label: str) -> Drawing:
+def below_each_other(drawings: Sequence[SvgDrawing], label: str) -> SvgDrawing:
     """One picture of several, in their order."""
     content, top = [], 0.0
     for drawing in drawings:
         content.append(f'<g transform="translate(0 {top:g})">{drawing.content}</g>')
         top += drawing.height
-    return Drawing("".join(content), max((drawing.width for drawing in drawings), default=0.0), top, label)
+    return SvgDrawing("".join(content), max((drawing.width for drawing in drawings), default=0.0), top, label)
 
 
 def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = "currentColor", size: int = 11) -> str:

@@ -40,7 +40,7 @@ from ncgen.program.ir.cost import cost
 from ncgen.program.programs import Split
 from ncgen.report.clock import Run, measure, repeated
 from ncgen.report.derivative import motion
-from ncgen.report.repeat import Call, runner
+from ncgen.report.repeat import KernelCall, runner
 from ncgen.solver.engines.compiled import all_coordinates, dynamics, split_of
 from ncgen.solver.motions.batch import accelerations_batch
 from ncgen.solver.motions.simulate import simulate
@@ -188,7 +188,7 @@ def own(place: Posture) -> Iterator[Contender]:
     programs, n = emitted.written.programs, kernels.n
     newton, acceleration = (getattr(programs, name) for name in ("newton", "acceleration"))
     functions = (emitted._dynamics.newton, newton), (emitted._dynamics.acceleration, acceleration)
-    calls = [Call(function, program.size, (kernels, emitted)) for function, program in functions]
+    calls = [KernelCall(function, program.size, (kernels, emitted)) for function, program in functions]
 
     def zdd() -> np.ndarray:
         return calls[1].out[n:-2].copy()
@@ -200,7 +200,7 @@ def own(place: Posture) -> Iterator[Contender]:
     yield _side_by_side(place, both)
     counts, made = motion(kernels), all_coordinates(kernels, form="emitted")
     if counts is not None and made.is_emitted:
-        stage = Call(made._dynamics.motion.derivative, 2 * n + 2, (kernels, made))
+        stage = KernelCall(made._dynamics.motion.derivative, 2 * n + 2, (kernels, made))
         qd = calls[1].out[:n]
         alone(1)
         run = runner(0.0, q, qd.copy(), made.with_prepared(kernels.p0), [], stage)

@@ -24,7 +24,7 @@ STEPS = 100
 SCRIPT = """
 import json, resource, sys, time
 import numpy, scipy.linalg, cffi.cparser, ncgen.compiler
-import ncgen.mechanism.batch, ncgen.mechanism.library, ncgen.mechanism.numpy_module, ncgen.mechanism.recall, ncgen.symbolic.numbering
+import ncgen.mechanism.kernel_batch, ncgen.mechanism.library, ncgen.mechanism.numpy_module, ncgen.mechanism.recall, ncgen.symbolic.numbering
 from ncgen.exchange.examples import example_module, load
 name, count, cold, emission, steps = json.loads(sys.argv[1])
 if cold:
@@ -43,8 +43,8 @@ found = {"seconds": seconds, "processor": processor, "stages": timings.seconds, 
 if steps:
     from ncgen import simulate
     from ncgen.solver.positions.rank import freedom
-    from ncgen.mechanism.runtime_library import beside
-    runtime = beside()
+    from ncgen.mechanism.runtime_library import compiling_thread
+    runtime = compiling_thread()
     runtime.start()
     runtime.join()
     start = spent()

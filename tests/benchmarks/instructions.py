@@ -19,7 +19,7 @@ from ncgen.comparisons.rivals.handwritten import source
 from ncgen.compiler import compile, generate
 from ncgen.emit.c.files import motion_files
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files
+from ncgen.emit.runtime_files import HEADERS, RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model

@@ -25,8 +25,8 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
-from ncgen.report.methods import Tolerances
-from ncgen.solver.formalisms.coordinate_partitioning import Motion, Start, motion
+from ncgen.report.methods import ToleranceArguments
+from ncgen.solver.formalisms.coordinate_partitioning import Motion, StepStart, motion
 from ncgen.solver.formalisms.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.integrators.solvers import ODE_SOLVERS
 from ncgen.solver.motions.simulate import simulate
@@ -38,7 +38,7 @@ EXPLICIT = ("adams", "dopri5", "bdf")
 """The paper's ode113, ode45 and ode15s."""
 
 IMPLICIT = ("bdf", "radau", "lsoda")
-TOLERANCES: Tolerances = {"rtol": 1e-6, "atol": 1e-8}
+TOLERANCES: ToleranceArguments = {"rtol": 1e-6, "atol": 1e-8}
 MOST = 20_000
 """Evaluations after which a run is given up."""
 
@@ -135,7 +135,7 @@ class _Partitioned:
         initial = Initial.from_arguments(kernels, **own_run(kernels)[1])
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self.partitions, self.begin = kernels, begun.p, determined(begun.partitions), initial.t
-        self.start = Start(initial.t, begun.q, begun.qd, self.p)
+        self.start = StepStart(initial.t, begun.q, begun.qd, self.p)
         z = self.partitions.position.independent
         self.names = [kernels.coordinates[i] for i in z]
         self.y0 = np.concatenate([begun.qd[z], begun.q[z]])
@@ -146,7 +146,7 @@ class _Partitioned:
     def _motion(self, t: float, y: np.ndarray) -> Motion:
         count = len(y) // 2
         now = motion(self.kernels, self.partitions, self.start, self.begin + t, y[count:], y[:count])
-        self.start = Start(now.t, now.q, now.qd, self.p)
+        self.start = StepStart(now.t, now.q, now.qd, self.p)
         return now
 
     def derivative(self, t: float, y: np.ndarray) -> np.ndarray:

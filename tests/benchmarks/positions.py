@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.comparisons.rates import REFINED, emitted_parts
+from ncgen.comparisons.derivative_parts import REFINED, emitted_parts
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
-from ncgen.report.repeat import Call, runner
+from ncgen.report.repeat import KernelCall, runner
 from ncgen.solver.engines.compiled import is_emitted
 from ncgen.solver.motions.batch import accelerations_batch
 
@@ -31,7 +31,7 @@ def worst_errors(kernels: CompiledKernels) -> dict[str, float]:
     return largest_errors(kernels, q, {"accelerations": calls["acceleration"], REFINED: calls[REFINED]}, programs[REFINED])
 
 
-def largest_errors(kernels: Kernels, q: np.ndarray, calls: dict[str, Call], exact: Program) -> dict[str, float]:
+def largest_errors(kernels: Kernels, q: np.ndarray, calls: dict[str, KernelCall], exact: Program) -> dict[str, float]:
     """The largest relative error of z̈ in many closed positions, of some ways to compute [q̇, z̈, …].
 
     q: where to start; exact: a program of the same numbers, which is evaluated in long double
@@ -74,6 +74,6 @@ def _exact(kernels: Kernels, positions: np.ndarray, rates: np.ndarray, program: 
     return np.array([np.broadcast_to(x, len(positions)) for x in values]).T
 
 
-def _evaluated(kernels: Kernels, call: Call, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
+def _evaluated(kernels: Kernels, call: KernelCall, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
     runner(0.0, q, rates, kernels.p0, [], call)(1)
     return call.out[kernels.n : -2].copy()

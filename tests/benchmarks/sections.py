@@ -17,8 +17,8 @@ from benchmarks.rivals import articulated, lambdified
 from benchmarks.students import student_records
 from ncgen.comparisons import bench
 from ncgen.comparisons.batches import RUNS, STATES, batch_records
+from ncgen.comparisons.derivative_parts import RatedPart, arithmetic_rate, derivative_records
 from ncgen.comparisons.falls import fall_records
-from ncgen.comparisons.rates import RatedPart, arithmetic_rate, derivative_records
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.compiler import compile
 from ncgen.exchange.examples import example_names

@@ -20,7 +20,7 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import repeated
 from ncgen.solver.engines.compiled import dynamics as dynamics_in_c
 from ncgen.solver.engines.compiled import is_emitted
-from ncgen.solver.formalisms.coordinate_partitioning import Start, motion, motion_at
+from ncgen.solver.formalisms.coordinate_partitioning import StepStart, motion, motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import partitioned_jacobian
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class StateJacobian:
         self.q, self.partitions = own_start(kernels)
         self.z = self.partitions.velocity.independent
         self.y = np.concatenate([np.full(len(self.z), SPEED), self.q[self.z]])
-        self.start = Start(0.0, self.q, np.zeros(kernels.n), kernels.p0)
+        self.start = StepStart(0.0, self.q, np.zeros(kernels.n), kernels.p0)
 
     @property
     def possible(self) -> bool:

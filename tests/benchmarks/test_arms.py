@@ -5,7 +5,7 @@ import pytest
 import ncgen
 from benchmarks import arms, sections
 from benchmarks.rivals import articulated
-from ncgen.comparisons import rates
+from ncgen.comparisons import derivative_parts
 from ncgen.exchange.examples import example_module
 from ncgen.report import clock
 from ncgen.solver.engines.compiled import split_of
@@ -24,7 +24,7 @@ def test_the_articulated_body_algorithm_of_another_generator():
     """It gives the accelerations of an arm to rounding; a mechanism with loops has none."""
     pytest.importorskip("casadi", reason="casadi is not installed")
     kernels = ncgen.compile(example_module("arm").build(3), "c")
-    records = {r["tool"]: r for r in rates.derivative_records(kernels, 1e9, sections.by_articulated_bodies)}
+    records = {r["tool"]: r for r in derivative_parts.derivative_records(kernels, 1e9, sections.by_articulated_bodies)}
     assert records[sections.ARTICULATED]["error"] < 1e-12 and records[sections.ARTICULATED]["operations"] > 300
     robot = ncgen.compile(ncgen.load("robot"), "c")
     assert articulated.rival(robot, split_of(choose_partitions(robot, ncgen.assemble(robot)).velocity)) is None

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ncgen.exchange.start import start_text
+from ncgen.exchange.first_model import start_text
 from ncgen.exchange.words import words
 
 

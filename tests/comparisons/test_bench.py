@@ -6,7 +6,7 @@ import math
 import pytest
 
 import ncgen
-from ncgen.comparisons import batches, falls, precision, rates
+from ncgen.comparisons import batches, derivative_parts, falls, precision
 from ncgen.comparisons.bench import bench, kernel_records
 from ncgen.report import clock
 
@@ -52,7 +52,7 @@ def test_the_fall(robot):
 
 @pytest.mark.slow
 def test_the_state_derivative(robot):
-    records = {r["tool"]: r for r in rates.derivative_records(robot, 1e9)}
+    records = {r["tool"]: r for r in derivative_parts.derivative_records(robot, 1e9)}
     assert records["accelerations"]["error"] < 1e-12
     assert records["hand-written NumPy"]["error"] < 1e-11
     assert records["a stage of a default run"]["error"] < 1e-13

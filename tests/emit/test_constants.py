@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import ncgen
 from ncgen import Model
-from ncgen.emit.c.spelling import number
+from ncgen.emit.c.c_spelling import number
 from ncgen.emit.environment import c_literal
 from ncgen.model.values import LARGEST
 from ncgen.program.ir.evaluate import evaluate

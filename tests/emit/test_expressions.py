@@ -7,15 +7,15 @@ import math
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ncgen.emit.expressions import LONGEST, write
+from ncgen.emit.infix import LONGEST, write
 from ncgen.emit.naming import Names
 from ncgen.program.ir import passes
 from ncgen.program.ir.blocks import Program, Store, Straight
 from ncgen.program.ir.evaluate import evaluate
-from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 
 Q = (0.1, -1.7, 2.3, 1e-3)
-FIRST = tuple(Op("load", (), Input("q", i)) for i in range(len(Q))) + (Op("const", (), 0.3), Op("const", (), -2.0))
+FIRST = tuple(Op("load", (), ArrayElement("q", i)) for i in range(len(Q))) + (Op("const", (), 0.3), Op("const", (), -2.0))
 # Operations as they are, without the graph's simplification: text must be right for every program.
 steps = st.lists(
     st.tuples(st.sampled_from(["add", "sub", "mul", "div", "neg", "sin", "atan2"]), st.integers(1, 4), st.integers(1, 9)),

@@ -65,7 +65,7 @@ def test_written_motions(name, other_processor, monkeypatch):
     monkeypatch.setattr(recall, "derived", afresh)
 
     def text() -> str:
-        from ncgen.mechanism.written import motion_source
+        from ncgen.mechanism.motion_sources import motion_source
 
         kernels = ncgen.compile(load(name), backend="numpy")
         return "".join(motion_source(kernels, lambda: compiled.own_positions(kernels), "motion").values())

@@ -19,7 +19,7 @@ CLAIMED = 0.8
 
 @pytest.fixture(scope="module")
 def at_once():
-    from ncgen.emit.runtime import runtime_files
+    from ncgen.emit.runtime_files import runtime_files
     from ncgen.toolchain.cache import build
     from ncgen.toolchain.compilers import find_compiler
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from ncgen.emit.wasm import binary
-from ncgen.emit.wasm.binary import F64, I32, Function, Import, Signature
+from ncgen.emit.wasm.binary import F64, I32, Import, Signature, WasmFunction
 from ncgen.emit.wasm.code import function
 from ncgen.emit.wasm.lookup import lookup
 from ncgen.emit.wasm.memory import Memory
 from ncgen.emit.wasm.sincos import sincos
 from ncgen.program.ir.blocks import Loop, Program, Slot, Store, Straight, TableStore
-from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 
 MODULE = """
     00 61 73 6d 01 00 00 00
@@ -47,7 +47,7 @@ def test_whole_numbers_of_either_sign(number, bytes_):
 
 def test_a_module():
     tangent = Signature((F64,), (F64,))
-    functions = [Function("f", Signature((F64, I32), ()), b"\x01", 1, 2), Function("g", tangent, b"\x20\x00", 0, 0)]
+    functions = [WasmFunction("f", Signature((F64, I32), ()), b"\x01", 1, 2), WasmFunction("g", tangent, b"\x20\x00", 0, 0)]
     whole = bytes.fromhex(MODULE)
     assert binary.module([Import("Math", "tan", tangent)], functions, 16, b"\7\10\11", 24) == whole
     assert binary.module([Import("Math", "tan", tangent)], functions, 16, b"", 24) == whole[:-11] + b"\x0b\1\0"
@@ -68,13 +68,13 @@ def test_where_arrays_and_tables_lie():
     assert (memory.distances((7,)), memory.heap) == (80, 88)
 
 
-def made(program: Program, **rooms: int) -> Function:
+def made(program: Program, **rooms: int) -> WasmFunction:
     return function(program, "m", Memory(rooms), {})
 
 
 def test_locals_are_used_again():
     """A value's place is free behind its last use: of a chain two are held at a time, of a sum that waits for both ends three."""
-    chain = (Op("load", (), Input("q", 0)), *(Op("neg", (k,)) for k in range(5)))
+    chain = (Op("load", (), ArrayElement("q", 0)), *(Op("neg", (k,)) for k in range(5)))
     assert made(Program("chain", ("q",), "out", 1, (Straight(chain, (Store("out", 0, 5),)),))).numbers == 2
     sums = (*chain, Op("add", (0, 5)))
     done = made(Program("sums", ("q",), "out", 1, (Straight(sums, (Store("out", 0, 6),)),)))
@@ -85,7 +85,7 @@ def test_locals_are_used_again():
 
 def test_instructions():
     """out[1] += q[2] · q[2], and a loop of q[2 i] into w[i + 1]: loads, a product, a sum, stores, and what counts runs."""
-    square = (Op("load", (), Input("q", 2)), Op("mul", (0, 0)))
+    square = (Op("load", (), ArrayElement("q", 2)), Op("mul", (0, 0)))
     line = made(Program("line", ("q",), "out", 2, (Straight(square, (Store("out", 1, 1, True),)),)))
     load, product = "20 00 2b 03 10 21 02", "20 02 20 02 a2 21 03"
     assert line.body == bytes.fromhex(f"{load} {product} 20 01 20 01 2b 03 08 20 03 a0 39 03 08")

@@ -15,7 +15,7 @@ from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
-from ncgen.program.ir.graph import ARITHMETIC, PIECES, Input, Op
+from ncgen.program.ir.graph import ARITHMETIC, PIECES, ArrayElement, Op
 
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 
@@ -45,7 +45,7 @@ def test_operations(tmp_path):
     """Of two numbers in their domains; functions within the last bits, since node has its own."""
     counts = {name: function.arity for name, function in FUNCTIONS.items()}
     counts |= {name: 1 if name == "neg" else 2 for name in ARITHMETIC}
-    ops = [Op("load", (), Input("q", 0)), Op("load", (), Input("q", 1))]
+    ops = [Op("load", (), ArrayElement("q", 0)), Op("load", (), ArrayElement("q", 1))]
     ops += [Op(name, (0, 1)[:count]) for name, count in counts.items()]
     line = Straight(tuple(ops), tuple(Store("out", k, k + 2) for k in range(len(counts))))
     program = Program("all", ("q",), "out", len(counts), (line,))
@@ -56,7 +56,7 @@ def test_operations(tmp_path):
 
 @pytest.mark.parametrize("x", [-2.5, -0.0, 0.0, 3.0])
 def test_signs(tmp_path, x):
-    line = Straight((Op("load", (), Input("q", 0)), Op("sign", (0,)), Op("abs", (0,))), (Store("out", 0, 1), Store("out", 1, 2)))
+    line = Straight((Op("load", (), ArrayElement("q", 0)), Op("sign", (0,)), Op("abs", (0,))), (Store("out", 0, 1), Store("out", 1, 2)))
     ((sign, size),) = in_node(Program("all", ("q",), "out", 2, (line,)), [[x]], tmp_path)
     assert (sign, size) == ((x > 0) - (x < 0), abs(x))
 
@@ -87,7 +87,7 @@ def test_lookups(tmp_path, knots, period):
     for degree in (0, 1, 3):
         rows = ((0.5 + k, *(0.75 * (-1) ** j * (k + 1) / (j + 2) for j in range(degree + 1))) for k in range(len(knots) + 1))
         lookups.append(Pieces(knots, tuple(rows), period))
-    ops = (Op("load", (), Input("q", 0)), *(Op(PIECES, (0,), pieces) for pieces in lookups))
+    ops = (Op("load", (), ArrayElement("q", 0)), *(Op(PIECES, (0,), pieces) for pieces in lookups))
     line = Straight(ops, tuple(Store("out", k, k + 1) for k in range(len(lookups))))
     points = sorted({-7.0, -0.75, *knots, *(x + 0.375 for x in knots), 9.5})
     found = in_node(Program("all", ("q",), "out", len(lookups), (line,)), [[x] for x in points], tmp_path)
@@ -96,7 +96,7 @@ def test_lookups(tmp_path, knots, period):
 
 def test_sines_and_cosines_of_angles(tmp_path):
     """Of two coordinates, near and so far that they are Math's own: both in an array of their own, in the last bits."""
-    loads = tuple(Op("load", (), Input(array, k)) for array in SHARED.values() for k in range(2))
+    loads = tuple(Op("load", (), ArrayElement(array, k)) for array in SHARED.values() for k in range(2))
     line = Straight(loads, tuple(Store("out", k, k) for k in range(4)))
     inputs = [[0.3, 9.0, -0.7], [-2.0, 9.0, 100.25], [1e6, 9.0, 0.0], [3.14159, 9.0, -1e9]]
     for q, found in zip(inputs, in_node(Program("all", ("q",), "out", 4, (line,), angles=(0, 2)), inputs, tmp_path), strict=True):

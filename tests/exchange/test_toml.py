@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.exchange.arguments import CONVERSIONS
 from ncgen.exchange.examples import example_names
+from ncgen.exchange.file_arguments import CONVERSIONS
 from ncgen.exchange.toml_reader import line_of, read_toml
 from ncgen.exchange.toml_writer import to_toml
 from ncgen.exchange.words import kind_of, signature_of, words

@@ -6,20 +6,14 @@ axe-core is no dependency: `npm install --no-save axe-core` in the repository, o
 from __future__ import annotations
 
 import json
-import os
-from pathlib import Path
 
 import pytest
+from accessibility import AXE, VIOLATIONS
 from browser import CHROMIUM
 from living import nothing_said, state_of
 
-AXE = Path(os.environ.get("NCGEN_AXE") or Path(__file__).parents[2] / "node_modules" / "axe-core" / "axe.min.js")
-
 shown = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 checked = pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not installed")
-
-FOUND = """axe.run().then((found) => JSON.stringify([found.passes.length,
-  found.violations.map(({ id, nodes }) => [id, ...nodes.map(({ html, any }) => `${html.slice(0, 120)} ${any[0]?.message ?? ""}`)])]))"""
 
 
 @shown
@@ -32,7 +26,7 @@ def test_no_rule_of_accessibility_is_broken(browser, page_of, width, height, dar
     browser.value("document.getElementById('problem').hidden = false; document.getElementById('problem').textContent = 'no'")
     browser.value("document.querySelectorAll('#rows li').forEach((each) => each.click())")
     browser.value(f"{AXE.read_text(encoding='utf-8')}; 0")
-    passes, violations = json.loads(browser.value(FOUND))
+    passes, violations = json.loads(browser.value(VIOLATIONS))
     assert passes > 15 and violations == []
 
 

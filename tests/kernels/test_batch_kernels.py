@@ -11,7 +11,7 @@ import sympy
 
 import ncgen
 from ncgen.errors import NcgenError
-from ncgen.mechanism.batch import LANES, CompiledBatch, available
+from ncgen.mechanism.kernel_batch import LANES, CompiledBatch, available
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.toolchain.cache import build
 from ncgen.toolchain.compilers import FLAGS, find_compiler

@@ -15,7 +15,7 @@ import sympy
 from cffi import FFI
 
 import ncgen
-from ncgen.mechanism.batch import LANES, CompiledBatch
+from ncgen.mechanism.kernel_batch import LANES, CompiledBatch
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import Graph

@@ -164,7 +164,7 @@ def test_a_run_at_the_shell_needs_no_sympy_again(runtime, tmp_path):
 
 def test_tangents_are_derived_once(monkeypatch):
     """A second start derives no tangents, and they give the same numbers."""
-    from ncgen.program.differentiation import tangents as derivation
+    from ncgen.program.differentiation import tangent_programs as derivation
 
     q, qd, qdd, lam = np.array([0.6, -0.8]), np.array([1.6, 1.2]), np.array([0.3, -0.5]), np.array([2.0])
     given = {"t": 0.0, "q": q, "qd": qd, "qdd": qdd, "lam": lam, "p": None}

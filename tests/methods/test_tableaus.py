@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from ncgen.emit.runtime import runtime_text
+from ncgen.emit.runtime_files import runtime_text
 from ncgen.errors import ModelError
 from ncgen.methods.explicit import Published
 from ncgen.methods.method import Method

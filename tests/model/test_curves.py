@@ -22,7 +22,7 @@ from ncgen.exchange.grammar import parse_expression
 from ncgen.exchange.toml_reader import model_of
 from ncgen.exchange.toml_writer import to_toml
 from ncgen.mechanism import recall
-from ncgen.mechanism.batch import CompiledBatch
+from ncgen.mechanism.kernel_batch import CompiledBatch
 from ncgen.model.digest import digest
 from ncgen.model.pieces import ENDS
 from ncgen.program.ir.evaluate import evaluate

@@ -11,7 +11,7 @@ import sympy
 
 import ncgen
 from ncgen import Model, ModelError
-from ncgen.model.arguments import READERS
+from ncgen.model.argument_readers import READERS
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Element
 
@@ -46,6 +46,7 @@ def calls(s) -> dict[str, dict]:
         "vector": {"name": "new", "direction": (0, 0.6, 0.8), "fixed": False},
         "angle": {"name": "new", "start": s.u, "end": s.w, "axis": s.v, "form": "sine", "lengths": (1, 1, 1), "initial": 1.5},
         "length": {"name": "new", "start": s.A, "end": s.B, "initial": 1.0},
+        "range": {"number": "A.position.x", "low": 0.5, "high": 1.5},
         "slide": {"name": "new", "start": s.A, "end": s.B, "axis": s.u},
         "independent": {"coordinates": [s.psi]},
         "body": {
@@ -80,8 +81,16 @@ def calls(s) -> dict[str, dict]:
             "coordinate": s.psi, "lower": -1.0, "upper": 1.0, "restitution": 0.5, "stiffness": 10.0, "damping": 0.1, "exponent": 1.5,
             "name": "new",
         },
-        "rope": {"start": s.A, "end": s.B, "length": 2.0, "restitution": 0.5, "name": "new"},
-        "friction": {"coordinate": s.psi, "coulomb": 1.0, "static": 2.0, "viscous": 0.1, "stribeck": 0.01, "name": "new"},
+        "rope": {"start": s.A, "end": s.B, "length": 2.0, "restitution": 0.5, "order": "in turn", "name": "new"},
+        "friction": {"coordinate": s.psi, "coulomb": 1.0, "static": 2.0, "viscous": 0.1, "stribeck": 0.01, "other": s.A.x, "ratio": 2.0,
+                     "name": "new"},
+        "backlash": {"coordinate": s.psi, "other": s.A.x, "width": 0.1, "ratio": 2.0, "restitution": 0.5, "stiffness": 10.0,
+                     "damping": 0.1, "order": "in turn", "name": "new"},
+        "ratchet": {"coordinate": s.psi, "other": s.A.x, "ratio": 2.0, "direction": "falling", "pitch": 0.1, "order": "in turn",
+                    "name": "new"},
+        "lock": {"coordinate": s.psi, "when": s.A.x - 1, "until": s.model.time - 1, "name": "new"},
+        "clutch": {"coordinate": s.psi, "other": s.A.x, "ratio": 2.0, "when": s.A.x - 1, "until": s.model.time - 1, "closed": False,
+                   "name": "new"},
         "contact": {
             "name": "new", "body": s.rod, "point": s.A, "on": s.arm, "at": s.B, "radius": 0.1, "around": 0.2, "axis": s.w, "inside": True,
             "friction": 0.3, "restitution": 0.5, "tangential": 0.1, "law": "newton", "order": "in turn", "rest": "hold",

@@ -16,6 +16,7 @@ SITE = Path(__file__).resolve().parents[2] / "docs" / "site"
 sys.path[:0] = [str(SITE), str(SITE.parents[1] / "tests" / "export")]
 
 import links  # noqa: E402 (it needs nothing else)
+from accessibility import AXE, VIOLATIONS  # noqa: E402
 from browser import CHROMIUM, Browser  # noqa: E402
 
 import ncgen  # noqa: E402
@@ -79,6 +80,27 @@ def test_pages_fit_and_search_finds_without_a_server(site, tmp_path):
         field = "document.querySelector('input.md-search__input')"
         browser.value(f"{field}.value = 'redundant'; {field}.dispatchEvent(new Event('keyup'))")
         browser.wait("document.querySelectorAll('.md-search-result__item').length > 3")
+
+
+MAIN = (
+    "index", "docs/tutorial", "docs/models", "docs/embedding", "examples/index", "examples/fourbar/index", "docs/course/index",
+    "docs/course/lesson", "docs/reference/ncgen/simulate",
+)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+@pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not installed")
+@pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (1400, "dark"), (390, "light"), (390, "dark")])
+def test_main_pages_break_no_rule_of_accessibility(site, tmp_path, width, scheme):
+    """By axe-core, frames apart, which have a test of their own."""
+    with Browser(tmp_path) as browser:
+        browser._call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        for name in MAIN:
+            go(browser, site / f"{name}.html", width)
+            browser.value(f"{AXE.read_text(encoding='utf-8')}; 0")
+            passes, violations = json.loads(browser.value(VIOLATIONS))
+            assert passes > 15 and violations == [], name
 
 
 def go(browser, path, width):

@@ -33,7 +33,7 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.program.ir.blocks import Pattern
 from ncgen.program.ir.evaluate import evaluate
-from ncgen.report.repeat import Call, runner
+from ncgen.report.repeat import KernelCall, runner
 from ncgen.solver.engines.compiled import all_coordinates, closeness
 from ncgen.solver.positions.position import TOLERANCE, solve_position
 from ncgen.solver.positions.rank import freedom, scaled_jacobian
@@ -206,7 +206,7 @@ def errors(name: str, count: int, away: float) -> Errors | None:
     judge, rank = Judge(kernels, known.kept_rows), known.rank
     dense = Moving(Stepping(all_coordinates(kernels), "rk4", rank, 1e-8, 1e-8, None, closeness("double")))
     dense.p[:] = kernels.p0
-    call = Call(emitted._dynamics.motion.derivative, 2 * n + 2, (kernels, emitted))
+    call = KernelCall(emitted._dynamics.motion.derivative, 2 * n + 2, (kernels, emitted))
     given, rng, shift = emitted.with_prepared(kernels.p0), np.random.default_rng(1), away * places_of_points(kernels)
     by_recursion, by_matrix, left_out, handed_over = [], [], 0, 0
     for start in positions(near, count):

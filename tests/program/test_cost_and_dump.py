@@ -12,12 +12,12 @@ from ncgen.program.assemble import assemble
 from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.cost import cost
 from ncgen.program.ir.dump import dump
-from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.symbolic.equations import build_equations
 
 # out[0] = sin(q0)*q1 + q1, and three times out[place] += number * q[place]
 LINE = Straight(
-    (Op("load", (), Input("q", 0)), Op("load", (), Input("q", 1)), Op("sin", (0,)), Op("mul", (2, 1)), Op("add", (1, 3))),
+    (Op("load", (), ArrayElement("q", 0)), Op("load", (), ArrayElement("q", 1)), Op("sin", (0,)), Op("mul", (2, 1)), Op("add", (1, 3))),
     (Store("out", 0, 4, comment="sin and more"),),
     {0: "angle"},
     "a line",

@@ -18,7 +18,7 @@ from ncgen.program.assemble import assemble
 from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
-from ncgen.program.ir.graph import Graph, Input, Op
+from ncgen.program.ir.graph import ArrayElement, Graph, Op
 from ncgen.program.programs import EMISSIONS
 from ncgen.symbolic.equations import build_equations
 
@@ -141,10 +141,10 @@ def test_emissions_differ_in_form(assembled):
 def test_stores_run_in_order():
     """Blocks see what earlier blocks wrote, `+=` adds to it, and a loop may add to one place many times."""
     base = Straight((Op("const", (), 1.0),), (Store("out", 0, 0), Store("d", 0, 0)))
-    again = Straight((Op("load", (), Input("d", 0)), Op("add", (0, 0))), (Store("d", 0, 1),))
+    again = Straight((Op("load", (), ArrayElement("d", 0)), Op("add", (0, 0))), (Store("d", 0, 1),))
     adding = Loop(
         3,
-        (Op("slot", (), 0), Op("load", (), Input("d", 0)), Op("mul", (0, 1))),
+        (Op("slot", (), 0), Op("load", (), ArrayElement("d", 0)), Op("mul", (0, 1))),
         (Column((1.0, 2.0, 4.0)),),
         (TableStore("out", (0, 0, 0), 2, True),),
     )

@@ -12,7 +12,7 @@ from ncgen.errors import ModelError
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lower_value, lowered
-from ncgen.symbolic.templates import Output, Template
+from ncgen.symbolic.templates import Template, TemplateOutput
 
 x, y, z = SYMBOLS = sympy.symbols("x y z", real=True)
 Q = (0.37, -1.62, 2.25, 0.0)
@@ -121,10 +121,10 @@ def test_common_subexpressions_are_computed_once():
 
 def test_data_are_divided_by_at_generation():
     """A template's constants may stand below: their reciprocal is a number, and no division is left."""
-    template = Template("test", "", ("x",), ("L",), {Output("phi"): x / sympy.Symbol("L", real=True) ** 2})
+    template = Template("test", "", ("x",), ("L",), {TemplateOutput("phi"): x / sympy.Symbol("L", real=True) ** 2})
     graph = Graph()
     values = {"x": graph.load("q", 0), "L": graph.const(4.0)}
-    node = lowered(template).replay(graph, values.get, [Output("phi")])[Output("phi")]
+    node = lowered(template).replay(graph, values.get, [TemplateOutput("phi")])[TemplateOutput("phi")]
     block = straight(graph, node)
     assert [op.code for op in block.ops if op.args] == ["mul"]
     assert run(program_of(block), Q)[0] == Q[0] / 16
@@ -169,7 +169,7 @@ def test_long_rational_sums_keep_their_value():
 def test_long_sums_can_be_used():
     """A sum of eight hundred terms goes from template to program."""
     terms = sympy.Add(*(x**k for k in range(800)))
-    template = Template("long", "", ("x",), (), {Output("phi"): terms})
+    template = Template("long", "", ("x",), (), {TemplateOutput("phi"): terms})
     graph = Graph()
-    node = lowered(template).replay(graph, lambda name: graph.load("q", 0), [Output("phi")])[Output("phi")]
+    node = lowered(template).replay(graph, lambda name: graph.load("q", 0), [TemplateOutput("phi")])[TemplateOutput("phi")]
     assert len(straight(graph, node).ops) >= 800

@@ -8,11 +8,11 @@ from dataclasses import replace
 import pytest
 
 from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
-from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.ir.verify import ProgramError, verify
 
 SIZES = {"t": 1, "q": 3}
-LINE = Straight((Op("load", (), Input("q", 2)), Op("sin", (0,)), Op("add", (0, 1))), (Store("out", 0, 2),))
+LINE = Straight((Op("load", (), ArrayElement("q", 2)), Op("sin", (0,)), Op("add", (0, 1))), (Store("out", 0, 2),))
 LOOP = Loop(
     2,
     (Op("slot", (), 0), Op("slot", (), 1), Op("mul", (0, 1))),
@@ -40,13 +40,13 @@ BROKEN = {
     "a negative argument": (line(Op("const", (), 1.0), Op("neg", (-1,))), "not yet defined"),
     "an infinite constant": (line(Op("const", (), math.inf)), "constant inf"),
     "a constant that is no number": (line(Op("const", (), math.nan)), "constant nan"),
-    "a load beyond the input": (line(Op("load", (), Input("q", 3))), r"q\[3\], which does not exist"),
-    "a load before the input": (line(Op("load", (), Input("q", -1))), r"q\[-1\], which does not exist"),
-    "a load from nowhere": (line(Op("load", (), Input("z", 0))), r"z\[0\], which does not exist"),
+    "a load beyond the input": (line(Op("load", (), ArrayElement("q", 3))), r"q\[3\], which does not exist"),
+    "a load before the input": (line(Op("load", (), ArrayElement("q", -1))), r"q\[-1\], which does not exist"),
+    "a load from nowhere": (line(Op("load", (), ArrayElement("z", 0))), r"z\[0\], which does not exist"),
     "a slot outside a loop": (line(Op("slot", (), 0)), "unknown slot 0"),
     "a slot that the loop lacks": (loop(ops=(Op("slot", (), 2),), stores=(TableStore("out", (1, 2), 0),)), "unknown slot 2"),
-    "too few arguments": (line(Op("load", (), Input("q", 0)), Op("add", (0,)), store=Store("out", 0, 1)), "add of 1 arguments"),
-    "too many arguments": (line(Op("load", (), Input("q", 0)), Op("sin", (0, 0)), store=Store("out", 0, 1)), "sin of 2 arguments"),
+    "too few arguments": (line(Op("load", (), ArrayElement("q", 0)), Op("add", (0,)), store=Store("out", 0, 1)), "add of 1 arguments"),
+    "too many arguments": (line(Op("load", (), ArrayElement("q", 0)), Op("sin", (0, 0)), store=Store("out", 0, 1)), "sin of 2 arguments"),
     "a short table of places": (loop(slots=(Slot("q", (0,)), LOOP.slots[1])), "a table of 1 entries for 2 runs"),
     "a long table of numbers": (loop(slots=(LOOP.slots[0], Slot("const", (1.0,) * 3))), "a table of 3 entries for 2 runs"),
     "a table with a number that is none": (loop(slots=(LOOP.slots[0], Column((1.0, math.nan)))), "not finite"),
@@ -63,7 +63,7 @@ BROKEN = {
     "no blocks at all": (replace(SOUND, blocks=()), "never written"),
 }
 UNKNOWN = {
-    "an operation that does not exist": line(Op("load", (), Input("q", 0)), Op("square", (0,)), store=Store("out", 0, 1)),
+    "an operation that does not exist": line(Op("load", (), ArrayElement("q", 0)), Op("square", (0,)), store=Store("out", 0, 1)),
     "a table into nowhere": loop(slots=(Slot("z", (0, 1)), LOOP.slots[1])),
     "a store into nowhere": loop(stores=(TableStore("z", (0, 1), 2),)),
 }
@@ -92,8 +92,8 @@ def test_unknown_names_are_rejected(defect):
 
 def test_temporaries_are_arrays_too():
     """A temporary can be written and read, within its length."""
-    first = Straight((Op("load", (), Input("q", 0)),), (Store("d", 1, 0),))
-    second = Straight((Op("load", (), Input("d", 1)),), tuple(Store("out", k, 0) for k in range(3)))
+    first = Straight((Op("load", (), ArrayElement("q", 0)),), (Store("d", 1, 0),))
+    second = Straight((Op("load", (), ArrayElement("d", 1)),), tuple(Store("out", k, 0) for k in range(3)))
     program = replace(SOUND, blocks=(first, second), temporaries={"d": 2})
     verify(program, SIZES)
     with pytest.raises(ProgramError, match="leaves d"):

@@ -25,7 +25,7 @@ from ncgen.exchange.robots.robot import Joint, Robot, together
 from ncgen.model.names import word
 from ncgen.program.ir.cost import cost
 from ncgen.report.clock import measure, repeated
-from ncgen.report.repeat import Call, runner
+from ncgen.report.repeat import KernelCall, runner
 from ncgen.solver.engines.compiled import all_coordinates
 from ncgen.solver.frames import angular_velocity, transformation
 
@@ -234,7 +234,7 @@ def times(kernels, space, peer: Pinocchio) -> None:
     q, v = turned(space, rng), rng.normal(size=space.n)
     qd = space.velocities(q, v)
     x, xd = peer.state(kernels, q, qd)
-    stage = Call(made._dynamics.motion.derivative, 2 * kernels.n + 2, made)
+    stage = KernelCall(made._dynamics.motion.derivative, 2 * kernels.n + 2, made)
     runs = {"ncgen": runner(0.0, q, qd, made.with_prepared(kernels.p0), [], stage)}
     settings = {
         f"Pinocchio, mu {mu:.0e}, accuracy {close:.0e}": (close, close, mu, 50) for mu in (1e-4, 1e-6, 1e-8) for close in (1e-6, 1e-10)

@@ -12,7 +12,7 @@ from scipy.special import ellipk
 
 import ncgen
 from ncgen.emit.c.files import model_files, tangent_files
-from ncgen.emit.runtime import runtime_files, runtime_names
+from ncgen.emit.runtime_files import runtime_files, runtime_names
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.algebra.quasidefinite import Elimination

@@ -10,7 +10,7 @@ from scipy.special import ellipj, ellipk
 import ncgen
 from ncgen.exchange.examples import example_module
 from ncgen.model import Model
-from ncgen.solver.runs.stop import Stop
+from ncgen.solver.runs.stop import StopCondition
 
 FORMALISMS = ("null-space", "lagrange", "augmented-lagrangian", "udwadia-phohomsiri")
 
@@ -161,7 +161,7 @@ def test_stop_at_a_position(integrator):
     if integrator == "rk4":
         options["max_step"] = 1e-3
     dynamics = ConstrainedDynamics(kernels)
-    rising, falling = Stop(0, 0.0, 1).conditions, Stop(0, 0.0, -1).conditions
+    rising, falling = StopCondition(0, 0.0, 1).conditions, StopCondition(0, 0.0, -1).conditions
     done = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, conditions=rising, **options)
     quarter = ellipk(0.5) / np.sqrt(9.81)
     assert done.stopped

@@ -24,7 +24,7 @@ int ncgen_first_crossing(const ncgen_basis *basis, const double *values, int str
 
 @pytest.fixture(scope="module")
 def in_c():
-    from ncgen.emit.runtime import runtime_files
+    from ncgen.emit.runtime_files import runtime_files
     from ncgen.toolchain.cache import build
     from ncgen.toolchain.compilers import find_compiler
 

@@ -6,7 +6,7 @@ import pytest
 from every_example import EVERY
 
 import ncgen
-from ncgen.emit.runtime import runtime_text, widest_tableau
+from ncgen.emit.runtime_files import runtime_text, widest_tableau
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
 from ncgen.solver.engines import compiled

@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from ncgen.emit.runtime import needed_by, runtime_files
+from ncgen.emit.runtime_files import needed_by, runtime_files
 
 DRIVER = r"""
 #include <stdio.h>

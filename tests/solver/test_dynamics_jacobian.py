@@ -9,7 +9,7 @@ import pytest
 
 import ncgen
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.formalisms.coordinate_partitioning import Start, motion, motion_at
+from ncgen.solver.formalisms.coordinate_partitioning import StepStart, motion, motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import acceleration_jacobians, partitioned_jacobian
 from ncgen.solver.formalisms.instant import Baumgarte
 from ncgen.solver.positions.partition import choose_partitions
@@ -51,7 +51,7 @@ def test_independent_coordinates(name):
     kernels = kernels_of(name)
     partitions, now = state(kernels)
     velocities, positions = partitions.velocity.independent, partitions.position.independent
-    start = Start(T, now.q, now.qd, kernels.p0)
+    start = StepStart(T, now.q, now.qd, kernels.p0)
     count = len(velocities)
 
     def derivative(y):

@@ -11,7 +11,7 @@ from test_sensitivity import linkage
 
 import ncgen
 from ncgen import ModelError
-from ncgen.mechanism import batch, batch_runs, motions, taped
+from ncgen.mechanism import batch_runs, kernel_batch, motions, taped
 from ncgen.solver.derivatives import gradients, taped_batch
 
 DURATION, STEPS = 0.4, 20
@@ -63,7 +63,7 @@ def test_bits_do_not_depend_on_company(kernels, monkeypatch):
         return ncgen.gradient_batch(kernels, DURATION, STEPS, objective, p=p[:count], zd0=zd0[:count], z="psi", threads=threads)
 
     one = found(40, 1)
-    monkeypatch.setattr(batch, "available", lambda: 3)
+    monkeypatch.setattr(kernel_batch, "available", lambda: 3)
     monkeypatch.setattr(motions, "TAPED", 1)
     three, few = found(40, 3), found(11, 1)
     assert np.array_equal(one.slopes, three.slopes) and np.array_equal(one.values, three.values)
@@ -149,7 +149,7 @@ def test_refusals(kernels):
 @pytest.mark.slow
 def test_two_threads_are_nearly_twice_as_quick():
     """On two processors that have nothing else to do, as motions in threads of C tell: the best of turns."""
-    if batch.available() < 2:
+    if kernel_batch.available() < 2:
         pytest.skip("one processor")
     kernels = ncgen.compile(ncgen.load("robot"))
     zd0 = 0.1 * np.random.default_rng(1).standard_normal((800, 6))
@@ -188,7 +188,7 @@ def test_parts_end_with_what_is_raised():
 @pytest.mark.parametrize("steps", [1, 30])
 def test_lanes_stay_within_their_memory(kernels, monkeypatch, steps):
     """Kernels, runs and gradients of many states leave what stands behind their workspaces and tapes as it is."""
-    aligned, guards = batch.aligned, []
+    aligned, guards = kernel_batch.aligned, []
 
     def guarded(count):
         whole = aligned(count + 4096)
@@ -196,7 +196,7 @@ def test_lanes_stay_within_their_memory(kernels, monkeypatch, steps):
         guards.append(whole[count:])
         return whole[:count]
 
-    for module in (batch, batch_runs, motions, taped):
+    for module in (kernel_batch, batch_runs, motions, taped):
         monkeypatch.setattr(module, "aligned", guarded)
     p, zd0 = variants(kernels, 9)
     for integrator in ("rk4", "dop853"):

@@ -20,7 +20,7 @@ import small_study
 
 import ncgen
 from ncgen.archives import packed
-from ncgen.studies.folder import Folder
+from ncgen.studies.study_folder import Folder
 
 PROGRAM = Path(small_study.__file__)
 COUNT = 1500

@@ -130,7 +130,7 @@ def test_packages_that_are_not_there(found, monkeypatch):
 
 def test_pictures(found):
     """What is drawn follows from what there is: a map of a grid of two, points over one number, bands of histories, parallel lines."""
-    from ncgen.view.variants import picture
+    from ncgen.view.variant_pictures import picture
 
     mesh = found.plot().axes[0].collections[0].get_array()
     assert np.array_equal(np.ravel(mesh), found["psi"].reshape(3, 4).T.ravel())

@@ -16,8 +16,8 @@ from tiny import TINY
 import ncgen
 from ncgen.errors import NcgenError
 from ncgen.toolchain.cache import RECORD, build, clear, entries
+from ncgen.toolchain.cache_location import ABANDONED, cache_folder, unsealed
 from ncgen.toolchain.compilers import FLAGS, LIBRARY, Compiler, find_compiler
-from ncgen.toolchain.folder import ABANDONED, cache_folder, unsealed
 
 
 def folders(cache: Path) -> list[str]:

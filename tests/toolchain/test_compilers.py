@@ -17,7 +17,7 @@ from tiny import TINY
 import ncgen
 from ncgen.errors import CompileError, ModelError, NcgenError
 from ncgen.mechanism import direct, runtime_library
-from ncgen.mechanism.batch import LANES
+from ncgen.mechanism.kernel_batch import LANES
 from ncgen.toolchain import compilers
 from ncgen.toolchain.cache import build, compiled, entries
 from ncgen.toolchain.compilers import LEAST, LIBRARY, NEEDLESS, OPTIONAL, UNSAID, Compiler, find_compiler, make_library

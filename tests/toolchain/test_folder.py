@@ -16,10 +16,10 @@ from tiny import TINY
 
 import ncgen
 from ncgen.mechanism.recall import recall
-from ncgen.toolchain import folder
+from ncgen.toolchain import cache_location
 from ncgen.toolchain.cache import build, clear, compiled, entries
+from ncgen.toolchain.cache_location import cache_folder, intruder, keep, kept
 from ncgen.toolchain.compilers import LIBRARY, find_compiler
-from ncgen.toolchain.folder import cache_folder, intruder, keep, kept
 
 OTHER = 12345
 """Number of another user."""
@@ -31,7 +31,7 @@ KEY = "0123456789" * 4
 @pytest.fixture(autouse=True)
 def forgotten(monkeypatch):
     """Nothing has been said yet."""
-    monkeypatch.setattr(folder, "_stand_ins", {})
+    monkeypatch.setattr(cache_location, "_stand_ins", {})
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def give(monkeypatch):
 
     def away(path: Path) -> None:
         if os.geteuid():
-            monkeypatch.setattr(folder, "_owners", lambda: {0, OTHER})
+            monkeypatch.setattr(cache_location, "_owners", lambda: {0, OTHER})
         else:
             os.chown(path, OTHER, OTHER)
 

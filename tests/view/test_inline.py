@@ -18,8 +18,8 @@ from ncgen.report import bar
 from ncgen.solver.derivatives.sensitivity import Gradient, Sensitivities
 from ncgen.solver.linear.linearise import Linearisation
 from ncgen.solver.motions.batch import BatchAccelerations, BatchTrajectory
-from ncgen.solver.motions.simulation import State
-from ncgen.solver.motions.simulations import States
+from ncgen.solver.motions.simulation import SimulationState
+from ncgen.solver.motions.simulations import SimulationStates
 from ncgen.solver.positions.partition import Partition, Partitions
 from ncgen.solver.trajectories.monitor import Health
 from ncgen.studies.definition import Study
@@ -130,8 +130,8 @@ def test_everything_has_a_short_name(robot_numpy, robot_model, run):
         ncgen.freedom(robot_numpy), Partitions(partition, partition),
         Linearisation(np.zeros((12, 12)), names[:6], names[:6], names, np.zeros((36, 12))),
         Sensitivities(instants, many, many, many[..., None], many[..., None], names), Gradient(1.0, dict.fromkeys(names, 0.5)),
-        Health(names, *[instants] * 7), State(0.0, many[0], many[0], 0.0, many[0], 0.1, ""),
-        States(instants, many, many, instants, many, instants, ""),
+        Health(names, *[instants] * 7), SimulationState(0.0, many[0], many[0], 0.0, many[0], 0.1, ""),
+        SimulationStates(instants, many, many, instants, many, instants, ""),
         BatchTrajectory(robot_numpy, instants, many, many, many, names, ("ok",) * 40, instants, instants > 2),
         BatchAccelerations(many, many, many, np.zeros(40), SimpleNamespace(names=names[:6])), Indices(names, many[0], many[0], 8, 8),
         Part(0, {"ok": instants > 0, "steps": instants}), Study.of(run.model, {"start(rate(psi))": [1.0, 2.0]}, keep="steps"),

@@ -10,16 +10,16 @@ import pytest
 
 from ncgen.model import Model
 from ncgen.program.ir.blocks import Pattern
-from ncgen.view import curves, sketch
-from ncgen.view.curves import curves as drawn
+from ncgen.view import curve_pictures, sketch
+from ncgen.view.curve_pictures import curves as drawn
 from ncgen.view.scene import scene_of
 from ncgen.view.spots import MOST, spots
-from ncgen.view.svg import Drawing, below_each_other
+from ncgen.view.svg import SvgDrawing, below_each_other
 
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def lines(drawing: Drawing) -> list[list[np.ndarray]]:
+def lines(drawing: SvgDrawing) -> list[list[np.ndarray]]:
     """Of every path its pieces, (K, 2) each."""
     paths = [path.get("d") for path in ElementTree.fromstring(str(drawing)).iter(f"{SVG}path")]
     return [[np.array(re.findall(r"-?[\d.]+", piece), dtype=float).reshape(-1, 2) for piece in d.split("M")[1:]] for d in paths]
@@ -62,7 +62,7 @@ def test_curves_are_where_their_numbers_are():
 def test_curves_of_odd_numbers(values):
     for path in lines(drawn(np.array([0.0, 1.0, 2.0]), {"odd": values}, "q")):
         for piece in path:
-            assert np.isfinite(piece).all() and (piece >= 0).all() and (piece <= curves.WIDTH).all()
+            assert np.isfinite(piece).all() and (piece >= 0).all() and (piece <= curve_pictures.WIDTH).all()
 
 
 def test_spots_share_cells_where_there_are_many():
@@ -78,7 +78,7 @@ def test_a_file_is_whole_and_black_on_white():
     """As a file a picture brings its ground, its size and its name; within a page it takes those of the page."""
     run = drawn(np.array([0.0, 1.0]), {"up": np.array([0.0, 1.0])}, "s (m)")
     file = ElementTree.fromstring(run.file())
-    assert float(file.get("width")) > curves.WIDTH and file.get("color") == "black" and file.get("aria-label") == run.label
+    assert float(file.get("width")) > curve_pictures.WIDTH and file.get("color") == "black" and file.get("aria-label") == run.label
     assert file.find(f"{SVG}rect").get("fill") == "white" and ElementTree.fromstring(str(run)).find(f"{SVG}rect") is None
 
 

@@ -13,7 +13,7 @@ from cffi import FFI
 from ncgen.exchange.examples import example_module, example_names
 from ncgen.mechanism.kernels import Kernels
 from ncgen.report.clock import Run, repeated
-from ncgen.report.repeat import Call
+from ncgen.report.repeat import KernelCall
 from ncgen.resources import folder
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.partition import Partitions, partitions_for
@@ -61,7 +61,7 @@ class Rival:
     epsilon: float = float(np.finfo(float).eps)
 
 
-def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[dict[str, Call], BuiltLibrary]:
+def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[dict[str, KernelCall], BuiltLibrary]:
     """{kernel: call} of C sources that ncgen did not write, whose functions have the arguments of kernels; and the library.
 
     sizes: how many numbers each kernel writes; symbol: its name in C, with {} for the kernel's
@@ -72,7 +72,7 @@ def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[
     for name in sizes:
         ffi.cdef(f"ncgen_{'velocity' if name == 'gamma' else 'position'}_kernel {symbol.format(name)};")
     library: Any = ffi.dlopen(str(built.library))  # cffi's stubs know no functions of a library
-    return {name: Call(ffi.addressof(library, symbol.format(name)), size, library) for name, size in sizes.items()}, built
+    return {name: KernelCall(ffi.addressof(library, symbol.format(name)), size, library) for name, size in sizes.items()}, built
 
 
 def called(

@@ -20,7 +20,7 @@ from ncgen.model import Model
 from ncgen.program.ir.cost import cost
 from ncgen.program.programs import EMISSIONS
 from ncgen.report.clock import Run, repeated
-from ncgen.report.repeat import Call, runner, typed_runner
+from ncgen.report.repeat import KernelCall, runner, typed_runner
 from ncgen.toolchain import cache, compilers
 from ncgen.toolchain.abi import NUMBERS
 
@@ -33,7 +33,7 @@ def at_once(kernels: CompiledKernels, inputs: Inputs) -> list[Rival]:
     if "constraints" not in kernels.programs.programs:
         return []
     program = kernels.programs.programs["constraints"]
-    function = Call(kernels.function("constraints"), program.size, kernels)
+    function = KernelCall(kernels.function("constraints"), program.size, kernels)
     run = runner(inputs.t, inputs.q, inputs.qd, inputs.p, [], function)
     ends = np.cumsum([kernels.programs.programs[k].size for k in KERNELS])
     part: dict[str, np.ndarray] = dict(zip(KERNELS, np.split(np.arange(function.size), ends[:-1]), strict=True))
@@ -49,7 +49,7 @@ def emissions(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]
         generation = time.perf_counter() - start
         kernels = compile(sources, "c")
         programs = kernels.programs.programs
-        functions = {name: Call(kernels.function(name), programs[name].size, kernels) for name in programs}
+        functions = {name: KernelCall(kernels.function(name), programs[name].size, kernels) for name in programs}
         rival = compiled(f"generated C, {emission}", functions, inputs, names)
         built = cache.compiled(sources.c, compilers.flags_for(sources.c))
         operations = {name: cost(program).total for name, program in programs.items()}
@@ -58,7 +58,7 @@ def emissions(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]
     return tools
 
 
-def compiled(name: str, functions: dict[str, Call], inputs: Inputs, names: Sequence[str]) -> Rival:
+def compiled(name: str, functions: dict[str, KernelCall], inputs: Inputs, names: Sequence[str]) -> Rival:
     """A rival of functions in C with the face of kernels."""
 
     def run(*chosen: str) -> Run:

@@ -8,7 +8,7 @@ from pathlib import Path
 from ncgen.comparisons.rivals.base import KERNELS, Inputs, Rival, called, foreign, handwritten, nonzeros
 from ncgen.exchange.examples import example_names
 from ncgen.mechanism.kernels import Kernels
-from ncgen.report.repeat import Call
+from ncgen.report.repeat import KernelCall
 from ncgen.resources import folder
 
 
@@ -18,7 +18,7 @@ def source(kernels: Kernels) -> Path | None:
     return path if kernels.name in example_names() and path.is_file() else None
 
 
-def in_c(kernels: Kernels) -> list[dict[str, Call]]:
+def in_c(kernels: Kernels) -> list[dict[str, KernelCall]]:
     """The functions of the example's handwritten.c, compiled like generated ones."""
     path = source(kernels)
     if path is None:

@@ -6,10 +6,10 @@ import hashlib
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from ncgen.emit.c.spelling import C, number
+from ncgen.emit.c.c_spelling import C, number
 from ncgen.emit.environment import render
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import HEADERS, runtime_files
+from ncgen.emit.runtime_files import HEADERS, runtime_files
 from ncgen.emit.spelling import Record
 from ncgen.program.ir.blocks import Program
 

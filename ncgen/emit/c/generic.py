@@ -5,7 +5,7 @@ from __future__ import annotations
 from ncgen.emit.c.files import program_records
 from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
-from ncgen.emit.runtime import runtime_files
+from ncgen.emit.runtime_files import runtime_files
 from ncgen.model.elements import rate_name
 from ncgen.model.names import TIME
 from ncgen.program.ir.angles import share_angles
@@ -14,7 +14,7 @@ from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.lower import lowered
 from ncgen.program.term_tables import types
-from ncgen.symbolic.templates import Output, Template
+from ncgen.symbolic.templates import Template, TemplateOutput
 
 SINGLE = ("phi", "nu", "gamma", "kinetic", "potential", "power")
 """What a type's function writes first; one number for each of its scalars follows, Φ_q or a force, then the mass between all pairs."""
@@ -57,11 +57,11 @@ def type_program(template: Template) -> Program:
     names |= {name: ("p", k) for k, name in enumerate(template.data)} | {TIME: ("t", 0)}
     operations = lowered(template)
     made = operations.replay(graph, lambda name: graph.load(*names[name]), operations.outputs)
-    gradient = [Output(name, (k,)) for k in range(count) for name in ("phi_q", "force")]
+    gradient = [TemplateOutput(name, (k,)) for k in range(count) for name in ("phi_q", "force")]
     along = [next((o for o in gradient[2 * k : 2 * k + 2] if o in made), gradient[2 * k]) for k in range(count)]
-    wanted = [*map(Output, SINGLE), *along]
+    wanted = [*map(TemplateOutput, SINGLE), *along]
     if has_mass(template):
-        wanted += [Output("mass", (k, l)) for k in range(count) for l in range(count)]
+        wanted += [TemplateOutput("mass", (k, l)) for k in range(count) for l in range(count)]
     nodes = [made.get(output, graph.const(0.0)) for output in wanted]
     words = {graph.load(*place): name for name, place in names.items()}
     stores = tuple(Store("out", k, node) for k, node in enumerate(nodes))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ncgen.emit.environment import render
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.numpy.spelling import NumPy
+from ncgen.emit.numpy.numpy_spelling import NumPy
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

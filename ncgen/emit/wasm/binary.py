@@ -20,7 +20,7 @@ class Signature(NamedTuple):
     results: tuple[int, ...]
 
 
-class Function(NamedTuple):
+class WasmFunction(NamedTuple):
     """A function with a body: instructions without the final end, and how many local numbers of each type it needs."""
 
     name: str
@@ -77,7 +77,7 @@ LINK = "ncgen"
 """The module from which a linked one imports its memory, and the addresses of its data and of its arrays."""
 
 
-def linked(imports: list[Import], functions: list[Function], data: bytes, custom: dict[str, bytes]) -> bytes:
+def linked(imports: list[Import], functions: list[WasmFunction], data: bytes, custom: dict[str, bytes]) -> bytes:
     """A module with `data` at an imported address of an imported memory, and other sections, {name: contents}, that engines pass over."""
     number, common = _common(imports, functions)
     link = [name(LINK) + name(word) + kind for word, kind in (("memory", b"\2\0\0"), ("tables", b"\3\x7f\0"), ("rooms", b"\3\x7f\0"))]
@@ -91,7 +91,7 @@ def linked(imports: list[Import], functions: list[Function], data: bytes, custom
     return _whole(sections) + b"".join(bytes([0]) + _sized(name(word) + content) for word, content in custom.items())
 
 
-def module(imports: list[Import], functions: list[Function], start: int, data: bytes, heap: int) -> bytes:
+def module(imports: list[Import], functions: list[WasmFunction], start: int, data: bytes, heap: int) -> bytes:
     """A module with `data` at the address `start` of its memory; `heap` is the first address behind all that it uses itself.
 
     It exports its functions, "memory" and the constant "ncgen_heap".
@@ -111,7 +111,7 @@ def module(imports: list[Import], functions: list[Function], start: int, data: b
     return _whole(sections)
 
 
-def _common(imports: list[Import], functions: list[Function]) -> tuple[dict[Signature, int], dict[int, bytes]]:
+def _common(imports: list[Import], functions: list[WasmFunction]) -> tuple[dict[Signature, int], dict[int, bytes]]:
     """Numbers of the signatures, and the sections of types, functions and code."""
     signatures = list(dict.fromkeys([*(each.signature for each in imports), *(each.signature for each in functions)]))
     number = {signature: k for k, signature in enumerate(signatures)}
@@ -126,7 +126,7 @@ def _imported(each: Import, number: dict[Signature, int]) -> bytes:
     return name(each.module) + name(each.name) + bytes([FUNCTION]) + unsigned(number[each.signature])
 
 
-def _exported(number: int, function: Function) -> bytes:
+def _exported(number: int, function: WasmFunction) -> bytes:
     return name(function.name) + bytes([FUNCTION]) + unsigned(number)
 
 
@@ -138,6 +138,6 @@ def _sized(content: bytes) -> bytes:
     return unsigned(len(content)) + content
 
 
-def _locals(function: Function) -> bytes:
+def _locals(function: WasmFunction) -> bytes:
     groups = [(function.integers, I32), (function.numbers, F64)]
     return vector(unsigned(count) + bytes([kind]) for count, kind in groups if count)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ncgen.emit.wasm.binary import F64, I32, Function, Signature, double, signed, unsigned
+from ncgen.emit.wasm.binary import F64, I32, Signature, WasmFunction, double, signed, unsigned
 from ncgen.emit.wasm.memory import Memory
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.angles import SHARED
@@ -21,7 +21,7 @@ OWN = {"add": F64_ADD, "sub": b"\xa1", "mul": b"\xa2", "div": b"\xa3", "neg": b"
 SINCOS = "ncgen_sincos"
 
 
-def function(program: Program, prefix: str, memory: Memory, callable_: dict[str, int]) -> Function:
+def function(program: Program, prefix: str, memory: Memory, callable_: dict[str, int]) -> WasmFunction:
     """A kernel, which returns NCGEN_OK where it is linked.
 
     callable_: {function: its number in the module}, of imported ones by their names here, such as "tan".
@@ -33,7 +33,7 @@ def function(program: Program, prefix: str, memory: Memory, callable_: dict[str,
     results = (I32,) if memory.linked else ()
     if memory.linked:
         code += I32_CONST + signed(0)
-    return Function(f"{prefix}_{program.name}", Signature(arguments, results), code, body.integers, body.numbers)
+    return WasmFunction(f"{prefix}_{program.name}", Signature(arguments, results), code, body.integers, body.numbers)
 
 
 def called(program: Program) -> set[str]:

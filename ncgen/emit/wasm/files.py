@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.wasm import binary
-from ncgen.emit.wasm.binary import F64, Function, Import, Signature
+from ncgen.emit.wasm.binary import F64, Import, Signature, WasmFunction
 from ncgen.emit.wasm.code import SINCOS, called, function
 from ncgen.emit.wasm.lookup import lookup
 from ncgen.emit.wasm.memory import Memory
@@ -65,7 +65,7 @@ def linked_module(
     return Linked(binary.linked(imports, functions, memory.data, custom), len(memory.data), memory.start, *places)
 
 
-def _functions(programs: list[Program], prefix: str, memory: Memory) -> tuple[list[Import], list[Function]]:
+def _functions(programs: list[Program], prefix: str, memory: Memory) -> tuple[list[Import], list[WasmFunction]]:
     """What a module imports, and its functions."""
     names = set().union(*map(called, programs))
     imported = sorted(names - {SINCOS, PIECES} | (set(SHARED) if SINCOS in names else set()))

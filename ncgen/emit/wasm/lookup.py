@@ -3,7 +3,7 @@ instruction, so that a module and compiled C agree to the last bit."""
 
 from __future__ import annotations
 
-from ncgen.emit.wasm.binary import F64, I32, Function, Signature, double, signed, unsigned
+from ncgen.emit.wasm.binary import F64, I32, Signature, WasmFunction, double, signed, unsigned
 from ncgen.emit.wasm.code import (
     ELSE,
     END,
@@ -30,10 +30,10 @@ X, KNOTS, ROWS, COUNT, DEGREE, PERIOD, LOW, MIDDLE, Y = (unsigned(k) for k in ra
 """The function's arguments, of which count ends where the search does, and its own locals."""
 
 
-def lookup() -> Function:
+def lookup() -> WasmFunction:
     """f(x, address of the knots, address of the rows, how many knots, degree, period) -> the value."""
     arguments = (F64, I32, I32, I32, I32, F64)
-    return Function(f"ncgen_{PIECES}", Signature(arguments, (F64,)), _reduced() + _searched() + _summed(), 2, 1)
+    return WasmFunction(f"ncgen_{PIECES}", Signature(arguments, (F64,)), _reduced() + _searched() + _summed(), 2, 1)
 
 
 def _reduced() -> bytes:

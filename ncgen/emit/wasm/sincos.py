@@ -6,8 +6,8 @@ from __future__ import annotations
 import ast
 import re
 
-from ncgen.emit.runtime import runtime_text
-from ncgen.emit.wasm.binary import F64, I32, Function, Signature, double, unsigned
+from ncgen.emit.runtime_files import runtime_text
+from ncgen.emit.wasm.binary import F64, I32, Signature, WasmFunction, double, unsigned
 from ncgen.emit.wasm.code import CALL, ELSE, END, F64_CONST, F64_STORE, GET, IF, LESS, OWN, SET, SINCOS
 
 X, SINE, COSINE = range(3)
@@ -17,7 +17,7 @@ SUMS = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul"}
 """All that C computes there: the same words as in Python."""
 
 
-def sincos(sine: int, cosine: int) -> Function:
+def sincos(sine: int, cosine: int) -> WasmFunction:
     """f(x, address of the sine, address of the cosine); `sine` and `cosine` are the numbers of the functions for large angles."""
     far, assignments = _in_c()
     local = {"x": X}
@@ -30,7 +30,7 @@ def sincos(sine: int, cosine: int) -> Function:
     near += b"".join(_stored(place, GET + unsigned(local[name])) for place, name, _ in results)
     beyond = b"".join(_stored(place, GET + unsigned(X) + CALL + unsigned(number)) for place, _, number in results)
     is_near = GET + unsigned(X) + OWN["abs"] + F64_CONST + double(far) + LESS
-    return Function(SINCOS, Signature((F64, I32, I32), ()), is_near + IF + near + ELSE + beyond + END, 0, len(local) - 1)
+    return WasmFunction(SINCOS, Signature((F64, I32, I32), ()), is_near + IF + near + ELSE + beyond + END, 0, len(local) - 1)
 
 
 def _in_c() -> tuple[float, list[tuple[str, str]]]:

@@ -26,7 +26,7 @@ from ncgen.program.motions.state_functions import (
 from ncgen.solver.engines.compiled import samples, split_of
 from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
 from ncgen.solver.positions.partition import choose_partitions
-from ncgen.solver.trajectories.outputs import uses_loads
+from ncgen.solver.trajectories.output_values import uses_loads
 
 MOST = 60_000
 """Operations up to which derivatives are written out."""

@@ -78,7 +78,7 @@ class EventTable:
     def programs(self) -> list[Program]:
         """Of conditions, their slopes and rates, and of what actions set."""
         conditions = [(f"event {event.name}", event.when) for event in self.events]
-        return list(assemble_conditions(self.equations, conditions, self._filled[1], []).values())
+        return list(assemble_conditions(self.equations, conditions, self._filled[1], [], []).values())
 
     @cached_property
     def described(self) -> dict[str, object]:
@@ -116,6 +116,8 @@ class EventTable:
 
 def refusal_of_events(model: Model) -> str | None:
     """Why the events of a model cannot be exported, in words, or None."""
+    if others := [*model.ratchets, *model.locks, *(name for name in model.beginnings if name in model.parameters)]:
+        return f"locks and ratchets are not exported yet ({shortened(others)}); use ncgen.simulate"
     if model.frictions:
         return f"joints that stick are not exported yet ({shortened(list(model.frictions))}); take a law that is smooth, or ncgen.simulate"
     if model.contacts:
@@ -123,6 +125,6 @@ def refusal_of_events(model: Model) -> str | None:
     if called := [event.name for event in model.events.values() if event.is_called]:
         return f"event {called[0]} calls a Python function; write what it does as expressions"
     known = (Change, Impact, Stop)
-    if others := [event.name for event in model.events.values() if not all(isinstance(action, known) for action in event.do)]:
-        return f"what event {others[0]} does is not exported yet; use ncgen.simulate"
+    if unknown := [event.name for event in model.events.values() if not all(isinstance(action, known) for action in event.do)]:
+        return f"what event {unknown[0]} does is not exported yet; use ncgen.simulate"
     return None

@@ -103,7 +103,8 @@ def fmu_files(package: Package, platforms: Sequence[str] = (), *, version: int) 
         "variables": variables,
         "output_places": [i for i, v in enumerate(variables) if v.causality == "output"],
         "derivatives": [i for i, v in enumerate(variables) if v.derivative is not None],
-        "initial_unknowns": [i for i, v in enumerate(variables) if v.initial in ("approx", "calculated")],
+        "initial_unknowns": [i for i, v in enumerate(variables) if v.initial in ("approx", "calculated") and not _is_condition(v)],
+        "indicators": [i for i, v in enumerate(variables) if _is_condition(v)],
         "units_used": {v.unit: BASE_UNITS.get(v.unit) for v in variables if v.unit},
         "compiled": [name for name in (*package.c, f"fmi{version}.c") if name.endswith(".c")],
     }
@@ -132,6 +133,11 @@ def _groups(package: Package) -> list[Group]:
     parameters = zip(package.records["parameters"], kernels.p0, strict=True)
     q, rate, work = 1, 1 + n, 1 + 2 * n  # where the states stand
 
+    events, changed = kernels.model.events, package.events.changed if package.events else frozenset()
+    conditions = [Variable(f"condition({name})", "", f"condition of event {name}", "local") for name in events]
+    said = ("output", "discrete", "exact", 0.0)
+    counts = [Variable(f"count({name})", "", f"how often event {name} has happened", *said) for name in events]
+
     def state(name: str, unit: str, what: str, start: float) -> Variable:
         return Variable(name, unit, what, initial="approx", start=float(start))
 
@@ -151,8 +157,9 @@ def _groups(package: Package) -> list[Group]:
         "POTENTIAL": ("potential energy", [Variable("potential", "J", "potential energy")]),
         "LAM": ("multipliers", [Variable(f"multiplier({i})", "", f"multiplier of row {i}: {r.label} ({r.owner})") for i, r in rows]),
         "LOAD": ("joint loads", [v for load in loaded_elements(package.sources.programs.equations) for v in _load(*load)]),
+        **({"CONDITION": ("conditions of events", conditions), "COUNT": ("how often events have happened", counts)} if events else {}),
         "OUTPUT": ("outputs of the model", [Variable(o.label, o.unit, f"output {o.label}") for o in kernels.model.outputs.values()]),
-        "P": ("parameters, then inputs", [_given(p, float(x)) for p, x in parameters]),
+        "P": ("parameters, then inputs", [_given(p, float(x), p.name in changed) for p, x in parameters]),
     }  # fmt: skip
     taken = [v.name for name, (_, variables) in lists.items() if name != "OUTPUT" for v in variables]
     what, outputs = lists["OUTPUT"]
@@ -164,11 +171,17 @@ def _groups(package: Package) -> list[Group]:
     return groups
 
 
-def _given(parameter: Parameter, default: float) -> Variable:
-    """What the unit is given: a number for long, or at every instant."""
+def _given(parameter: Parameter, default: float, changes: bool) -> Variable:
+    """What the unit is given: a number for long, or at every instant; or what its events change."""
+    if changes:
+        return Variable(parameter.name, parameter.unit, f"{parameter.name}, which events change", "local", "discrete", "exact", default)
     if isinstance(parameter, Input):
         return Variable(parameter.name, parameter.unit, f"input {parameter.name}", "input", "continuous", None, default)
     return Variable(parameter.name, parameter.unit, f"parameter {parameter.name}", "parameter", "tunable", "exact", default)
+
+
+def _is_condition(variable: Variable) -> bool:
+    return variable.description.startswith("condition of event ")
 
 
 def _load(body: Body, element: Spatial) -> list[Variable]:

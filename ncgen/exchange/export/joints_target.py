@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from ncgen import __version__
 from ncgen.compiler import compile
+from ncgen.emit.c.c_spelling import number
 from ncgen.emit.c.files import program_records
-from ncgen.emit.c.spelling import number
 from ncgen.emit.naming import labels, prefix_of
 from ncgen.exchange.export.package import without_runtime
 from ncgen.exchange.robots.frame_outputs import carried
@@ -17,7 +17,7 @@ from ncgen.model.elements import Point
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.verify import verify
 from ncgen.program.lines import Lines
-from ncgen.program.tree.joint_space import POSITION, Made
+from ncgen.program.tree.joint_programs import POSITION, Made
 from ncgen.program.tree.tree_motion import TreePlace
 from ncgen.solver.joints.joint_loops import JointsInLoops
 from ncgen.solver.joints.joint_space import JointSpace, joint_space

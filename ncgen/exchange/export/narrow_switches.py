@@ -15,7 +15,7 @@ import numpy as np
 from ncgen.mechanism.narrow_laws import quick_changes
 from ncgen.mechanism.time_laws import TIME, degrees_in_time, is_slow, slope_in_time
 from ncgen.model.pieces import Pieces
-from ncgen.program.ir.graph import Graph, Input
+from ncgen.program.ir.graph import ArrayElement, Graph
 from ncgen.program.ir.ranges import values
 
 LARGEST = 1e4
@@ -40,7 +40,9 @@ class Argument(NamedTuple):
     vertex: float = 0.0
 
 
-def narrow_arguments(graph: Graph, nodes: Iterable[int], defaults: Mapping[Input, float]) -> tuple[list[tuple[int, Pieces]], list[int]]:
+def narrow_arguments(
+    graph: Graph, nodes: Iterable[int], defaults: Mapping[ArrayElement, float]
+) -> tuple[list[tuple[int, Pieces]], list[int]]:
     """Find where laws of time change quickly.
 
     nodes: those that may, arguments first; defaults: {parameter: value}, of which the signs matter
@@ -67,7 +69,7 @@ def narrow_arguments(graph: Graph, nodes: Iterable[int], defaults: Mapping[Input
     return [(u, _pieces(sorted(changes), period)) for (u, period), changes in knots.items() if changes], left
 
 
-def _inputs(graph: Graph, node: int) -> set[Input]:
+def _inputs(graph: Graph, node: int) -> set[ArrayElement]:
     return {graph.ops[n].input for n in graph.below([node]) if graph.ops[n].code == "load"}
 
 
@@ -85,7 +87,7 @@ def _base(graph: Graph, node: int, degrees: Mapping[int, float]) -> int | None:
     return laws.pop() if len(laws) == 1 else None
 
 
-def _argument(graph: Graph, law: int, base: int, defaults: Mapping[Input, float]) -> Argument | None:
+def _argument(graph: Graph, law: int, base: int, defaults: Mapping[ArrayElement, float]) -> Argument | None:
     """The argument of a polynomial g, which a law is a function of; None where its vertex is a parameter and no factor of the law."""
     slope = slope_in_time(graph, base)
     assert slope is not None, "a narrow law's argument does not depend on time"
@@ -109,7 +111,7 @@ def _argument(graph: Graph, law: int, base: int, defaults: Mapping[Input, float]
     return Argument(graph.div(slope, graph.call("sqrt", graph.mul(graph.const(2.0), size))), float(signs[0]), vertex)
 
 
-def _number(graph: Graph, node: int, defaults: Mapping[Input, float], factor: float) -> float:
+def _number(graph: Graph, node: int, defaults: Mapping[ArrayElement, float], factor: float) -> float:
     """The value of a node without time, at other parameters."""
     return float(values(graph.ops, node, {each: (value or 1.0) * factor for each, value in defaults.items()} | {TIME: 0.0}))
 

@@ -14,34 +14,34 @@ import numpy as np
 
 from ncgen import __version__
 from ncgen.compiler import compile, generate
+from ncgen.emit.c.c_spelling import number
 from ncgen.emit.c.files import program_records
-from ncgen.emit.c.spelling import number
 from ncgen.emit.environment import render
 from ncgen.emit.naming import labels, prefix_of
-from ncgen.emit.runtime import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
+from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError, shortened
 from ncgen.exchange.export.event_table import EventTable, refusal_of_events
 from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.motion_sources import motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
-from ncgen.mechanism.written import motion_source
 from ncgen.model import Model
 from ncgen.program.algebra.quasidefinite import Elimination, plan
 from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.program.ir.cost import cost
 from ncgen.program.motions.full_loads import assemble_loads
 from ncgen.program.motions.full_motion import FullMotion, MotionSizes, assemble_full_motion, assemble_full_tangents
-from ncgen.program.motions.outputs import assemble_outputs
+from ncgen.program.motions.output_programs import assemble_outputs
 from ncgen.solver.engines.compiled import own_positions
-from ncgen.solver.given import has_events
+from ncgen.solver.given import has_events, names_of_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.positions.rank import freedom, trial_positions
 from ncgen.solver.runs.run import Run
 from ncgen.solver.runs.simulation_options import check_options, simulation_of
 from ncgen.solver.runs.start import begin
-from ncgen.solver.trajectories.outputs import uses_loads
+from ncgen.solver.trajectories.output_values import uses_loads
 
 PUBLIC = ("ncgen.h",)
 """Headers of ncgen that an embedder reads; the others stay beside the sources."""
@@ -208,8 +208,7 @@ class Package:
 
     def _motion_programs(self) -> list[Program]:
         """What stands beside the kernels as functions."""
-        pairs = [self.full, self.tangents] if self.tangents else []
-        own = [program for pair in pairs for program in (pair.closing, pair.motion)]
+        own = [self.full.closing, self.tangents.closing, self.tangents.motion] if self.tangents else []
         switches = [self.switching.program] if self.switching else []
         happening = self.events.programs if self.events else []
         return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches, *happening]
@@ -272,8 +271,8 @@ def _refusal(model: Model, events: bool) -> str | None:
     if model.callbacks:
         return "it calls a Python function"
     if has_events(model) and not events:
-        names = shortened([*model.events, *model.frictions])
-        return f"this export does not support events yet ({names}); take c, python, fmu2 or fmu3"
+        names = shortened(names_of_events(model))
+        return f"this export does not support events yet ({names}); take c, fmu2, fmu3, html, python or wasm"
     if reason := refusal_of_events(model):
         return reason
     if model.branches:

@@ -24,7 +24,7 @@ from ncgen.mechanism.time_laws import TIME, TimeLaws, slope_in_time, time_laws
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient
-from ncgen.program.ir.graph import PIECES, Graph, Input, Op
+from ncgen.program.ir.graph import PIECES, ArrayElement, Graph, Op
 from ncgen.program.ir.ranges import values
 from ncgen.program.lines import line
 from ncgen.symbolic.numbering import Terms
@@ -77,7 +77,7 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
             straight += _line(graph, argument, slope, switch.pieces, duration)
         else:
             curved.append(graph.lookup(_numbered(switch.pieces), argument))
-    defaults = {Input("p", k): float(kernels.p0[k]) for k in laws.parameters}
+    defaults = {ArrayElement("p", k): float(kernels.p0[k]) for k in laws.parameters}
     arguments, left = narrow_arguments(graph, [nodes[node] for node in laws.narrow], defaults)
     for u, pieces in arguments:
         slope = slope_in_time(graph, u)
@@ -94,7 +94,7 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
 
 def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duration: float) -> dict[int, Pieces]:
     """{law that has narrow changes in the described motion: the number of the piece that its value is in}."""
-    given = {Input("p", k): float(kernels.p0[k]) for k in laws.parameters}
+    given = {ArrayElement("p", k): float(kernels.p0[k]) for k in laws.parameters}
     narrow = {}
     for node in nodes:
         breaks = breaks_of_laws(kernels, replace(laws, switches=(), narrow=(node,)), 0.0, duration)

@@ -43,13 +43,13 @@ def _closed(
         raise ModelError(f"close {name}: the robot is assembled anew, and the model has more than its file; close loops before that")
     if name in {joint.name for joint in (*robot.joints, *robot.loops)}:
         raise ModelError(f"close {name}: there is a joint of that name already; choose another")
-    found = []
+    two_ends = []
     for end in ends:
         frame = frame_of(robot, end) if isinstance(end, str) else None
         if frame is None:
             raise ModelError(f"close {name}: {shown(end)} is no link or frame of the file; known are {', '.join(model.frames)}")
-        found.append(frame)
-    (parent, on_parent), (child, on_child) = found
+        two_ends.append(frame)
+    (parent, on_parent), (child, on_child) = two_ends
     if parent == child:
         raise ModelError(f"close {name}: both frames are on link {parent}, so it changes nothing; name frames of two links")
     closure = Closure(name, KINDS[kind], parent, child, on_parent, on_child, unit(axis))

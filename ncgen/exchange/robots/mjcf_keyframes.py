@@ -10,13 +10,13 @@ import numpy as np
 from ncgen.exchange.robots.mjcf_actuators import controls
 from ncgen.exchange.robots.mjcf_compiled import Compiled
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.robots.robot import Start
+from ncgen.exchange.robots.robot import RobotState
 
 FREE, BALL = 0, 1
 """MuJoCo's numbers of joints with several degrees of freedom."""
 
 
-def keyframes(model: Compiled, joints: Sequence[str]) -> dict[str, Start]:
+def keyframes(model: Compiled, joints: Sequence[str]) -> dict[str, RobotState]:
     """{name: start} of all keyframes; joints: names by MuJoCo's numbers."""
     starts = {}
     for k in range(model.nkey):
@@ -25,7 +25,7 @@ def keyframes(model: Compiled, joints: Sequence[str]) -> dict[str, Start]:
     return starts
 
 
-def start_of(m: Compiled, qpos: np.ndarray, qvel: np.ndarray, joints: Sequence[str]) -> Start:
+def start_of(m: Compiled, qpos: np.ndarray, qvel: np.ndarray, joints: Sequence[str]) -> RobotState:
     """A state of MuJoCo's, qpos (nq,) and qvel (nv,)."""
     values, rates = dict[str, float](), dict[str, float]()
     turned = dict[str, tuple[np.ndarray, np.ndarray]]()
@@ -38,4 +38,4 @@ def start_of(m: Compiled, qpos: np.ndarray, qvel: np.ndarray, joints: Sequence[s
             turned[name] = Placement.of_quaternion(np.zeros(3), qpos[at : at + 4]).rotation, qvel[dof : dof + 3]
         else:
             values[name], rates[name] = float(qpos[at]), float(qvel[dof])
-    return Start(values, rates, turned, free)
+    return RobotState(values, rates, turned, free)

@@ -12,7 +12,7 @@ from ncgen.errors import ModelError
 from ncgen.exchange.robots.looks import Shape, rgba_of
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mimic, Robot
-from ncgen.exchange.robots.written import document, element
+from ncgen.exchange.robots.xml_text import document, element
 from ncgen.files import is_file
 
 MESHES = (".stl", ".obj", ".msh")

@@ -14,15 +14,15 @@ from ncgen.compiler import compile
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.linkage import linkage_of
 from ncgen.exchange.robots.looks import shapes_on
+from ncgen.exchange.robots.model_loads import acting, gravity_of, mass_of, origin_of
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Robot
-from ncgen.exchange.robots.told import acting, gravity_of, mass_of, origin_of
 from ncgen.model import Model
 from ncgen.model.arithmetic import unit
 from ncgen.model.forces import TorsionSpring
 from ncgen.model.pairs import Screw
 from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
-from ncgen.symbolic.tree import Link as Carried
+from ncgen.symbolic.tree import TreeLink
 
 ROOT = "world"
 
@@ -83,7 +83,7 @@ class _Teller:
         placement = _turned(axis, -start, position) if kind == "revolute" else Placement(position=position - start * axis)
         return Joint(name, kind, parent, link.body.name, placement, axis, **acting(self.model, name))
 
-    def _kind(self, link: Carried) -> tuple[str, np.ndarray]:
+    def _kind(self, link: TreeLink) -> tuple[str, np.ndarray]:
         """The joint that carries a link, by its freedoms, and its axis."""
         screws = link.screws
         turning = [screw for screw in screws if screw.point]

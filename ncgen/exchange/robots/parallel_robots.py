@@ -62,17 +62,17 @@ class _Parser:
         self.at = 0
 
     def tables(self) -> dict[str, list[str | list[str]]]:
-        found: dict[str, list[str | list[str]]] = {}
+        by_key: dict[str, list[str | list[str]]] = {}
         while self.at < len(self.tokens):
             kind, key, line = self._next()
             if kind != "key" or self._next()[0] != "colon":
                 self._refuse(line, f"{shown(key)} stands where a key should be; write KEY: [...]")
             if key not in KEYS:
                 self._refuse(line, f"there is no key {shown(key)}; known are {', '.join(KEYS)}")
-            if key in found:
+            if key in by_key:
                 self._refuse(line, f"the key {key} stands twice; leave one out")
-            found[key] = self._list(0)
-        return found
+            by_key[key] = self._list(0)
+        return by_key
 
     def _list(self, depth: int) -> list[str | list[str]]:
         kind, text, line = self._next()

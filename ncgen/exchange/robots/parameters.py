@@ -33,7 +33,7 @@ ROUNDING = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class RigidPart:
     """A link, or several that are fixed to each other. mass: in its own frame; frame: in the world, where all coordinates are 0."""
 
     name: str
@@ -46,10 +46,10 @@ class Parts:
     """The masses of a body. fixed: numbers, in the world; chosen: those that become parameters."""
 
     fixed: Mass | None
-    chosen: tuple[Part, ...]
+    chosen: tuple[RigidPart, ...]
 
 
-def names_asked(parameters: object) -> tuple[str, ...]:
+def names_of_parameters(parameters: object) -> tuple[str, ...]:
     """What `ncgen.load` is asked to make parameters. Raises ModelError unless it is a word, a name or several of them."""
     names = (parameters,) if isinstance(parameters, str) else parameters
     if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
@@ -85,7 +85,7 @@ def parts_of(robot: Robot, floating: bool, as_parameters: Sequence[str]) -> dict
             mass, origin = robot.links[name].mass, robot.links[name].origin or Placement()
             if name in chosen:
                 own = mass.seen_from(origin.inverse()) if mass else Mass(0.0, np.zeros(3), np.zeros((3, 3)))
-                parts.append(Part(name, own, frames[name] @ origin))
+                parts.append(RigidPart(name, own, frames[name] @ origin))
             elif mass:
                 own = mass.seen_from(frames[name])
                 fixed = fixed.plus(own) if fixed else own
@@ -145,7 +145,7 @@ def shifted(place: np.ndarray, shift: Shift | None) -> list[Scalar]:
 def add_part(
     model: Model,
     body: Body,
-    part: Part,
+    part: RigidPart,
     begin: str,
     as_given: Mapping[str, Any],
     shift: Shift | None = None,

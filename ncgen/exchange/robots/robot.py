@@ -182,7 +182,7 @@ class Sensor:
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class RobotState:
     """A named state of a file. values, rates: of joints with a coordinate (rad, m, and per second); time: s
 
     turned: {ball: its rotation (3, 3) and angular velocity (3,), in its child}
@@ -221,7 +221,7 @@ class Robot:
     floats: bool = False
     omitted: tuple[str, ...] = ()
     rows: tuple[Coupling, ...] = ()
-    starts: Mapping[str, Start] = field(default_factory=dict)
+    starts: Mapping[str, RobotState] = field(default_factory=dict)
     actuators: tuple[Actuator, ...] | None = None
     sensors: tuple[Sensor, ...] = ()
     motors: tuple[str, ...] = ()
@@ -278,10 +278,10 @@ class Robot:
 
     def frames(self, base: Placement) -> dict[str, Placement]:
         """Those of all links where that of the root stands here and all coordinates are 0. Joints must be ordered."""
-        found = {self.root: base}
+        placements = {self.root: base}
         for joint in self.joints:
-            found[joint.child] = found[joint.parent] @ joint.placement
-        return found
+            placements[joint.child] = placements[joint.parent] @ joint.placement
+        return placements
 
     def _carried(self) -> dict[str, Joint]:
         """{link: the joint that carries it}, with all names looked up."""

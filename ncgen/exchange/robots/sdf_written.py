@@ -13,7 +13,7 @@ from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot
 from ncgen.exchange.robots.sdf import KINDS
 from ncgen.exchange.robots.sdf_links import ENTRIES
 from ncgen.exchange.robots.sdf_scopes import MODEL, WORLD
-from ncgen.exchange.robots.written import document, element, number_text
+from ncgen.exchange.robots.xml_text import document, element, number_text
 
 WORDS = {"spherical": "ball"}
 """The format's words where they are other ones."""

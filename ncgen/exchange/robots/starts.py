@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ncgen.exchange.robots.placement import Placement, rotation_about
-from ncgen.exchange.robots.robot import Joint, Robot, Start
+from ncgen.exchange.robots.robot import Joint, Robot, RobotState
 from ncgen.model.elements import Point, Relative, Spatial
 
 
@@ -23,7 +23,7 @@ class _Moving:
 
 
 def named_start(
-    start: Start,
+    start: RobotState,
     robot: Robot,
     frames: Mapping[str, Placement],
     places: Mapping[Spatial, tuple[str, np.ndarray]],
@@ -55,7 +55,7 @@ def named_start(
     return start_values | ({"t0": start.time} if start.time else {})
 
 
-def _carried(parent: _Moving, joint: Joint, start: Start) -> _Moving:
+def _carried(parent: _Moving, joint: Joint, start: RobotState) -> _Moving:
     """A joint's child where the joint has the values of a start."""
     if joint.name in start.free:
         frame, velocity, turning = start.free[joint.name]

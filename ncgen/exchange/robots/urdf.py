@@ -17,7 +17,7 @@ from ncgen.exchange.robots.markup import Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, unique
 from ncgen.exchange.robots.stops import not_built
-from ncgen.exchange.robots.written import document, element
+from ncgen.exchange.robots.xml_text import document, element
 
 KINDS = {
     "fixed": "fixed",

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ncgen.program.ir import passes
 from ncgen.program.ir.blocks import Block, Loop, Program, Slot
-from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 
 SHARED = {"sin": "sine", "cos": "cosine"}
 """Functions of a coordinate, and the arrays that hold their values."""
@@ -53,7 +53,7 @@ def _rewrite(block: Block, place: dict[int, int]) -> Block:
             slots.append(Slot(SHARED[op.code], table))
             ops[number] = Op("slot", (), len(slots) - 1)
         else:
-            ops[number] = Op("load", (), Input(SHARED[op.code], table[0]))
+            ops[number] = Op("load", (), ArrayElement(SHARED[op.code], table[0]))
         names[number] = f"{op.code}_{block.names.get(op.args[0], f'angle{table[0]}')}"
     if isinstance(block, Loop):
         return replace(block, ops=tuple(ops), names=names, slots=tuple(slots))

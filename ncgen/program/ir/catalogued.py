@@ -12,11 +12,11 @@ from typing import TypeAlias
 
 from ncgen.files import write_text
 from ncgen.program.ir.graph import Op
-from ncgen.symbolic.templates import Output, catalogue
+from ncgen.symbolic.templates import TemplateOutput, catalogue
 
 FILE = Path(__file__).with_name("catalogued.json")
 
-Operations: TypeAlias = tuple[tuple[Op, ...], dict[Output, int]]
+Operations: TypeAlias = tuple[tuple[Op, ...], dict[TemplateOutput, int]]
 """Operations, and the node of every output."""
 
 
@@ -25,7 +25,7 @@ def catalogued() -> dict[str, Operations]:
     """{key of a template: its operations}."""
     operations: dict[str, Operations] = {}
     for key, (ops, outputs) in json.loads(FILE.read_text(encoding="utf-8")).items():
-        nodes = {Output(name, tuple(scalars)): node for name, scalars, node in outputs}
+        nodes = {TemplateOutput(name, tuple(scalars)): node for name, scalars, node in outputs}
         operations[key] = tuple([Op(code, tuple(args), leaf) for code, args, leaf in ops]), nodes
     return operations
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TypeGuard
 
 from ncgen.program.ir.blocks import Block, Program, Store, Straight
-from ncgen.program.ir.graph import Input, Op
+from ncgen.program.ir.graph import ArrayElement, Op
 
 LONGEST = 400
 """Operations of a block: a humanoid's motion is compiled in three quarters of the time that 800 take, and has no more instructions."""
@@ -31,7 +31,7 @@ def cut(program: Program) -> Program:
             blocks.append(block)
             continue
         part = _parts(block)
-        written = {store.node: Input(store.array, store.index) for store in block.stores if not store.accumulate}
+        written = {store.node: ArrayElement(store.array, store.index) for store in block.stores if not store.accumulate}
         places, size = _places(block, part, written)
         blocks += [_block(block, part, places, number) for number in range(part[-1] + 1)]
         most = max(most, size)
@@ -48,7 +48,7 @@ def _parts(block: Straight) -> list[int]:
     return [k * count // len(block.ops) for k in range(len(block.ops))]
 
 
-def _places(block: Straight, part: list[int], written: dict[int, Input]) -> tuple[dict[int, Input], int]:
+def _places(block: Straight, part: list[int], written: dict[int, ArrayElement]) -> tuple[dict[int, ArrayElement], int]:
     """{operation: where it lies} of what later blocks read, and how many places `kept` has; written: what lies in the output."""
     last: dict[int, int] = {}
     for node, op in enumerate(block.ops):
@@ -66,12 +66,12 @@ def _places(block: Straight, part: list[int], written: dict[int, Input]) -> tupl
         if not free:
             free.append(size)
             size += 1
-        places[node] = Input(KEPT, free[-1])
+        places[node] = ArrayElement(KEPT, free[-1])
         ending[last[node]].append(free.pop())
     return places, size
 
 
-def _block(block: Straight, part: list[int], places: dict[int, Input], number: int) -> Straight:
+def _block(block: Straight, part: list[int], places: dict[int, ArrayElement], number: int) -> Straight:
     """One of the blocks: its own operations, with loads of what they read from others; leaves are read anew in every block."""
     ops: list[Op] = []
     new: dict[int, int] = {}

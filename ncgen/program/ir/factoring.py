@@ -19,7 +19,7 @@ from ncgen.program.ir.blocks import Block
 from ncgen.program.ir.graph import Graph, Op
 from ncgen.program.ir.multiples import LARGEST, is_exact, is_known
 from ncgen.program.ir.passes import dead_code, operations, uses
-from ncgen.program.ir.sums import Form, Product, Sum, Term, added, factors, inside, outside, terms
+from ncgen.program.ir.sums import Form, Product, SignedProduct, Sum, added, factors, inside, outside, terms
 
 B = TypeVar("B", bound=Block)
 
@@ -64,9 +64,9 @@ def _shared(block: Block) -> set[int]:
     return {k for k, n in uses(block).items() if n > 1 and block.ops[k].code == "mul" and k not in others}
 
 
-def _term(is_negative: bool, product: Product) -> Term:
-    """A term that no other sum shares, in a third of the time that calling Term takes."""
-    return tuple.__new__(Term, (is_negative, product, None))
+def _term(is_negative: bool, product: Product) -> SignedProduct:
+    """A term that no other sum shares, in a third of the time that calling `SignedProduct` takes."""
+    return tuple.__new__(SignedProduct, (is_negative, product, None))
 
 
 class _Factoring:
@@ -121,18 +121,18 @@ class _Factoring:
 
     # -- sums ----------------------------------------------------------------------------------
 
-    def _term(self, form: Form) -> Term:
+    def _term(self, form: Form) -> SignedProduct:
         """A sum as one term, its common factors outside."""
         while isinstance(form, Sum) and (factor := self._common(form)) is not None:
             form = self._without(form, factor)
-        return form if isinstance(form, Term) else _term(*self._added(form))
+        return form if isinstance(form, SignedProduct) else _term(*self._added(form))
 
     def _without(self, form: Sum, factor: int) -> Form:
         """A sum whose terms with a factor are one, the factor times what was inside."""
         within = inside(form, factor)
         assert within is not None, "a common factor has something inside"
         inner = self._term(within)
-        changed = outside(form, factor, [Term(inner.is_negative, (factor, inner.product))])
+        changed = outside(form, factor, [SignedProduct(inner.is_negative, (factor, inner.product))])
         assert changed is not None, "that is one of its terms"
         return changed
 
@@ -154,7 +154,7 @@ class _Factoring:
 
     def _added(self, form: Form) -> tuple[bool, int]:
         """A sum, written, and its sign: that of all terms, if they have the same."""
-        if isinstance(form, Term):
+        if isinstance(form, SignedProduct):
             if form.shared is not None:
                 self.stayed.add(form.shared)
             return form.is_negative, self._product(form.product)

@@ -18,14 +18,14 @@ from ncgen.model.pieces import Pieces
 from ncgen.program.ir.functions import FUNCTIONS
 
 
-class Input(NamedTuple):
+class ArrayElement(NamedTuple):
     """One number of an array: of an argument such as q, or of a temporary one."""
 
     array: str
     position: int
 
 
-Leaf: TypeAlias = float | int | Input | Pieces | None
+Leaf: TypeAlias = float | int | ArrayElement | Pieces | None
 """What an operation without arguments stands for: a constant (a float), a loop's slot (an int, its number), or an input; and the
 polynomials among which a lookup, which has one argument, chooses."""
 
@@ -53,9 +53,9 @@ class Op(NamedTuple):
         return self.leaf
 
     @property
-    def input(self) -> Input:
+    def input(self) -> ArrayElement:
         """What a load reads."""
-        assert isinstance(self.leaf, Input), f"{self} is no load"
+        assert isinstance(self.leaf, ArrayElement), f"{self} is no load"
         return self.leaf
 
     @property
@@ -127,7 +127,7 @@ class Graph:
         return self._make("const", leaf=float(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
 
     def load(self, array: str, index: int) -> int:
-        return self._make("load", leaf=Input(array, index))
+        return self._make("load", leaf=ArrayElement(array, index))
 
     def slot(self, number: int) -> int:
         return self._make("slot", leaf=number)
@@ -256,7 +256,7 @@ class Graph:
             total = self.add(total, node)
         return total
 
-    def replaced(self, node: int, inputs: Mapping[Input, int]) -> int:
+    def replaced(self, node: int, inputs: Mapping[ArrayElement, int]) -> int:
         """A node with other nodes for inputs."""
         new: dict[int, int] = {}
         for part in sorted(self.below([node])):

@@ -18,7 +18,7 @@ from ncgen.model.names import TIME
 from ncgen.program.ir.catalogued import Operations, catalogued
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import Graph, Op
-from ncgen.symbolic.templates import Output, Template, rate_name
+from ncgen.symbolic.templates import Template, TemplateOutput, rate_name
 
 if TYPE_CHECKING:
     import sympy
@@ -53,7 +53,7 @@ class LoweredTemplate:
         self.outputs = {key: _lower(graph, e, nodes, data) for key, e in template.outputs.items()}
         self.ops = tuple(graph.ops)
 
-    def replay(self, graph: Graph, bind: Callable[[str], int], wanted: Iterable[Output]) -> dict[Output, int]:
+    def replay(self, graph: Graph, bind: Callable[[str], int], wanted: Iterable[TemplateOutput]) -> dict[TemplateOutput, int]:
         """The nodes of the wanted outputs in `graph`; bind(name) gives the node of a symbol."""
         names = list(self.slots)
         made: dict[int, int] = {}

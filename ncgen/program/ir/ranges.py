@@ -10,7 +10,7 @@ import numpy as np
 
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.functions import FUNCTIONS
-from ncgen.program.ir.graph import PIECES, Input, Op
+from ncgen.program.ir.graph import PIECES, ArrayElement, Op
 
 Interval: TypeAlias = tuple[np.ndarray, np.ndarray]
 """Lower and upper bounds, of one shape; infinite where nothing is known."""
@@ -36,7 +36,7 @@ MONOTONE: dict[str, tuple[float, float]] = {
 """{functions that never fall: where they are defined}."""
 
 
-def values(ops: Sequence[Op], node: int, given: Mapping[Input, np.ndarray | float]) -> np.ndarray:
+def values(ops: Sequence[Op], node: int, given: Mapping[ArrayElement, np.ndarray | float]) -> np.ndarray:
     """The values of a node; given: {input: its numbers, of one shape, or one number}. NaN outside of a function's domain."""
     known: list[np.ndarray | float] = []
     with np.errstate(all="ignore"):
@@ -54,7 +54,7 @@ def values(ops: Sequence[Op], node: int, given: Mapping[Input, np.ndarray | floa
     return np.asarray(known[node])
 
 
-def ranges(ops: Sequence[Op], nodes: Sequence[int], given: Mapping[Input, Interval]) -> list[Interval]:
+def ranges(ops: Sequence[Op], nodes: Sequence[int], given: Mapping[ArrayElement, Interval]) -> list[Interval]:
     """Bounds of the values of nodes where every input is in its interval, but for rounding."""
     known: list[Interval] = []
     with np.errstate(all="ignore"):

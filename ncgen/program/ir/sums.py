@@ -11,7 +11,7 @@ Product: TypeAlias = "int | tuple[Product, Product]"
 """A node, or the product of two."""
 
 
-class Term(NamedTuple):
+class SignedProduct(NamedTuple):
     """A product with a sign; shared: the number of the operation that it is, if several sums read it."""
 
     is_negative: bool
@@ -22,9 +22,9 @@ class Term(NamedTuple):
     def size(self) -> int:
         return 1
 
-    def negated(self) -> Term:
+    def negated(self) -> SignedProduct:
         is_negative, product, shared = self
-        return tuple.__new__(Term, (not is_negative, product, shared))
+        return tuple.__new__(SignedProduct, (not is_negative, product, shared))
 
     def has(self, factor: int) -> bool:
         """Whether it is a product of the factor and of something else."""
@@ -42,20 +42,20 @@ class Sum(NamedTuple):
         return Sum(self.left.negated(), self.right.negated(), self.size)
 
 
-Form: TypeAlias = Term | Sum
+Form: TypeAlias = SignedProduct | Sum
 
 
 def added(left: Form, right: Form) -> Sum:
     return tuple.__new__(Sum, (left, right, left.size + right.size))
 
 
-def terms(form: Form) -> list[Term]:
+def terms(form: Form) -> list[SignedProduct]:
     """From left to right."""
-    forms: list[Term] = []
+    forms: list[SignedProduct] = []
     waiting = [form]
     while waiting:
         form = waiting.pop()
-        if isinstance(form, Term):
+        if isinstance(form, SignedProduct):
             forms.append(form)
         else:
             left, right, _ = form
@@ -82,15 +82,15 @@ def factors(product: Product) -> list[int]:
 
 def inside(form: Form, factor: int) -> Form | None:
     """What of a sum is multiplied by the factor; None if nothing is."""
-    if isinstance(form, Term):
+    if isinstance(form, SignedProduct):
         rest = _over(form.product, factor) if form.has(factor) else None
-        return None if rest is None else Term(form.is_negative, rest)
+        return None if rest is None else SignedProduct(form.is_negative, rest)
     return _joined(inside(form.left, factor), inside(form.right, factor))
 
 
-def outside(form: Form, factor: int, waiting: list[Term]) -> Form | None:
+def outside(form: Form, factor: int, waiting: list[SignedProduct]) -> Form | None:
     """A sum with the waiting term for those that have the factor, in the place of the last of them: nothing is added later than it was."""
-    if isinstance(form, Term):
+    if isinstance(form, SignedProduct):
         return form if not form.has(factor) else waiting.pop() if waiting else None
     right = outside(form.right, factor, waiting)
     return _joined(outside(form.left, factor, waiting), right)

@@ -17,7 +17,7 @@ from ncgen.model.bodies import Body
 from ncgen.model.elements import Component, Spatial, Vector
 from ncgen.model.rows import Owner
 from ncgen.model.values import Parameter, is_number
-from ncgen.program.binding import Bound, Reference
+from ncgen.program.binding import BoundTerm, Reference
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.graph import Graph
@@ -106,6 +106,6 @@ class _Share(Lines):
             return self.graph.load("p", parameters.index(value.name))
         return lower_value(self.graph, value, {name: self.graph.load("p", i) for i, name in enumerate(parameters)})
 
-    def _read(self, bound: Bound, reference: Reference) -> int:
+    def _read(self, bound: BoundTerm, reference: Reference) -> int:
         kind, k = reference
         return self.place(bound.coordinates[k], kind) if kind in ("q", "qd") else super()._read(bound, reference)

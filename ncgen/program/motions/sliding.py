@@ -18,7 +18,7 @@ from ncgen.program.ir.derivatives import gradient
 from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.verify import verify
 from ncgen.program.lines import Lines
-from ncgen.program.motions.expressions import expression_node
+from ncgen.program.motions.expression_nodes import expression_node
 from ncgen.program.motions.full_motion import MotionSizes
 from ncgen.program.motions.multipliers import STATE, AccelerationNodes
 from ncgen.symbolic.numbering import Terms

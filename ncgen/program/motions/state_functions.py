@@ -34,8 +34,8 @@ from ncgen.program.ir.inlined import inlined
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
-from ncgen.program.motions.outputs import assemble_outputs
-from ncgen.program.tree.joint_space import Followed, assemble_joint_space
+from ncgen.program.motions.output_programs import assemble_outputs
+from ncgen.program.tree.joint_programs import Followed, assemble_joint_space
 from ncgen.symbolic.numbering import Terms
 
 Entries: TypeAlias = dict[tuple[int, int], int]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from ncgen.program.algebra.space import PLACES, Space, Tensor, Vector
-from ncgen.program.tree.composite import Inertia, massless
+from ncgen.program.tree.composite import SpatialInertia, massless
 from ncgen.program.tree.tree_motion import TreePlace
 
 Rows: TypeAlias = tuple[Vector, Vector, Vector]
@@ -20,14 +20,14 @@ Rows: TypeAlias = tuple[Vector, Vector, Vector]
 
 @dataclass(frozen=True)
 class Articulated:
-    """Inertia of bodies that move beside each other: angular momentum I ω + B v, linear momentum Bᵀ ω + M v."""
+    """Inertia of bodies that move relative to each other: angular momentum I ω + B v, linear momentum Bᵀ ω + M v."""
 
     turning: Tensor
     mixed: Rows
     along: Tensor
 
     @classmethod
-    def of(cls, space: Space, body: Inertia) -> Articulated:
+    def of(cls, space: Space, body: SpatialInertia) -> Articulated:
         """That of one body: B is h ×, M its mass."""
         none, (x, y, z), neg, m = space.graph.const(0.0), body.first, space.graph.neg, body.mass
         return cls(body.tensor, ((none, neg(z), y), (z, none, neg(x)), (neg(y), x, none)), (m, m, m, none, none, none))
@@ -70,7 +70,7 @@ def _times(space: Space, rows: Rows, vector: Vector) -> Vector:
     return x, y, z
 
 
-def accelerations(place: TreePlace, bodies: Sequence[Inertia | None], right: dict[int, int]) -> dict[int, int]:
+def accelerations(place: TreePlace, bodies: Sequence[SpatialInertia | None], right: dict[int, int]) -> dict[int, int]:
     """{rate: ẍ} of H ẍ = right; bodies: the own inertia of every link.
 
     Raises SingularError where a joint moves nothing.

@@ -17,9 +17,9 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
-from ncgen.program.tree.rates import NoRecursion, check_seen
+from ncgen.program.tree.rates import NoRecursion, check_samples
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.tree import Link, Tree, moving, spanning_tree
+from ncgen.symbolic.tree import Tree, TreeLink, moving, spanning_tree
 
 SAME = 1e-9
 """Natural sizes by which positions may differ from those of samples, and cosines from 0."""
@@ -45,7 +45,7 @@ def assemble_closed_positions(
 
     Raises NoRecursion where the dependent coordinates are not those of an open tree of hinges whose angles are independent.
     """
-    check_seen(equations, samples)
+    check_samples(equations, samples)
     tree = spanning_tree(equations.model)
     hinges = hinges_of(equations, tree, split)
     lines = Lines(equations)
@@ -75,7 +75,7 @@ def hinges_of(equations: Terms, tree: Tree, split: Split) -> list[Hinge]:
     return hinges
 
 
-def _hinge(equations: Terms, tree: Tree, link: Link, split: Split) -> Hinge:
+def _hinge(equations: Terms, tree: Tree, link: TreeLink, split: Split) -> Hinge:
     """The independent angle of a link's joint. Raises NoRecursion where there is none."""
     if len(link.screws) != 1 or link.screws[0].point is None:
         raise NoRecursion(f"{link.body.name} is on no hinge")
@@ -106,7 +106,7 @@ class _Placing:
         for number, (link, hinge) in enumerate(zip(tree.links, hinges, strict=True)):
             self._place(link, hinge, [element for element, home in tree.home.items() if home == number])
 
-    def _place(self, link: Link, hinge: Hinge, elements: list[Spatial]) -> None:
+    def _place(self, link: TreeLink, hinge: Hinge, elements: list[Spatial]) -> None:
         space, graph = self.space, self.lines.graph
         point = link.screws[0].point
         assert point is not None, "a hinge turns about a point"

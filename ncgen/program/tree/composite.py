@@ -25,24 +25,26 @@ from ncgen.symbolic.inertia import Exact, StandardInertia, standard_inertia
 
 
 @dataclass(frozen=True)
-class Inertia:
+class SpatialInertia:
     """Mass, first moment and inertia tensor about the reference point, of one body or of several together."""
 
     mass: int
     first: Vector
     tensor: Tensor
 
-    def plus(self, space: Space, other: Inertia) -> Inertia:
-        return Inertia(space.graph.add(self.mass, other.mass), space.add(self.first, other.first), space.plus(self.tensor, other.tensor))
+    def plus(self, space: Space, other: SpatialInertia) -> SpatialInertia:
+        return SpatialInertia(
+            space.graph.add(self.mass, other.mass), space.add(self.first, other.first), space.plus(self.tensor, other.tensor)
+        )
 
-    def shifted(self, space: Space, shift: Vector | None) -> Inertia:
+    def shifted(self, space: Space, shift: Vector | None) -> SpatialInertia:
         """The same about a point that is `shift` back from the reference point (Steiner)."""
         if shift is None:
             return self
         graph, moved = space.graph, space.times(self.mass, shift)
         twice = space.sum((self.first, self.first, moved))  # h dᵀ + d hᵀ + m d dᵀ, symmetric, from (2 h + m d) and d
         spread = [graph.mul(graph.const(0.5), graph.add(graph.mul(twice[i], shift[j]), graph.mul(twice[j], shift[i]))) for i, j in PLACES]
-        return Inertia(self.mass, space.add(self.first, moved), space.plus(self.tensor, space.turning(spread)))
+        return SpatialInertia(self.mass, space.add(self.first, moved), space.plus(self.tensor, space.turning(spread)))
 
     def momentum(self, space: Space, axis: Vector, lever: Vector) -> tuple[Vector, Vector]:
         """Linear and angular momentum for the screw (axis, lever) at rate 1."""
@@ -62,13 +64,13 @@ def massless(name: str) -> SingularError:
     return SingularError(f"{name}: a motion of the mechanism has no inertia; give the bodies that move mass")
 
 
-def nothing(space: Space) -> Inertia:
-    return Inertia(space.graph.const(0.0), space.zero, space.empty)
+def nothing(space: Space) -> SpatialInertia:
+    return SpatialInertia(space.graph.const(0.0), space.zero, space.empty)
 
 
 def inertia_of(
     standard: StandardInertia, space: Space, node: Callable[[Component], int], value: Callable[[Exact], int], reference: Vector
-) -> Inertia:
+) -> SpatialInertia:
     """A body's inertia about the reference point, from its coordinates y and the constants S of natural coordinates:
     h = Σ S₀ₐ yₐ, P = Σ Sₐᵦ yₐ yᵦᵀ and I = tr(P) 1 − P.
 
@@ -89,7 +91,7 @@ def inertia_of(
         return graph.sum((*spread, graph.mul(offset[i], base[j]), graph.mul(base[i], first[j])))
 
     xx, yy, zz, xy, xz, yz = (second(i, j) for i, j in PLACES)
-    return Inertia(S[0][0], first, space.turning((xx, yy, zz, xy, xz, yz)))
+    return SpatialInertia(S[0][0], first, space.turning((xx, yy, zz, xy, xz, yz)))
 
 
 def _form(space: Space, form: tuple[tuple[float, tuple[Component, ...]], ...], node: Callable[[Component], int]) -> Vector:
@@ -101,7 +103,7 @@ def _form(space: Space, form: tuple[tuple[float, tuple[Component, ...]], ...], n
     return space.sum(vectors)
 
 
-def inertias_of(place: TreePlace) -> list[Inertia | None]:
+def inertias_of(place: TreePlace) -> list[SpatialInertia | None]:
     """Of every link about its reference point, None of links without mass."""
     links, lines = place.tree.links, place.lines
     parameters = lines.equations.model.parameters
@@ -113,7 +115,7 @@ def inertias_of(place: TreePlace) -> list[Inertia | None]:
     ]
 
 
-def mass_matrix(place: TreePlace, inertias: Sequence[Inertia | None]) -> Matrix:
+def mass_matrix(place: TreePlace, inertias: Sequence[SpatialInertia | None]) -> Matrix:
     """Both triangles of the mass matrix over the joints' rates: the momentum of all that a joint carries, against the screws of those that
     carry it."""
     space, links = place.space, place.tree.links
@@ -136,7 +138,7 @@ def mass_matrix(place: TreePlace, inertias: Sequence[Inertia | None]) -> Matrix:
 def needed_loads(
     place: TreePlace,
     velocity: TreeVelocity,
-    inertias: Sequence[Inertia | None],
+    inertias: Sequence[SpatialInertia | None],
     gravity: Vector,
     accelerations: Sequence[int] | None = None,
 ) -> Loads:

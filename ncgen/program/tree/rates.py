@@ -17,7 +17,7 @@ import numpy as np
 from ncgen.model.elements import Point, Relative, Spatial
 from ncgen.program.algebra.pivoting import column_order
 from ncgen.program.algebra.space import Vector
-from ncgen.program.ir.graph import Input
+from ncgen.program.ir.graph import ArrayElement
 from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
@@ -46,7 +46,7 @@ class NoRecursion(Exception):
     """The recursion does not say what the equations say; the reason in words."""
 
 
-def check_seen(equations: Terms, samples: Sequence[Sample]) -> None:
+def check_samples(equations: Terms, samples: Sequence[Sample]) -> None:
     """Raise NoRecursion where samples cannot tell what depends on parameters, since they have the same ones."""
     if equations.parameters and len({sample.p.tobytes() for sample in samples}) < 2:
         raise NoRecursion("there are no positions with other parameters")
@@ -178,8 +178,8 @@ class Rates:
         return self.graph.replaced(node, self._start)
 
     @cached_property
-    def _start(self) -> dict[Input, int]:
-        return {Input("q", c): self.place.lines.value(component.value) for c, component in enumerate(self.equations.free)}
+    def _start(self) -> dict[ArrayElement, int]:
+        return {ArrayElement("q", c): self.place.lines.value(component.value) for c, component in enumerate(self.equations.free)}
 
     def nonzero_column(self, column: dict[int, int]) -> dict[int, int]:
         """{rate: node} without what is rounding in every sample."""

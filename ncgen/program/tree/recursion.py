@@ -35,9 +35,9 @@ from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree import articulated
-from ncgen.program.tree.composite import Inertia, inertias_of, mass_matrix, massless, needed_loads
+from ncgen.program.tree.composite import SpatialInertia, inertias_of, mass_matrix, massless, needed_loads
 from ncgen.program.tree.joint_rates import measured_rates
-from ncgen.program.tree.rates import NoRecursion, RateRow, Rates, check_seen
+from ncgen.program.tree.rates import NoRecursion, RateRow, Rates, check_samples
 from ncgen.program.tree.tree_motion import Loads, TreeVelocity
 from ncgen.symbolic.equations import build_equations
 from ncgen.symbolic.numbering import Terms
@@ -70,7 +70,7 @@ def assemble_recursions(equations: Terms, split: Split, samples: Sequence[Sample
 class _Loads:
     """own: inertia of every link; force: of every rate without accelerations of the joints; mass: M of coordinates of no link."""
 
-    own: list[Inertia | None]
+    own: list[SpatialInertia | None]
     force: Column
     mass: Matrix
 
@@ -95,7 +95,7 @@ class Recursion:
     def __init__(self, equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray, forced: bool = False) -> None:
         if len(samples) < FEWEST:
             raise NoRecursion("too few positions to see what vanishes")
-        check_seen(equations, samples)
+        check_samples(equations, samples)
         self.model, self.tree = equations.model, spanning_tree(equations.model)
         self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
         self.graph = self.lines.graph

@@ -14,7 +14,7 @@ import numpy as np
 from ncgen.model.arithmetic import dot, product
 from ncgen.model.elements import Point
 from ncgen.model.values import Parameter
-from ncgen.symbolic.tree import Link, Tree
+from ncgen.symbolic.tree import Tree, TreeLink
 
 LOST = 1e3
 """How many times the inertia of a link about its joint that of its lever may be."""
@@ -30,7 +30,7 @@ def reference_points(tree: Tree, parameters: dict[str, Parameter]) -> list[Point
     return points
 
 
-def joint_point(link: Link) -> Point:
+def joint_point(link: TreeLink) -> Point:
     """A point that a link turns about, or its first one."""
     return next((screw.point for screw in link.screws if screw.point is not None), link.body.points[0])
 
@@ -48,7 +48,7 @@ def _outermost(tree: Tree) -> Mapping[int, Point]:
     return {first: joint_point(tree.links[last]) for first, last in outermost.items()}
 
 
-def _is_near(link: Link, point: Point, parameters: dict[str, Parameter]) -> bool:
+def _is_near(link: TreeLink, point: Point, parameters: dict[str, Parameter]) -> bool:
     """Whether a link's inertia about each of its axes is still seen beside that of its lever, in the initial position."""
     inertia = link.body.inertia
     if inertia is None:

@@ -107,10 +107,10 @@ int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int
         for (place += width; width < whole && place % (2 * width) == 0;) /* the next part is as wide as its place among the halves allows */
             width *= 2;
     }
-    const int last = sign_of(b[basis->degree], 0); /* to end at zero is to get there */
+    const int last = sign_of(b[basis->degree], 0), before = w.sign; /* to end at zero is to get there */
     found = found || turns(&w, 1, last ? last : -w.sign);
     *low = w.at;
     *high = w.next;
-    *sign = w.sign;
+    *sign = last || found ? w.sign : before;
     return found;
 }

@@ -414,7 +414,8 @@ int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, con
     const int status = look(&i);
     for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
         const int way = events->directions[k], clear = !is_closed(&i, k), before = passage->signs[k];
-        const int exactly = i.values[2 * k] > 0 ? 1 : -1, now = nearly || clear ? exactly : before;
+        const int side = sign_of(i.values[2 * k]), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
+        const int now = nearly || clear ? exactly : before;
         passage->due[k] = before && now != before && now * way >= 0;
         if (!passage->due[k] && (clear || (nearly && way < 0 && now > 0)))
             passage->signs[k] = exactly; /* what falls has to be above zero first, however little */

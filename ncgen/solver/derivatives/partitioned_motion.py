@@ -23,7 +23,7 @@ from ncgen.mechanism.taped import Driven
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.finite import watched
-from ncgen.solver.formalisms.coordinate_partitioning import Start, dependent_position, motion_at
+from ncgen.solver.formalisms.coordinate_partitioning import StepStart, dependent_position, motion_at
 from ncgen.solver.given import refuse_callbacks
 from ncgen.solver.positions.partition import Kinematics, determined, kinematics, quality
 from ncgen.solver.runs.run import Initial
@@ -59,7 +59,7 @@ class PartitionedMotion:
         self.kernels, self.p, self.t = watched(kernels), begun.p, times
         self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
         self._split = self.jumps.ends(times)
-        self._ends, self._seen = self._split.t, self._split.seen
+        self._ends, self._seen = self._split.t, self._split.on_grid
         self.partition = determined(begun.partitions).position
         independent = self.partition.independent
         self.nz = len(independent)
@@ -192,7 +192,7 @@ class PartitionedMotion:
 
     def _steps(self) -> Iterator[list[_Stage]]:
         """The four stages of every step; `_last` is the instant at the end."""
-        y, guess = self.y0, Start(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
+        y, guess = self.y0, StepStart(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
         for t, h in zip(self._ends, np.diff(self._ends), strict=False):
             stages, slope = [], np.zeros_like(y)
             for node in NODES:
@@ -200,7 +200,7 @@ class PartitionedMotion:
                 stages.append(stage)
                 slope = stage.slope
             self._keep(stages[0])
-            guess = Start(t, stages[0].q, stages[0].qd, self.p)
+            guess = StepStart(t, stages[0].q, stages[0].qd, self.p)
             y = y + h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
             yield stages
         self._last = _Stage(self, guess, self._ends[-1], y, self._present(self._ends[-1], self._ends[-1]))
@@ -242,19 +242,19 @@ class TrapezoidalMotion(PartitionedMotion):
         Raises ModelError where the run was on other coordinates.
         """
         stages_of_steps, last = list[tuple[_Stage, _Stage] | None](), None
-        guess = Start(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
+        guess = StepStart(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
         for k, (t, end) in enumerate(pairwise(self._ends.tolist())):
             if self._split.is_crossed[k]:
                 stages_of_steps.append(None)
                 continue
             first = self._stage(guess, k, t, t) if last is None or self._split.begins[k] else last
-            guess = Start(t, first.q, first.qd, self.p)
+            guess = StepStart(t, first.q, first.qd, self.p)
             last = self._stage(guess, k + 1, t, end)
             self._check_step(first, last, end - t)
             stages_of_steps.append((first, last))
         return stages_of_steps
 
-    def _stage(self, guess: Start, k: int, begun: float, t: float) -> _Stage:
+    def _stage(self, guess: StepStart, k: int, begun: float, t: float) -> _Stage:
         """That of the run at an end of a step which began at a time (s)."""
         independent, q, qd = self.partition.independent, self._run_q[k], self._run_qd[k]
         stage = _Stage(self, guess, t, np.concatenate([qd[independent], q[independent]]), self._present(begun, t))
@@ -337,7 +337,7 @@ class _Stage:
     phidd_p: np.ndarray
     balance_p: np.ndarray
 
-    def __init__(self, motion: PartitionedMotion, guess: Start, t: float, y: np.ndarray, p: np.ndarray) -> None:
+    def __init__(self, motion: PartitionedMotion, guess: StepStart, t: float, y: np.ndarray, p: np.ndarray) -> None:
         kernels, partition, nz = motion.kernels, motion.partition, motion.nz
         self.kernels, self.partition, self.nz, self.t, self.p = kernels, partition, nz, t, p
         self.y = y

@@ -15,8 +15,8 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from ncgen.errors import NcgenError
-from ncgen.mechanism.batch import thread_count
 from ncgen.mechanism.break_times import break_times_of_each
+from ncgen.mechanism.kernel_batch import thread_count
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motions import LaneRuns, Motions
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion
@@ -24,7 +24,7 @@ from ncgen.solver.derivatives.sensitivity import is_taped, motion_from
 from ncgen.solver.derivatives.taped_motion import StartFrames, TapedMotion, start_back
 from ncgen.solver.engines.compiled import all_coordinates, checked_compiled
 from ncgen.solver.motions.batch import INTERRUPTED
-from ncgen.solver.motions.states import Choice, States
+from ncgen.solver.motions.states import CommonCoordinates, States
 from ncgen.solver.positions.partition import kinematics_of_many
 from ncgen.solver.runs.run import Initial
 
@@ -80,7 +80,7 @@ class TapedBatch:
     threads: int | None = None
 
     @property
-    def choice(self) -> Choice:
+    def choice(self) -> CommonCoordinates:
         return self.states.choice
 
     @property

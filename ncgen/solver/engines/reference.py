@@ -19,7 +19,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.engines.motion_in_c import MotionInC
 from ncgen.solver.finite import on_the_way, watched
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.formalisms.coordinate_partitioning import Motion, Start, motion, motion_at
+from ncgen.solver.formalisms.coordinate_partitioning import Motion, StepStart, motion, motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import full_jacobian, partitioned_jacobian
 from ncgen.solver.formalisms.projection import project
 from ncgen.solver.integrators.shared_tolerance import sharing
@@ -58,7 +58,7 @@ def run(path: Path, kernels: Kernels, task: Task) -> None:
         engine.hand_over()
 
 
-class Reference(ABC):
+class ReferenceRun(ABC):
     """One integration: counters, the solver, and the time and state `reached` at the end of the last step."""
 
     def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
@@ -186,7 +186,7 @@ class Reference(ABC):
         return solver
 
 
-class AllCoordinates(Reference):
+class AllCoordinates(ReferenceRun):
     """y = [q̇; q; W] with the accelerations of a formalism. rows: of redundant ones those that count; None where all do"""
 
     def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
@@ -248,7 +248,7 @@ class AllCoordinates(Reference):
             self.rows = best_rows(scaled_jacobian(self.kernels, q, t, self.p), self.rank)
 
 
-class Independent(Reference):
+class Independent(ReferenceRun):
     """y = [ż; z; W] by coordinate partitioning. start: the state from which a step solves the position problem"""
 
     def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
@@ -258,7 +258,7 @@ class Independent(Reference):
     def begin(self, t: float, q: np.ndarray, qd: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         rates = self.task.velocities if qd is None else qd[self.partitions.velocity.independent]
         motion = motion_at(self.kernels, self.partitions.velocity, t, q, rates, self.p)
-        self.start = Start(t, motion.q, motion.qd, self.p)
+        self.start = StepStart(t, motion.q, motion.qd, self.p)
         self.chosen_with = self._quality(self.partitions)
         return motion.q, motion.qd
 
@@ -283,7 +283,7 @@ class Independent(Reference):
 
     def accept(self, solver: OdeSolver, state: State) -> OdeSolver:
         q, qd, _ = state
-        self.start = Start(float(solver.t), q, qd, self.p)
+        self.start = StepStart(float(solver.t), q, qd, self.p)
         if solver.status == "running" and self._quality(self.partitions) <= DEGRADED * self.chosen_with and self._chose_others():
             return self.fresh(self.start.t, state)
         return solver

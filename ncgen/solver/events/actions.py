@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,14 +10,14 @@ import scipy.sparse
 
 from ncgen.errors import ConvergenceError, ModelError, shown
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.actions import Call, Stop
+from ncgen.model.actions import Call, Locking, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gap, Gaps, Hit
-from ncgen.solver.events.state import State
-from ncgen.solver.formalisms.projection import least_energy
+from ncgen.solver.events.state import Done, State
+from ncgen.solver.formalisms.projection import least_energy, project_velocity, velocity_residual
 from ncgen.solver.parameter_checks import refused_parameters
-from ncgen.solver.trajectories.happening import Happening, Search
+from ncgen.solver.trajectories.happening import LOCKS, Happening, Search
 
 MOST_ROUNDS = 1000
 """Rounds of events that bring about others at one instant."""
@@ -25,21 +25,26 @@ MOST_ROUNDS = 1000
 GAIN = 1e-9
 """Energy that an impact may give, relative to that there is: rounding."""
 
+LOCKED = 1e-9
+"""The largest share of its terms by which a velocity may miss the constraints after a lock has closed."""
+
 CLOSED = 1e-10
 """A gap is closed where it is smaller than this share of its scale."""
 
 
 @dataclass(eq=False)
 class Instant:
-    """What happens at one instant. at: the state so far; happened: in order; stops: True where the run ends here; hit: whether there
-    were impacts; stuck: numbers of contacts that they leave sticking"""
+    """What happens at one instant. at: the state so far; happened, done: in order; stops: True where the run ends here
+
+    stuck: numbers of contacts that impacts leave sticking
+    """
 
     functions: EventFunctions
     at: State
     happened: list[Happening] = field(default_factory=list)
+    done: list[Done] = field(default_factory=list)
     stops: bool = False
     stuck: list[int] = field(default_factory=list)
-    hit: bool = False
 
     @property
     def kernels(self) -> Kernels:
@@ -73,18 +78,63 @@ class Instant:
         turned = (before * after < 0) & (np.abs(before) > small) & (np.abs(after) > small) & (np.sign(after) * ways >= 0)
         return {k: "action" for k in np.flatnonzero(turned).tolist() if k not in done}
 
+    def lock(self, names: Sequence[str]) -> None:
+        """Close locks where they are, with the impulses of their constraints. Raises ModelError where others contradict them."""
+        functions, at, p = self.functions, self.at, self.at.p.copy()
+        if not (new := [name for name in names if name not in at.locked]):
+            return
+        for name in new:
+            lock = self.kernels.model.locks[name]
+            p[self.kernels.parameters.index(lock.held)] = functions.place(lock, at)
+        locked = tuple(name for name in functions.locks if name in (*at.locked, *new))
+        self.at = at = replace(at, p=p, locked=locked)
+        mode = functions.mode(at)
+        qd = project_velocity(mode, at.q, at.qd, at.t, at.p)
+        if not velocity_residual(mode, at.q, qd, at.t, at.p) <= LOCKED:
+            raise ModelError(
+                f"{self.kernels.name}: {', '.join(new)} cannot be locked at t = {at.t:.6g} s, since drivers or other locks move it; "
+                "free these first"
+            )
+        self.at = replace(at, qd=qd)
+
+    def free(self, name: str) -> None:
+        """Open a lock."""
+        self.at = replace(self.at, locked=tuple(each for each in self.at.locked if each != name))
+
+    def begin(self) -> None:
+        """Close the locks that are closed from the start on."""
+        for name, lock in self.kernels.model.locks.items():
+            if lock.closed:
+                start = self.at
+                self.lock([name])
+                self._note(name, "start", start, LOCKS[0])
+
+    def catch(self, due: Mapping[int, Search]) -> None:
+        """Stop ratchets that run backward, but for those that are due as they only just turn, by impulses that only push."""
+        start = self.at
+        taking = [k for k in self.functions.ratchets if k not in due and self.functions.values(start)[0][k] <= 0]
+        if not taking or not np.any((gaps := Gaps(self.functions.mode(start), start, self._gaps(taking))).closing(start.qd)):
+            return
+        hit = gaps.all_at_once(start.qd, f"{self.kernels.name} at t = {start.t:.6g} s")
+        self.at = replace(start, qd=hit.qd)
+        self._note_impulses(gaps.names, {}, hit, start)
+
     def _act(self, k: int, search: Search) -> None:
-        event, start = self.functions.events[k], self.at
+        event, start, what = self.functions.events[k], self.at, ""
         for action in event.do:
             if isinstance(action, Stop):
                 self.stops = True
+            elif isinstance(action, Locking):
+                self.lock([action.lock]) if action.closes else self.free(action.lock)
+                what = LOCKS[0 if action.closes else 1]
             elif isinstance(action, Call):
                 told = action.function(self.at, self.kernels)
                 if told is not None and not isinstance(told, Mapping):
                     raise ModelError(f"event {event.name}: its function returned {shown(told)}; return {{name: value}} or None")
                 self._set(told or {}, event.name)
         self._set(self.functions.numbers(self.at).get(k, {}), event.name)
-        self._note(k, search, start)
+        self.done.append(Done((k,), False, start, self.at))
+        self._note(event.name, search, start, what)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
         """Other inputs, parameters and velocities; those of other coordinates follow with the least kinetic energy of the change."""
@@ -104,49 +154,54 @@ class Instant:
             raise ModelError(f"event {where} at t = {at.t:.6g} s: {refused[0]}")
         self.at = replace(at, p=p)
         if held:
-            self.at = replace(self.at, qd=_with_rates(kernels, self.at, held))
+            self.at = replace(self.at, qd=_with_rates(self.functions.mode(self.at), self.at, held))
 
     def _impacts(self, due: list[int], searches: Mapping[int, Search]) -> None:
         """The impacts of the events that are due, with the gaps that are closed already taking part where several can."""
         if not due:
             return
-        kernels, functions, start = self.kernels, self.functions, self.at
+        functions, start = self.functions, self.at
         all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
         values, scales = functions.weighed(start)
         taking = [k for k in all_impacts if k in due or abs(values[k]) <= CLOSED * scales[k]]
-        gaps = Gaps(kernels, start, self._gaps(taking))
-        closing = gaps.closing(start.qd)
-        if not np.any(closing):
+        hitting = [*taking, *(k for k in functions.ratchets if values[k] <= 0)]
+        gaps = Gaps(functions.mode(start), start, self._gaps(hitting))
+        if not np.any(gaps.closing(start.qd)):
             return
-        order = self._order([k for k, closes in zip(taking, closing, strict=True) if closes], taking, gaps)
-        where = f"{kernels.name} at t = {start.t:.6g} s"
+        order = self._order(taking, gaps)
+        where = f"{self.kernels.name} at t = {start.t:.6g} s"
         hit = gaps.in_turn(start.qd, where) if order == "in turn" else gaps.all_at_once(start.qd, where)
-        self.at, self.hit = replace(start, qd=hit.qd), True
+        self.at = replace(start, qd=hit.qd)
         self._check_energy(hit, gaps, where)
+        self._note_turns(hit, hitting, start)
         slides = {gap: number for number, gap in functions.gaps.items()}
         for number, k in enumerate(taking):
             if hit.sticks[number]:
                 self.stuck.append(slides[k])
-            if hit.impulses[number] > 0:
-                search = searches.get(k, "action")
-                self.happened.append(
-                    Happening(
-                        start.t, functions.events[k].name, search, start.q, start.qd, hit.qd, float(hit.impulses[number]),
-                        float(hit.lost[number]),
-                    )
-                )  # fmt: skip
+        found = {functions.events[k].name: search for k, search in searches.items() if k < len(functions.events)}
+        self._note_impulses(gaps.names, found, hit, start)
         for k in due:  # what else they do
             if len(functions.events[k].do) > 1:
                 self._act(k, searches[k])
 
+    def _note_turns(self, hit: Hit, hitting: Sequence[int], start: State) -> None:
+        """Note what hits did, of gaps with these numbers of conditions."""
+        for turn, velocities in hit.turns:
+            after = replace(start, qd=velocities)
+            self.done.append(Done(tuple(hitting[number] for number in turn), True, start, after))
+            start = after
+
     def _gaps(self, taking: list[int]) -> list[Gap]:
-        """The gaps that take part in impacts, with their friction."""
-        functions, at = self.functions, self.at
+        """The gaps that take part in impacts, with their friction, and ratchets."""
+        functions, at, nothing = self.functions, self.at, np.zeros((0, self.kernels.n))
         gradients, drift = functions.slopes(at)
         sliding, gaps = functions.sliding(at), []
         slides = {gap: number for number, gap in functions.gaps.items()}
         for k in taking:
-            gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), np.zeros((0, self.kernels.n)))
+            if k in functions.ratchets:
+                gaps.append(Gap(functions.ratchets[k].name, functions.rate_slopes(at)[k], 0.0, 0.0, nothing))
+                continue
+            gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), nothing)
             if k in slides:
                 number = slides[k]
                 gap = replace(
@@ -164,7 +219,7 @@ class Instant:
                 'take law="poisson" or less restitution'
             )
 
-    def _order(self, closing: list[int], taking: list[int], gaps: Gaps) -> str:
+    def _order(self, taking: list[int], gaps: Gaps) -> str:
         """The law of several impacts. Raises ModelError where it is not said and matters."""
         events = self.functions.events
         orders = {events[k].impact.order for k in taking if events[k].impact} - {""}  # type: ignore[union-attr]
@@ -176,13 +231,19 @@ class Instant:
         if not orders and gaps.are_coupled():
             raise ModelError(
                 f"{self.kernels.name}: several impacts at one instant, of {', '.join(gaps.names)} at t = {self.at.t:.6g} s, "
-                'where laws differ; say which holds, ncgen.impact(…, order="simultaneous") or order="in turn"'
+                'where laws differ; say which holds, order="simultaneous" or order="in turn" of ncgen.impact or of the element'
             )
         return next(iter(orders), "simultaneous")
 
-    def _note(self, k: int, search: Search, start: State) -> None:
+    def _note(self, name: str, search: Search, start: State, what: str) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
-        self.happened.append(Happening(start.t, self.functions.events[k].name, search, start.q, start.qd, self.at.qd, 0.0, lost))
+        self.happened.append(Happening(start.t, name, search, start.q, start.qd, self.at.qd, 0.0, lost, what=what))
+
+    def _note_impulses(self, names: Sequence[str], searches: Mapping[str, Search], hit: Hit, start: State) -> None:
+        """Of every gap that was hit."""
+        for name, impulse, lost in zip(names, hit.impulses.tolist(), hit.lost.tolist(), strict=True):
+            if impulse > 0:
+                self.happened.append(Happening(start.t, name, searches.get(name, "action"), start.q, start.qd, hit.qd, impulse, lost))
 
     def _energy(self, at: State) -> np.ndarray:
         """Kinetic and potential energy (J)."""

@@ -10,18 +10,19 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.conditions import LINEAR, OFF, QUADRATIC, Conditions
-from ncgen.mechanism.functions import CompiledFunctions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import CompiledFunctions, functions
 from ncgen.model.actions import Change
 from ncgen.model.contacts import Contact
 from ncgen.model.elements import rate_name
-from ncgen.model.events import Event
+from ncgen.model.events import Event, Lock
 from ncgen.model.frictions import Friction
+from ncgen.model.one_sided import Ratchet
 from ncgen.model.values import Scalar, Value, is_number, symbol_of
 from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
-from ncgen.solver.events.modes import Held, LoadConditions
+from ncgen.solver.events.modes import Held, LoadConditions, variant
 from ncgen.solver.events.state import State
-from ncgen.solver.runs.stop import DIRECTIONS, Stop
+from ncgen.solver.runs.stop import DIRECTIONS, StopCondition
 from ncgen.solver.trajectories.happening import Search
 from ncgen.toolchain.abi import InC
 
@@ -44,11 +45,15 @@ class EventFunctions:
         self.contacts: dict[int, Contact] = dict(rubbing)
         names = [event.name for event in self.events]
         self.gaps = {k: names.index(contact.name) for k, contact in self.contacts.items()}
+        first = len(self.events) + len(self.frictions) + len(self.contacts)
+        self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), first))
+        self.locks = {each.name: Held(-1, each.name, (each.along.position - symbol_of(each.held),)) for each in model.locks.values()}
         turning = [k for k, contact in self.contacts.items() if len(contact.sliding) > 1]
-        self.turns = dict(enumerate(turning, len(self.events) + len(self.frictions) + len(self.contacts)))
-        self.count = len(self.events) + len(self.frictions) + len(self.contacts) + len(self.turns)
+        self.turns = dict(enumerate(turning, first + len(self.ratchets)))
+        self.count = first + len(self.ratchets) + len(self.turns)
         ways = [DIRECTIONS[event.direction] for event in self.events]
-        self.directions = np.array([*ways, *([OFF] * (self.count - len(self.events)))], dtype=int)
+        falling = [DIRECTIONS["falling"]] * len(self.ratchets)
+        self.directions = np.array([*ways, *([OFF] * (first - len(ways))), *falling, *([OFF] * len(self.turns))], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
 
     @cached_property
@@ -65,22 +70,32 @@ class EventFunctions:
         closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         rubbing = self.kernels.model.contacts
         held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
-        sticking = [Held(k, f.name, (symbol_of(f.coordinate) - symbol_of(f.held),), f.static) for k, f in self.frictions.items()]
+        sticking = [Held(k, f.name, (f.along.position - symbol_of(f.held),), f.static) for k, f in self.frictions.items()]
         rests = {event.name for _, event in closing}
         rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
-        return (*held, *sticking, *rolling)
+        caught = [Held(k, r.name, (r.along.position - symbol_of(r.held),)) for k, r in self.ratchets.items()]
+        return (*held, *sticking, *rolling, *caught)
+
+    @property
+    def moving(self) -> dict[int, Friction | Ratchet]:
+        """What is held by its velocity, by the numbers of its conditions."""
+        return {**self.frictions, **self.ratchets}
+
+    def mode(self, at: State, held: Sequence[Held] = ()) -> Kernels:
+        """The kernels of the mode in which these are held and the locks of a state are closed; held constraints are the last ones."""
+        return variant(self.kernels, (*(self.locks[name] for name in at.locked), *held))
 
     @property
     def can_hold(self) -> bool:
         """True where the mechanism has modes."""
-        return bool(self.rows)
+        return bool(self.rows or self.locks)
 
     @cached_property
     def degree(self) -> int:
         """Of the polynomials in time that conditions are within a step."""
         return most_degree(self.kernels)
 
-    def watched(self, signs: np.ndarray, stop: Stop | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
+    def watched(self, signs: np.ndarray, stop: StopCondition | None, directions: np.ndarray, loads: LoadConditions | None) -> Conditions:
         """What C is given.
 
         signs (C,): sides on which conditions begin; directions (C,); loads: those of what is held, behind them; stop: the last one
@@ -92,7 +107,7 @@ class EventFunctions:
         if stop:
             coordinates, values = np.append(coordinates, stop.coordinate), np.append(values, stop.value)
             directions, signs = np.append(directions, stop.direction), np.append(signs, 0)
-        address = loads.address if loads else self._functions.address("conditions")
+        address = loads.address if loads else self._functions.address("conditions") if self.count else None
         return Conditions(coordinates, values, directions, signs, address, self.degree)
 
     def values(self, at: State) -> tuple[np.ndarray, np.ndarray]:
@@ -111,11 +126,20 @@ class EventFunctions:
 
     def slopes(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """Gradients ∂/∂q (C, n) and ∂/∂t (C,)."""
-        found = self._call("condition_slopes", at).reshape(self.count, -1)
+        found = self._slopes(at)
         return found[:, : self.kernels.n], found[:, -1]
+
+    def rate_slopes(self, at: State) -> np.ndarray:
+        """Gradients ∂/∂q̇ (C, n)."""
+        return self._slopes(at)[:, self.kernels.n : 2 * self.kernels.n]
+
+    def _slopes(self, at: State) -> np.ndarray:
+        return self._call("condition_slopes", at).reshape(self.count, 2 * self.kernels.n + 1)
 
     def rates(self, at: State, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First and second derivatives along the motion (C,), the second of conditions without velocities; qdd (n,): accelerations."""
+        if not self.count:
+            return np.empty(0), np.empty(0)
         found = self._functions("condition_rates", at.t, at.q, at.qd, qdd, self.kernels.present(at.t, at.p))
         return found[: self.count], found[self.count :]
 
@@ -133,15 +157,18 @@ class EventFunctions:
         return told
 
     def _call(self, name: str, at: State) -> np.ndarray:
+        if not self.count and name in ("conditions", "condition_slopes"):
+            return np.empty(0)
         return self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
 
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of every condition."""
-        rates = [(f"friction {each.name}", symbol_of(rate_name(each.coordinate))) for each in self.frictions.values()]
+        rates = [(f"friction {each.name}", each.along.rate) for each in self.frictions.values()]
+        teeth = [(f"ratchet {each.name}", each.along.rate) for each in self.ratchets.values()]
         slides = [(f"contact {each.name}", each.forward) for each in self.contacts.values()]
         turns = [(f"contact {self.contacts[k].name}", self.contacts[k].kept) for k in self.turns.values()]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *turns]
+        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *teeth, *turns]
 
     @property
     def read_inputs(self) -> EventFunctions:
@@ -183,17 +210,32 @@ class EventFunctions:
             place += size
         return found
 
-    def _number(self, where: str, value: Value, at: State) -> float:
-        """A number, or an expression of parameters."""
+    def place(self, of: Friction | Ratchet | Lock, at: State) -> float:
+        """Where what is held is (m or rad)."""
+        return self._number(of.name, of.along.position, at)
+
+    def beginnings(self, at: State) -> dict[str, float]:
+        """{name: number} of what parameters and inputs are at the start."""
+        return {name: self._number(name, value, at) for name, value in self.kernels.model.beginnings.items()}
+
+    def _number(self, where: str, value: Value | Scalar, at: State) -> float:
+        """A number, or an expression."""
         return float(value) if is_number(value) else float(self._call("element_values", at)[self._elements.index((where, value))])
 
     @cached_property
-    def _elements(self) -> list[tuple[str, Value]]:
-        """(words, value) of restitutions and static frictions that are expressions."""
+    def named_values(self) -> list[tuple[str, Value | Scalar]]:
+        """(words, value) of what actions change by expressions, in the order of `changes_of`, and then of elements."""
+        return [*((f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)), *self._elements]
+
+    @cached_property
+    def _elements(self) -> list[tuple[str, Value | Scalar]]:
+        """(words, value) of restitutions, friction, places and beginnings that are expressions."""
         pairs = [(f"event {event.name}", event.impact.restitution) for event in self.events if event.impact]
         pairs += [(f"friction {each.name}", each.static) for each in self.frictions.values()]
         pairs += [(f"contact {each.name}, friction", each.friction) for each in self.contacts.values()]
         pairs += [(f"contact {each.name}, tangential", each.tangential) for each in self.contacts.values()]
+        pairs += [(each.name, each.along.position) for each in (*self.moving.values(), *self.kernels.model.locks.values())]
+        pairs += list(self.kernels.model.beginnings.items())
         return [pair for pair in pairs if not is_number(pair[1])]
 
     def _made(self) -> CompiledFunctions:

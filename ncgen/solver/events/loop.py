@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.conditions import OFF
+from ncgen.mechanism.conditions import OFF, Conditions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.actions import CLOSED, Instant
 from ncgen.solver.events.conditions import NOISE, EventFunctions
-from ncgen.solver.events.modes import Mode, count_of, load_conditions, rank_of, variant
+from ncgen.solver.events.modes import Mode, count_of, load_conditions, rank_of
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.settling import Settling
-from ncgen.solver.events.state import State
+from ncgen.solver.events.state import Occurrence, State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
@@ -69,7 +69,7 @@ class Loop:
             if reason or part.stopped is None:
                 return reason
             stops = self._is_stop(part.crossed)
-            if self._act(self._due(part.crossed)) or stops:
+            if self._act(self._due(part.crossed), crossed=part.crossed) or stops:
                 return self._finish()
             if not self.at.t < end:
                 return self._rows_at_end()
@@ -99,7 +99,7 @@ class Loop:
             task.looked_at(first, here.grid[rows])
             self.first_step = part.next_step
             if part.stopped is not None:
-                self.at = State(part.stopped, part.q[-1], part.qd[-1], at.p)
+                self.at = replace(at, t=part.stopped, q=part.q[-1], qd=part.qd[-1])
                 self.work += float(part.work[-1])
                 if not part.crossed:  # something was raised
                     self._finish()
@@ -150,7 +150,9 @@ class Loop:
                 due[k] = "start"
             self.signs[k] = 1 if event.impact else int(np.sign(rates[k] if is_zero else values[k]))
         self.at = self.settling.begin(at)
-        return self._act(due) if due or functions.can_hold else False
+        self._note_parameters(at)
+        self.passage.begun = self.at
+        return self._act(due, True) if due or functions.can_hold else False
 
     def change(self, p: np.ndarray) -> bool:
         """Go on with other parameters p (n_p,), which may bring about events. Returns whether the run ends with them."""
@@ -164,42 +166,56 @@ class Loop:
         self.at, self.work = at, work
         self._set_signs({})
 
+    def watched(self) -> Conditions:
+        """The conditions of the mechanism where nothing is held."""
+        return self.functions.watched(self.signs, None, self.settling.directions((), self.at.p), None)
+
     def go_to(self, at: State, signs: np.ndarray, held: tuple[int, ...]) -> None:
         """Take on a state that the loop was in before."""
         self.at, self.signs, self.held = at, signs, held
-        self.mode = variant(self.kernels, tuple(self.settling.rows[k] for k in held))
+        self.mode = self.functions.mode(at, [self.settling.rows[k] for k in held])
 
-    def _act(self, due: dict[int, Search]) -> bool:
-        """Carry out events, and find the mode that follows; returns whether the run ends with them."""
+    def _act(self, due: dict[int, Search], is_start: bool = False, crossed: tuple[int, ...] = ()) -> bool:
+        """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
         before = self.at
         instant = Instant(self.functions, before)
+        if is_start:
+            instant.begin()
         instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
+        instant.catch(due)
         self.at = instant.at
         rests = self._resting(due)
         ended = [name for name, _ in rests.values() if self.functions.named[name].impact.rest == "end"]  # type: ignore[union-attr]
         resting = [k for k in rests if self.functions.events[k].name not in ended]
-        unhit = () if instant.hit else (k for k in self.held if k not in self.functions.frictions and k not in due)
+        unhit = self.held if np.array_equal(before.qd, self.at.qd) else ()
         found = self.settling.settle(self.at, self.held, due, [*resting, *instant.stuck, *unhit], before.qd)
         self.at = found.at
         self._note(before, instant.happened, found.happened, dict(rests.values()))
         self._set_signs(due)
-        if found.held != self.held:
-            self.held, self.first_step = found.held, 0.0
-            self.mode = variant(self.kernels, tuple(self.settling.rows[k] for k in found.held))
-            self.passage.modes.append(Mode(self.at.t, tuple(self.settling.rows[k].name for k in found.held), self.mode))
+        names = tuple(dict.fromkeys(each.name for each in (*instant.happened, *found.happened)))
+        stops = instant.stops or bool(ended)
+        self.passage.instants.append(Occurrence(before, self.at, self.held, found.held, crossed, tuple(instant.done), stops, names))
+        if (found.held, self.at.locked) != (self.held, before.locked):
+            self.go_to(self.at, self.signs, found.held)
+            self.first_step = 0.0
+            self.passage.modes.append(Mode(self.at.t, (*self.at.locked, *(self.settling.rows[k].name for k in found.held)), self.mode))
         if ended:
             self.passage.rests = f"event {ended[0]}: bounces accumulate at t = {dict(rests.values())[ended[0]]:.9g} s, where the run ends"
-        return instant.stops or bool(ended)
+        return stops
 
     def _note(self, before: State, happened: list[Happening], modes: list[Happening], limits: dict[str, float]) -> None:
         """Add what happened to what the run has met, and its energy to the work."""
         kernels, passage = self.kernels, self.passage
         energies = [float(np.sum(kernels.energy(at.q, at.qd, at.t, at.p)[:2])) for at in (before, self.at)]
         self.work += energies[1] - energies[0]
-        if not np.array_equal(before.p, self.at.p):
-            passage.changes.append((self.at.t, self.at.p))
+        self._note_parameters(before)
         for each in (*happened, *modes):
             passage.happened.append(replace(each, limit=limits.get(each.name)))
+
+    def _note_parameters(self, before: State) -> None:
+        """What held from here on, where it is not what held before."""
+        if not np.array_equal(before.p, self.at.p):
+            self.passage.changes.append((self.at.t, self.at.p))
 
     def _set_signs(self, due: dict[int, Search]) -> None:
         """The side on which each condition goes on: beyond zero for those that happened, else where it is."""

@@ -15,11 +15,11 @@ from ncgen.mechanism.conditions import OFF
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of, variant
+from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of
 from ncgen.solver.events.rubbing import check_determined, undetermined
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
-from ncgen.solver.trajectories.happening import GAPS, JOINTS, Happening, Search
+from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
 SLACK = 1e-10
 """A load on the wrong side by less than this share of the largest is held."""
@@ -76,6 +76,8 @@ class Settling:
                 if number in crossed:
                     self.left[k] = np.array([-side])
                 number += 1
+        if any(k in self.functions.frictions for k in self.left):  # what a joint bore may push a gap closed
+            self.left = {k: side for k, side in self.left.items() if k in self.functions.frictions or self.rows[k].rubs}
         if number in crossed and (sliding := sliding_of(mode, rows)):
             raise undetermined(self.functions, sliding, at)
         self.left |= {k: self._onwards(mode, held, k, at) for k in self.left if self.rows[k].sticks}
@@ -85,6 +87,8 @@ class Settling:
     def begin(self, at: State) -> State:
         """The state at the start, slip directions being those of the velocities."""
         values, p = self.functions.values(at)[0], at.p.copy()
+        for name, number in self.functions.beginnings(at).items():
+            p[self._place(name)] = number
         for k, friction in self.functions.frictions.items():
             p[self._place(friction.slip)] = 0.0 if self.is_still(k, at) else np.sign(values[k])
         return replace(at, p=p)
@@ -101,11 +105,11 @@ class Settling:
         self._drop_what_is_open(wanted)
         p = at.p.copy()
         for k in wanted:
-            if k in functions.frictions and k not in held:
-                p[self._place(functions.frictions[k].held)] = at.q[self.kernels.index[functions.frictions[k].coordinate]]
+            if k in functions.moving and k not in held:
+                p[self._place(functions.moving[k].held)] = functions.place(functions.moving[k], at)
         at = replace(at, p=p)
         for _ in range(len(self.rows) + 1):
-            at = replace(at, p=self._slipping(replace(start, p=at.p), wanted, released))
+            at = replace(at, p=self._slipping(replace(start, p=at.p), wanted, released, due))
             at, worst = self._tried(at, start, tuple(wanted), held)
             if worst is None:
                 break
@@ -116,19 +120,18 @@ class Settling:
             raise ConvergenceError(
                 f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
             )
-        p = at.p
-        for k, friction in functions.frictions.items():
-            if k not in wanted and k not in released and (p[self._place(friction.slip)] == 0.0 or k in due):
-                p[self._place(friction.slip)] = np.sign(functions.values(at)[0][k])
         self.left = released
         return Settled(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
 
-    def _slipping(self, at: State, wanted: Sequence[int], released: Mapping[int, np.ndarray]) -> np.ndarray:
-        """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and contacts slide as they move."""
-        functions, p = self.functions, at.p.copy()
+    def _slipping(self, at: State, wanted: Sequence[int], released: Mapping[int, np.ndarray], due: Mapping[int, Search]) -> np.ndarray:
+        """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""
+        functions, p, values = self.functions, at.p.copy(), self.functions.values(at)[0]
         for k, friction in functions.frictions.items():
+            place = self._place(friction.slip)
             if k in wanted or k in released:
-                p[self._place(friction.slip)] = 0.0 if k in wanted else released[k][0]
+                p[place] = 0.0 if k in wanted else released[k][0]
+            elif p[place] == 0.0 or k in due or not self.is_still(k, at):
+                p[place] = np.sign(values[k])
         sliding = functions.sliding(at)
         for k, contact in functions.contacts.items():
             places, velocity = [self._place(name) for name in contact.slip], sliding[k][0]
@@ -148,8 +151,8 @@ class Settling:
         """Whether a gap is closed and does not open, or a joint or a contact does not move."""
         if k in resting:
             return True
-        if k in self.functions.frictions:
-            return k in due or (at.p[self._place(self.functions.frictions[k].slip)] == 0.0 and self.is_still(k, at))
+        if k in self.functions.moving:
+            return k in due or self.is_still(k, at)
         if k in self.functions.contacts:
             return self.is_still(k, at) or (k in due and self._stops(k, at))
         values, scales = self.functions.weighed(at)
@@ -159,8 +162,8 @@ class Settling:
         """Whether a gap does not change, or a joint or a contact does not move, but for rounding."""
         sizes = self.kernels.column_sizes
         speed = max(self._speed(at.qd), self._before)
-        if k in self.functions.frictions:
-            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * sizes[self._column(k)] * speed
+        if k in self.functions.moving:
+            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * (np.abs(self.functions.rate_slopes(at)[k]) @ sizes) * speed
         if k in self.functions.contacts:
             velocity, slopes = self.functions.sliding(at)[k]
             return bool(np.all(np.abs(velocity) <= STANDSTILL * np.max(np.abs(slopes) @ sizes) * speed))
@@ -176,9 +179,6 @@ class Settling:
         before = at.p[[self._place(name) for name in self.functions.contacts[k].slip]]
         return len(before) == 1 or bool(np.linalg.norm(self.functions.sliding(at)[k][0]) <= TURNING * np.linalg.norm(before))
 
-    def _column(self, k: int) -> int:
-        return self.kernels.index[self.functions.frictions[k].coordinate]
-
     def _tried(
         self, at: State, start: State, held: tuple[int, ...], before: tuple[int, ...]
     ) -> tuple[State, tuple[int, np.ndarray] | None]:
@@ -189,7 +189,7 @@ class Settling:
         if not held:
             return replace(at, q=start.q, qd=start.qd), None
         rows = tuple(self.rows[k] for k in held)
-        kernels = variant(self.kernels, rows)
+        kernels = self.functions.mode(at, rows)
         loads, p, worst = load_conditions(self.functions, kernels, rows), self.kernels.present(at.t, at.p), None
         if all(k in self.functions.frictions for k in held):  # joints that stand still: their loads there say it without projecting
             worst = self._worst(loads.at(replace(start, p=p)), held, before, CLEAR)
@@ -229,7 +229,7 @@ class Settling:
         happened = []
         for k, row in self.rows.items():
             slips = k in self.functions.frictions or row.sticks
-            words = JOINTS if slips else GAPS
+            words = JOINTS if slips else RATCHETS if k in self.functions.ratchets else GAPS
             change = words[0] if k in after and k not in before else words[1] if k in before and k not in after else ""
             if row.sticks and change == JOINTS[1] and self.functions.gaps[k] not in after:
                 change = ""  # it leaves

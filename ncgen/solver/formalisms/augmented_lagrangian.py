@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ncgen.solver.formalisms.instant import Instant
+from ncgen.solver.formalisms.instant import InstantMatrices
 from ncgen.solver.formalisms.kkt import undetermined
 from ncgen.solver.lapack import dpotrf, dpotrs
 
@@ -19,7 +19,7 @@ ENOUGH = 1e-14
 """Corrections below this, relative to the accelerations, end the iteration."""
 
 
-def augmented_lagrangian(now: Instant, alpha: float) -> tuple[np.ndarray, np.ndarray]:
+def augmented_lagrangian(now: InstantMatrices, alpha: float) -> tuple[np.ndarray, np.ndarray]:
     x, y = np.zeros(len(now.force)), np.zeros(len(now.gamma))
     correct = _correction(now, alpha)
     last = np.inf
@@ -34,7 +34,7 @@ def augmented_lagrangian(now: Instant, alpha: float) -> tuple[np.ndarray, np.nda
     return x, y
 
 
-def _correction(now: Instant, alpha: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+def _correction(now: InstantMatrices, alpha: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """The correction of accelerations x with multipliers y."""
     jacobian = now.jacobian
     if not len(now.force):

@@ -3,7 +3,7 @@
 The state is y = [ż; z; W]: velocities and positions of the independent coordinates, and the work W of
 drivers and forces without a potential (for the energy balance). With rolling conditions there are fewer
 independent velocities than positions, hence two partitions. The warm start of the position problem is
-part of a `Start`, changed only between steps, so a rejected step leaves no trace.
+part of a `StepStart`, changed only between steps, so a rejected step leaves no trace.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ncgen.solver.positions.position import LIMIT, TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class StepStart:
     """Where the Newton iterations of one integration step begin: an accepted state, and the branch parameters."""
 
     t: float
@@ -47,7 +47,7 @@ class Motion:
     orientation: int = 0
 
 
-def dependent_position(kernels: Kernels, partition: Partition, start: Start, t: float, z: np.ndarray) -> tuple[np.ndarray, int]:
+def dependent_position(kernels: Kernels, partition: Partition, start: StepStart, t: float, z: np.ndarray) -> tuple[np.ndarray, int]:
     """q with the given independent coordinates, by Newton from the start extrapolated with its velocities.
 
     Raises ConvergenceError with the time and the residual.
@@ -72,7 +72,7 @@ def dependent_position(kernels: Kernels, partition: Partition, start: Start, t: 
     )
 
 
-def motion(kernels: Kernels, partitions: Partitions, start: Start, t: float, z: np.ndarray, zd: np.ndarray) -> Motion:
+def motion(kernels: Kernels, partitions: Partitions, start: StepStart, t: float, z: np.ndarray, zd: np.ndarray) -> Motion:
     """Positions, velocities and accelerations of one instant from the independent coordinates."""
     q, iterations = dependent_position(kernels, partitions.position, start, t, z)
     return motion_at(kernels, partitions.velocity, t, q, zd, start.p, iterations)

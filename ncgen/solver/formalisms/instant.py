@@ -14,7 +14,7 @@ from ncgen.mechanism.kernels import Kernels
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
+class InstantMatrices:
     """mass (n, n), jacobian (k, n), force (n,), gamma (k,): M, Φ_q, Q and γ without units, of the `rows` (k,) in use.
 
     unit: that of inertia (kg)
@@ -56,7 +56,7 @@ def instant(
     p: np.ndarray | None = None,
     rows: np.ndarray | None = None,
     stabilised: Baumgarte | None = None,
-) -> Instant:
+) -> InstantMatrices:
     """The equations at a position and a velocity, which need not satisfy the constraints.
 
     rows: those in use (default: all). Rows that others imply where Φ = 0 may contradict them where it is not.
@@ -68,7 +68,7 @@ def instant(
     columns, sizes = kernels.column_sizes, kernels.row_sizes[rows]
     mass, unit = scaled_mass(kernels, q, t, p)
     force = columns * kernels.force(q, qd, t, p) / unit
-    return Instant(kernels, mass, jacobian[rows] * columns / sizes[:, None], force, gamma[rows] / sizes, unit, rows)
+    return InstantMatrices(kernels, mass, jacobian[rows] * columns / sizes[:, None], force, gamma[rows] / sizes, unit, rows)
 
 
 def scaled_mass(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> tuple[np.ndarray, float]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.solver.formalisms.instant import Instant
+from ncgen.solver.formalisms.instant import InstantMatrices
 from ncgen.solver.formalisms.kkt import KKT
 
 
-def lagrange(now: Instant) -> tuple[np.ndarray, np.ndarray]:
+def lagrange(now: InstantMatrices) -> tuple[np.ndarray, np.ndarray]:
     return KKT(now.mass, now.jacobian, now.kernels).solve(now.force, now.gamma)

@@ -11,13 +11,13 @@ from typing import cast
 import numpy as np
 import scipy.linalg
 
-from ncgen.solver.formalisms.instant import Instant
+from ncgen.solver.formalisms.instant import InstantMatrices
 from ncgen.solver.formalisms.kkt import SMALLEST_PIVOT, undetermined
 from ncgen.solver.lapack import dpotrf
 from ncgen.solver.positions.rank import RELATIVE_ZERO
 
 
-def null_space(now: Instant) -> tuple[np.ndarray, np.ndarray]:
+def null_space(now: InstantMatrices) -> tuple[np.ndarray, np.ndarray]:
     factors = scipy.linalg.qr(now.jacobian.T, pivoting=True)
     basis, triangle, order = cast("tuple[np.ndarray, np.ndarray, np.ndarray]", factors)  # SciPy has no types
     pivots = np.abs(np.diag(triangle))
@@ -33,7 +33,7 @@ def null_space(now: Instant) -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def _free_accelerations(free: np.ndarray, now: Instant, particular: np.ndarray) -> np.ndarray:
+def _free_accelerations(free: np.ndarray, now: InstantMatrices, particular: np.ndarray) -> np.ndarray:
     reduced = free.T @ now.mass @ free
     factor, failed = dpotrf(reduced)
     if failed or np.min(np.diag(factor)) ** 2 <= SMALLEST_PIVOT * np.max(np.diag(reduced)):

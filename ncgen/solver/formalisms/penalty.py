@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.solver.formalisms.instant import Instant
+from ncgen.solver.formalisms.instant import InstantMatrices
 from ncgen.solver.formalisms.kkt import factored
 
 
-def penalty(now: Instant, alpha: float) -> tuple[np.ndarray, np.ndarray]:
+def penalty(now: InstantMatrices, alpha: float) -> tuple[np.ndarray, np.ndarray]:
     n, solve = len(now.force), factored(now.mass, now.jacobian.T, now.jacobian, now.kernels, 1 / alpha)
     solution = solve(np.concatenate([now.force, now.gamma]))
     return solution[:n], solution[n:]

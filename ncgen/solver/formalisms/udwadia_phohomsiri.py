@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.solver.formalisms.instant import Instant
+from ncgen.solver.formalisms.instant import InstantMatrices
 from ncgen.solver.formalisms.kkt import undetermined
 from ncgen.solver.positions.rank import RELATIVE_ZERO
 
@@ -16,7 +16,7 @@ FULL = 1e-12
 """Singular values below this, relative to the largest, mean accelerations that are not determined."""
 
 
-def udwadia_phohomsiri(now: Instant) -> tuple[np.ndarray, np.ndarray]:
+def udwadia_phohomsiri(now: InstantMatrices) -> tuple[np.ndarray, np.ndarray]:
     inverse = np.linalg.pinv(now.jacobian, rcond=RELATIVE_ZERO)
     allowed = np.eye(len(now.force)) - inverse @ now.jacobian
     stacked = np.vstack([allowed @ now.mass, now.jacobian])

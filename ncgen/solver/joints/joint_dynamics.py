@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import SingularError
-from ncgen.mechanism.functions import Functions
+from ncgen.mechanism.program_functions import ProgramFunctions
 from ncgen.solver import given
 from ncgen.solver.joints import identification
 from ncgen.solver.joints.joint_kinematics import JointKinematics
@@ -182,12 +182,12 @@ class JointDynamics(JointKinematics):
         return by_position, by_rate
 
     @cached_property
-    def _slope_functions(self) -> Functions:
+    def _slope_functions(self) -> ProgramFunctions:
         """Made when they are first asked for: they are longer than all others together."""
         return self._functions_of("slopes", SLOPES, lambda: dict.fromkeys(SLOPES, self.n))
 
     @cached_property
-    def _regressor_functions(self) -> Functions:
+    def _regressor_functions(self) -> ProgramFunctions:
         """Likewise; they depend on where the frames of links are."""
         own = identification.frames(self)
         inputs, size = {"joint_regressor": self.inputs["joint_inverse"]}, 10 * len(own) * self.n

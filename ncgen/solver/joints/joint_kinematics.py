@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import ProgramFunctions, functions
 from ncgen.model.elements import Component, Point, Spatial
 from ncgen.model.values import is_number
 from ncgen.program.ir.blocks import Program
-from ncgen.program.tree.joint_space import Made
+from ncgen.program.tree.joint_programs import Made
 from ncgen.solver import geometry, given
 from ncgen.solver.frames import transformation
 from ncgen.solver.joints.joint_names import carried, refuse_thin
@@ -38,7 +38,7 @@ INPUTS = {
     "joint_loads": ("t", "q", "v", "p"),
     "joint_momenta": ("t", "q", "p"),
 }
-"""The programs of `ncgen.program.tree.joint_space`, and what they take."""
+"""The programs of `ncgen.program.tree.joint_programs`, and what they take."""
 
 
 class JointKinematics(ABC):
@@ -233,15 +233,15 @@ class JointKinematics(ABC):
     # -- helpers -------------------------------------------------------------------------------
 
     @cached_property
-    def _functions(self) -> Functions:
+    def _functions(self) -> ProgramFunctions:
         return self._functions_of("basics", self.inputs, self._sizes)
 
     def _functions_of(
         self, what: Made, inputs: Mapping[str, tuple[str, ...]], sizes: Callable[[], dict[str, int]], kind: str = ""
-    ) -> Functions:
+    ) -> ProgramFunctions:
         """Functions that are the same at all parameters. kind: a word for them, where they depend on more than the equations"""
 
-        def make() -> Functions:
+        def make() -> ProgramFunctions:
             return functions(self.kernels, f"{self.kind}_{kind or what}", inputs, sizes(), self._counts(), partial(self.made, what))
 
         return self.kernels.remember("joint space functions", what, make)

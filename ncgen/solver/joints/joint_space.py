@@ -17,7 +17,7 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.ir.blocks import Program
-from ncgen.program.tree.joint_space import Made, assemble_joint_space
+from ncgen.program.tree.joint_programs import Made, assemble_joint_space
 from ncgen.solver import given
 from ncgen.solver.joints.joint_dynamics import JointDynamics
 from ncgen.solver.joints.joint_names import followed_by, names_of

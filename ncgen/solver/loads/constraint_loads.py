@@ -6,8 +6,8 @@ import hashlib
 from collections.abc import Sequence
 
 from ncgen.errors import NcgenError
-from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import ProgramFunctions, functions
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.program.motions.full_motion import MotionSizes
 from ncgen.program.motions.multipliers import STATE, assemble_multipliers
@@ -27,7 +27,7 @@ def refusal_of_multipliers(kernels: Kernels) -> str:
     return ""
 
 
-def multipliers_of(kernels: Kernels, rows: Sequence[int], by: Sequence[str] = ()) -> Functions:
+def multipliers_of(kernels: Kernels, rows: Sequence[int], by: Sequence[str] = ()) -> ProgramFunctions:
     """The multipliers λ of some constraints: functions `multipliers`, (R,), and `multipliers_by`, (R · B,), of t, q, q̇ and p.
 
     The generalised force of a constraint along its expression is −λ: N along a gap or a length, N m about an angle. p has the values of

@@ -14,7 +14,7 @@ from ncgen.solver.loads.inverse_dynamics import shared_drivers
 from ncgen.solver.loads.reactions import Reactions
 from ncgen.solver.loads.sharing import REACHED
 from ncgen.solver.positions.partition import choose_partitions
-from ncgen.solver.trajectories.outputs import load_slopes, mentioned
+from ncgen.solver.trajectories.output_values import load_slopes, mentioned
 from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
 
 

@@ -33,7 +33,7 @@ from ncgen.solver.runs.choice import ALL, EXPLICIT
 from ncgen.solver.runs.run import Initial, relative_tolerance
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.tolerances import NEAR_ZERO, Tolerances
-from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, uses_loads
+from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations, uses_loads
 
 if TYPE_CHECKING:
     from ncgen.mechanism.moving import Moving, MovingRow, Stepping
@@ -58,7 +58,7 @@ UNCOPIED = "a simulation is not copied: C works on its memory; start another one
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class SimulationState:
     """A simulation at an instant: all that `reset` needs to go back to it.
 
     t: s; q, qd (n,): m and rad, and per second; work: J; p (n_p,): parameters and inputs; next_step: s, of error control, 0 where it has
@@ -76,7 +76,7 @@ class State:
     past: Past | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        return f"<State of {len(self.q)} coordinates at t = {self.t:g} s>"
+        return f"<SimulationState of {len(self.q)} coordinates at t = {self.t:g} s>"
 
 
 @takes(MotionArguments, unused=NOT_STEPPED)
@@ -250,18 +250,18 @@ class Simulation:
         )
 
     @property
-    def state(self) -> State:
+    def state(self) -> SimulationState:
         """Where it is, as a copy."""
         now = self._now
         past = self._steps.past if self._steps else None
-        return State(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step, self._mechanism, past)
+        return SimulationState(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step, self._mechanism, past)
 
-    def reset(self, state: State) -> Simulation:
+    def reset(self, state: SimulationState) -> Simulation:
         """Back to a state. From there the same steps give the same bits.
 
         Raises ModelError for what is no state, a state of another mechanism, and numbers that are not finite; then nothing has changed.
         """
-        if not isinstance(state, State):
+        if not isinstance(state, SimulationState):
             raise ModelError(f"reset: {echo(state)} given; give a state that was kept, such as kept = sim.state")
         if state.mechanism != self._mechanism:
             raise ModelError(f"reset: the state is one of another mechanism than {self.kernels.name}; give a state that this one had")

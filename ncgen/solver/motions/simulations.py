@@ -40,7 +40,7 @@ from ncgen.solver.motions.simulation import (
 )
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial
-from ncgen.solver.trajectories.outputs import uses_accelerations
+from ncgen.solver.trajectories.output_values import uses_accelerations
 
 if TYPE_CHECKING:
     from ncgen.solver.events.steps import Past, Steps
@@ -51,7 +51,7 @@ HELD = ("t", "work", "q", "qd", "p")
 
 
 @dataclass(frozen=True, eq=False)
-class States:
+class SimulationStates:
     """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), pasts (N,) of a model with events, as of
     `ncgen.solver.motions.simulation.State`."""
 
@@ -65,7 +65,7 @@ class States:
     pasts: tuple[Past, ...] = field(default=(), repr=False)
 
     def __repr__(self) -> str:
-        return f"<States of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
+        return f"<SimulationStates of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
 
 
 @takes(MotionArguments, unused=NOT_STEPPED)
@@ -93,7 +93,7 @@ def start_batch(kernels: Kernels, variants: int, *, threads: int | None = 1, **a
     ModelError, ConvergenceError, SingularError
         As `start`.
     """
-    from ncgen.mechanism.batch import thread_count
+    from ncgen.mechanism.kernel_batch import thread_count
 
     driven = checked_kernels(kernels).driven_by(None)
     size = count(variants, "variants")
@@ -249,20 +249,20 @@ class Simulations:
         return error or ConvergenceError(f"{self.kernels.name}: {words}{more}; those that are stuck stay where they were: reset them")
 
     @property
-    def states(self) -> States:
+    def states(self) -> SimulationStates:
         """Where all are, as a copy."""
         now = self._now
         t, q, qd, work, p, next_step = (x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step))
-        return States(t, q, qd, work, p, next_step, self._mechanism, tuple(each.past for each in self._steps))
+        return SimulationStates(t, q, qd, work, p, next_step, self._mechanism, tuple(each.past for each in self._steps))
 
-    def reset(self, rows: ArrayLike | None = None, states: States | None = None) -> Simulations:
+    def reset(self, rows: ArrayLike | None = None, states: SimulationStates | None = None) -> Simulations:
         """Some of them back to their start, or to those rows of `states`. From there the same steps give the same bits.
 
         rows: numbers, or a mask (N,); None for all. Raises ModelError for rows that there are not, and for states of another mechanism, of
         another number of simulations or with numbers that are not finite; then nothing has changed.
         """
         chosen, source, now = self._rows(rows), self._began if states is None else states, self._now
-        if not isinstance(source, States):
+        if not isinstance(source, SimulationStates):
             raise ModelError(f"reset: {echo(source)} given; give states that were kept, such as kept = sims.states")
         if source.mechanism != self._mechanism:
             raise ModelError(f"reset: the states are those of another mechanism than {self.kernels.name}; give states that this one had")

@@ -33,7 +33,7 @@ NEAR_HALF_A_TURN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class CommonCoordinates:
     """Independent coordinates that states have in common; typical: a position and parameters at which they are good."""
 
     kernels: Kernels
@@ -58,7 +58,7 @@ class Choice:
     @classmethod
     def at(
         cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method | None, rates: Iterable[str] = ()
-    ) -> Choice:
+    ) -> CommonCoordinates:
         """A choice that is good at one position.
 
         z, rates: as of `partitions_for`; method: None where no state derivative is wanted in lanes
@@ -75,7 +75,7 @@ class Choice:
     @classmethod
     def at_first(
         cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method | None, rates: Iterable[str] = ()
-    ) -> Choice:
+    ) -> CommonCoordinates:
         """A choice that is good at the first position where there is one."""
         finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
         if not len(finite):
@@ -95,7 +95,7 @@ class Choice:
 class States:
     """States as rows, of one choice of independent coordinates; faults: {state: why it has no start}, its q is NaN."""
 
-    choice: Choice
+    choice: CommonCoordinates
     q: np.ndarray
     zd: np.ndarray
     p: np.ndarray
@@ -111,13 +111,13 @@ class States:
         t: float,
         z: tuple[str, ...],
         method: Method | None,
-        choice: Choice | None = None,
+        choice: CommonCoordinates | None = None,
         assembled: bool = False,
         qd: Given | None = None,
     ) -> States:
         """From rows, one row for all, or {name: number, or one a state}; assembled: after positions that are open have been closed.
 
-        method: of `Choice.at`; choice: of independent coordinates, a new one if not given
+        method: of `CommonCoordinates.at`; choice: of independent coordinates, a new one if not given
         qd: velocities of any coordinates by name, or of all, instead of zd; one warning sums up where the constraints do not allow them
         Raises ModelError where shapes do not fit or lanes cannot do it.
         """
@@ -143,7 +143,7 @@ class States:
             raise ModelError(f"p of state {min(refused)}: {refused[min(refused)]}")
         if len(faults) == size:
             raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
-        choice = choice or Choice.at_first(kernels, q, t, p, z, method, rates or ())
+        choice = choice or CommonCoordinates.at_first(kernels, q, t, p, z, method, rates or ())
         if rates is not None and zd is not None:
             check_independent(rates, choice.names)
             zd = zd[..., [kernels.index[name] for name in choice.names]]
@@ -195,7 +195,7 @@ def _given(kernels: Kernels, what: str, given: Given | None, names: tuple[str, .
 
 
 def _rates_given(
-    choice: Choice, qd: np.ndarray, names: tuple[str, ...] | None, q: np.ndarray, t: float, p: np.ndarray
+    choice: CommonCoordinates, qd: np.ndarray, names: tuple[str, ...] | None, q: np.ndarray, t: float, p: np.ndarray
 ) -> tuple[np.ndarray, dict[int, str]]:
     """Velocities of the independent coordinates (B, nz) from those of all (B, n), and {state: why it has none}.
 

@@ -7,7 +7,8 @@ from functools import partial
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.tree.tree_tables import Around, NoTables, OpenTree, TreePlace
+from ncgen.program.tree.couplings import NoTables
+from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPlace
 from ncgen.symbolic.tree import spanning_tree
 
 ASIDE = 0.03
@@ -42,6 +43,6 @@ def _made(kernels: Kernels) -> OpenTree | None:
         return None
 
 
-def _look(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> TreePlace:
+def _look(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float = 0.0) -> SampledPlace:
     phi, phi_q, mass = (kernels.values(name, t, q, None, p) for name in ("phi", "phi_q", "mass"))
-    return TreePlace(q, phi / kernels.row_sizes, phi_q, mass)
+    return SampledPlace(q, phi / kernels.row_sizes, phi_q, mass)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import DomainError, ModelError, counted, unknown_word
-from ncgen.mechanism.driving import Function, Pieces
+from ncgen.mechanism.driving import Function, InputPieces
 from ncgen.solver.given import Outline, echo, finite, known_name, several
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
@@ -27,7 +27,7 @@ FEWEST = 2
 
 
 @dataclass(frozen=True, eq=False)
-class SignalTable(Pieces):
+class SignalTable(InputPieces):
     """An input as values at instants, and what holds between them; polynomials are linear in the values."""
 
     hold: Hold
@@ -51,13 +51,13 @@ class SignalTable(Pieces):
 class Signals:
     """The inputs of one run.
 
-    told: one an input in their order, None for one that keeps its value
+    laws: one an input in their order, None for one that keeps its value
     begun: of tables the piece of this time (s) goes on, whatever time is asked for; None for the piece of the time itself
     """
 
     name: str
     names: tuple[str, ...]
-    told: tuple[Pieces | Function | None, ...]
+    laws: tuple[InputPieces | Function | None, ...]
     begun: float | None = None
 
     def begun_at(self, t: float) -> Signals:
@@ -67,10 +67,10 @@ class Signals:
     def __call__(self, t: float, p: np.ndarray) -> np.ndarray:
         """Parameters p (n_p,) with the inputs of a time in their places. Raises DomainError naming one that is no number."""
         p = np.array(p)
-        first = len(p) - len(self.told)
-        for i, signal in enumerate(self.told):
+        first = len(p) - len(self.laws)
+        for i, signal in enumerate(self.laws):
             if signal is not None:
-                value = signal(t, self.begun) if isinstance(signal, Pieces) else signal(t)
+                value = signal(t, self.begun) if isinstance(signal, InputPieces) else signal(t)
                 p[first + i] = self._checked(i, value, t)
         return p
 
@@ -85,15 +85,15 @@ class Signals:
         return number
 
     @property
-    def functions(self) -> tuple[Pieces | Function | None, ...]:
+    def functions(self) -> tuple[InputPieces | Function | None, ...]:
         """As C asks for them: functions of Python are checked."""
-        return tuple(s if s is None or isinstance(s, Pieces) else self._watched(i, s) for i, s in enumerate(self.told))
+        return tuple(s if s is None or isinstance(s, InputPieces) else self._watched(i, s) for i, s in enumerate(self.laws))
 
     def by_values(self, t: np.ndarray, begun: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
         """{name: how Σ weights · inputs changes with its values, (K,)} of the inputs that are tables.
 
         weights (…, inputs) at times t (…), inside steps that began at `begun`."""
-        tables = [(i, signal) for i, signal in enumerate(self.told) if isinstance(signal, SignalTable)]
+        tables = [(i, signal) for i, signal in enumerate(self.laws) if isinstance(signal, SignalTable)]
         return {self.names[i]: signal.by_values(t, begun, weights[..., i]) for i, signal in tables}
 
     def _watched(self, i: int, function: Function) -> Function:
@@ -110,7 +110,7 @@ def signals_of(kernels: Outline, inputs: Mapping[str, Signal] | None, p: np.ndar
         return None
     if not isinstance(inputs, Mapping):
         raise ModelError(f"inputs: {echo(inputs)} given; give {{name: number, function of time, or (times, values)}}")
-    functions: list[Pieces | Function | None] = [None] * len(names)
+    functions: list[InputPieces | Function | None] = [None] * len(names)
     for name, signal in inputs.items():
         place = names.index(known_name(name, names, "inputs", "input"))
         if callable(signal):

@@ -26,7 +26,7 @@ DIRECTIONS = {"falling": -1, "either": 0, "rising": 1}
 
 
 @dataclass(frozen=True)
-class Stop:
+class StopCondition:
     """coordinate: position in q, or n + position in q̇; direction: 1 rising, −1 falling, 0 either."""
 
     coordinate: int
@@ -81,7 +81,7 @@ class Stop:
         return high, state(high)
 
 
-def stop_at(kernels: Outline, wanted: Mapping[str, Any] | None) -> Stop | None:
+def stop_at(kernels: Outline, wanted: Mapping[str, Any] | None) -> StopCondition | None:
     """What {"psi": 1.2}, {"rate(psi)": 0.0} or {"psi": (1.2, "rising")} means. Raises ModelError where it means nothing."""
     if wanted is None:
         return None
@@ -95,4 +95,4 @@ def stop_at(kernels: Outline, wanted: Mapping[str, Any] | None) -> Stop | None:
     one_of(direction, f"stop at {name}: direction", DIRECTIONS)
     if not (is_real(value) and abs(value) <= sys.float_info.max):
         raise ModelError(f'stop at {name}: {shown(value)} given; it must be a number, or a number and a direction, (0.5, "rising")')
-    return Stop(kernels.index[inner] + (kernels.n if inner != name else 0), float(value), DIRECTIONS[direction])
+    return StopCondition(kernels.index[inner] + (kernels.n if inner != name else 0), float(value), DIRECTIONS[direction])

@@ -10,12 +10,12 @@ import numpy as np
 
 from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.conditions import Conditions
-from ncgen.mechanism.driving import Function, Pieces
+from ncgen.mechanism.driving import Function, InputPieces
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.positions.rank import freedom_at
 from ncgen.solver.runs.signals import Signals
-from ncgen.solver.runs.stop import Stop
+from ncgen.solver.runs.stop import StopCondition
 from ncgen.solver.runs.tolerances import Tolerances
 
 CLOSE = 1e-6
@@ -52,7 +52,7 @@ class Task:
     max_step: float
     tolerances: Tolerances
     number: str = "double"
-    stop: Stop | None = None
+    stop: StopCondition | None = None
     progress: Callable[[float], None] | None = None
     stop_when_stiff: bool = False
     signals: Signals | None = None
@@ -107,6 +107,6 @@ class Task:
         return None if self.watched or self.method.has_fixed_step else float(self.grid[-1])
 
     @property
-    def driven(self) -> tuple[Pieces | Function | None, ...]:
+    def driven(self) -> tuple[InputPieces | Function | None, ...]:
         """What C is given for every input, () where nothing drives the mechanism."""
         return self.signals.functions if self.signals else ()

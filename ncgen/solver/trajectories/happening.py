@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 Search = Literal["proof", "sampled", "action", "start"]
 
-GAPS, JOINTS = ("rests", "leaves"), ("sticks", "slips", "turns")
-"""What may happen to a gap that is held closed, and to a joint with friction."""
+GAPS, JOINTS, RATCHETS, LOCKS = ("rests", "leaves"), ("sticks", "slips", "turns"), ("catches", "releases"), ("locks", "frees")
+"""What may happen to a gap that is held closed, to a joint with friction, to a ratchet, and to a lock or clutch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,8 @@ class Happening:
     impulse: of an impact, along the gap: N s, or N m s where the gap is an angle; 0 for others
     energy_lost: kinetic and potential energy before less that after it (J)
     limit: s, where bounces accumulate at this time and the gap is at rest from here on; None for others
-    what: of modes: "rests" and "leaves" of a gap, "sticks", "slips" and "turns" of a friction; empty for others
+    what: of modes: "rests" and "leaves" of a gap, "sticks", "slips" and "turns" of a friction, "catches" and "releases" of a ratchet,
+        "locks" and "frees" of a lock or clutch; empty for others
     """
 
     t: float

@@ -26,7 +26,7 @@ from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import Partitions, choose_partitions, determined, other_partitions, quality
 from ncgen.solver.trajectories.energy import drift, energies
 from ncgen.solver.trajectories.happening import Happening
-from ncgen.solver.trajectories.outputs import outputs_of, uses_accelerations, uses_loads
+from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations, uses_loads
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -252,7 +252,7 @@ class Trajectory:
 
     def table(self) -> dict[str, np.ndarray]:
         """{column: (K,)}: t, coordinates, their velocities and accelerations, inputs and outputs."""
-        from ncgen.solver.trajectories.files import histories
+        from ncgen.solver.trajectories.trajectory_files import histories
 
         return histories(self) | {f"rate(rate({name}))": column for name, column in zip(self.coordinates, self.qdd.T, strict=True)}
 
@@ -344,7 +344,7 @@ class Trajectory:
         NcgenError
             If the file cannot be written.
         """
-        from ncgen.solver.trajectories.files import archive
+        from ncgen.solver.trajectories.trajectory_files import archive
 
         return write_bytes(path_of(output), archive(self))
 
@@ -367,7 +367,7 @@ class Trajectory:
         NcgenError
             If the file cannot be written.
         """
-        from ncgen.solver.trajectories.files import histories
+        from ncgen.solver.trajectories.trajectory_files import histories
 
         columns = histories(self)
         lines = [",".join(map(_cell, columns))] + [",".join(map(repr, row)) for row in np.column_stack([*columns.values()]).tolist()]
@@ -392,7 +392,7 @@ class Trajectory:
         NcgenError
             If the file cannot be written, or without pyarrow.
         """
-        from ncgen.solver.trajectories.files import write_parquet
+        from ncgen.solver.trajectories.trajectory_files import write_parquet
 
         return write_parquet(self, path_of(output))
 

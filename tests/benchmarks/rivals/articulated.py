@@ -17,14 +17,14 @@ import numpy as np
 
 from benchmarks.rivals.casadi import code
 from ncgen.comparisons.rivals.base import foreign
-from ncgen.emit.runtime import runtime_files
+from ncgen.emit.runtime_files import runtime_files
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.values import evaluate
 from ncgen.program.programs import Split
 from ncgen.program.tree.closed_positions import Hinge, hinges_of
 from ncgen.program.tree.rates import NoRecursion
-from ncgen.report.repeat import Call
-from ncgen.symbolic.tree import Link, spanning_tree
+from ncgen.report.repeat import KernelCall
+from ncgen.symbolic.tree import TreeLink, spanning_tree
 
 WRAPPER = """
 int articulated_gamma(double t, const double *q, const double *qd, const double *p, double *out)
@@ -58,7 +58,7 @@ class Joint:
     sign: float
 
 
-def rival(kernels: Kernels, split: Split) -> tuple[Call, int, float] | None:
+def rival(kernels: Kernels, split: Split) -> tuple[KernelCall, int, float] | None:
     """The accelerations of the independent angles as a function (t, q, żd, p), its operations, and the seconds until it could be called;
     None where CasADi is not installed or the mechanism is no open tree of hinges that falls freely."""
     try:
@@ -100,7 +100,7 @@ def joints(kernels: Kernels, split: Split) -> list[Joint]:
     return found
 
 
-def _frame(hinge: Hinge, link: Link) -> tuple[np.ndarray, np.ndarray]:
+def _frame(hinge: Hinge, link: TreeLink) -> tuple[np.ndarray, np.ndarray]:
     """Axes (columns, z along the hinge) and origin of a link in the initial position."""
     along, start = (direction.initial / np.linalg.norm(direction.initial) for direction in (hinge.angle.axis, hinge.start))
     start = start - (start @ along) * along  # an angle about an axis is that of projections

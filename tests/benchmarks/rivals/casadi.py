@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.rivals.translation import translatable
 from ncgen.comparisons.rivals.base import Inputs, Rival, foreign
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
-from ncgen.emit.runtime import runtime_files
+from ncgen.emit.runtime_files import runtime_files
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.evaluate import evaluate

@@ -12,7 +12,7 @@ from cffi import FFI
 
 from benchmarks.rivals.articulated import Joint
 from ncgen.errors import NcgenError
-from ncgen.report.repeat import Call
+from ncgen.report.repeat import KernelCall
 from ncgen.toolchain.abi import abi
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS
@@ -44,7 +44,7 @@ class InPython:
             found[j.rate] = j.sign * value
         return found
 
-    def in_c(self, places: Sequence[int]) -> Call | None:
+    def in_c(self, places: Sequence[int]) -> KernelCall | None:
         """The accelerations of the angles as a function (t, q, rates, p); places: of the angles in q. None where it is not compiled.
 
         The library knows one mechanism at a time: what was made before is no longer to be called.
@@ -65,7 +65,7 @@ class InPython:
         library: Any = ffi.dlopen(str(built.library))
         at, rates, signs = [places[j.rate] for j in self.order], [j.rate for j in self.order], [j.sign for j in self.order]
         library.mujoco_make(self.model._address, self.data._address, at, rates, signs)
-        return Call(ffi.addressof(library, "mujoco_gamma"), len(at), (ffi, library, self))
+        return KernelCall(ffi.addressof(library, "mujoco_gamma"), len(at), (ffi, library, self))
 
 
 def _xml(joints: Sequence[Joint], gravity: Sequence[float]) -> str:

@@ -15,7 +15,7 @@ from cffi import FFI
 
 from benchmarks.rivals.articulated import Joint
 from ncgen.errors import NcgenError
-from ncgen.report.repeat import Call
+from ncgen.report.repeat import KernelCall
 from ncgen.toolchain.abi import abi
 from ncgen.toolchain.cache import BuiltLibrary, compiled
 
@@ -39,7 +39,7 @@ def compiled_cpp(source: Path, flags: tuple[str, ...]) -> BuiltLibrary:
     return compiled({"pinocchio.c": source.read_text(encoding="utf-8")}, (*flags, *included), libraries, PATIENCE)
 
 
-def in_cpp(joints: Sequence[Joint], places: Sequence[int], gravity: Sequence[float]) -> Call | None:
+def in_cpp(joints: Sequence[Joint], places: Sequence[int], gravity: Sequence[float]) -> KernelCall | None:
     """The accelerations of the angles as a function (t, q, rates, p); None where Pinocchio or its headers are not installed.
 
     places: of the angles in q. The library knows one mechanism at a time: what was made before is no longer to be called.
@@ -56,7 +56,7 @@ def in_cpp(joints: Sequence[Joint], places: Sequence[int], gravity: Sequence[flo
     whole = [[-1 if j.parent is None else j.parent for j in joints], [places[j.rate] for j in joints], [j.rate for j in joints]]
     numbers = [x for j in joints for x in (j.sign, *j.rotation.flat, *j.offset, j.mass, *j.centre, *j.inertia.flat)]
     library.pinocchio_make(len(joints), *(ffi.new("int[]", values) for values in whole), ffi.new("double[]", numbers), list(gravity))
-    return Call(ffi.addressof(library, "pinocchio_gamma"), len(joints), (ffi, library))
+    return KernelCall(ffi.addressof(library, "pinocchio_gamma"), len(joints), (ffi, library))
 
 
 class InPython:

@@ -15,7 +15,7 @@ from benchmarks.rivals.lambdified import symbolic
 from benchmarks.rivals.translation import translatable
 from ncgen.comparisons.rivals.base import Inputs, Rival, foreign
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
-from ncgen.emit.runtime import runtime_files
+from ncgen.emit.runtime_files import runtime_files
 from ncgen.mechanism.kernels import Kernels
 
 LARGEST = 150

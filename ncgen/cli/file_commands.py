@@ -17,7 +17,7 @@ from ncgen.exchange.export import targets
 
 def new(file: Annotated[Path, typer.Argument(metavar="FILE", help="the file to write: NAME.toml")]) -> None:
     """Write a small commented model to begin with; existing files are not overwritten."""
-    from ncgen.exchange.start import write_start
+    from ncgen.exchange.first_model import write_start
 
     path = write_start(file)
     out.print(f"{path}: a four-bar linkage to change; `ncgen watch {shlex.quote(str(path))}` runs it whenever you save it", markup=False)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ncgen.emit.expressions import Assignment
+from ncgen.emit.infix import Assignment
+from ncgen.emit.loop_tables import Tables
 from ncgen.emit.spelling import Record, Spelling
-from ncgen.emit.tables import Tables
 from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Block, Loop, Program, Slot, Store, TableStore
 from ncgen.program.ir.functions import FUNCTIONS

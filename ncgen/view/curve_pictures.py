@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ncgen.view.svg import COLOURS, INK, TEXT, Drawing, path, text
+from ncgen.view.svg import COLOURS, INK, TEXT, SvgDrawing, path, text
 
 WIDTH, HEIGHT = 330.0, 140.0
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 8.0, 22.0, 20.0
@@ -16,7 +16,7 @@ LETTER = 5.6
 """Width of a letter (px), about."""
 
 
-def curves(t: np.ndarray, histories: Mapping[str, np.ndarray], label: str, unit: str = "s") -> Drawing:
+def curves(t: np.ndarray, histories: Mapping[str, np.ndarray], label: str, unit: str = "s") -> SvgDrawing:
     """Histories {name: (K,)} over times (K,), or what else goes on; what is not a finite number is left out.
 
     label: what is drawn, with its unit; unit: of t
@@ -38,7 +38,7 @@ def curves(t: np.ndarray, histories: Mapping[str, np.ndarray], label: str, unit:
     words += [text(LEFT, HEIGHT - 5, f"{start:.4g}", "start"), text(WIDTH - RIGHT, HEIGHT - 5, f"{end:.4g} {unit}", "end")]
     words += _names(histories, label)
     content = f'<path d="{frame}" {INK} opacity="0.5"/><g {TEXT}>{"".join(words)}</g>{"".join(lines)}'
-    return Drawing(content, WIDTH, HEIGHT, f"{label} over {'time' if unit == 's' else unit}: {', '.join(histories)}")
+    return SvgDrawing(content, WIDTH, HEIGHT, f"{label} over {'time' if unit == 's' else unit}: {', '.join(histories)}")
 
 
 def _names(histories: Mapping[str, np.ndarray], label: str) -> list[str]:

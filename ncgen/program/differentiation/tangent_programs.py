@@ -33,7 +33,7 @@ from ncgen.program.kernel_table import ROW, Axis, Kernel, Nodes, Parts, Place, c
 from ncgen.program.lines import Lines
 from ncgen.program.programs import EMISSIONS, TangentPrograms
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.templates import Output
+from ncgen.symbolic.templates import TemplateOutput
 from ncgen.symbolic.term import Term
 
 Quantities: TypeAlias = Callable[[Places, Nodes], dict[Place, int]]
@@ -70,21 +70,21 @@ def _balance(places: Places, outputs: Nodes) -> dict[Place, int]:
 
 def _row(places: Places, outputs: Nodes) -> dict[Place, int]:
     """{(row,): Φ}."""
-    return {(ROW,): outputs[Output("phi")]}
+    return {(ROW,): outputs[TemplateOutput("phi")]}
 
 
 def _row_rate(places: Places, outputs: Nodes) -> dict[Place, int]:
     """{(row,): Φ̇ = Φ_q q̇ − ν}."""
     graph = places.graph
     parts = [graph.mul(node, places.read(Reference("qd", j.number))) for (j,), node in chain("phi_q", 1, False)(places, outputs)]
-    return {(ROW,): graph.sub(graph.sum(parts), outputs[Output("nu")])}
+    return {(ROW,): graph.sub(graph.sum(parts), outputs[TemplateOutput("nu")])}
 
 
 def _row_acceleration(places: Places, outputs: Nodes) -> dict[Place, int]:
     """{(row,): Φ̈ = Φ_q q̈ − γ}."""
     graph = places.graph
     parts = [graph.mul(node, places.read(Reference("qdd", j.number))) for (j,), node in chain("phi_q", 1, False)(places, outputs)]
-    return {(ROW,): graph.sub(graph.sum(parts), outputs[Output("gamma")])}
+    return {(ROW,): graph.sub(graph.sum(parts), outputs[TemplateOutput("gamma")])}
 
 
 def _by(kind: Literal["q", "qd"], function: Quantities) -> Parts:

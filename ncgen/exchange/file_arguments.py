@@ -1,7 +1,7 @@
 """What stands in a model file as what the builder takes.
 
 TOML has texts, numbers and lists: an expression in quotes is read here, and what is no text, number or list where one is needed
-is refused in the words of a file. Everything else is the builder's own to say (`ncgen.model.arguments`).
+is refused in the words of a file. Everything else is the builder's own to say (`ncgen.model.argument_readers`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.exchange.grammar import parse_direction, parse_expression
 from ncgen.exchange.words import kind_of
 from ncgen.model import Model
-from ncgen.model.arguments import READERS
+from ncgen.model.actions import LOCKINGS
+from ncgen.model.argument_readers import READERS
 from ncgen.model.bodies import WORDS_OF_INERTIA
 from ncgen.model.elements import Spatial
 from ncgen.model.names import LAW, TIME
@@ -36,18 +37,18 @@ def convert(model: Model | None, parameter: inspect.Parameter, raw: object, wher
     """
     if parameter.kind is not parameter.VAR_POSITIONAL:
         return _converted(model, kind_of(parameter), raw, where)
-    with _told_at(where):
+    with _refusals_at(where):
         items = _list(raw)
     return tuple(_converted(model, kind_of(parameter), item, where) for item in items)
 
 
 def _converted(model: Model | None, kind: str, raw: object, where: str) -> object:
-    with _told_at(where):
+    with _refusals_at(where):
         converted = CONVERSIONS[kind](model, raw)
     return READERS[kind](model, converted, where) if model is not None and kind in READERS else converted
 
 
-def _there(model: Model | None) -> Model:
+def _model_of(model: Model | None) -> Model:
     """The model whose names an expression mentions."""
     if model is None:
         raise ModelError("an expression cannot stand before the name of the model")
@@ -55,8 +56,8 @@ def _there(model: Model | None) -> Model:
 
 
 @contextmanager
-def _told_at(where: str) -> Iterator[None]:
-    """Whatever is refused is told with its place."""
+def _refusals_at(where: str) -> Iterator[None]:
+    """Whatever is refused is reported with its place."""
     try:
         yield
     except ModelError as error:
@@ -104,7 +105,7 @@ def _number(model: Model | None, raw: object) -> int | float:
 
 def _value(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of parameters."""
-    model = _there(model)
+    model = _model_of(model)
     return _expression_of(raw, model.numbers, model)
 
 
@@ -133,13 +134,13 @@ def _tensor(model: Model | None, raw: object) -> object:
 
 def _expression(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of everything that moves."""
-    model = _there(model)
+    model = _model_of(model)
     return _expression_of(raw, {TIME, *model.numbers, *(c.name for c in model.components)} if isinstance(raw, str) else (), model)
 
 
 def _driven(model: Model | None, raw: object) -> int | float | Expr:
     """The same with loads, which outputs may mention."""
-    model = _there(model)
+    model = _model_of(model)
     known = {TIME, *model.numbers, *(c.name for c in model.components), *observable_loads(model)} if isinstance(raw, str) else ()
     return _expression_of(raw, known, model)
 
@@ -156,7 +157,7 @@ def _moment(model: Model | None, raw: object) -> object:
 
 def _law(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of x, the length or angle, v, its rate, the time and parameters."""
-    model = _there(model)
+    model = _model_of(model)
     return _expression_of(raw, {*LAW, TIME, *model.numbers}, model)
 
 
@@ -178,17 +179,19 @@ def _doing(model: Model | None, raw: object) -> object:
         raise ModelError(f'{shown(raw)} is no action; write "stop", {{ impact = {{ restitution = 0.5 }} }} or {{ name = value }}')
     if set(raw) == {"impact"} and isinstance(raw["impact"], dict):
         return {"impact": {key: item if key in ("order", "rest") else _value(model, item) for key, item in raw["impact"].items()}}
+    if len(raw) == 1 and set(raw) < set(LOCKINGS) and isinstance(next(iter(raw.values())), str):
+        return raw
     return {key: _driven(model, item) for key, item in raw.items()}
 
 
 def _direction(model: Model | None, raw: object) -> Spatial | Combination:
     """The name of a vector, or a segment such as "B - A"."""
-    return parse_direction(_text(model, raw), {name: e for name, e in _there(model).elements.items() if isinstance(e, Spatial)})
+    return parse_direction(_text(model, raw), {name: e for name, e in _model_of(model).elements.items() if isinstance(e, Spatial)})
 
 
 def _curve(model: Model | None, raw: object) -> object:
     """The name of a spline or a table."""
-    return _there(model).curves.get(name := _name(model, raw), name)
+    return _model_of(model).curves.get(name := _name(model, raw), name)
 
 
 def _option(model: Model | None, raw: object) -> object:

@@ -7,8 +7,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.program_functions import ProgramFunctions, functions
 from ncgen.model import Model
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import is_symbolic, symbols_in
@@ -16,7 +16,7 @@ from ncgen.model.outputs import Output, is_load
 from ncgen.program.ir.blocks import Program
 
 INPUTS = {"outputs": ("t", "q", "qd", "qdd", "lam", "p"), "outputs_tangent": ("t", "q", "qd", "qdd", "lam", "p", "seed")}
-"""The programs of `ncgen.program.motions.outputs`, and what they take."""
+"""The programs of `ncgen.program.motions.output_programs`, and what they take."""
 
 Found: TypeAlias = "tuple[np.ndarray, np.ndarray]"
 """Accelerations (K, n) and multipliers (K, m) of K instants."""
@@ -51,9 +51,9 @@ def load_slopes(kernels: Kernels, t: float, state: Sequence[np.ndarray], p: np.n
     return np.array([function("load_slopes", t, *state, p, seed) for seed in np.eye(len(felt))]).T
 
 
-def _slopes_made(kernels: Kernels) -> Functions:
+def _slopes_made(kernels: Kernels) -> ProgramFunctions:
     from ncgen.program.motions.full_loads import loaded_elements
-    from ncgen.program.motions.outputs import LOAD_INPUTS, assemble_load_slopes
+    from ncgen.program.motions.output_programs import LOAD_INPUTS, assemble_load_slopes
 
     inputs, sizes = {"load_slopes": LOAD_INPUTS}, {"load_slopes": len(kernels.model.outputs)}
     felt = 3 * len(loaded_elements(kernels.programs.equations))
@@ -69,12 +69,12 @@ def _counts(kernels: Kernels) -> dict[str, int]:
     return counts | {"seed": sum(counts.values())}
 
 
-def _function(kernels: Kernels) -> Functions:
+def _function(kernels: Kernels) -> ProgramFunctions:
     return kernels.remember("outputs", (), lambda: _made(kernels))
 
 
-def _made(kernels: Kernels) -> Functions:
-    from ncgen.program.motions.outputs import assemble_outputs
+def _made(kernels: Kernels) -> ProgramFunctions:
+    from ncgen.program.motions.output_programs import assemble_outputs
 
     sizes, counts = dict.fromkeys(INPUTS, len(kernels.model.outputs)), _counts(kernels)
 

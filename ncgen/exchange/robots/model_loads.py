@@ -11,7 +11,7 @@ from ncgen.model import Model
 from ncgen.model.bodies import Body
 from ncgen.model.forces import TorsionSpring
 from ncgen.model.values import evaluate
-from ncgen.symbolic.tree import Link
+from ncgen.symbolic.tree import TreeLink
 
 
 class Acting(TypedDict):
@@ -56,7 +56,7 @@ def gravity_of(model: Model) -> tuple[float, float, float]:
     return x, y, z
 
 
-def origin_of(link: Link) -> np.ndarray:
+def origin_of(link: TreeLink) -> np.ndarray:
     """Where a link's frame stands in the world: where its joint is, else at the body's first point."""
     turning = next((screw.point for screw in link.screws if screw.point), None)
     return (turning or link.body.points[0]).initial

@@ -1,4 +1,4 @@
-"""A mechanism with loops over its independent rates: the programs of `ncgen.program.tree.joint_space` where joints hold each other.
+"""A mechanism with loops over its independent rates: the programs of `ncgen.program.tree.joint_programs` where joints hold each other.
 
 With x = R v + S ν for all rates of the tree (`ncgen.program.tree.recursion`) mass matrix and forces are RᵀHR and Rᵀf. Beside those:
 
@@ -27,7 +27,7 @@ from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines, line
 from ncgen.program.tree.composite import needed_loads
-from ncgen.program.tree.joint_space import ACCELERATED, DIRECTION, MOVING, POSITION, Made, changes, gravity_of, momenta
+from ncgen.program.tree.joint_programs import ACCELERATED, DIRECTION, MOVING, POSITION, Made, changes, gravity_of, momenta
 from ncgen.program.tree.rates import RateRow
 from ncgen.program.tree.recursion import Column, Recursion
 from ncgen.program.tree.regressor import NAMES, frames_of, regressor

@@ -17,7 +17,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.cost import cost
 from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.derivative import motion
-from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
+from ncgen.report.repeat import OPERATIONS, KernelCall, arithmetic, runner
 from ncgen.solver.engines.compiled import all_coordinates, is_emitted, is_written_out
 from ncgen.solver.engines.compiled import dynamics as dynamics_in_c
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
@@ -91,12 +91,12 @@ def _stage(kernels: CompiledKernels, q: np.ndarray, qd: np.ndarray, part: np.nda
     if counts is None or not is_written_out(kernels, Method.of("lagrange", "dop853")):
         return {}
     made = all_coordinates(kernels, form="emitted")
-    call = Call(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made))
+    call = KernelCall(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made))
     run = runner(0.0, q, qd, made.with_prepared(kernels.p0), [], call)
     return {STAGE: RatedPart(run, lambda: call.out[kernels.n :][part], counts["derivative"])}
 
 
-def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, Call], dict[str, Program]]:
+def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, KernelCall], dict[str, Program]]:
     """A closed position, the functions phi, newton, acceleration and the refined one as calls, and their programs."""
     q, partitions = own_start(kernels)
     emitted, refined = (dynamics_in_c(kernels, partitions, form, q, kernels.p0) for form in ("emitted", "refined"))
@@ -105,7 +105,7 @@ def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, Call]
     programs |= {REFINED: refined.written.programs.acceleration}
     functions = {"phi": kernels.function("phi"), REFINED: refined._dynamics.acceleration}
     functions |= {name: getattr(emitted._dynamics, name) for name in ("newton", "acceleration")}
-    return q, {name: Call(functions[name], program.size, (kernels, emitted, refined)) for name, program in programs.items()}, programs
+    return q, {name: KernelCall(functions[name], program.size, (kernels, emitted, refined)) for name, program in programs.items()}, programs
 
 
 def _counts(programs: dict[str, Program]) -> dict[str, int | None]:
@@ -128,7 +128,7 @@ def _student(kernels: Kernels, q: np.ndarray, zd: np.ndarray) -> dict[str, Rated
     return {"hand-written NumPy": RatedPart(repeated(rates), lambda: rates()[: len(zd)])}
 
 
-def _error(kernels: Kernels, q: np.ndarray, parts: dict[str, Call], expected: np.ndarray) -> dict[str, float]:
+def _error(kernels: Kernels, q: np.ndarray, parts: dict[str, KernelCall], expected: np.ndarray) -> dict[str, float]:
     """Errors of what the functions have just written."""
     errors = {"residual": float(np.max(np.abs(parts["phi"].out - exact(kernels, "phi", Inputs(q, q, kernels.p0)))))}
     for name, call in (("accelerations", "acceleration"), ("all, with one Newton step", "acceleration"), (REFINED, REFINED)):

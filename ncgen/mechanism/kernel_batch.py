@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import prefix_of
-from ncgen.emit.runtime import HEADERS, runtime_files
+from ncgen.emit.runtime_files import HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import numbers, place, pointer
 from ncgen.program.ir.blocks import Program

@@ -11,7 +11,7 @@ import numpy as np
 from ncgen.emit.c import files as in_c
 from ncgen.emit.naming import prefix_of
 from ncgen.emit.numpy import files as in_numpy
-from ncgen.emit.runtime import HEADERS, runtime_files
+from ncgen.emit.runtime_files import HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism import recall
 from ncgen.mechanism.arguments import pointer, sized
@@ -30,7 +30,7 @@ Counts = Mapping[str, int]
 """{input: how many numbers it has}."""
 
 
-class Functions(ABC):
+class ProgramFunctions(ABC):
     """Functions of numbers and arrays by name; inputs: what they take; sizes: of their outputs; counts: of the numbers of every input."""
 
     complex_too = False
@@ -53,7 +53,7 @@ class Functions(ABC):
         """The output of a function for arrays that were checked."""
 
 
-def functions(kernels: Kernels, kind: str, inputs: Inputs, sizes: Mapping[str, int], counts: Counts, make: Made) -> Functions:
+def functions(kernels: Kernels, kind: str, inputs: Inputs, sizes: Mapping[str, int], counts: Counts, make: Made) -> ProgramFunctions:
     """In the language of the kernels. kind: a word for all of them; make: called for the programs if they are not in the cache.
 
     sizes: {function: numbers of its output}; counts: {input: its numbers}
@@ -62,7 +62,7 @@ def functions(kernels: Kernels, kind: str, inputs: Inputs, sizes: Mapping[str, i
     return made(kernels, kind, inputs, sizes, counts, make)
 
 
-class NumPyFunctions(Functions):
+class NumPyFunctions(ProgramFunctions):
     """Leading axes of arrays are batches."""
 
     complex_too = True
@@ -76,7 +76,7 @@ class NumPyFunctions(Functions):
             return self._functions[name](t, *arrays)
 
 
-class CompiledFunctions(Functions):
+class CompiledFunctions(ProgramFunctions):
     """One state at a call; batches go through one after the other."""
 
     def __init__(self, kernels: Kernels, kind: str, inputs: Inputs, sizes: Mapping[str, int], counts: Counts, make: Made) -> None:

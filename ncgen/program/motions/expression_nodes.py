@@ -12,7 +12,7 @@ from ncgen.model.values import Scalar
 from ncgen.program.ir.lower import lower_value
 from ncgen.program.labels import labelled_errors
 from ncgen.program.lines import Lines
-from ncgen.program.motions.outputs import read_component
+from ncgen.program.motions.output_programs import read_component
 
 
 def expression_node(lines: Lines, where: str, given: Scalar) -> int:

@@ -1,0 +1,121 @@
+"""Events of mock-up units: in model exchange by indicators, in co-simulation by the unit itself, against closed forms and our own runs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from eventful import G, ball, fourbar, sliding_block, wheel
+from exported import STRICT, shell
+
+import ncgen
+from ncgen.exchange.export import export
+
+fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
+from fmpy import simulate_fmu  # noqa: E402
+from fmpy.fmi1 import FMICallException  # noqa: E402
+from fmpy.validation import validate_fmu  # noqa: E402
+
+VERSIONS = pytest.mark.parametrize("version", [2, 3])
+MODES = pytest.mark.parametrize("mode", ["ModelExchange", "CoSimulation"])
+
+
+def simulated(folder, name: str, mode: str, seconds: float, interval: float = 0.1, **options):
+    """What FMPy records, with rows at events; its CVode is what locates these in model exchange."""
+    return simulate_fmu(
+        str(folder / f"{name}.fmu"), fmi_type=mode, stop_time=seconds, output_interval=interval, relative_tolerance=1e-12,
+        record_events=True, **options,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def bouncing(request, tmp_path_factory):
+    """The folder of a ball's unit."""
+    folder = tmp_path_factory.mktemp(f"ball{request.param}")
+    export(ball(rest="end"), f"fmu{request.param}", folder)
+    return folder
+
+
+def test_the_description_is_valid(bouncing):
+    assert validate_fmu(str(bouncing / "ball.fmu")) == []
+
+
+@MODES
+def test_a_ball_bounces(bouncing, mode):
+    """T1: y(0.7) after one bounce; impacts at t₁ and 2 t₁ where the importer sees them; it ends where bounces accumulate."""
+    found = simulated(bouncing, "ball", mode, 2.0, output=["P.y", "rate(P.y)", "count(floor)"])
+    row = np.argmin(np.abs(found["time"] - 0.7))
+    assert found["P.y"][row] == pytest.approx(0.2474692639735212, abs=1e-9) and found["count(floor)"][row] == 1
+    assert found["count(floor)"][-1] >= 18 and found["P.y"][-1] == pytest.approx(0.0, abs=1e-9)
+    if mode == "ModelExchange":
+        seen = [found["time"][found["count(floor)"] >= k][0] for k in (1, 2, 10)]
+        assert seen == pytest.approx([0.4515236409857309, 0.9030472819714618, 1.352807158734592], rel=1e-9)
+        assert found["time"][-1] == pytest.approx(1.354570922957193, abs=1e-5)
+
+
+@MODES
+def test_parameters_of_a_unit(bouncing, mode):
+    """Another restitution, and another height to begin with."""
+    found = simulated(bouncing, "ball", mode, 0.4, start_values={"e": 0.25, "P.y": 0.5}, output=["P.y", "rate(P.y)", "count(floor)"])
+    fall, speed = math.sqrt(2 * 0.5 / G), math.sqrt(2 * 0.5 * G)
+    assert found["count(floor)"][-1] == 1 and found["time"][-1] == 0.4
+    assert found["rate(P.y)"][-1] == pytest.approx(speed / 4 - G * (0.4 - fall), abs=1e-8)
+
+
+def test_a_gap_that_would_be_held(tmp_path):
+    export(ball(), "fmu2", tmp_path)
+    for mode in ("ModelExchange", "CoSimulation"):
+        assert simulated(tmp_path, "ball", mode, 1.2, output=["P.y"])["P.y"][-1] > 0
+        said = []
+        with pytest.raises(FMICallException):
+            simulated(tmp_path, "ball", mode, 2.0, logger=lambda *words: said.append(words[-1]))
+        assert any(b"bounces accumulate: a gap is at rest" in (word if isinstance(word, bytes) else str(word).encode()) for word in said)
+
+
+@VERSIONS
+@MODES
+def test_changes_of_parameters_and_velocities(mode, version, tmp_path):
+    """T7: four steps of the wheel's limit cycle; what its event changes is a variable of the unit's own."""
+    export(wheel(), f"fmu{version}", tmp_path)
+    found = simulated(tmp_path, "wheel_", mode, 5.0, output=["s", "rate(s)", "feet", "count(foot)"])
+    assert found["feet"][-1] == 4.0 and found["count(foot)"][-1] == 4.0
+    kernels = ncgen.compile(wheel())
+    options = kernels.model.simulation_options
+    own = ncgen.simulate(kernels, 5.0, rtol=1e-12, q0=options["q0"], qd0=options["qd0"])
+    assert [found["s"][-1], found["rate(s)"][-1]] == pytest.approx([own["s"][-1], own["rate(s)"][-1]], abs=1e-8)
+    if mode == "ModelExchange":
+        steps = [found["time"][found["count(foot)"] >= k][0] for k in range(1, 5)]
+        assert np.diff([0.0, *steps]) == pytest.approx([1.034549811423279] * 4, rel=1e-9)
+
+
+@VERSIONS
+@MODES
+def test_a_loop_hits_a_stop(mode, version, tmp_path):
+    model = fourbar()
+    export(model, f"fmu{version}", tmp_path)
+    found = simulated(tmp_path, "fourbar", mode, 0.6, 0.02, output=["psi", "rate(psi)", "count(stop.upper)"])
+    options = {k: v for k, v in model.simulation_options.items() if k in ("zd0", "z")}
+    own = ncgen.simulate(ncgen.compile(model), 0.6, rtol=1e-12, **options)
+    assert found["count(stop.upper)"][-1] == len(own.events) > 0
+    assert found["psi"][-1] == pytest.approx(own["psi"][-1], abs=1e-7)
+
+
+@VERSIONS
+def test_an_event_that_ends_the_motion(version, tmp_path):
+    m, s = sliding_block("ended")
+    m.event("wall", when=s - 0.5, direction="rising", do="stop")
+    m.simulation(duration=1.0, qd0={"s": 1.0})
+    export(m, f"fmu{version}", tmp_path)
+    found = simulated(tmp_path, "ended", "ModelExchange", 1.0, output=["s"])
+    assert found["time"][-1] == pytest.approx(0.5, rel=1e-9) and found["s"][-1] == pytest.approx(0.5, rel=1e-9)
+    found = simulated(tmp_path, "ended", "CoSimulation", 1.0, 0.3, output=["s"])
+    assert found["s"][-1] == pytest.approx(0.5, rel=1e-9) and found["time"][-1] < 1.0
+
+
+@VERSIONS
+def test_compilers_have_nothing_to_say(version, bouncing, tmp_path):
+    shell(f"unzip -q {bouncing / 'ball.fmu'}", tmp_path)
+    for name in (f"fmi{version}.c", "ball_motion.c", "ball_ncgen_events.c"):
+        if (tmp_path / "sources" / name).exists():
+            shell(f"cc -std=c99 {STRICT} -c sources/{name} -Isources -o /dev/null", tmp_path)
