@@ -153,7 +153,7 @@ def terms_of(expression: Scalar) -> sympy.Expr:
 
 
 def degree_of(expression: Scalar, moving: set[str]) -> int | None:
-    """The degree of an expression as a polynomial of the time and of coordinates and velocities of these names; None where it is none."""
+    """The degree of an expression as a polynomial of the time and of coordinates and velocities of these names; None for others."""
     import sympy
 
     formula = sympy.sympify(expression)
