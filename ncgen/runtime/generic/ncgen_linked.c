@@ -395,3 +395,29 @@ int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol,
         moment.h = state[NEXT_STEP];
     return status == NCGEN_OK ? keep(&own, &moment) : status;
 }
+
+#if defined(__wasm__)
+/* Angles beyond NCGEN_FAR are left to the host's functions: those of a C library would be an eighth of the file. */
+__attribute__((import_module("Math"), import_name("sin"))) double ncgen_host_sin(double x);
+__attribute__((import_module("Math"), import_name("cos"))) double ncgen_host_cos(double x);
+
+double sin(double x)
+{
+    return ncgen_host_sin(x);
+}
+
+double cos(double x)
+{
+    return ncgen_host_cos(x);
+}
+#endif
+
+void ncgen_linked_sincos(ncgen_real x, ncgen_real *sine, ncgen_real *cosine)
+{
+    ncgen_sincos(1, &x, sine, cosine);
+}
+
+ncgen_real ncgen_linked_pieces(ncgen_real x, const ncgen_scalar *knots, const ncgen_scalar *rows, int count, int degree, ncgen_scalar period)
+{
+    return NCGEN_PIECES(x, knots, rows, count, degree, period);
+}

@@ -61,6 +61,10 @@ int ncgen_linked_evaluate(void);
  * where `one` is set. */
 int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one);
 
+/* What kernels call: sine and cosine of an angle, and a piecewise polynomial. */
+void ncgen_linked_sincos(ncgen_real x, ncgen_real *sine, ncgen_real *cosine);
+ncgen_real ncgen_linked_pieces(ncgen_real x, const ncgen_scalar *knots, const ncgen_scalar *rows, int count, int degree, ncgen_scalar period);
+
 /* end functions */
 
 #ifdef __cplusplus
