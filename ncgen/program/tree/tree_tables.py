@@ -102,6 +102,11 @@ class OpenTree:
         for place in places:
             self._check(place)
 
+    @property
+    def freedoms(self) -> int:
+        """Of all joints that follow no others."""
+        return len(self.screws) - len(self.coupled.leaders)
+
     # -- positions -----------------------------------------------------------------------------
 
     def _component(self, component: Component) -> int:

@@ -28,7 +28,7 @@ from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments, takes
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.parameter_checks import check_parameters
 from ncgen.solver.positions.massless import check_mass
-from ncgen.solver.positions.rank import freedom_at
+from ncgen.solver.positions.rank import rank_at
 from ncgen.solver.runs.choice import ALL, EXPLICIT
 from ncgen.solver.runs.run import Initial, relative_tolerance
 from ncgen.solver.runs.start import Start, begin
@@ -429,7 +429,7 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
     form = compiled.form_of(kernels, method)
     start = begin(kernels, at, partitioned=False)
     check_mass(kernels, start.q, at.t, start.p)
-    rank = freedom_at(kernels, start.q, at.t, start.p).rank
+    rank, _ = rank_at(kernels, start.q, at.t, start.p)
     least = absolute(rtol, atol)
     sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
     from ncgen.mechanism.moving import Stepping

@@ -151,7 +151,7 @@ def _measured(kernels: Kernels, wanted: list[int]) -> list[int]:
         return []
     free = set(range(len(tree.screws))) - set(tree.coupled.leaders)
     measuring = set({screw: c for c, (screw, _) in tree.measured.items() if screw in free}.values())
-    return wanted + sorted(measuring - set(wanted)) if len(measuring) == len(free) and set(wanted) <= measuring else []
+    return wanted + sorted(measuring - set(wanted)) if len(measuring) == tree.freedoms and set(wanted) <= measuring else []
 
 
 def _position(kernels: Kernels, name: str) -> int:
