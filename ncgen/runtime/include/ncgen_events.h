@@ -33,6 +33,15 @@ typedef struct ncgen_action {
     int event, kind, place, value; /* value: its number among those of `values` */
 } ncgen_action;
 
+/* A set of gaps that are held closed: a mechanism with their conditions as more constraints, as long as these push. */
+typedef struct ncgen_mode {
+    int count;
+    const int *held;                   /* the events whose gaps they are, ascending */
+    const ncgen_model *model;          /* coordinates and parameters are those of the mechanism itself */
+    const ncgen_dynamics *dynamics;
+    ncgen_velocity_kernel *conditions; /* those of the mechanism, and behind them of each its load, and what that is compared with */
+} ncgen_mode;
+
 typedef struct ncgen_events {
     int count, most, n_actions, law; /* most: as above */
     const int *directions;        /* of each: 1 rising, -1 falling, 0 either */
@@ -42,15 +51,21 @@ typedef struct ncgen_events {
     ncgen_forced_kernel *rates;        /* of q, qd, qdd, p: all first derivatives along the motion, then all second ones */
     ncgen_velocity_kernel *values;     /* what actions set; NULL: nothing */
     ncgen_scalar noise;           /* what is smaller than this share of a condition's terms has no sign */
+    int n_modes;                  /* 0: no gap is held closed, and the motion ends with NCGEN_AT_REST where bounces accumulate */
+    const ncgen_mode *modes;      /* from number 1 on */
 } ncgen_events;
 
 /* What is known of the events besides the state. */
 typedef struct ncgen_passage {
-    int *signs;    /* of each: the side on which it is, 0 for that of its value */
+    int *signs;    /* of each: the side on which it is, 0 for that of its value; with modes as many more as the largest holds gaps */
     int *happened; /* how often each has happened */
     int *due;      /* 1 for those that are to happen at this instant, 0 afterwards; 4 count numbers, of which these are the first */
     int *stopped;  /* 1: an event has ended the motion */
     ncgen_real *workspace;
+    int *mode;        /* with modes: the number of the present one, 0 where no gap is held */
+    int *directions;  /* with modes: as many numbers as signs */
+    int *wanted;      /* with modes: 2 count numbers */
+    ncgen_real *room; /* with modes: 2 n_coordinates and twice as many numbers as signs */
 } ncgen_passage;
 
 /* Events at the start: conditions that are zero there and move on in their direction, p (n_parameters) and the moment being changed as
@@ -61,7 +76,8 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
 int ncgen_happen(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage);
 
 /* Mark as due what has come to the other side of zero in its direction, as where p or, for integrators outside, the state was changed.
- * nearly: whether what is not clear of zero counts, too. Returns how many are due, or a negative status. */
+ * nearly: whether what is not clear of zero counts, too. A gap that is held and no longer pushes is due as well. Returns how many are
+ * due, or a negative status. */
 int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
     ncgen_passage *passage);
 

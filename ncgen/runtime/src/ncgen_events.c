@@ -5,6 +5,7 @@
  */
 #include "ncgen_events.h"
 #include "ncgen_breaks.h"
+#include "ncgen_modes.h"
 #include "ncgen_vectors.h"
 
 enum { MOST_ROUNDS = 1000, MOST_TURNS = 10000, MOST_SWEEPS = 100000 };
@@ -12,6 +13,9 @@ enum { MOST_ROUNDS = 1000, MOST_TURNS = 10000, MOST_SWEEPS = 100000 };
 /* A gap is closed where it is smaller than this share of its scale; one opens at a velocity above minus this share of its terms; a bounce
  * that stays lower than `at_rest` times what has no sign is none. */
 static const ncgen_scalar closed = R(1.0e-10), opening = R(1.0e-12), at_rest = R(50.0);
+
+/* A gap is still if its velocity is below this share of its terms. */
+static const ncgen_scalar standstill = R(1.0e-9);
 
 /* An instant on its way; arrays in the workspace: see `begin`. */
 typedef struct instant {
@@ -320,15 +324,56 @@ static int rests(instant *i, int k)
     return pull > 0 && speed * speed <= 2 * pull * (deep > least ? deep : least);
 }
 
-/* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate; happened (count): what has. */
-static int finish(instant *i, const int *happened)
+static int is_still(const instant *i, int k)
 {
-    int status = ncgen_evaluate_moment(i->d, i->p, i->moment), rested = 0;
+    const ncgen_real *w = gradient(i, k);
+    ncgen_real sum = w[2 * i->n], size = NCGEN_ABS(sum);
+    for (int j = 0; j < i->n; ++j) {
+        sum += w[j] * i->moment->qd[j];
+        size += NCGEN_ABS(w[j] * i->moment->qd[j]);
+    }
+    return NCGEN_ABS(sum) <= standstill * size;
+}
+
+/* The accelerations of the present mode. */
+static int accelerate(instant *i)
+{
+    ncgen_entered in;
+    if (!i->events->n_modes)
+        return ncgen_evaluate_moment(i->d, i->p, i->moment);
+    ncgen_enter(i->d, i->events, i->passage, &in);
+    return ncgen_evaluate_moment(&in.driven, i->p, i->moment);
+}
+
+/* The gaps that are held from here on: those that come to rest, and what is closed and still and was not hit. */
+static int choose_mode(instant *i, const int *happened, const int *resting)
+{
+    ncgen_passage *passage = i->passage;
+    int *wanted = passage->wanted, *released = wanted + i->count;
+    for (int k = 0; k < i->count; ++k) {
+        const ncgen_action *impact = impact_of(i->events, k);
+        const int may = impact && !impact->place && !released[k];
+        const int stays = is_closed(i, k) && is_still(i, k) && (ncgen_holds(i->events, passage, k) || !happened[k]);
+        wanted[k] = may && (resting[k] || stays);
+        if (released[k] || wanted[k])
+            passage->signs[k] = 1;
+        released[k] = 0;
+    }
+    const int status = ncgen_choose_mode(i->d, i->events, i->p, i->moment, passage);
+    return status == NCGEN_OK ? accelerate(i) : status;
+}
+
+/* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate; happened (count): what has. resting
+ * (count): which gaps are at rest */
+static int finish(instant *i, const int *happened, int *resting)
+{
+    int status = accelerate(i), rested = 0;
     if (status == NCGEN_OK)
         status = i->events->rates(i->moment->t, i->moment->q, i->moment->qd, i->moment->qdd, i->p, i->responses);
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
         const int clear = !is_closed(i, k), way = i->events->directions[k], side = i->passage->signs[k];
         const ncgen_action *impact = impact_of(i->events, k);
+        resting[k] = 0;
         if (happened[k])
             i->passage->signs[k] = way ? way : clear ? sign_of(i->values[2 * k]) : -side;
         else if (clear)
@@ -338,8 +383,10 @@ static int finish(instant *i, const int *happened)
         if (impact->place)
             *i->passage->stopped = 1;
         else
-            rested = 1;
+            rested = resting[k] = 1;
     }
+    if (status == NCGEN_OK && i->events->n_modes)
+        return choose_mode(i, happened, resting);
     return status == NCGEN_OK && rested ? NCGEN_AT_REST : status;
 }
 
@@ -368,7 +415,7 @@ static int happen(instant *i)
             first[k] |= due[k];
     }
     if (status == NCGEN_OK)
-        status = finish(i, first);
+        status = finish(i, first, done);
     for (int k = 0; k < i->count; ++k)
         due[k] = 0;
     i->moment->work += energy(i) - before;
@@ -390,6 +437,10 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
     begin(&i, d, events, p, moment, passage);
     int status = look(&i);
     *passage->stopped = 0;
+    if (events->n_modes)
+        *passage->mode = 0;
+    for (int k = 0; events->n_modes && k < 2 * i.count; ++k)
+        passage->wanted[k] = 0;
     if (status == NCGEN_OK)
         status = events->rates(moment->t, moment->q, moment->qd, moment->qdd, p, i.responses);
     for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
@@ -401,7 +452,7 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
         passage->signs[k] = is_impact ? 1 : is_zero ? way : sign_of(value);
         some |= passage->due[k];
     }
-    return status == NCGEN_OK && some ? happen(&i) : status;
+    return status == NCGEN_OK && (some || events->n_modes) ? happen(&i) : status;
 }
 
 int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
@@ -416,12 +467,17 @@ int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, con
         const int way = events->directions[k], clear = !is_closed(&i, k), before = passage->signs[k];
         const int side = sign_of(i.values[2 * k]), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
         const int now = nearly || clear ? exactly : before;
-        passage->due[k] = before && now != before && now * way >= 0;
+        passage->due[k] = before && now != before && now * way >= 0 && !ncgen_holds(events, passage, k);
         if (!passage->due[k] && (clear || (nearly && way < 0 && now > 0)))
             passage->signs[k] = exactly; /* what falls has to be above zero first, however little */
         some += passage->due[k];
     }
-    return status == NCGEN_OK ? some : -status;
+    if (status != NCGEN_OK || !events->n_modes)
+        return status == NCGEN_OK ? some : -status;
+    for (int k = 0; k < i.count; ++k)
+        passage->wanted[i.count + k] = 0;
+    const int released = ncgen_release(events, p, moment, passage);
+    return released < 0 ? released : some + released;
 }
 
 static long events_so_far(const ncgen_events *events, const ncgen_passage *passage)
@@ -441,11 +497,17 @@ int ncgen_go_through_events(const ncgen_driven *d, const struct ncgen_breaks *br
     const int some = ncgen_look_for_events(d, events, p, moment, 0, passage);
     int status = some < 0 ? -some : some > 0 ? ncgen_happen(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
-        status = breaks ? ncgen_go_on_in_parts(d, breaks, p, moment, t_end, statistics) : ncgen_go_on(d, p, moment, t_end, statistics);
+        ncgen_entered in;
+        ncgen_enter(d, events, passage, &in);
+        const ncgen_driven *mode = &in.driven;
+        status = breaks ? ncgen_go_on_in_parts(mode, breaks, p, moment, t_end, statistics) : ncgen_go_on(mode, p, moment, t_end, statistics);
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
         for (int k = 0; k < events->count; ++k)
             passage->due[k] = d->options->event->crossed[k];
+        for (int k = events->count; k < in.watched.count; ++k)
+            if (d->options->event->crossed[k])
+                passage->wanted[events->count + events->modes[*passage->mode - 1].held[k - events->count]] = 1;
         status = ncgen_happen(d, events, p, moment, passage);
     }
     return status;
