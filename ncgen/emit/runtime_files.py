@@ -43,10 +43,16 @@ WITHOUT_PARTITIONING = "NCGEN_WITHOUT_PARTITIONING"
 WITHOUT_STEPPERS = "NCGEN_WITHOUT_STEPPERS"
 """The macro with which there are no methods that discretise the constrained equations themselves."""
 
-ORDINARY = (EXPLICIT_ONLY, WITHOUT_PARTITIONING, WITHOUT_TABLES)
+ORDINARY_TREE = (EXPLICIT_ONLY, WITHOUT_PARTITIONING)
+"""What a run by an explicit method does without where a tree moves in loops over tables."""
+
+ORDINARY = (*ORDINARY_TREE, WITHOUT_TABLES)
 """What a run by an explicit method and emitted accelerations does without."""
 
-STIFF = (WITHOUT_PARTITIONING, WITHOUT_STEPPERS, WITHOUT_TABLES)
+STIFF_TREE = (WITHOUT_PARTITIONING, WITHOUT_STEPPERS)
+"""What a run by Radau's method does without where a tree moves in loops over tables."""
+
+STIFF = (*STIFF_TREE, WITHOUT_TABLES)
 """What a run by Radau's method and emitted accelerations does without."""
 
 
@@ -61,14 +67,14 @@ def explicit_names() -> tuple[str, ...]:
     return _part("ncgen_run.c", "ncgen_driven.c", "ncgen_piecewise.c", defined=(EXPLICIT_ONLY,))
 
 
-def ordinary_names() -> tuple[str, ...]:
-    """The files of the library where ORDINARY is defined."""
-    return _part("ncgen_run.c", "ncgen_piecewise.c", defined=ORDINARY)
+def ordinary_names(defined: Sequence[str] = ORDINARY) -> tuple[str, ...]:
+    """The files of the library where ORDINARY, or ORDINARY_TREE, is defined."""
+    return _part("ncgen_run.c", "ncgen_piecewise.c", defined=defined)
 
 
-def stiff_names() -> tuple[str, ...]:
-    """The files of the library where STIFF is defined."""
-    return _part("ncgen_run.c", "ncgen_piecewise.c", "ncgen_radau.c", "ncgen_trapezoidal.c", defined=STIFF)
+def stiff_names(defined: Sequence[str] = STIFF) -> tuple[str, ...]:
+    """The files of the library where STIFF, or STIFF_TREE, is defined."""
+    return _part("ncgen_run.c", "ncgen_piecewise.c", "ncgen_radau.c", "ncgen_trapezoidal.c", defined=defined)
 
 
 def indifferent(names: Iterable[str], macros: Collection[str]) -> tuple[str, ...]:

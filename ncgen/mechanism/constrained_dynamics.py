@@ -54,7 +54,8 @@ class ConstrainedDynamics(Dynamics):
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
         self._seen = samples_of
         self.is_emitted = motion is not None
-        self.is_recursive = self.is_emitted or tables is not None
+        self.recursion = "emitted" if self.is_emitted else "tree" if tables is not None else None
+        self.is_recursive = self.recursion is not None
         if motion is not None:
             function, self._motion = motion
             self._dynamics.motion = self._ffi.cast("const ncgen_motion *", function())

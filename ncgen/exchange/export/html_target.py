@@ -33,7 +33,7 @@ GROUPS = {"position": "places", "mass": "masses", "inertia": "masses"}
 
 def files_of(model: Model) -> dict[str, str]:
     """{file name: text}: the page alone, in which the model's own parameters come first and its other numbers can be turned, too."""
-    return _files(package(turnable(model)), own=tuple(model.numbers))
+    return _files(package(turnable(model), events=True), own=tuple(model.numbers))
 
 
 def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
@@ -92,6 +92,7 @@ def _mechanism(package: Package) -> dict:
     """What the page is told of the mechanism beside its picture and its kernels."""
     kernels, model = package.kernels, package.kernels.model
     return {
+        "events": list(model.events),
         "units": [package.unit(name) for name in kernels.coordinates],
         "shown": telling(model, kernels.coordinates, package.independent)[:MOST],  # at first
         "duration": package.duration,
