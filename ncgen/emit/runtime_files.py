@@ -122,14 +122,14 @@ def needed_by(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:
         if name in files:
             continue
         files[name] = None
-        text = settled(runtime_text(name), defined)
+        text = resolve_ifndef(runtime_text(name), defined)
         headers = re.findall(r'^#include "([^"]+)"', text, flags=re.MULTILINE)
         bodies = [f"{header[:-2]}.c" for header in headers]
         waiting += [*headers, *(body for body in bodies if (FOLDER / "src" / body).is_file())]
     return tuple(sorted(files, key=lambda name: (name.endswith(".c"), name)))
 
 
-def settled(text: str, defined: Sequence[str]) -> str:
+def resolve_ifndef(text: str, defined: Sequence[str]) -> str:
     """A text with what is left of every `#ifndef` of some macros, which has no other one inside, once they are defined."""
     for macro in defined:
         branches = rf"^#ifndef {macro}\n(?:(?!#else|#endif).*\n)*(?:#else.*\n((?:(?!#endif).*\n)*))?#endif.*\n"
@@ -138,8 +138,8 @@ def settled(text: str, defined: Sequence[str]) -> str:
 
 
 def runtime_files(*names: str, defined: Sequence[str] = ()) -> dict[str, str]:
-    """{file name: text} of files of the library; defined: macros that all of them are settled for."""
-    return {name: settled(runtime_text(name), defined) for name in names}
+    """{file name: text} of files of the library; defined: macros that all of them are defined."""
+    return {name: resolve_ifndef(runtime_text(name), defined) for name in names}
 
 
 @cache

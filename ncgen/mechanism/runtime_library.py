@@ -126,8 +126,8 @@ def has_runtime(part: Part) -> bool:
     return True
 
 
-def beside(number: str = "double", part: Part = "explicit") -> Thread:
-    """A thread that compiles the runtime, if it is not in the cache, while something else goes on; to be started, and joined before a run.
+def compiling_thread(number: str = "double", part: Part = "explicit") -> Thread:
+    """A thread that compiles the runtime, if it is not in the cache, while something else runs; to be started, and joined before a run.
 
     What goes wrong there goes wrong again, and is told, where the runtime is needed.
     """

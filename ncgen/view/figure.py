@@ -17,7 +17,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from ncgen.errors import NcgenError
 from ncgen.files import path_of, write_bytes
 from ncgen.model import Model
-from ncgen.view.chart import GRID, empty, settle
+from ncgen.view.chart import GRID, empty, finished
 from ncgen.view.eye import AZIMUTH, ELEVATION, screen
 from ncgen.view.histories import plot
 from ncgen.view.label_places import LabelPlaces
@@ -70,7 +70,7 @@ def drawn(scene: Scene, frame: int, title: str, names: bool | None) -> Figure:
     if scene.has_shapes:
         _draw_solids(axes, scene, frame)
     _draw(axes, scene, frame, not scene.has_shapes if names is None else names)
-    return settle(chart) if scene.planar else chart
+    return finished(chart) if scene.planar else chart
 
 
 def save(chart: Figure, path: str | Path) -> Path:
@@ -153,9 +153,9 @@ def _draw(axes: Axes, scene: Scene, frame: int, names: bool) -> None:
     for point, fixed in zip(points, scene.fixed, strict=True):
         axes.plot(*point[:, None], color=LINE, marker="s" if fixed else "o", markersize=4.5 * share, zorder=3, gid="point")
     for name, point in zip(scene.points, points, strict=True) if names else ():
-        axes.text(*places.beside(point), s=name, **POINT_LABEL)
+        axes.text(*places.next_to(point), s=name, **POINT_LABEL)
     for arrow, shaft in arrows:
-        axes.text(*places.beside(points[arrow.point] + shaft), s=arrow.name, **VECTOR_LABEL)
+        axes.text(*places.next_to(points[arrow.point] + shaft), s=arrow.name, **VECTOR_LABEL)
 
 
 def _limits(scene: Scene) -> np.ndarray:

@@ -113,15 +113,27 @@ def assemble_mode_conditions(
     graph = lines.graph
     found = [expression_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
     motion = SlidingNodes(lines, sizes, sliding) if sliding else AccelerationNodes(lines, sizes)
-    sums = [graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(motion.lam, rows, strict=True)]
+    found += load_conditions(lines, motion.lam, held, rows)
+    if isinstance(motion, SlidingNodes):
+        found += [motion.margin, graph.const(1.0)]
+    program = lines.program("conditions", INPUTS["conditions"], found)
+    verify(program, input_lengths(equations))
+    return {"conditions": program}
+
+
+def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], rows: np.ndarray) -> list[int]:
+    """Return nodes of values and sizes of the conditions of loads. lam (m,): nodes of all multipliers; others as of
+    `assemble_mode_conditions`"""
+    graph, found = lines.graph, list[int]()
+    sums = [graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(lam, rows, strict=True)]
     all_loads = graph.sum(sums)
     for each in held:
-        load, size = graph.neg(motion.lam[each.row]), graph.mul(graph.const(1 / float(rows[each.row])), all_loads)
+        load, size = graph.neg(lam[each.row]), graph.mul(graph.const(1 / float(rows[each.row])), all_loads)
         if each.grip is not None:
             gap, friction = each.grip
-            most = graph.mul(expression_node(lines, each.words, friction), motion.lam[gap])
+            most = graph.mul(expression_node(lines, each.words, friction), lam[gap])
             most = graph.mul(most, most)
-            force = graph.sum([graph.mul(x, x) for x in motion.lam[each.row : each.row + each.directions]])
+            force = graph.sum([graph.mul(x, x) for x in lam[each.row : each.row + each.directions]])
             found += [graph.sub(most, force), graph.sum([most, graph.mul(size, size)])]
         elif each.static is not None:
             most = expression_node(lines, each.words, each.static)
@@ -129,11 +141,7 @@ def assemble_mode_conditions(
             found += [graph.sub(most, load), size, graph.add(most, load), size]
         else:
             found += [load, size]
-    if isinstance(motion, SlidingNodes):
-        found += [motion.margin, graph.const(1.0)]
-    program = lines.program("conditions", INPUTS["conditions"], found)
-    verify(program, input_lengths(equations))
-    return {"conditions": program}
+    return found
 
 
 def terms_of(expression: Scalar) -> sympy.Expr:

@@ -219,6 +219,11 @@ class EventFunctions:
         return float(value) if is_number(value) else float(self._call("element_values", at)[self._elements.index((where, value))])
 
     @cached_property
+    def named_values(self) -> list[tuple[str, Value | Scalar]]:
+        """(words, value) of what actions change by expressions, in the order of `changes_of`, and then of elements."""
+        return [*((f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)), *self._elements]
+
+    @cached_property
     def _elements(self) -> list[tuple[str, Value | Scalar]]:
         """(words, value) of restitutions, friction, places and beginnings that are expressions."""
         pairs = [(f"event {event.name}", event.impact.restitution) for event in self.events if event.impact]

@@ -47,12 +47,16 @@ class Gap:
 
 @dataclass(frozen=True, eq=False)
 class Hit:
-    """Velocities qd (n,) after impacts, and of every gap its impulse (N s, or N m s), whether it sticks, and the energy (J) it takes."""
+    """Velocities qd (n,) after impacts, and of every gap its impulse (N s, or N m s), whether it sticks, and the energy (J) it takes.
+
+    turns: numbers of the gaps that are hit together, and velocities (n,) after that, one group after the other
+    """
 
     qd: np.ndarray
     impulses: np.ndarray
     sticks: np.ndarray
     lost: np.ndarray
+    turns: tuple[tuple[tuple[int, ...], np.ndarray], ...]
 
 
 class Gaps:
@@ -109,20 +113,22 @@ class Gaps:
             impulses, _ = scipy.optimize.nnls(root, -(vectors[:, kept] / np.sqrt(values[kept])).T @ needed)
         after = qd + self.response @ impulses
         works = -impulses * (u + self.velocities(after)) / 2
-        return self._hit(after, impulses, np.array([float(np.sum(works[place])) for place in self.places]))
+        together = tuple(np.flatnonzero(impulses[self.normal] > 0).tolist())
+        return self._hit(after, impulses, np.array([float(np.sum(works[place])) for place in self.places]), [(together, after)])
 
     def in_turn(self, qd: np.ndarray, where: str) -> Hit:
         """One gap after the other, the one that closes fastest first, until none does. Raises ConvergenceError where that has no end."""
-        before, impulses, lost = qd, np.zeros(len(self.W)), np.zeros(len(self.gaps))
+        before, impulses, lost, turns = qd, np.zeros(len(self.W)), np.zeros(len(self.gaps)), list[tuple[tuple[int, ...], np.ndarray]]()
         for _ in range(MOST_TURNS):
             closing = np.flatnonzero(self.closing(qd))
             if not len(closing):
-                return self._hit(qd, impulses, lost)
+                return self._hit(qd, impulses, lost, turns)
             u = self.velocities(qd)
             k = int(closing[np.argmin(u[self.normal][closing])])
             push = self._blow([k], u, where)
             qd = qd + self.response @ push
             impulses += push
+            turns.append(((k,), qd))
             lost[k] -= float(push @ (u + self.velocities(qd))) / 2
         raise ConvergenceError(
             f"{where}: impacts of {', '.join(self.names)} in turn do not end after {MOST_TURNS} of them, velocities from "
@@ -142,7 +148,7 @@ class Gaps:
             )
         return found
 
-    def _hit(self, qd: np.ndarray, impulses: np.ndarray, lost: np.ndarray) -> Hit:
+    def _hit(self, qd: np.ndarray, impulses: np.ndarray, lost: np.ndarray, turns: Sequence[tuple[tuple[int, ...], np.ndarray]]) -> Hit:
         normal = impulses[self.normal]
         across = np.array([float(np.linalg.norm(impulses[place[1:]])) for place in self.places])
         friction = np.array([gap.friction if len(gap.rubs) else 0.0 for gap in self.gaps])
@@ -150,4 +156,4 @@ class Gaps:
         slides = np.array([float(np.linalg.norm(u[place[1:]])) for place in self.places])
         sizes = np.array([float(np.max(np.abs(self.G[place]) @ np.abs(impulses))) for place in self.places])
         sticks = (normal > 0) & (across < friction * normal) & (slides <= OPENING * sizes)
-        return Hit(qd, normal, sticks, lost)
+        return Hit(qd, normal, sticks, lost, tuple(turns))

@@ -172,7 +172,8 @@ def load_conditions(functions: EventFunctions, mode: Kernels, held: tuple[Held, 
     return made
 
 
-def _held_loads(kernels: Kernels, held: tuple[Held, ...]) -> list[HeldLoad]:
+def held_loads(kernels: Kernels, held: tuple[Held, ...]) -> list[HeldLoad]:
+    """What holds each constraint of a mode; kernels: of the mode."""
     rows = first_rows(kernels, held)
     gaps = {each.name: row for each, row in zip(held, rows, strict=True) if each.rubs and not each.sticks}
     return [
@@ -187,7 +188,7 @@ class _Compiled(LoadConditions):
     """In one program with those of the mechanism."""
 
     def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> None:
-        conditions, loads, sliding = functions.conditions, _held_loads(mode, held), sliding_of(mode, held)
+        conditions, loads, sliding = functions.conditions, held_loads(mode, held), sliding_of(mode, held)
         words = [str((e.words, e.row, e.static, e.grip, e.directions)) for e in loads]
         words += [*(str((s.row, s.velocity, s.friction)) for s in sliding), *(str(pair) for pair in conditions)]
         told = hashlib.sha256(repr(words).encode()).hexdigest()[:16]
@@ -231,7 +232,7 @@ class _InPython(LoadConditions):
         rows = self._mode.row_sizes
         lam = accelerations_by("lagrange").motion(self._mode, at.q, at.qd, at.t, at.p, {}).lam
         found, total = [], float(np.sum(rows * np.abs(lam)))
-        for each, load in zip(self._held, _held_loads(self._mode, self._held), strict=True):
+        for each, load in zip(self._held, held_loads(self._mode, self._held), strict=True):
             k, most = load.row, self._functions.limit(each, at)
             if load.grip:
                 square = (most * lam[load.grip[0]]) ** 2

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 
 
 REPLACED = {
-    "q": "sim.q[:] = array and then sim.settle(), or sim.reset(state)",
-    "qd": "sim.qd[:] = array and then sim.settle(), or sim.reset(state)",
+    "q": "sim.q[:] = array and then sim.project_state(), or sim.reset(state)",
+    "qd": "sim.qd[:] = array and then sim.project_state(), or sim.reset(state)",
     "p": "sim.drive(name=value) for an input, or start again with p={name: value} for a parameter",
     "t": "sim.reset(dataclasses.replace(sim.state, t=seconds))",
     "work": "sim.reset(dataclasses.replace(sim.state, work=joules))",
@@ -159,7 +159,7 @@ class Simulation:
 
     @property
     def q(self) -> np.ndarray:
-        """Position (n,) in m and rad: the array that C works on. After writing to it call `settle`."""
+        """Position (n,) in m and rad: the array that C works on. After writing to it call `project_state`."""
         return self._now.q
 
     @property
@@ -278,10 +278,10 @@ class Simulation:
                 self._steps.go_back(state.past)
         return self
 
-    def settle(self) -> Simulation:
+    def project_state(self) -> Simulation:
         """Close the loops after q or qd were written to. Raises ConvergenceError where they do not close; then nothing moves."""
         with self._alone:
-            status = self._now.settle()
+            status = self._now.project_state()
         if status != "ok":
             problem = f"at t = {self.t:.6g} s the loops do not close ({status})"
             raise ConvergenceError(f"{self.kernels.name}: {problem}; start nearer to a closed position")

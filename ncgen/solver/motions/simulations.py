@@ -109,7 +109,7 @@ class Simulations:
     """Rows of one mechanism at their instants; `start_batch` makes them.
 
     t, work (N,); q, qd (N, n), in the order of `kernels.coordinates`; p (N, n_p): parameters and inputs, a row each. They are what C works
-    on and may be written to: copy them to keep them, or take `states`; after writing to q or qd call `settle`.
+    on and may be written to: copy them to keep them, or take `states`; after writing to q or qd call `project_state`.
     stuck (N,): who could not go on in the last step.
     `sims["psi"]` is a coordinate of all, `sims["rate(psi)"]` its velocity, `sims["tip height"]` an output, `sims["tau"]` an input, (N,).
     With a model that has events, `events` lists those of each, and `stopped` says which an event has ended: these stay where they are.
@@ -279,11 +279,11 @@ class Simulations:
                 self._steps[row].go_back(source.pasts[row])
         return self
 
-    def settle(self, rows: ArrayLike | None = None) -> Simulations:
+    def project_state(self, rows: ArrayLike | None = None) -> Simulations:
         """Close the loops of some after q or qd were written to; None for all. Raises ConvergenceError for the first that cannot."""
         with self._alone:
             for row in self._rows(rows).tolist():
-                if (status := self._now.settle(row)) != "ok":
+                if (status := self._now.project_state(row)) != "ok":
                     problem = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
                     raise ConvergenceError(f"{self.kernels.name}: {problem}; start nearer to a closed position")
                 self._now.next_step[row] = 0.0

@@ -27,6 +27,9 @@ from ncgen.solver.runs.run import Initial
 NOTICEABLE = 1e-9
 """Changes of a given velocity up to this, relative to the largest velocity, are rounding and not reported."""
 
+STANDSTILL = 1e-140
+"""Velocities (sizes of the mechanism per second) below this are what projections leave of 0: their squares are no normal numbers."""
+
 
 @dataclass(frozen=True, eq=False)
 class Start:
@@ -58,7 +61,7 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     t = initial.t
     key = initial.q.tobytes(), t, p.tobytes(), initial.closing
     q = kernels.remember("closed position", key, lambda: _closed(kernels, initial, p), REMEMBERED).copy()
-    _tell_moved(kernels, initial.q, q)
+    _warn_of_moved(kernels, initial.q, q)
     driven = "nu" in kernels.programs.programs and bool(np.any(kernels.nu(q, t, p)))
     needed = partitioned or initial.zd is not None
     partitions = None
@@ -76,7 +79,7 @@ def _closed(kernels: Kernels, initial: Initial, p: np.ndarray) -> np.ndarray:
     return q
 
 
-def _tell_moved(kernels: Kernels, given: np.ndarray, closed: np.ndarray) -> None:
+def _warn_of_moved(kernels: Kernels, given: np.ndarray, closed: np.ndarray) -> None:
     """A warning where the start was open, with what moved most."""
     moved = np.abs(closed - given)
     if np.any(moved > 0):
@@ -161,7 +164,7 @@ def given_velocity(kernels: Kernels, qd0: dict[str, float] | np.ndarray, q: np.n
     qd = _least_energy(kernels, where, rates, q, t, p) if isinstance(qd0, dict) else rates
     allowed = project_velocity(kernels, q, qd, t, p)
     changed = np.abs(allowed[where] - rates) / kernels.column_sizes[where]
-    if np.max(changed, initial=0.0) > NOTICEABLE * np.max(np.abs(allowed / kernels.column_sizes), initial=0.0):
+    if np.max(changed, initial=0.0) > NOTICEABLE * np.max(np.abs(allowed / kernels.column_sizes), initial=STANDSTILL):
         most = where[int(np.argmax(changed))]
         warn(
             f"{kernels.name}: the initial velocities contradict the constraints and have been projected; "
