@@ -116,7 +116,7 @@ int ncgen_choose_mode(const ncgen_driven *d, const ncgen_events *events, const n
             return NCGEN_OK;
         const ncgen_mode *mode = events->modes + number - 1;
         ncgen_enter(d, events, passage, &in);
-        int status = ncgen_settle_moment(&in.driven, p, moment);
+        int status = ncgen_project_moment(&in.driven, p, moment);
         if (status == NCGEN_OK)
             status = mode->conditions(moment->t, moment->q, moment->qd, p, pairs);
         if (status != NCGEN_OK)
