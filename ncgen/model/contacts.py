@@ -26,7 +26,7 @@ class Contact:
 
     place: of what touches, three expressions (m)
     sliding: m/s, one expression in the plane, two in space; friction: coefficient; tangential: restitution of the sliding velocity
-    slip: names of the parameters that say in which direction it slides
+    slip: names of the parameters that say in which direction it slides: 1 or −1 in the plane, in space the velocity when they were set
     """
 
     name: str
@@ -41,6 +41,12 @@ class Contact:
     def forward(self) -> Scalar:
         """The sliding velocity in the direction in which it slides."""
         return sum(as_sympy(w) * symbol_of(name) for w, name in zip(self.sliding, self.slip, strict=True))
+
+    @property
+    def kept(self) -> Scalar:
+        """In space: positive as long as the sliding velocity has turned by less than 45° from the direction in which it slid."""
+        w, d = [as_sympy(x) for x in self.sliding], [symbol_of(name) for name in self.slip]
+        return 2 * self.forward**2 - sum(x * x for x in w) * sum(x * x for x in d)
 
 
 class Contacts(Frictions):

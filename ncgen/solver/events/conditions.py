@@ -33,7 +33,8 @@ NOISE = {LINEAR: 1000 * float(np.finfo(float).eps), QUADRATIC: 20000 * float(np.
 class EventFunctions:
     """The functions of a model's events; C is their number.
 
-    kernels: those that the run is computed with
+    kernels: those that the run is computed with; frictions, contacts: {number of a condition: whose velocity it is}; gaps: {number of a
+    contact's: that of its gap}; turns: {number: contact in space whose direction it watches}
     """
 
     def __init__(self, kernels: Kernels) -> None:
@@ -47,10 +48,12 @@ class EventFunctions:
         first = len(self.events) + len(self.frictions) + len(self.contacts)
         self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), first))
         self.locks = {each.name: Held(-1, each.name, (each.along.position - symbol_of(each.held),)) for each in model.locks.values()}
-        self.count = first + len(self.ratchets)
+        turning = [k for k, contact in self.contacts.items() if len(contact.sliding) > 1]
+        self.turns = dict(enumerate(turning, first + len(self.ratchets)))
+        self.count = first + len(self.ratchets) + len(self.turns)
         ways = [DIRECTIONS[event.direction] for event in self.events]
         falling = [DIRECTIONS["falling"]] * len(self.ratchets)
-        self.directions = np.array([*ways, *([OFF] * (first - len(ways))), *falling], dtype=int)
+        self.directions = np.array([*ways, *([OFF] * (first - len(ways))), *falling, *([OFF] * len(self.turns))], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
 
     @cached_property
@@ -162,9 +165,10 @@ class EventFunctions:
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of every condition."""
         rates = [(f"friction {each.name}", each.along.rate) for each in self.frictions.values()]
-        turns = [(f"ratchet {each.name}", each.along.rate) for each in self.ratchets.values()]
+        teeth = [(f"ratchet {each.name}", each.along.rate) for each in self.ratchets.values()]
         slides = [(f"contact {each.name}", each.forward) for each in self.contacts.values()]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *turns]
+        turns = [(f"contact {self.contacts[k].name}", self.contacts[k].kept) for k in self.turns.values()]
+        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *teeth, *turns]
 
     @property
     def read_inputs(self) -> EventFunctions:
@@ -253,7 +257,7 @@ class EventFunctions:
             repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements, *slides)]).encode()
         ).hexdigest()[:16]
         made = functions(
-            kernels, f"events {told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
+            kernels, f"events_{told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
             lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements, slides),
         )  # fmt: skip
         if not isinstance(made, CompiledFunctions):

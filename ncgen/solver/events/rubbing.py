@@ -64,8 +64,9 @@ def _friction(functions: EventFunctions, sliding: Sliding, at: State) -> np.ndar
     k = next(k for k, contact in functions.contacts.items() if contact.name == sliding.name)
     velocity, slopes = functions.sliding(at)[k]
     direction = at.p[[functions.kernels.parameters.index(name) for name in sliding.slip]]
-    if len(velocity) > 1 and (speed := np.linalg.norm(velocity)) > 0 and velocity @ direction > 0:
-        direction = velocity / speed
+    if velocity @ direction > 0:
+        direction = velocity
+    direction = direction / (np.linalg.norm(direction) or 1.0)
     return -functions.friction(k, at) * (slopes.T @ direction)
 
 
