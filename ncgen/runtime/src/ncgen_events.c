@@ -1,4 +1,5 @@
 /* ncgen_events.c: what happens at one instant: the actions of all events that are due, and of those that these bring about. */
+#include "ncgen_events.h"
 #include "ncgen_breaks.h"
 #include "ncgen_impacts.h"
 #include "ncgen_modes.h"

@@ -2,7 +2,7 @@
 #ifndef NCGEN_IMPACTS_H
 #define NCGEN_IMPACTS_H
 
-#include "ncgen_events.h"
+#include "ncgen_event_table.h"
 #include "ncgen_vectors.h"
 
 /* An instant on its way; its arrays are in the workspace of the passage. */

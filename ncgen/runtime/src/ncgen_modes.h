@@ -2,7 +2,7 @@
 #ifndef NCGEN_MODES_H
 #define NCGEN_MODES_H
 
-#include "ncgen_events.h"
+#include "ncgen_event_table.h"
 
 /* The mechanism of the present mode, with what is watched in it. */
 typedef struct ncgen_entered {
