@@ -1,4 +1,4 @@
-"""Programs beside a mechanism's kernels, such as those of its joint space, as functions of Python."""
+"""Programs other than a mechanism's kernels, such as those of its joint space, as functions of Python."""
 
 from __future__ import annotations
 
