@@ -132,7 +132,7 @@ class Package:
 
     @property
     def _described(self) -> dict[str, object]:
-        """What the runtime is told of the mechanism."""
+        """What the runtime gets of the mechanism."""
         kernels, order = self.kernels, self._order
         arrays = {"start": self.q, "speeds": self.qd, "row_sizes": kernels.row_sizes, "column_sizes": kernels.column_sizes}
         return {
@@ -207,7 +207,7 @@ class Package:
         return {"recursion": costs, "by_matrix": matrix, "usual": usual, "most": most}
 
     def _motion_programs(self) -> list[Program]:
-        """What stands beside the kernels as functions."""
+        """What stands next to the kernels as functions."""
         own = [self.full.closing, self.tangents.closing, self.tangents.motion] if self.tangents else []
         switches = [self.switching.program] if self.switching else []
         happening = self.events.programs if self.events else []
@@ -289,7 +289,7 @@ def renamed(text: str, prefix: str) -> str:
 def without_runtime(target: str, own: str, prefix: str, records: dict, headers_besides: tuple[str, ...]) -> dict[str, str]:
     """{path in the folder: text} of functions in C that need two headers of ncgen's and nothing of its runtime.
 
-    own: the template of the functions, with its header; beside: templates of what else is in the folder
+    own: the template of the functions, with its header; headers_besides: templates of what else is in the folder
     """
 
     def filled(template: str) -> str:
