@@ -11,6 +11,7 @@ from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.program.ir.blocks import Pattern
 from ncgen.program.tree.couplings import NoTables, couplings, followed
 from ncgen.solver.engines import compiled
+from ncgen.solver.positions import rank
 from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.rank import freedom, scaled_jacobian
 from ncgen.symbolic.tree import spanning_tree
@@ -60,6 +61,14 @@ def test_what_follows_is_seen(gripper):
     assert {leader for leader, _ in found.values()} == {"first"}
     assert {name: ratio for name, (_, ratio) in found.items()} == pytest.approx({"second": -1.5, "sliding": 0.03, "knuckle": -0.75})
     assert len(tree.coupled.carriers) == 1 and freedom(gripper).dof == 4
+
+
+def test_joints_tell_the_rank(gripper, monkeypatch):
+    """Of large trees, without a look at what rows imply."""
+    found = freedom(gripper)
+    monkeypatch.setattr(rank, "DENSE", 0)
+    monkeypatch.setattr(rank, "freedom_at", None)
+    assert rank.rank_at(gripper, gripper.q0, 0.0, gripper.p0) == (found.rank, found.is_singular) == (gripper.n - 4, False)
 
 
 def test_accelerations_and_motion_are_those_of_the_matrix(gripper):

@@ -46,6 +46,9 @@ INPUTS = {
     "contact_velocities": ("t", "q", "qd", "p"),
 }
 
+LONG = 300
+"""Operations of an expression beyond which it is not written as a polynomial, which could have any number of terms."""
+
 Named: TypeAlias = tuple[str, Scalar]
 """What messages call an expression, and the expression."""
 
@@ -145,18 +148,21 @@ def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], 
 
 
 def terms_of(expression: Scalar) -> sympy.Expr:
-    """The sum of the sizes of the terms of an expression; those of a polynomial are its monomials."""
+    """The sum of the sizes of the terms of an expression; those of a polynomial that is not long are its monomials."""
     import sympy
 
-    terms = sympy.Add.make_args(sympy.expand(sympy.sympify(expression)))
+    formula = sympy.sympify(expression)
+    terms = sympy.Add.make_args(formula if formula.count_ops() > LONG else sympy.expand(formula))
     return sympy.Add(*(sympy.Abs(term) for term in terms))
 
 
 def degree_of(expression: Scalar, moving: set[str]) -> int | None:
-    """The degree of an expression as a polynomial of the time and of coordinates and velocities of these names; None where it is none."""
+    """The degree of an expression as a polynomial of time, coordinates and velocities of these names; None for others and long ones."""
     import sympy
 
     formula = sympy.sympify(expression)
+    if formula.count_ops() > LONG:
+        return None
     symbols = [s for s in sorted(symbols_in(formula), key=str) if s.name == TIME or s.name in moving]
     if not symbols:
         return 0

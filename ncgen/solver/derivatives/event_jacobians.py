@@ -222,7 +222,7 @@ class EventJacobians:
         for k, friction in self.functions.frictions.items():
             after[first + names.index(friction.slip)] = 0.0
             if k in o.held and k not in o.held_before:
-                after[first + names.index(friction.held)] = self._element(friction.name, values)
+                after[first + names.index(friction.held)] = self._element(f"{friction.name}, place", values)
         return after
 
     def _onto(self, o: Occurrence, change: np.ndarray) -> np.ndarray:

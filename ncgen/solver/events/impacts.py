@@ -24,7 +24,7 @@ MOST_TURNS = 10_000
 """Impacts in turn at one instant, after which they are said to accumulate."""
 
 OPENING = 1e-12
-"""A gap whose velocity is above minus this, relative to the sizes of its terms, does not close."""
+"""A gap whose velocity is above minus this, relative to all velocities before, does not close."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +71,7 @@ class Gaps:
         self.drift = np.zeros(len(self.W))
         self.drift[self.normal] = [gap.drift for gap in gaps]
         n, sizes = kernels.n, kernels.column_sizes
+        self._rounding = OPENING * (np.abs(self.W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(self.drift))
         force = (sizes * self.W).T
         change, _ = least_energy(kernels, at.q, at.t, at.p).solve(force, np.zeros((kernels.m, len(self.W))))
         scaled = sizes**2 * kernels.mass(at.q, at.t, at.p).diagonal()
@@ -89,8 +90,7 @@ class Gaps:
 
     def closing(self, qd: np.ndarray) -> np.ndarray:
         """Mask (k,) of the gaps that close."""
-        closes = self.velocities(qd) < -OPENING * (np.abs(self.W) @ np.abs(qd) + np.abs(self.drift))
-        return closes[self.normal]
+        return (self.velocities(qd) < -self._rounding)[self.normal]
 
     def are_coupled(self) -> bool:
         """True if an impulse of one gap changes the velocity of another."""
