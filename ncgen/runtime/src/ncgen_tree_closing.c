@@ -10,7 +10,7 @@ static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const n
     const ncgen_scalar *sizes = r->dynamics->column_sizes;
     const int first = tree->row_start[link], count = tree->row_start[link + 1] - first;
     const int begin = tree->unknowns[link], width = tree->unknowns[link + 1] - begin;
-    ncgen_real *a = w->square, *right = w->right, *diagonal = w->right + tree->most_rows;
+    ncgen_real *a = w->gram, *right = w->right, *diagonal = w->right + tree->most_rows;
     for (int i = 0; i < count; ++i) {
         const int row = tree->rows[first + i];
         ncgen_real *own = w->dense + i * width;
