@@ -40,6 +40,7 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->gram = ncgen_take(space, tree->most_rows * tree->most_rows);
     w->right = ncgen_take(space, 2 * tree->most_rows);
     w->jacobian = ncgen_take(space, ncgen_nonzeros(&r->model->phi_q_pattern));
+    w->unknown = ncgen_take(space, tree->most_unknowns);
     w->dense = ncgen_take(space, tree->most_rows * tree->most_unknowns);
 }
 

@@ -28,6 +28,7 @@ typedef struct ncgen_tree_work {
     ncgen_real *force, *bias, *inertial; /* n */
     ncgen_real *gram, *right;            /* of the rows that close a link */
     ncgen_real *jacobian;                /* values of Phi_q */
+    ncgen_real *unknown;                 /* of a link */
     ncgen_real *dense;                   /* the part of a link */
 } ncgen_tree_work;
 
