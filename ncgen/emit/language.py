@@ -1,4 +1,4 @@
-"""The languages that programs can be written in: each is a folder beside this file, found by its name.
+"""The languages that programs can be written in: each is a folder next to this file, found by its name.
 
     emit/NAME/files.py    what `Language` asks for
     templates/NAME/       skeletons of its files, if it has any

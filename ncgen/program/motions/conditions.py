@@ -157,7 +157,7 @@ def terms_of(expression: Scalar) -> sympy.Expr:
 
 
 def degree_of(expression: Scalar, moving: set[str]) -> int | None:
-    """The degree of an expression as a polynomial of time, coordinates and velocities of these names; None where it is none, or long."""
+    """The degree of an expression as a polynomial of time, coordinates and velocities of these names; None for others and long ones."""
     import sympy
 
     formula = sympy.sympify(expression)

@@ -45,7 +45,23 @@ class BatchGradients:
         return np.array([status == "ok" for status in self.status])
 
     def by(self, name: str) -> np.ndarray:
-        """Derivatives (B,) by one of the names. Raises ModelError for another."""
+        """Return the derivatives by one name.
+
+        Parameters
+        ----------
+        name : str
+            One of `names`.
+
+        Returns
+        -------
+        numpy.ndarray
+            Derivatives, shape (B,).
+
+        Raises
+        ------
+        ModelError
+            For an unknown name.
+        """
         if name not in self.names:
             raise ModelError(f"there is no derivative by {name!r}; there are {shortened(', '.join(self.names), SHOWN)}")
         return self.slopes[:, self.names.index(name)]

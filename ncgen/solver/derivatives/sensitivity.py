@@ -1,6 +1,6 @@
 """Exact derivatives of a motion with respect to parameters and initial state: forward and adjoint.
 
-Where the mechanism's motion is written out the steps of the run in C are differentiated (`taped_motion`), else those of a run in
+Where the mechanism's motion is emitted the steps of the run in C are differentiated (`taped_motion`), else those of a run in
 Python (`partitioned_motion`). Forward all directions are carried along with the motion; the adjoint sweep goes back through it once,
 whatever the number of parameters.
 """
@@ -226,9 +226,7 @@ def hessian(
     refuse_events(kernels.model, "hessian")
     motion = motion_of(kernels, duration, steps, **arguments)
     if not isinstance(motion, TapedMotion):
-        raise ModelError(
-            f"{kernels.name}: its motion is not written out in C, so it has no second derivatives; take differences of gradient"
-        )
+        raise ModelError(f"{kernels.name}: its motion is not emitted in C, so it has no second derivatives; take differences of gradient")
     count = len(motion.names)
     along = np.eye(count) if directions is None else numbers_of(directions, "directions")
     if along.ndim != 2 or len(along) != count:
@@ -302,7 +300,7 @@ def is_taped(kernels: Kernels, integrator: str) -> bool:
         raise ModelError(f"integrator: {integrator!r} given; derivatives of many motions go through steps of {explicit}")
     written = is_written_out(kernels, Method.of("lagrange", integrator))
     if not written and integrator != "rk4":
-        raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
+        raise ModelError(f"{kernels.name}: its motion is not emitted in C, so derivatives go through steps of rk4, not of {integrator}")
     return written
 
 

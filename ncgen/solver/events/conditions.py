@@ -47,7 +47,7 @@ class EventFunctions:
         self.gaps = {k: names.index(contact.name) for k, contact in self.contacts.items()}
         first = len(self.events) + len(self.frictions) + len(self.contacts)
         self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), first))
-        self.locks = {each.name: Held(-1, each.name, (each.along.position - symbol_of(each.held),)) for each in model.locks.values()}
+        self.locks = {each.name: held_where_it_is(-1, each) for each in model.locks.values()}
         turning = [k for k, contact in self.contacts.items() if len(contact.sliding) > 1]
         self.turns = dict(enumerate(turning, first + len(self.ratchets)))
         self.count = first + len(self.ratchets) + len(self.turns)
@@ -55,10 +55,14 @@ class EventFunctions:
         falling = [DIRECTIONS["falling"]] * len(self.ratchets)
         self.directions = np.array([*ways, *([OFF] * (first - len(ways))), *falling, *([OFF] * len(self.turns))], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
+        self._last: dict[str, tuple[State, np.ndarray]] = {}  # what was asked last of every function: a state is asked again and again
 
     @cached_property
     def searches(self) -> tuple[Search, ...]:
         """How every condition is found."""
+        return self.kernels.remember("searches of events", (), self._searches)
+
+    def _searches(self) -> tuple[Search, ...]:
         return tuple("sampled" if degree_within_step(when, self.kernels) is None else "proof" for _, when in self.conditions)
 
     @cached_property
@@ -70,10 +74,10 @@ class EventFunctions:
         closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         rubbing = self.kernels.model.contacts
         held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
-        sticking = [Held(k, f.name, (f.along.position - symbol_of(f.held),), f.static) for k, f in self.frictions.items()]
+        sticking = [held_where_it_is(k, f, f.static) for k, f in self.frictions.items()]
         rests = {event.name for _, event in closing}
         rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
-        caught = [Held(k, r.name, (r.along.position - symbol_of(r.held),)) for k, r in self.ratchets.items()]
+        caught = [held_where_it_is(k, r) for k, r in self.ratchets.items()]
         return (*held, *sticking, *rolling, *caught)
 
     @property
@@ -159,7 +163,11 @@ class EventFunctions:
     def _call(self, name: str, at: State) -> np.ndarray:
         if not self.count and name in ("conditions", "condition_slopes"):
             return np.empty(0)
-        return self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
+        last, numbers = self._last.get(name, (None, None))
+        if last is not at or numbers is None:
+            numbers = self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
+            self._last[name] = at, numbers
+        return numbers
 
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
@@ -212,7 +220,7 @@ class EventFunctions:
 
     def place(self, of: Friction | Ratchet | Lock, at: State) -> float:
         """Where what is held is (m or rad)."""
-        return self._number(of.name, of.along.position, at)
+        return self._element(f"{of.name}, place", at)
 
     def beginnings(self, at: State) -> dict[str, float]:
         """{name: number} of what parameters and inputs are at the start."""
@@ -220,7 +228,12 @@ class EventFunctions:
 
     def _number(self, where: str, value: Value | Scalar, at: State) -> float:
         """A number, or an expression."""
-        return float(value) if is_number(value) else float(self._call("element_values", at)[self._elements.index((where, value))])
+        return float(value) if is_number(value) else self._element(where, at)
+
+    def _element(self, where: str, at: State) -> float:
+        """The value of an element that is an expression, by its words."""
+        places = self.kernels.remember("places of elements", (), lambda: {words: k for k, (words, _) in enumerate(self._elements)})
+        return float(self._call("element_values", at)[places[where]])
 
     @cached_property
     def named_values(self) -> list[tuple[str, Value | Scalar]]:
@@ -234,7 +247,7 @@ class EventFunctions:
         pairs += [(f"friction {each.name}", each.static) for each in self.frictions.values()]
         pairs += [(f"contact {each.name}, friction", each.friction) for each in self.contacts.values()]
         pairs += [(f"contact {each.name}, tangential", each.tangential) for each in self.contacts.values()]
-        pairs += [(each.name, each.along.position) for each in (*self.moving.values(), *self.kernels.model.locks.values())]
+        pairs += [(f"{each.name}, place", each.along.position) for each in (*self.moving.values(), *self.kernels.model.locks.values())]
         pairs += list(self.kernels.model.beginnings.items())
         return [pair for pair in pairs if not is_number(pair[1])]
 
@@ -263,6 +276,11 @@ class EventFunctions:
         if not isinstance(made, CompiledFunctions):
             raise ModelError(f"{kernels.name}: events need compiled kernels; compile the model with backend='c'")
         return made
+
+
+def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None) -> Held:
+    """The constraint of what is held at the place where it is at that instant."""
+    return Held(number, of.name, (of.along.position - symbol_of(of.held),), static, place=(of.held, of.along.initial))
 
 
 def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:

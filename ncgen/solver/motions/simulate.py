@@ -268,7 +268,7 @@ class _Motion:
             refuse_negative_ahead(self.kernels, self.path.q[-1], self.path.qd[-1], float(t[0]), float(t[-1] - t[0]), self.start.p)
 
     def _form(self) -> Form:
-        """What state derivative C is given: as named, else one that is written out where there is one over all coordinates."""
+        """What state derivative C is given: as named, else one that is emitted where there is one over all coordinates."""
         if self.run.engine in EMITTED:
             return self.run.engine
         is_open = self.run.engine in (AUTO, COMPILED) and self.run.number == "double"

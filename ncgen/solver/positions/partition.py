@@ -145,7 +145,7 @@ def choose_partition(
 
 
 def _measured(kernels: Kernels, wanted: list[int]) -> list[int]:
-    """Coordinates that measure the joints of a large open tree, one each, those that are wanted first; [] where they are none of these."""
+    """Coordinates that measure the joints of a large open tree, one each, wanted ones first; [] where they are not among these."""
     tree = open_tree(kernels)
     if tree is None:
         return []

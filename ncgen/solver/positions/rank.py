@@ -139,6 +139,13 @@ class Freedom:
 
     @property
     def is_singular(self) -> bool:
+        """Return whether the position is singular.
+
+        Returns
+        -------
+        bool
+            True if the rank at the position is less than the general rank.
+        """
         return self.rank_here < self.rank
 
 
@@ -287,9 +294,9 @@ def _implication(jacobian: np.ndarray, row: int, kept: list[int], scale: np.ndar
 
 
 def _extra_motions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rank: int, largest: np.ndarray) -> np.ndarray:
-    """Motions that are free at q and not just beside it, in natural units, columns over the free coordinates.
+    """Motions that are free at q and not just near it, in natural units, columns over the free coordinates.
 
-    They are what is left of the null space at q beside that of a neighbouring position in general position.
+    They are what is left of the null space at q without that of a neighbouring position in general position.
     """
     null_here = null_space(scaled_jacobian(kernels, q, t, p) / largest)
     neighbours = trial_positions(kernels, q, t, p, distance=NEIGHBOUR)[1:]

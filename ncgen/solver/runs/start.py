@@ -50,7 +50,7 @@ class Start:
 
 
 def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
-    """Where a run starts, closed and with velocities; partitioned: whether it goes on with independent coordinates alone.
+    """Where a run starts, closed and with velocities; partitioned: whether it continues with independent coordinates alone.
 
     Raises ConvergenceError naming the rows that do not close, SingularError at a singular position that the method or the given
     velocities cannot do with, ModelError for independent coordinates that do not determine the motion.
