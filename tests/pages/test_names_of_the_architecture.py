@@ -32,5 +32,5 @@ def test_the_page_names_what_there_is():
 def test_the_check_sees_what_is_gone():
     assert missing("`ncgen/emit/gone.py` has `no_such_" + "function_at_all()` and `Model`") == [
         "ncgen/emit/gone.py",
-        "no_such_function_at_all",
+        "no_such_" + "function_at_all",
     ]
