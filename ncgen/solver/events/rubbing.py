@@ -76,7 +76,8 @@ def undetermined(functions: EventFunctions, sliding: Sequence[Sliding], at: Stat
     for k, contact in functions.contacts.items():
         if any(each.name == contact.name for each in sliding):
             place = ", ".join(f"{_number(functions, x, at):.6g}" for x in contact.place)
-            told.append(f"{contact.name} with friction {functions.friction(k, at):g} at ({place}) m")
+            where = f" at ({place}) m" if place else ""
+            told.append(f"{contact.name} with friction {functions.friction(k, at):g}{where}")
     return ConvergenceError(
         f"{functions.kernels.name}: at t = {at.t:.6g} s the load of contact {', '.join(told)} is not determined, its friction is too large "
         "for the direction in which it slides (Painlevé); take less friction, or a compliant contact"
