@@ -139,8 +139,8 @@ def _groups(package: Package) -> list[Group]:
     conditions += [
         Variable(f"load({name})", "N", f"condition of event {name}: load of its gap, 1 where it is open", "local") for name in package.gaps
     ]
-    said = ("output", "discrete", "exact", 0.0)
-    counts = [Variable(f"count({name})", "", f"how often event {name} has happened", *said) for name in events]
+    attributes = ("output", "discrete", "exact", 0.0)
+    counts = [Variable(f"count({name})", "", f"how often event {name} has happened", *attributes) for name in events]
 
     def state(name: str, unit: str, what: str, start: float) -> Variable:
         return Variable(name, unit, what, initial="approx", start=float(start))
