@@ -233,3 +233,37 @@ def test_events_that_a_joint_has_at_the_start():
 
     back = ncgen.gradient(kernels, 3.0, 12, last, by=names)
     assert [back.slopes[name] for name in names] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_double_pendulum_with_a_stop_and_friction():
+    """It sticks, slips, hits its stop and turns; all event times, and the end, by differences of runs. The mode in which it sticks is as
+    regular as the mechanism."""
+    m = ncgen.Model("pendulum")
+    mu, limit, e = m.parameter("mu", 0.6), m.parameter("limit", -1.2), m.parameter("e", 0.3)
+    A, B, C = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0)), m.point("C", (1, 0.8))
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.body("upper", points=[A, B], mass=1.0, inertia=1 / 12)
+    m.body("lower", points=[B, C], mass=0.5, inertia=0.5 * 0.64 / 12)
+    upper, lower = m.angle("upper.angle", start=x, end=B - A, axis=z), m.angle("lower.angle", start=x, end=C - B, axis=z)
+    m.gravity((0, -G, 0))
+    m.stop(upper, lower=limit, restitution=e)
+    m.friction(lower, coulomb=mu, static=1.5 * mu, name="joint")
+    kernels, at, given = ncgen.compile(m), {"mu": 0.6, "limit": -1.2, "e": 0.3}, {"integrator": "dop853", "rtol": 1e-11}
+    found = ncgen.sensitivities(kernels, 1.3, 13, by=list(at), **given)
+    assert [each.what or each.name for each in found.events[:5]] == ["sticks", "slips", "upper.angle.stop.lower", "turns"] + [
+        "upper.angle.stop.lower"
+    ]
+
+    def everything(p):
+        run = ncgen.simulate(kernels, 1.3, rtol=1e-13, p=p)
+        return np.concatenate([run.q[-1], run.qd[-1], [each.t for each in run.events]])
+
+    step = 1e-4
+    for k, name in enumerate(at):
+        ends = [everything(at | {name: at[name] + way * step}) for way in (1, -1, 2, -2)]
+        slope = (8 * (ends[0] - ends[1]) - (ends[2] - ends[3])) / (12 * step)
+        mine = np.concatenate([found.q_by[-1, :, k], found.qd_by[-1, :, k], [each.t_by[k] for each in found.events]])
+        assert mine == pytest.approx(slope, rel=1e-6, abs=1e-6)
+    back = ncgen.gradient(kernels, 1.3, 13, lambda q, qd: (np.sum(q), np.ones_like(q), None), by=list(at), **given)
+    assert [back.slopes[name] for name in at] == pytest.approx(np.sum(found.q_by, axis=(0, 1)), rel=1e-9)

@@ -99,13 +99,12 @@ class EventJacobians:
         where = f"at t = {o.before.t:.9g} s"
         if not o.crossed:
             if any(done.is_impact for done in o.done):
-                raise self._none(", ".join(o.names), f"{where} happens where the motion begins", "begin before it")
+                raise self._none(o.names, f"{where} happens where the motion begins", "begin before it")
             return np.zeros(len(flow))
-        acting = [k for k in o.crossed if self._acts(k)]
-        if len(acting) > 1:
-            names = ", ".join(self._name(k, o.held_before) for k in acting)
+        if len(o.crossed) > 1:
+            names = ", ".join(self._name(k, o.held_before) for k in o.crossed)
             raise self._none(names, f"{where} happen at one instant, where the order of events changes", "move one of them")
-        k = acting[0] if acting else o.crossed[0]
+        (k,) = o.crossed
         name = self._name(k, o.held_before)
         if k > self.functions.count + count_of(self._held(o.held_before)) - 1:
             raise self._none("stop", f"{where} ends the motion", "leave it out")
@@ -124,10 +123,6 @@ class EventJacobians:
             return float(self.functions.weighed(o.before)[1][k])
         held, at = self._held(o.held_before), replace(o.before, p=self.kernels.present(o.before.t, o.before.p))
         return float(load_conditions(self.functions, self.mode(o.held_before), held).at(at)[1][k - self.functions.count])
-
-    def _acts(self, k: int) -> bool:
-        """Whether something follows from a condition."""
-        return k >= len(self.functions.events) or bool(self.functions.events[k].do)
 
     def _name(self, k: int, held: tuple[int, ...]) -> str:
         """What a condition belongs to."""

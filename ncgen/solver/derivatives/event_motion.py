@@ -104,7 +104,6 @@ class EventMotion:
         self.instants, begun = passage.instants, passage.begun
         assert begun is not None, "a run with events has begun"
         self._check()
-        self._happened = {id(o): [each for each in passage.happened if each.t == o.before.t] for o in self.instants}
         self._through: list[EventJacobian] = [self._jacobians(o) for o in self.instants]
         self._begun = make(kernels, initial, times[:2], follows)
         self.p, self.names, self._first = self._begun.p, self._begun.names, self._jacobians.begun(begun)
@@ -115,11 +114,11 @@ class EventMotion:
         """Raise ModelError where events end the motion, or coincide."""
         length = float(self.t[-1] - self.t[0])
         for k, o in enumerate(self.instants):
-            names, t = ", ".join(o.names), o.before.t
+            names, t = o.names, o.before.t
             if o.stops:
                 raise ModelError(f"{self.kernels.name}: the event {names} ends the motion at t = {t:.9g} s; take a shorter motion")
             if k and o.crossed and t - self.instants[k - 1].before.t <= SAME_INSTANT * length and self.instants[k - 1].crossed:
-                before = ", ".join(self.instants[k - 1].names)
+                before = self.instants[k - 1].names
                 raise ModelError(
                     f"{self.kernels.name}: there is no derivative through the events {before} and {names}, which happen at one instant, "
                     f"t = {t:.9g} s; move one of them"
@@ -183,7 +182,7 @@ class EventMotion:
                 continue
             jacobian = self._through[self.instants.index(o)]
             time, before, after = jacobian.time @ change, jacobian.before @ change, jacobian.after @ change
-            for each in self._happened[id(o)]:
+            for each in o.happened:
                 found.append(EventSensitivity(each.t, each.name, each.what, time, before[:n], before[n : 2 * n], after[n : 2 * n]))
         return tuple(found)
 

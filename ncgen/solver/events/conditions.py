@@ -47,7 +47,7 @@ class EventFunctions:
         self.gaps = {k: names.index(contact.name) for k, contact in self.contacts.items()}
         first = len(self.events) + len(self.frictions) + len(self.contacts)
         self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), first))
-        self.locks = {each.name: Held(-1, each.name, (each.along.position - symbol_of(each.held),)) for each in model.locks.values()}
+        self.locks = {each.name: held_where_it_is(-1, each) for each in model.locks.values()}
         turning = [k for k, contact in self.contacts.items() if len(contact.sliding) > 1]
         self.turns = dict(enumerate(turning, first + len(self.ratchets)))
         self.count = first + len(self.ratchets) + len(self.turns)
@@ -74,10 +74,10 @@ class EventFunctions:
         closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         rubbing = self.kernels.model.contacts
         held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
-        sticking = [Held(k, f.name, (f.along.position - symbol_of(f.held),), f.static) for k, f in self.frictions.items()]
+        sticking = [held_where_it_is(k, f, f.static) for k, f in self.frictions.items()]
         rests = {event.name for _, event in closing}
         rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
-        caught = [Held(k, r.name, (r.along.position - symbol_of(r.held),)) for k, r in self.ratchets.items()]
+        caught = [held_where_it_is(k, r) for k, r in self.ratchets.items()]
         return (*held, *sticking, *rolling, *caught)
 
     @property
@@ -276,6 +276,11 @@ class EventFunctions:
         if not isinstance(made, CompiledFunctions):
             raise ModelError(f"{kernels.name}: events need compiled kernels; compile the model with backend='c'")
         return made
+
+
+def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None) -> Held:
+    """The constraint of what is held at the place where it is at that instant."""
+    return Held(number, of.name, (of.along.position - symbol_of(of.held),), static, place=(of.held, of.along.initial))
 
 
 def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:

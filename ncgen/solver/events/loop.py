@@ -192,9 +192,9 @@ class Loop:
         self.at = found.at
         self._note(before, instant.happened, found.happened, dict(rests.values()))
         self._set_signs(due)
-        names = tuple(dict.fromkeys(each.name for each in (*instant.happened, *found.happened)))
+        happened = (*instant.happened, *found.happened)
         stops = instant.stops or bool(ended)
-        self.passage.instants.append(Occurrence(before, self.at, self.held, found.held, crossed, tuple(instant.done), stops, names))
+        self.passage.instants.append(Occurrence(before, self.at, self.held, found.held, crossed, tuple(instant.done), stops, happened))
         if (found.held, self.at.locked) != (self.held, before.locked):
             self.go_to(self.at, self.signs, found.held)
             self.first_step = 0.0

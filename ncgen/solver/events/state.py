@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ncgen.solver.trajectories.happening import Happening
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -34,7 +36,7 @@ class Occurrence:
 
     before, after: states; held_before, held: numbers of what was held, and is from here on
     crossed: numbers of the conditions that ended the part of the run before, those of loads behind those of the mechanism; () at the start
-    done: in order; stops: True where the run ended; names: of the events
+    done, happened: in order; stops: True where the run ended
     """
 
     before: State
@@ -44,4 +46,9 @@ class Occurrence:
     crossed: tuple[int, ...]
     done: tuple[Done, ...]
     stops: bool
-    names: tuple[str, ...]
+    happened: tuple[Happening, ...]
+
+    @property
+    def names(self) -> str:
+        """Of the events."""
+        return ", ".join(dict.fromkeys(each.name for each in self.happened))
