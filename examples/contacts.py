@@ -4,8 +4,8 @@ woodpecker toy.
     python examples/contacts.py docs/contacts.png
 
 A ball that falls while it spins slides until it rolls, which is 2 v/(7 μ g) after the fall for its sliding velocity v. On a turntable it
-rolls along a circle with 2/7 of the table's angular velocity, wherever it starts. In a vertical tube it does not fall out, but goes up again
-with √(2/7) of the frequency of its revolutions. The woodpecker's sleeve sticks to its pole and slips down a little at every peck, in a
+rolls along a circle with 2/7 of the table's angular velocity, wherever it starts. In a vertical tube it does not fall out, but goes up
+again with √(2/7) of the frequency of its revolutions. The woodpecker's sleeve sticks to its pole and slips down a little at every peck, in a
 limit cycle.
 """
 
@@ -112,7 +112,7 @@ def draw(path: str) -> None:
     for each in run.events:
         places[0].axvline(each.t, color="grey", linewidth=0.7)
     places[0].set(title="A spinning ball falls, slides and rolls", xlabel="t (s)", ylabel="m/s")
-    places[0].legend(frameon=False, loc="center right")
+    places[0].legend(frameon=False, loc="lower right")
     for place, speed in (((0.5, 0.0), (0.3, 0.1)), ((-0.2, 0.4), (0.0, -0.5)), ((0.0, -0.5), (-0.2, 0.0))):
         m, start = turntable(place, speed)
         run = ncgen.simulate(ncgen.compile(m), 2 * math.pi / (2 * OMEGA / 7), qd0=start, points=301)
@@ -131,7 +131,7 @@ def draw(path: str) -> None:
     places[3].plot(run.t, 1e3 * run["y.x"])
     sticks = [each for each in run.events if each.what == "sticks"]
     places[3].plot([each.t for each in sticks], [1e3 * each.q[0] for each in sticks], "ko", markersize=4, label="sticks")
-    places[3].set(title="A woodpecker's sleeve sticks and slips", xlabel="t (s)", ylabel="height (mm)")
+    places[3].set(title="A woodpecker sticks and slips", xlabel="t (s)", ylabel="height (mm)")
     places[3].legend(frameon=False)
     figure.savefig(path, dpi=80)
 
