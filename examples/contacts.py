@@ -5,8 +5,8 @@ woodpecker toy.
 
 A ball that falls while it spins slides until it rolls, which is 2 v/(7 μ g) after the fall for its sliding velocity v. On a turntable it
 rolls along a circle with 2/7 of the table's angular velocity, wherever it starts. In a vertical tube it does not fall out, but goes up
-again with √(2/7) of the frequency of its revolutions. The woodpecker's sleeve sticks to its pole and slips down a little at every peck, in a
-limit cycle.
+again with √(2/7) of the frequency of its revolutions. The woodpecker's sleeve sticks to its pole and slips down a little at every peck,
+in a limit cycle.
 """
 
 from __future__ import annotations
