@@ -25,7 +25,7 @@ Law: TypeAlias = "Callable[[sympy.Expr, sympy.Expr], sympy.Expr]"
 STIFFNESS, LOSS = 1e4, 0.5
 """Of stops: N m/rad or N/m, and s/rad or s/m."""
 
-CREEP = 1e-2
+FRICTION_RATE = 1e-2
 """The rate up to which dry friction is a damper (rad/s or m/s)."""
 
 LIMITS, FRICTION = "limits of joints", "friction of joints"
@@ -66,7 +66,7 @@ def add_friction(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
     rough = [(joint, coordinate) for joint, coordinate in joints if joint.friction]
     if not rough:
         return 0
-    creep = model.parameter("friction_creep", CREEP, "m/s or rad/s")
+    creep = model.parameter("friction_creep", FRICTION_RATE, "m/s or rad/s")
     for joint, coordinate in rough:
         model.torsion_spring(coordinate, law=_rough(joint.friction, creep.symbol), label=f"friction of {coordinate.name}")
     return len(rough)
