@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ncgen.mechanism.numpy_module import NumPyKernels
 
 BACKENDS = ("auto", "c", "numpy")
+EFFORTS = ("auto", "most")
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
@@ -96,18 +97,26 @@ def generate(model: Model, emission: str = "auto", timings: Timings | None = Non
 
 
 @overload
-def compile(model: Model | Sources, backend: Literal["c"], emission: str = "auto", timings: Timings | None = None) -> CompiledKernels: ...
+def compile(
+    model: Model | Sources, backend: Literal["c"], emission: str = "auto", timings: Timings | None = None, effort: str = "auto"
+) -> CompiledKernels: ...
 
 
 @overload
-def compile(model: Model | Sources, backend: Literal["numpy"], emission: str = "auto", timings: Timings | None = None) -> NumPyKernels: ...
+def compile(
+    model: Model | Sources, backend: Literal["numpy"], emission: str = "auto", timings: Timings | None = None, effort: str = "auto"
+) -> NumPyKernels: ...
 
 
 @overload
-def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto", timings: Timings | None = None) -> Kernels: ...
+def compile(
+    model: Model | Sources, backend: str = "auto", emission: str = "auto", timings: Timings | None = None, effort: str = "auto"
+) -> Kernels: ...
 
 
-def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto", timings: Timings | None = None) -> Kernels:
+def compile(
+    model: Model | Sources, backend: str = "auto", emission: str = "auto", timings: Timings | None = None, effort: str = "auto"
+) -> Kernels:
     """Compile a mechanism.
 
     Parameters
@@ -120,6 +129,9 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
         As of `generate`.
     timings : Timings, optional
         Takes the time of every stage.
+    effort : str
+        How much of a motion is compiled at its first run. "auto": what takes a few seconds; trees of bodies with more than 20 joint
+        velocities move in loops over tables. "most": all trees, which run about twice as fast after up to a minute.
 
     Returns
     -------
@@ -132,6 +144,7 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
         If C was asked for and no compiler works.
     """
     check_words(backend, emission)
+    one_of(effort, "effort", EFFORTS)
     timings = timings or Timings()
     from ncgen.mechanism.library import CompiledKernels
     from ncgen.mechanism.numpy_module import NumPyKernels
@@ -143,7 +156,9 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
         try:
             files = timings.stage("emit", lambda: sources.c)
             built = timings.stage("build", compiled, files, flags_for(files))
-            return timings.stage("load", CompiledKernels, sources.programs, built.library)
+            kernels = timings.stage("load", CompiledKernels, sources.programs, built.library)
+            kernels.effort = effort
+            return kernels
         except CompileError as error:
             if backend == "c":
                 raise

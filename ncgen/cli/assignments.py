@@ -31,7 +31,7 @@ def assigned(option: str, typed: str | list[str] | None, word: str = "") -> dict
     return values or None
 
 
-def beside_its_own(model: Model, typed: dict[str, float] | None) -> dict[str, float] | None:
+def with_model_parameters(model: Model, typed: dict[str, float] | None) -> dict[str, float] | None:
     """Parameters as they were typed, beside those of the model's own simulation that were not; None where nothing was typed.
 
     Raises ModelError where its own are none.

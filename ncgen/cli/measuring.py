@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ncgen.cli.completion import models, words_of
-from ncgen.cli.terminal import PAGES, PICTURES, RESULTS, Json, ModelName, out, progress, show, tell, writable
+from ncgen.cli.terminal import PAGES, PICTURES, RESULTS, Json, ModelName, out, print_records, progress, show, writable
 from ncgen.errors import ModelError
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def _robots(paths: list[Path], limit: float | None, json_output: bool) -> None:
             advance(len(records))
             if not json_output:
                 show([robots.robot_line(record)])
-    tell(records, robots.summary, json_output)
+    print_records(records, robots.summary, json_output)
 
 
 def _precision(model: Model, html: Path | None, plot: Path | None, json_output: bool) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ncgen.cli.assignments import assigned, beside_its_own
+from ncgen.cli.assignments import assigned, with_model_parameters
 from ncgen.cli.completion import coordinates, parameters, stops, words_of
 from ncgen.cli.robot_options import for_robots
 from ncgen.cli.terminal import METHOD, MOTION, RESULTS, Backend, Emission, Json, ModelName, err, out, progress
@@ -173,7 +173,7 @@ def run(
     json_output: Json = False,
 ) -> None:
     """Generate, compile, check, simulate and draw a model."""
-    from ncgen.mechanism.runtime_library import beside, part_for
+    from ncgen.mechanism.runtime_library import compiling_thread, part_for
     from ncgen.methods.table import AUTO
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.run_report import run_record, write_outputs
@@ -191,10 +191,10 @@ def run(
     compiling: list[Thread] = []
 
     def check(loaded: Model) -> None:
-        given["p"] = beside_its_own(loaded, given["p"])
+        given["p"] = with_model_parameters(loaded, given["p"])
         check_simulation(loaded, **given)
         if backend != "numpy" and engine != "python":
-            compiling.append(beside(part=part_for(simulation_of(loaded, **given).get("integrator", AUTO))))
+            compiling.append(compiling_thread(part=part_for(simulation_of(loaded, **given).get("integrator", AUTO))))
             compiling[0].start()
 
     kernels, sources, seconds = _compiled(model, robot, backend, emission, check, lists_left_out=not json_output)

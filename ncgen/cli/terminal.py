@@ -16,7 +16,7 @@ from ncgen.errors import ModelError
 from ncgen.files import is_file, is_folder, is_there
 from ncgen.report.bar import err, progress, timed
 
-__all__ = ["err", "out", "progress", "show", "tell", "timed", "writable"]
+__all__ = ["err", "out", "progress", "show", "print_records", "timed", "writable"]
 
 out = Console(highlight=False, soft_wrap=True)
 
@@ -59,7 +59,7 @@ def show(lines: Iterable[object]) -> None:
         out.print(str(line), markup=False)
 
 
-def tell(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]], json_output: bool) -> None:
+def print_records(records: Sequence[object], lines: Callable[[list[Any]], Iterable[str]], json_output: bool) -> None:
     """Print records as JSON, or as the lines that `lines` makes of them."""
     if json_output:
         print(json.dumps(records, indent=1))

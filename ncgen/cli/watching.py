@@ -33,7 +33,7 @@ def watch(file: Annotated[Path, typer.Argument(metavar="FILE", help="a model fil
 
 def _blocks(file: Path, saved: Iterable[bool]) -> Iterator[list[str]]:
     """What there is to say each time that the file was saved; saved: as of `report.saves`."""
-    from ncgen.report.rounds import Round, look, told
+    from ncgen.report.rounds import Round, check_and_run, summary_of
 
     ran: Round | None = None
     for is_there in saved:
@@ -41,10 +41,10 @@ def _blocks(file: Path, saved: Iterable[bool]) -> Iterator[list[str]]:
             yield [f"{file}: the file is gone; waiting for it"]
             continue
         try:
-            round_now = look(file, _ender(file))
+            round_now = check_and_run(file, _ender(file))
         except Saved:
             continue
-        yield told(round_now, ran)
+        yield summary_of(round_now, ran)
         ran = round_now if round_now.record else ran
 
 

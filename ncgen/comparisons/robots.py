@@ -146,7 +146,7 @@ def motion() -> None:
     kernels = compile(load(sys.argv[1]))
     names = kernels.model.chosen_independent
     zd0 = {name: RATE * (-1) ** i for i, name in enumerate(names)}
-    _tell(start=zd0, freedom=len(names) or freedom(kernels).dof)
+    _print_results(start=zd0, freedom=len(names) or freedom(kernels).dof)
     duration, run = 0.0, None
     for duration in DURATIONS:
         for repeat in range(REPEATS):
@@ -157,14 +157,14 @@ def motion() -> None:
         assert run is not None
         counts = run.statistics
         share = counts.fallbacks / max(counts.evaluations, 1)
-        _tell(duration=duration, seconds=counts.seconds, evaluations=counts.evaluations, fallbacks=share)
-        _tell(each=counts.seconds / max(counts.evaluations, 1))
+        _print_results(duration=duration, seconds=counts.seconds, evaluations=counts.evaluations, fallbacks=share)
+        _print_results(each=counts.seconds / max(counts.evaluations, 1))
     assert run is not None
     places = [kernels.coordinates.index(name) for name in names] or list(range(kernels.n))
     with suppress(NcgenError):  # then the error is unknown, and the run counts all the same
         tight = simulate(kernels, duration, rtol=TIGHT, zd0=zd0 or None, points=2)
-        _tell(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[places])))
-    _tell(drift=float(run.energy_drift))
+        _print_results(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[places])))
+    _print_results(drift=float(run.energy_drift))
 
 
 def pinocchio() -> None:
@@ -174,7 +174,7 @@ def pinocchio() -> None:
     model = read(sys.argv[1])
     data, rng = model.createData(), np.random.default_rng(0)
     q, v, none = pin.integrate(model, pin.neutral(model), rng.uniform(-1, 1, model.nv)), rng.uniform(-1, 1, model.nv), np.zeros(model.nv)
-    _tell(aba=min(timeit.repeat(lambda: pin.aba(model, data, q, v, none), number=CALLS, repeat=9)) / CALLS)
+    _print_results(aba=min(timeit.repeat(lambda: pin.aba(model, data, q, v, none), number=CALLS, repeat=9)) / CALLS)
 
 
 def mujoco() -> None:
@@ -196,8 +196,8 @@ def mujoco() -> None:
         spent[step] = min(time.perf_counter() - clock, spent.get(step, np.inf))
         ends[step] = data.qpos[[model.jnt_qposadr[j] for j in joints]]
         if step == STEP:
-            _tell(mujoco=spent[step])
-    _tell(mujoco_error=float(np.max(np.abs(ends[STEP] - ends[SMALL_STEP]), initial=0.0)))
+            _print_results(mujoco=spent[step])
+    _print_results(mujoco_error=float(np.max(np.abs(ends[STEP] - ends[SMALL_STEP]), initial=0.0)))
 
 
 def _mujoco_model(mj: Any, path: Path) -> Any:
@@ -216,7 +216,7 @@ def _unstable(warning: str) -> None:
     raise NcgenError(f"MuJoCo: {warning}")
 
 
-def _tell(**results: Any) -> None:
+def _print_results(**results: Any) -> None:
     print(json.dumps(results), flush=True)
 
 

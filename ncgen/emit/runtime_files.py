@@ -43,10 +43,16 @@ WITHOUT_PARTITIONING = "NCGEN_WITHOUT_PARTITIONING"
 WITHOUT_STEPPERS = "NCGEN_WITHOUT_STEPPERS"
 """The macro with which there are no methods that discretise the constrained equations themselves."""
 
-ORDINARY = (EXPLICIT_ONLY, WITHOUT_PARTITIONING, WITHOUT_TABLES)
+ORDINARY_TREE = (EXPLICIT_ONLY, WITHOUT_PARTITIONING)
+"""What a run by an explicit method does without where a tree moves in loops over tables."""
+
+ORDINARY = (*ORDINARY_TREE, WITHOUT_TABLES)
 """What a run by an explicit method and emitted accelerations does without."""
 
-STIFF = (WITHOUT_PARTITIONING, WITHOUT_STEPPERS, WITHOUT_TABLES)
+STIFF_TREE = (WITHOUT_PARTITIONING, WITHOUT_STEPPERS)
+"""What a run by Radau's method does without where a tree moves in loops over tables."""
+
+STIFF = (*STIFF_TREE, WITHOUT_TABLES)
 """What a run by Radau's method and emitted accelerations does without."""
 
 
@@ -61,14 +67,14 @@ def explicit_names() -> tuple[str, ...]:
     return _part("ncgen_run.c", "ncgen_driven.c", "ncgen_piecewise.c", defined=(EXPLICIT_ONLY,))
 
 
-def ordinary_names() -> tuple[str, ...]:
-    """The files of the library where ORDINARY is defined."""
-    return _part("ncgen_run.c", "ncgen_piecewise.c", defined=ORDINARY)
+def ordinary_names(defined: Sequence[str] = ORDINARY) -> tuple[str, ...]:
+    """The files of the library where ORDINARY, or ORDINARY_TREE, is defined."""
+    return _part("ncgen_run.c", "ncgen_piecewise.c", defined=defined)
 
 
-def stiff_names() -> tuple[str, ...]:
-    """The files of the library where STIFF is defined."""
-    return _part("ncgen_run.c", "ncgen_piecewise.c", "ncgen_radau.c", "ncgen_trapezoidal.c", defined=STIFF)
+def stiff_names(defined: Sequence[str] = STIFF) -> tuple[str, ...]:
+    """The files of the library where STIFF, or STIFF_TREE, is defined."""
+    return _part("ncgen_run.c", "ncgen_piecewise.c", "ncgen_radau.c", "ncgen_trapezoidal.c", defined=defined)
 
 
 def indifferent(names: Iterable[str], macros: Collection[str]) -> tuple[str, ...]:
@@ -116,14 +122,14 @@ def needed_by(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:
         if name in files:
             continue
         files[name] = None
-        text = settled(runtime_text(name), defined)
+        text = resolve_ifndef(runtime_text(name), defined)
         headers = re.findall(r'^#include "([^"]+)"', text, flags=re.MULTILINE)
         bodies = [f"{header[:-2]}.c" for header in headers]
         waiting += [*headers, *(body for body in bodies if (FOLDER / "src" / body).is_file())]
     return tuple(sorted(files, key=lambda name: (name.endswith(".c"), name)))
 
 
-def settled(text: str, defined: Sequence[str]) -> str:
+def resolve_ifndef(text: str, defined: Sequence[str]) -> str:
     """A text with what is left of every `#ifndef` of some macros, which has no other one inside, once they are defined."""
     for macro in defined:
         branches = rf"^#ifndef {macro}\n(?:(?!#else|#endif).*\n)*(?:#else.*\n((?:(?!#endif).*\n)*))?#endif.*\n"
@@ -132,8 +138,8 @@ def settled(text: str, defined: Sequence[str]) -> str:
 
 
 def runtime_files(*names: str, defined: Sequence[str] = ()) -> dict[str, str]:
-    """{file name: text} of files of the library; defined: macros that all of them are settled for."""
-    return {name: settled(runtime_text(name), defined) for name in names}
+    """{file name: text} of files of the library; defined: macros that all of them are defined."""
+    return {name: resolve_ifndef(runtime_text(name), defined) for name in names}
 
 
 @cache

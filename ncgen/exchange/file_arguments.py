@@ -37,18 +37,18 @@ def convert(model: Model | None, parameter: inspect.Parameter, raw: object, wher
     """
     if parameter.kind is not parameter.VAR_POSITIONAL:
         return _converted(model, kind_of(parameter), raw, where)
-    with _told_at(where):
+    with _refusals_at(where):
         items = _list(raw)
     return tuple(_converted(model, kind_of(parameter), item, where) for item in items)
 
 
 def _converted(model: Model | None, kind: str, raw: object, where: str) -> object:
-    with _told_at(where):
+    with _refusals_at(where):
         converted = CONVERSIONS[kind](model, raw)
     return READERS[kind](model, converted, where) if model is not None and kind in READERS else converted
 
 
-def _there(model: Model | None) -> Model:
+def _model_of(model: Model | None) -> Model:
     """The model whose names an expression mentions."""
     if model is None:
         raise ModelError("an expression cannot stand before the name of the model")
@@ -56,8 +56,8 @@ def _there(model: Model | None) -> Model:
 
 
 @contextmanager
-def _told_at(where: str) -> Iterator[None]:
-    """Whatever is refused is told with its place."""
+def _refusals_at(where: str) -> Iterator[None]:
+    """Whatever is refused is reported with its place."""
     try:
         yield
     except ModelError as error:
@@ -105,7 +105,7 @@ def _number(model: Model | None, raw: object) -> int | float:
 
 def _value(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of parameters."""
-    model = _there(model)
+    model = _model_of(model)
     return _expression_of(raw, model.numbers, model)
 
 
@@ -134,13 +134,13 @@ def _tensor(model: Model | None, raw: object) -> object:
 
 def _expression(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of everything that moves."""
-    model = _there(model)
+    model = _model_of(model)
     return _expression_of(raw, {TIME, *model.numbers, *(c.name for c in model.components)} if isinstance(raw, str) else (), model)
 
 
 def _driven(model: Model | None, raw: object) -> int | float | Expr:
     """The same with loads, which outputs may mention."""
-    model = _there(model)
+    model = _model_of(model)
     known = {TIME, *model.numbers, *(c.name for c in model.components), *observable_loads(model)} if isinstance(raw, str) else ()
     return _expression_of(raw, known, model)
 
@@ -157,7 +157,7 @@ def _moment(model: Model | None, raw: object) -> object:
 
 def _law(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of x, the length or angle, v, its rate, the time and parameters."""
-    model = _there(model)
+    model = _model_of(model)
     return _expression_of(raw, {*LAW, TIME, *model.numbers}, model)
 
 
@@ -186,12 +186,12 @@ def _doing(model: Model | None, raw: object) -> object:
 
 def _direction(model: Model | None, raw: object) -> Spatial | Combination:
     """The name of a vector, or a segment such as "B - A"."""
-    return parse_direction(_text(model, raw), {name: e for name, e in _there(model).elements.items() if isinstance(e, Spatial)})
+    return parse_direction(_text(model, raw), {name: e for name, e in _model_of(model).elements.items() if isinstance(e, Spatial)})
 
 
 def _curve(model: Model | None, raw: object) -> object:
     """The name of a spline or a table."""
-    return _there(model).curves.get(name := _name(model, raw), name)
+    return _model_of(model).curves.get(name := _name(model, raw), name)
 
 
 def _option(model: Model | None, raw: object) -> object:

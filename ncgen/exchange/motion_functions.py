@@ -35,16 +35,16 @@ class ArrayFunction:
     """A function of arrays of one motion or, with leading axes that broadcast, of many: fill(*arguments, *results) writes what it finds
     where results are to be, a call to new memory.
 
-    given, found: shapes of arguments and results of one motion; all are doubles
+    argument_shapes, result_shapes: shapes of arguments and results of one motion; all are doubles
     """
 
     fill: Callable[..., None]
-    given: tuple[tuple[int, ...], ...]
-    found: tuple[tuple[int, ...], ...]
+    argument_shapes: tuple[tuple[int, ...], ...]
+    result_shapes: tuple[tuple[int, ...], ...]
 
     def __call__(self, *arguments: np.ndarray) -> tuple[np.ndarray, ...]:
-        leading = np.broadcast_shapes(*(a.shape[: a.ndim - len(shape)] for a, shape in zip(arguments, self.given, strict=True)))
-        results = tuple(np.empty((*leading, *shape)) for shape in self.found)
+        leading = np.broadcast_shapes(*(a.shape[: a.ndim - len(shape)] for a, shape in zip(arguments, self.argument_shapes, strict=True)))
+        results = tuple(np.empty((*leading, *shape)) for shape in self.result_shapes)
         self.fill(*arguments, *results)
         return results
 
@@ -73,7 +73,7 @@ class MotionFunction:
 
     def checked(self, p: Sequence[int], rates: Sequence[int]) -> None:
         """Raise ModelError for other shapes of arguments of one motion."""
-        for name, actual, shape in zip(("p", "rates"), (p, rates), self.forward.given, strict=True):
+        for name, actual, shape in zip(("p", "rates"), (p, rates), self.forward.argument_shapes, strict=True):
             if tuple(actual) != shape:
                 raise ModelError(f"{self.kernels.name}: {name} has shape {tuple(actual)}; it must be {shape}")
 

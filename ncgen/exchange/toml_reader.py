@@ -95,7 +95,7 @@ class _Reading:
         top, *tables = [table for table in tables if table.word in data or not table.word]
         with_header = {table.word for table in tables}
         self.model = self._head(top, {key: value for key, value in data.items() if key not in with_header})
-        self._tell_all(tables, data)
+        self._read_all(tables, data)
 
     def _head(self, top: FileTable, data: dict) -> Model:
         known = head().parameters
@@ -127,18 +127,18 @@ class _Reading:
             shape = "write the field as a list, for example [0, -9.81] in the plane, [0, 0, -9.81] in space"
             self.problems.append(Problem(table.line, f"gravity: {shown(field)} given; {shape}"))
         else:
-            self._tell("gravity", table, {"field": field})
+            self._read("gravity", table, {"field": field})
 
-    def _tell_all(self, tables: list[FileTable], data: dict) -> None:
+    def _read_all(self, tables: list[FileTable], data: dict) -> None:
         """Tables in the order in which their headers stand in the file, which TOML itself does not keep."""
         written_so_far: Counter[str] = Counter()
         for table in tables:
             entries = data[table.word] if isinstance(data[table.word], list) else [data[table.word]]
             if written_so_far[table.word] < len(entries):  # a table may be opened again after tables within it
-                self._tell(table.word, table, entries[written_so_far[table.word]])
+                self._read(table.word, table, entries[written_so_far[table.word]])
             written_so_far[table.word] += 1
 
-    def _tell(self, word: str, table: FileTable, contents: dict) -> None:
+    def _read(self, word: str, table: FileTable, contents: dict) -> None:
         if word not in words():
             self.problems.append(Problem(table.line, f"[[{shown_key(word)}]]: unknown; {self._suggest(word, words())}"))
             return

@@ -87,7 +87,7 @@ class _Writer:
         if isinstance(value, (Element, Body, Parameter, Component, Curve)):
             return _quoted(value.name, where)
         if isinstance(value, (Impact, Change, Stop, Call, Locking)):
-            return self.text(_told(value, where), where)
+            return self.text(_action_in_file(value, where), where)
         if isinstance(value, Combination):
             return _quoted(_combination(value), where)
         if isinstance(value, dict):
@@ -114,7 +114,7 @@ class _Writer:
         return text
 
 
-def _told(action: Action, where: str) -> object:
+def _action_in_file(action: Action, where: str) -> object:
     """An action as a file says it."""
     if isinstance(action, Call):
         raise ModelError(f"{where}: a Python function cannot be written into a model file; give values by name")

@@ -35,7 +35,7 @@ that a program that was compiled in another process, and kept, finds none here i
 def operation(function: ArrayFunction) -> Callable[..., Any]:
     """A function of arrays of JAX, which jit and vmap take."""
     jax = import_module("jax")
-    shapes = tuple(jax.ShapeDtypeStruct(shape, np.float64) for shape in function.found)
+    shapes = tuple(jax.ShapeDtypeStruct(shape, np.float64) for shape in function.result_shapes)
 
     def in_python(*arrays: Any) -> tuple[np.ndarray, ...]:
         return function(*map(np.asarray, arrays))
@@ -84,12 +84,12 @@ def _fill(ffi: Interface, room: int) -> InC:
         _functions[number].fill(*(_array(ffi, arrays[k]) for k in range(count)))
         return 0
 
-    def tell(kind: type[BaseException], raised: BaseException, traceback: TracebackType) -> None:
+    def write_message(kind: type[BaseException], raised: BaseException, traceback: TracebackType) -> None:
         text = str(raised) if isinstance(raised, NcgenError) else shortened(f"{kind.__name__}: {raised}")
         written = text.encode()[: room - 1] + b"\0"
         ffi.memmove(traceback.tb_frame.f_locals["line"], written, len(written))
 
-    return ffi.callback("ncgen_xla_fill *", fill, error=1, onerror=tell)
+    return ffi.callback("ncgen_xla_fill *", fill, error=1, onerror=write_message)
 
 
 def _array(ffi: Interface, array: InC) -> np.ndarray:

@@ -305,7 +305,7 @@ def break_times_of_each(kernels: Kernels, p: np.ndarray, start: float, end: floa
     return breaks
 
 
-def beside(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:
+def outside_breaks(breaks: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Times (s), those inside a break being where the step before it ends, or at the start of a run where the step after it begins."""
     times = np.array(times, dtype=float)
     for before, after in breaks[breaks[:, 0] < breaks[:, 1]]:

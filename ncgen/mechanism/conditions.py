@@ -48,13 +48,18 @@ class Watched:
         self._crossed = np.zeros(count, dtype=np.intc)
         samples = np.zeros((conditions.degree + 3, 2 * count))
         numbers = [np.array(a, dtype=number.dtype) for a in (conditions.values, nodes, inverse, samples)]
-        self._arrays = *integers, *numbers
+        self._arrays, self._signs = (*integers, *numbers), integers[2]
         names = "coordinates", "directions", "signs"
         members = {name: pointer(ffi, a, "int[]") for name, a in zip(names, integers, strict=True)}
         members |= {name: pointer(ffi, a, number.array) for name, a in zip(("values", "nodes", "inverse", "samples"), numbers, strict=True)}
         function = ffi.cast("ncgen_velocity_kernel *", conditions.function or 0)
         members |= {"count": count, "degree": conditions.degree, "crossed": pointer(ffi, self._crossed, "int[]"), "function": function}
         self.struct: InC = ffi.new("ncgen_event *", members)
+
+    @property
+    def signs(self) -> np.ndarray:
+        """The side on which each condition was last, a copy."""
+        return self._signs.copy()
 
     @property
     def crossed(self) -> tuple[int, ...]:

@@ -16,7 +16,7 @@ from ncgen.mechanism.motion_sources import Seen, motion_source
 from ncgen.mechanism.properties import is_conservative, is_definite
 from ncgen.mechanism.recall import Files
 from ncgen.mechanism.runtime import Dynamics, Outcome
-from ncgen.mechanism.runtime_library import Part, beside, load_with_headers, runtime_of
+from ncgen.mechanism.runtime_library import Part, compiling_thread, load_with_headers, runtime_of
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.algebra.quasidefinite import Elimination, plan
 from ncgen.program.tree.table_layout import TreeTables
@@ -40,7 +40,7 @@ class ConstrainedDynamics(Dynamics):
         tables: TreeTables | None = None,
         part: Part = "explicit",
     ) -> None:
-        runtime = beside(number, part)
+        runtime = compiling_thread(number, part)
         runtime.start()
         motion = None if samples_of is None else self._written_out(kernels, number, samples_of)
         runtime.join()
@@ -54,7 +54,8 @@ class ConstrainedDynamics(Dynamics):
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
         self._seen = samples_of
         self.is_emitted = motion is not None
-        self.is_recursive = self.is_emitted or tables is not None
+        self.recursion = "emitted" if self.is_emitted else "tree" if tables is not None else None
+        self.is_recursive = self.recursion is not None
         if motion is not None:
             function, self._motion = motion
             self._dynamics.motion = self._ffi.cast("const ncgen_motion *", function())

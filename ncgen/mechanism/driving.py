@@ -46,7 +46,7 @@ class InputPieces:
 Function = Callable[[float], float]
 
 
-def told_at(signal: InputPieces | Function, t: np.ndarray, begun: np.ndarray) -> np.ndarray:
+def signal_values(signal: InputPieces | Function, t: np.ndarray, begun: np.ndarray) -> np.ndarray:
     """A signal at times (s), each inside a step that began at another one; of functions of Python every time is asked for."""
     return signal.at(t, begun) if isinstance(signal, InputPieces) else np.vectorize(signal, otypes=[float])(t)
 
@@ -77,7 +77,7 @@ class Driver:
         self._piecewise: InC = self._ffi.new("ncgen_piecewise *", {"count": len(laws), "start": start, "knots": knots})
         self._piecewise.coefficients = coefficients
         if self.functions:
-            self._piecewise.others, self._piecewise.context = _asked(number.name), self._handle
+            self._piecewise.others, self._piecewise.context = _callback_of(number.name), self._handle
         self.breaks, self.n_breaks = ends, len(self._arrays[3])
 
     def signals(self, function: InC) -> InC:
@@ -92,7 +92,7 @@ class Driver:
 
 
 @once
-def _asked(number: str) -> InC:
+def _callback_of(number: str) -> InC:
     """The function that C calls, whose context is the handle of a `Driver`; one serves all runs of a number type."""
     ffi: Interface = runtime_abi(number)
 

@@ -56,6 +56,8 @@ class Kernels(ABC):
     _batch: type[Batch]
     _tangents: type[Tangents]
     _drive: Drive | None = None
+    effort = "auto"
+    """How much is written out for a run: "auto", what is compiled within some seconds, or "most", as `ncgen.compile` has it."""
     batches = False
     """True if leading axes and complex numbers are allowed."""
 
@@ -91,7 +93,7 @@ class Kernels(ABC):
 
     def __reduce__(self) -> tuple[Callable[..., Kernels], tuple[object, ...]]:
         """Pickled as programs; the library is built where they arrive, or found in the cache."""
-        return (self._of, (self.programs,)) if self._drive is None else (_driven, (self._of, self.programs, self._drive))
+        return _restored, (self._of, self.programs, self._drive, self.effort)
 
     def __copy__(self) -> Kernels:
         """Other kernels on the same library."""
@@ -477,9 +479,11 @@ class Kernels(ABC):
         return dense.reshape(*np.shape(values)[:-1], *pattern.shape)
 
 
-def _driven(make: Callable[[Programs], Kernels], programs: Programs, drive: Drive) -> Kernels:
-    """Kernels as they were pickled while something drove them."""
-    return make(programs).driven_by(drive)
+def _restored(of: Callable[[Programs], Kernels], programs: Programs, drive: Drive | None, effort: str) -> Kernels:
+    """Kernels as they were before they were pickled."""
+    kernels = of(programs)
+    kernels.effort = effort
+    return kernels if drive is None else kernels.driven_by(drive)
 
 
 def _is_plain(array: object, size: int) -> TypeGuard[np.ndarray]:

@@ -28,7 +28,7 @@ def motion_source(
     """{file name: text} of the motion of all coordinates by recursion, or of its derivatives; {} where there is none. Of a model with
     functions of Python its derivative takes their forces as one more input.
 
-    seen: called for independent coordinates of the positions, and typical positions, None where there are none
+    samples_of: called for independent coordinates of the positions, and typical positions, None where there are none
     """
     equations, forced = kernels.programs.equations, bool(kernels.model.callbacks)
 
@@ -55,12 +55,12 @@ def motion_source(
 class Written:
     """A state derivative on independent coordinates.
 
-    seen: called for typical positions, where they are needed; around: tells these positions from others; refine: as of
+    samples_of: called for typical positions, where they are needed; around: tells these positions from others; refine: as of
     `assemble_dynamics`"""
 
     kernels: CompiledKernels
     split: Split
-    seen: Callable[[], Sequence[Sample]]
+    samples_of: Callable[[], Sequence[Sample]]
     around: str
     refine: bool = False
 
@@ -70,7 +70,7 @@ class Written:
         from ncgen.program.motions.dynamics import assemble_dynamics
 
         kernels = self.kernels
-        return assemble_dynamics(kernels.programs.equations, self.split, self.seen(), kernels.column_sizes, self.refine)
+        return assemble_dynamics(kernels.programs.equations, self.split, self.samples_of(), kernels.column_sizes, self.refine)
 
     @cached_property
     def files(self) -> Files:

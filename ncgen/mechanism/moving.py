@@ -10,6 +10,7 @@ import numpy as np
 
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, break_times
+from ncgen.mechanism.conditions import Watched
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
@@ -123,6 +124,11 @@ class Stepping:
         self._signals = self.ffi.new("ncgen_signals *", {"n_breaks": len(self._breaks), "breaks": self.pointer(self._breaks)})
         self._options.signals, self._known = self._signals, (t, last, reads)
 
+    def watch(self, watched: Watched | None) -> None:
+        """End steps at the first of these conditions, None for no end."""
+        self._watched = watched  # lives as long
+        self._options.event = watched.struct if watched else self.ffi.NULL
+
     def pointer(self, array: np.ndarray) -> InC:
         return pointer(self.ffi, array, self.number.array)
 
@@ -171,6 +177,13 @@ class Moving:
         if self._has_breaks:
             return STATUS[self._stepping.go_on(self._moment, self.p, self.q, self.qd, self._moment.t + h)]
         return STATUS[self._go_on(self._driven, self._p, self._moment, self._moment.t + h, self._statistics)]
+
+    def go_on_to_event(self, h: float, watched: Watched) -> tuple[str, bool]:
+        """The same to the first of some conditions, for mechanisms without breaks: "ok" or why not, and whether it ended there."""
+        self._stepping.watch(watched)
+        status = STATUS[self._go_on(self._driven, self._p, self._moment, self._moment.t + h, self._statistics)]
+        self._stepping.watch(None)
+        return status, bool(self._statistics.stopped)
 
     def settle(self) -> str:
         """Position and velocities onto the constraints: "ok", or why not; then nothing has moved."""
@@ -247,6 +260,17 @@ class MovingRows:
         self.qd[row] = kept
         return status
 
+    def go_on_to_event(self, row: int, h: float, watched: Watched) -> tuple[str, bool, int]:
+        """One row, as of `Moving`, with evaluations."""
+        first, moment = self._steppings[0], self._moments[row]
+        first.watch(watched)
+        statistics = first.statistics
+        status = first.library.ncgen_go_on(
+            first.driven, first.pointer(self.p[row : row + 1]), self._moments + row, moment.t + h, statistics
+        )
+        first.watch(None)
+        return STATUS[status], bool(statistics.stopped), statistics.evaluations
+
     def _one(self, function: str, row: int) -> str:
         first = self._steppings[0]
         return STATUS[getattr(first.library, function)(first.driven, first.pointer(self.p[row : row + 1]), self._moments + row)]
@@ -266,6 +290,11 @@ class MovingRow:
 
     def __init__(self, rows: MovingRows, row: int) -> None:
         self.rows, self.row = rows, row
-        self.q, self.qd, self.p = rows.q[row], rows.qd[row], rows.p[row]
+        self.q, self.qd, self.p, self.evaluations = rows.q[row], rows.qd[row], rows.p[row], 0
+
+    def go_on_to_event(self, h: float, watched: Watched) -> tuple[str, bool]:
+        """As of `Moving`."""
+        status, stopped, self.evaluations = self.rows.go_on_to_event(self.row, h, watched)
+        return status, stopped
 
     t, work, next_step = _entry("t"), _entry("work"), _entry("next_step")

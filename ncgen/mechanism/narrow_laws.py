@@ -93,7 +93,7 @@ def quick_changes(
 def quick_changes_of(function: Function, start: float, end: float) -> np.ndarray:
     """The same for a function of Python. Where it raises, or gives no number, there is no break: the run reports it if it comes there."""
     t = np.linspace(start, end, SAMPLES)
-    x = _asked(function, t)
+    x = _values_at(function, t)
     left = FURTHER_SAMPLES
     for _ in range(HALVINGS):
         where = np.flatnonzero(np.abs(np.diff(x)) > RESOLVED * _size(x))
@@ -101,11 +101,11 @@ def quick_changes_of(function: Function, start: float, end: float) -> np.ndarray
             break
         left -= len(where)
         middle = t[where] + (t[where + 1] - t[where]) / 2
-        t, x = np.insert(t, where + 1, middle), np.insert(x, where + 1, _asked(function, middle))
+        t, x = np.insert(t, where + 1, middle), np.insert(x, where + 1, _values_at(function, middle))
     return _flanks(t, x)
 
 
-def _asked(function: Function, times: np.ndarray) -> np.ndarray:
+def _values_at(function: Function, times: np.ndarray) -> np.ndarray:
     values = np.full(len(times), np.nan)
     for k, t in enumerate(times.tolist()):
         try:
@@ -151,14 +151,14 @@ def _flanks(t: np.ndarray, x: np.ndarray, jump: float = 0.0) -> np.ndarray:
         falls = np.flatnonzero(lengths[2:] > ratio * lengths[1:-1]) + 2
         last = np.append(-1, rises)[np.searchsorted(rises, falls)]  # before each fall; the start of the run where there is none
         falls = falls[falls - last <= PLACES + 2]
-        backward = _beside(-ends[::-1], ratio, len(lengths) - 1 - falls)
-        breaks = np.unique(np.concatenate([_beside(ends, ratio, rises), -backward]))
+        backward = _breaks_next_to(-ends[::-1], ratio, len(lengths) - 1 - falls)
+        breaks = np.unique(np.concatenate([_breaks_next_to(ends, ratio, rises), -backward]))
         if len(breaks) <= most:
             return breaks
     return np.empty(0)
 
 
-def _beside(ends: np.ndarray, ratio: float, slow: np.ndarray) -> np.ndarray:
+def _breaks_next_to(ends: np.ndarray, ratio: float, slow: np.ndarray) -> np.ndarray:
     """Breaks for changes from slow to fast.
 
     ends (K,): of parts in which a law changes by as much each, but for the first and the last; slow: the numbers of those that a fast one

@@ -26,7 +26,7 @@ from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.motion_sources import Written
 from ncgen.mechanism.properties import uses_tangents
-from ncgen.mechanism.runtime_library import interface_of, load_with_headers, model_in, part_for, runtime_of
+from ncgen.mechanism.runtime_library import Recursion, interface_of, load_with_headers, model_in, part_for, runtime_of
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
 from ncgen.toolchain.abi import NUMBERS, InC
@@ -87,9 +87,11 @@ COUNTS = (
 class Dynamics:
     """A state derivative with the runtime around it, in a number type of C.
 
-    is_emitted: whether accelerations over all coordinates are written out
+    recursion: what gives accelerations over all coordinates
+    is_emitted: whether they are written out
     """
 
+    recursion: Recursion = None
     is_emitted = False
 
     def __init__(self, kernels: Kernels, number: str) -> None:
@@ -159,7 +161,7 @@ class Dynamics:
         """
         ffi, n, dtype, where = self._ffi, self.kernels.n, self.number.dtype, self.kernels.name
         real = partial(pointer, ffi, kind=self.number.array)
-        library = runtime_of(self.number.name, part_for(method, self.is_emitted))
+        library = runtime_of(self.number.name, part_for(method, self.recursion))
         times = np.ascontiguousarray(times, dtype=dtype)
         rows_and_last = len(times) + 1
         out_q, out_qd, out_work = (np.empty(shape, dtype) for shape in ((rows_and_last, n), (rows_and_last, n), rows_and_last))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from threading import Thread
 from typing import Literal, TypeAlias
 
@@ -16,8 +16,10 @@ from ncgen.emit.runtime_files import (
     EXPLICIT_ONLY,
     HEADERS,
     ORDINARY,
+    ORDINARY_TREE,
     RUNTIME_HEADERS,
     STIFF,
+    STIFF_TREE,
     adjoint_names,
     explicit_names,
     indifferent,
@@ -37,20 +39,29 @@ from ncgen.toolchain.compilers import FLAGS, flags_for
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
 
-Part: TypeAlias = Literal["ordinary", "stiff", "explicit", "whole", "adjoint"]
-"""Of the runtime: what emitted accelerations over all coordinates need of explicit methods, or of Radau's; all explicit methods, all of it,
-or what goes back over a run."""
+Part: TypeAlias = Literal["ordinary", "stiff", "ordinary tree", "stiff tree", "explicit", "whole", "adjoint"]
+"""Of the runtime: what emitted accelerations over all coordinates need of explicit methods, or of Radau's; what those in loops over tables
+need; all explicit methods, all of it, or what goes back over a run."""
 
 PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
     "ordinary": (ordinary_names, ORDINARY),
     "stiff": (stiff_names, STIFF),
+    "ordinary tree": (partial(ordinary_names, ORDINARY_TREE), ORDINARY_TREE),
+    "stiff tree": (partial(stiff_names, STIFF_TREE), STIFF_TREE),
     "explicit": (explicit_names, (EXPLICIT_ONLY,)),
     "whole": (runtime_names, ()),
     "adjoint": (adjoint_names, ()),
 }
 """The files of a part, and the macros that choose it."""
 
-RUNS: tuple[Part, ...] = ("whole", "explicit", "ordinary", "stiff")
+Recursion: TypeAlias = Literal["emitted", "tree"] | None
+"""What gives accelerations over all coordinates: straight lines, loops over the tables of a tree, or None for the matrix."""
+
+EXPLICIT: dict[Recursion, Part] = {None: "explicit", "emitted": "ordinary", "tree": "ordinary tree"}
+IMPLICIT: dict[Recursion, Part] = {None: "whole", "emitted": "stiff", "tree": "stiff tree"}
+"""The parts for explicit methods and for Radau's."""
+
+RUNS: tuple[Part, ...] = ("whole", "explicit", "ordinary", "stiff", "ordinary tree", "stiff tree")
 """Parts that carry runs out, the one with most objects for others first."""
 
 
@@ -95,14 +106,14 @@ def _sources(number: str, part: Part) -> tuple[Files, tuple[str, ...]]:
     return shared(f"runtime: {part}", lambda: runtime_files(*names())), (*FLAGS, *NUMBERS[number].flags, *macros)
 
 
-def part_for(integrator: str, is_emitted: bool = False) -> Part:
+def part_for(integrator: str, recursion: Recursion = None) -> Part:
     """The part of the runtime that has an integrator; AUTO: whichever is chosen, which seldom is an implicit one.
 
-    is_emitted: whether accelerations over all coordinates are written out
+    recursion: that gives accelerations over all coordinates
     """
     if integrator == AUTO or find_integrator(integrator).tangents == "never":
-        return "ordinary" if is_emitted else "explicit"
-    return "stiff" if is_emitted and find_integrator(integrator).tangents == "unless_recursive" else "whole"
+        return EXPLICIT[recursion]
+    return IMPLICIT[recursion] if find_integrator(integrator).tangents == "unless_recursive" else "whole"
 
 
 @cache
@@ -115,8 +126,8 @@ def has_runtime(part: Part) -> bool:
     return True
 
 
-def beside(number: str = "double", part: Part = "explicit") -> Thread:
-    """A thread that compiles the runtime, if it is not in the cache, while something else goes on; to be started, and joined before a run.
+def compiling_thread(number: str = "double", part: Part = "explicit") -> Thread:
+    """A thread that compiles the runtime, if it is not in the cache, while something else runs; to be started, and joined before a run.
 
     What goes wrong there goes wrong again, and is told, where the runtime is needed.
     """

@@ -14,7 +14,7 @@ from ncgen.emit.runtime_files import PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.break_times import NO_BREAKS
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
-from ncgen.mechanism.driving import Function, InputPieces, told_at
+from ncgen.mechanism.driving import Function, InputPieces, signal_values
 from ncgen.mechanism.kernel_batch import aligned, in_lanes
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import ANY_STEP
@@ -106,7 +106,7 @@ class Taped:
         nodes = np.array([float(c) for c in method.coefficients.c[: method.coefficients.stages]])
         t, begun = np.broadcast_arrays(begun + nodes * np.diff(self._times)[:, None], begun)
         first = self._parameters - len(signals)
-        values = [self._p[first + i] + 0 * t if signal is None else told_at(signal, t, begun) for i, signal in enumerate(signals)]
+        values = [self._p[first + i] + 0 * t if signal is None else signal_values(signal, t, begun) for i, signal in enumerate(signals)]
         return Driven(t, begun, np.array(values).reshape(len(signals), *t.shape).transpose(1, 2, 0))
 
     def _take_room(self, method: str, steps: int) -> None:

@@ -17,7 +17,19 @@ from ncgen.errors import ModelError, counted, shown
 from ncgen.model.conditions import Bound, Condition, Moments
 from ncgen.model.elements import AXES, Point, Spatial, Vector
 from ncgen.model.rigid import Frame
-from ncgen.model.values import Parameter, Scalar, Value, as_sympy, evaluate, is_number, mentioned, settled, symbol_of, total, vanishes
+from ncgen.model.values import (
+    Parameter,
+    Scalar,
+    Value,
+    as_number_if_constant,
+    as_sympy,
+    evaluate,
+    is_number,
+    mentioned,
+    symbol_of,
+    total,
+    vanishes,
+)
 
 if TYPE_CHECKING:
     import sympy
@@ -62,7 +74,7 @@ class Inertia:
         if sum(evaluate(m, parameters, self.name) for m in masses) == 0:  # nothing yet: parameters may give it a mass
             masses, mass = [1.0] * len(parts), float(len(parts))
         com = tuple(
-            settled(total(m * as_sympy(x) for m, x in zip(masses, column, strict=True)) / mass)
+            as_number_if_constant(total(m * as_sympy(x) for m, x in zip(masses, column, strict=True)) / mass)
             for column in zip(*(part.com for part in parts), strict=True)
         )
         tensor = np.array([[total(part.about(com)[k][l] for part in parts) for l in range(3)] for k in range(3)], dtype=object)
@@ -225,8 +237,8 @@ def conditions(name: str, mass: Value, tensor: np.ndarray) -> tuple[Condition, C
     return Bound(f"body {name}: the mass is", mass, ">=", "kg", "give a positive number"), Moments(name, tensor)
 
 
-def check_given(body: Body) -> None:
-    """Raise ModelError where a body with mass can rotate and nothing was said about its moments of inertia."""
+def check_moments(body: Body) -> None:
+    """Raise ModelError where a body with mass can rotate and nothing is known about its moments of inertia."""
     inertia = body.inertia
     if inertia is None or not inertia.assumed or not body.can_rotate or (is_number(inertia.mass) and inertia.mass == 0):
         return

@@ -60,10 +60,10 @@ class Condition(ABC):
 class Bound(Condition):
     """A value above zero, not below it, or other than zero.
 
-    said: what stands before the number in the message; relation: ">", ">=" or "!="; unit ("" for none), remedy: what stands behind it
+    wording: what stands before the number in the message; relation: ">", ">=" or "!="; unit ("" for none), remedy: what stands behind it
     """
 
-    said: str
+    wording: str
     value: Value
     relation: str
     unit: str
@@ -78,15 +78,15 @@ class Bound(Condition):
         return RELATIONS[self.relation](x, 0.0) & np.isfinite(x)
 
     def sentence(self, numbers: np.ndarray) -> str:
-        number = f"{self.said} {numbers[0]:g} {self.unit}".rstrip()
+        number = f"{self.wording} {numbers[0]:g} {self.unit}".rstrip()
         return f"{number}; {self.remedy}"
 
 
 @dataclass(frozen=True, eq=False)
 class Between(Condition):
-    """A value from one number to another. said: what stands before the number in the message"""
+    """A value from one number to another. wording: what stands before the number in the message"""
 
-    said: str
+    wording: str
     value: Value
     lowest: float
     highest: float
@@ -99,20 +99,20 @@ class Between(Condition):
         return (self.lowest <= numbers[..., 0]) & (numbers[..., 0] <= self.highest)
 
     def sentence(self, numbers: np.ndarray) -> str:
-        return f"{self.said} {numbers[0]:g}; give a number from {self.lowest:g} to {self.highest:g}"
+        return f"{self.wording} {numbers[0]:g}; give a number from {self.lowest:g} to {self.highest:g}"
 
 
 @dataclass(frozen=True, eq=False)
 class Ordered(Condition):
     """Two values, the first of which is less than the second, or not more.
 
-    relation: "<" or "<="; said: the message, in which {0} and {1} are the numbers
+    relation: "<" or "<="; wording: the message, in which {0} and {1} are the numbers
     """
 
     lower: Value
     relation: str
     upper: Value
-    said: str
+    wording: str
 
     @property
     def values(self) -> tuple[Value, ...]:
@@ -122,7 +122,7 @@ class Ordered(Condition):
         return RELATIONS[self.relation](numbers[..., 0], numbers[..., 1])
 
     def sentence(self, numbers: np.ndarray) -> str:
-        return self.said.format(f"{numbers[0]:g}", f"{numbers[1]:g}")
+        return self.wording.format(f"{numbers[0]:g}", f"{numbers[1]:g}")
 
 
 @dataclass(frozen=True, eq=False)

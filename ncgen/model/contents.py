@@ -96,7 +96,7 @@ class Contents:
     limits: dict[str, tuple[float, float]]
     _related: Claims
     _box: Box | None
-    _telling: bool
+    _is_recording: bool
 
     @property
     def components(self) -> list[Component]:

@@ -22,7 +22,7 @@ OF_EVENTS = ("events", "frictions", "contacts", "ratchets", "locks", "beginnings
 
 BESIDE = (
     *OF_EVENTS, "facts", "callbacks", "conditions", "drawing", "left_out", "assembled", "closing", "starts", "frames",
-    "simulation_options", "_related", "_telling", "_box",
+    "simulation_options", "_related", "_is_recording", "_box",
 )  # fmt: skip
 """What a model also holds: how it was told, what is called from Python only, what happens on the way, what p must satisfy, what is shown,
 what is done with it. All else counts."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
-from ncgen.model.values import Expression, Scalar, Symbolic, Value, as_sympy, is_number, symbol_of, told, total
+from ncgen.model.values import Expression, Scalar, Symbolic, Value, as_sympy, is_number, symbol_of, text_of, total
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -253,7 +253,7 @@ class Combination:
             return f"{self.terms[0][1].name}-{self.terms[1][1].name}"
         parts = []
         for weight, element in self.terms:
-            sign = "-" if weight == -1.0 else "" if weight == 1.0 else f"{weight:g}*" if is_number(weight) else f"{told(weight)}*"
+            sign = "-" if weight == -1.0 else "" if weight == 1.0 else f"{weight:g}*" if is_number(weight) else f"{text_of(weight)}*"
             parts.append(f"{sign}{element.name}")
         return "+".join(parts).replace("+-", "-")
 

@@ -41,15 +41,15 @@ def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], 
 
     @functools.wraps(method)
     def recorded(self: M, *args: P.args, **kwargs: P.kwargs) -> R:
-        named = {key: _settled(value) for key, value in kwargs.items()}
+        named = {key: _read_once(value) for key, value in kwargs.items()}
         try:
-            bound = signature.bind(self, *map(_settled, args), **named)
+            bound = signature.bind(self, *map(_read_once, args), **named)
         except TypeError as error:
             raise ModelError(f"{method.__name__}: {error}; it takes {', '.join(list(signature.parameters)[1:])}") from None
         read(self, method.__name__, bound)
         check_curves(self, method.__name__, bound.arguments)
-        before = None if self._telling else _State(self, bound.arguments.values())
-        self._telling = True
+        before = None if self._is_recording else _State(self, bound.arguments.values())
+        self._is_recording = True
         try:
             result = called(*bound.args, **bound.kwargs)
         except Exception:
@@ -57,7 +57,7 @@ def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], 
                 before.restore()
             raise
         finally:
-            self._telling = before is None
+            self._is_recording = before is None
         if before is not None:
             self.facts.append(Fact(method.__name__, {k: v for k, v in bound.arguments.items() if k != "self"}))
         return result
@@ -66,7 +66,7 @@ def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], 
     return recorded
 
 
-def _settled(value: object) -> object:
+def _read_once(value: object) -> object:
     """What can be read only once (a generator, a view of a dictionary) as a tuple."""
     return tuple(value) if isinstance(value, (Iterator, KeysView, ValuesView)) else value
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ncgen.model import arithmetic
 from ncgen.model.elements import Combination, Point
-from ncgen.model.values import Scalar, is_number, settled, total
+from ncgen.model.values import Scalar, as_number_if_constant, is_number, total
 
 Scalars: TypeAlias = "Sequence[Scalar] | np.ndarray"
 """A vector of values."""
@@ -45,7 +45,7 @@ def natural_length(segment: Combination, extent: float) -> float:
 def cosine(a: Combination, b: Combination) -> Scalar:
     """The cosine of the angle between two directions; what is zero but for rounding is zero."""
     if a.is_parametric or b.is_parametric:
-        return settled(dot(a.given, b.given) / (length(a) * length(b)))
+        return as_number_if_constant(dot(a.given, b.given) / (length(a) * length(b)))
     return cosine_of(a.initial, b.initial)
 
 
@@ -69,7 +69,7 @@ def angle(start: Combination, end: Combination, axis: Combination) -> Scalar:
     import sympy
 
     a, b, n = start.given, end.given, unit(axis.given)
-    return settled(sympy.atan2(dot(cross(a, b), n), dot(a, b) - dot(a, n) * dot(b, n)))
+    return as_number_if_constant(sympy.atan2(dot(cross(a, b), n), dot(a, b) - dot(a, n) * dot(b, n)))
 
 
 def angle_of(a: np.ndarray, b: np.ndarray, n: np.ndarray) -> float:
@@ -80,7 +80,7 @@ def angle_of(a: np.ndarray, b: np.ndarray, n: np.ndarray) -> float:
 
 def weights(base: Sequence[Scalars], target: Scalars) -> list[Scalar]:
     """Numbers w of the least squares target = Σ w · base, of vectors of values; one to three vectors that are independent."""
-    return [settled(dot(target, other)) for other in reciprocal(base)[: len(base)]]
+    return [as_number_if_constant(dot(target, other)) for other in reciprocal(base)[: len(base)]]
 
 
 def reciprocal(base: Sequence[Scalars]) -> list[tuple[Scalar, ...]]:
@@ -104,7 +104,7 @@ def dot(a: Iterable[Scalar], b: Iterable[Scalar]) -> Scalar:
 
 def cross(a: Scalars, b: Scalars) -> tuple[Scalar, ...]:
     """The cross product of two vectors of values."""
-    return tuple(settled(_product(a[i - 2], b[i - 1]) - _product(a[i - 1], b[i - 2])) for i in range(3))
+    return tuple(as_number_if_constant(_product(a[i - 2], b[i - 1]) - _product(a[i - 1], b[i - 2])) for i in range(3))
 
 
 def norm(a: Iterable[Scalar]) -> Scalar:
@@ -120,7 +120,7 @@ def norm(a: Iterable[Scalar]) -> Scalar:
 def unit(a: Scalars) -> tuple[Scalar, ...]:
     """A vector of values divided by its length."""
     size = norm(a)
-    return tuple(settled(x / size) if is_number(size) or x != 0.0 else 0.0 for x in a)
+    return tuple(as_number_if_constant(x / size) if is_number(size) or x != 0.0 else 0.0 for x in a)
 
 
 def _product(x: Scalar, y: Scalar) -> Scalar:

@@ -99,7 +99,7 @@ class Model(Joints, Locks, Pictures):
         self.assembled = ()
         self.closing = None
         self.starts = {}
-        self._telling = False
+        self._is_recording = False
 
     def __repr__(self) -> str:
         parts = counted(len(self.components), "coordinate"), counted(len(self.rows), "row"), counted(len(self.bodies), "body")

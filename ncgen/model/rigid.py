@@ -21,7 +21,7 @@ from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
 from ncgen.model.rows import Owner, Row
-from ncgen.model.values import Parameter, Scalar, mentioned, settled, vanishes
+from ncgen.model.values import Parameter, Scalar, as_number_if_constant, mentioned, vanishes
 
 WELL = 0.2
 """A direction at least this far (sine of the angle) from the plane or line of the base is taken in the order given."""
@@ -234,7 +234,7 @@ def _parametric_weights(
         for w, d in zip(weights, frame.matrix().T, strict=True)
     ]
     rest = [x - measures.dot(weights, [d[k] for d in base]) for k, x in enumerate(direction.given)]
-    if len(base) < 3 and not all(vanishes(settled(x), parameters, BARELY * size) for x in rest):
+    if len(base) < 3 and not all(vanishes(as_number_if_constant(x), parameters, BARELY * size) for x in rest):
         names = mentioned([*direction.given, *(x for d in base for x in d)], parameters)
         raise ModelError(
             f"{frame.owner}: {element!r} lies on the line or in the plane of the body's other elements only at the default of {names}; "

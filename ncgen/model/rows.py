@@ -18,7 +18,7 @@ from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES
 from ncgen.model.conditions import Bound, Condition, Cosine
 from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, Spatial, as_combination
 from ncgen.model.expressions import is_symbolic
-from ncgen.model.values import Parameter, Scalar, Value, is_number, told
+from ncgen.model.values import Parameter, Scalar, Value, is_number, text_of
 
 SIX_DIGITS = 1e-5
 """How far from 1 the length of a unit vector may be that was typed with six digits."""
@@ -107,7 +107,7 @@ def describe(equation: str, values: Mapping[str, Combination | Value | Component
 def _short(value: Combination | Value | Component) -> str:
     if isinstance(value, (Parameter, Component)):
         return value.name
-    return f"{value:.6g}" if is_number(value) else told(value) if is_symbolic(value) else str(value)
+    return f"{value:.6g}" if is_number(value) else text_of(value) if is_symbolic(value) else str(value)
 
 
 def distance(start: Point, end: Point, length: Value, owner: Owner, numeric: float, scaled: bool) -> Row:

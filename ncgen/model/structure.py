@@ -16,8 +16,8 @@ from ncgen.model.bodies import (
     Body,
     Inertia,
     check_basis,
-    check_given,
     check_inertia,
+    check_moments,
     check_pairs,
     rod_tensor,
     symmetric,
@@ -30,7 +30,7 @@ from ncgen.model.measures import Scalars
 from ncgen.model.names import numbered
 from ncgen.model.rigid import Frame, include
 from ncgen.model.rows import Owner, Row
-from ncgen.model.values import Expression, Scalar, Tensor, Value, Values, as_sympy, is_number, settled
+from ncgen.model.values import Expression, Scalar, Tensor, Value, Values, as_number_if_constant, as_sympy, is_number
 
 USER = Owner("user", "model")
 
@@ -80,7 +80,7 @@ class Structure(Coordinates):
             raise ModelError(f"body {name}: it has a centre of mass or an inertia but no mass; give its mass")
         if mass is not None:
             body.inertia = self._inertia(body, mass, com, inertia, basis, as_given=as_given)
-            check_given(body)
+            check_moments(body)
         return body
 
     @fact
@@ -122,7 +122,7 @@ class Structure(Coordinates):
         body.points += [e for e in new if isinstance(e, Point)]
         body.vectors += [e for e in new if isinstance(e, Vector)]
         if any(isinstance(e, Point) for e in new):
-            check_given(body)  # vectors come with joints, too; what could turn with them alone has no inertia, which a run refuses
+            check_moments(body)  # vectors come with joints, too; what could turn with them alone has no inertia, which a run refuses
         if body.rigid and new:
             self.rows += include(body.frame, new, self._related, self.parameters, self.scale, self.extent())
             if body.constant_mass:
@@ -356,7 +356,7 @@ def _middle(points: list[Point]) -> tuple[Scalar, ...]:
     """The mean of some points."""
     if not any(p.is_parametric for p in points):
         return tuple(np.mean([p.initial for p in points], axis=0).tolist())
-    return tuple(settled(sum(column) / len(points)) for column in zip(*(p.given for p in points), strict=True))
+    return tuple(as_number_if_constant(sum(column) / len(points)) for column in zip(*(p.given for p in points), strict=True))
 
 
 def _owner(body: Body | None) -> Owner:

@@ -185,7 +185,7 @@ def as_value(value: object, what: str) -> float | Parameter | sympy.Expr:
     return number
 
 
-def settled(value: Scalar) -> Scalar:
+def as_number_if_constant(value: Scalar) -> Scalar:
     """A value that turned out to have nothing symbolic in it as a float; other values as they are."""
     return float(value) if is_symbolic(value) and not value.free_symbols else value
 
@@ -193,7 +193,7 @@ def settled(value: Scalar) -> Scalar:
 def total(values: Iterable[Scalar]) -> Scalar:
     """The sum of values; of numbers the same in every version of Python, since it is rounded once."""
     terms = list(values)
-    return math.fsum(terms) if all(isinstance(x, (int, float)) for x in terms) else settled(sum(terms))
+    return math.fsum(terms) if all(isinstance(x, (int, float)) for x in terms) else as_number_if_constant(sum(terms))
 
 
 def evaluate(value: Value, parameters: dict[str, Parameter], what: str) -> float:
@@ -258,7 +258,7 @@ def mentioned(values: Iterable[object], parameters: dict[str, Parameter]) -> str
     return ", ".join(name for name in parameters if name in names)
 
 
-def told(expression: sympy.Basic) -> str:
+def text_of(expression: sympy.Basic) -> str:
     """An expression for a reader of code: as it is, or what it is made of where it is longer than anybody reads."""
     from sympy import preorder_traversal
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ncgen.errors import shown
-from ncgen.model.values import told
+from ncgen.model.values import text_of
 from ncgen.program.accumulation import combine, take_constants
 from ncgen.program.binding import BoundTerm, Derived, Places, Reference, Structure, bind
 from ncgen.program.ir import passes
@@ -244,7 +244,7 @@ def _derived_block(derived: Derived, needed: Sequence[int], equations: Terms) ->
     stores: list[Store] = []
     for i in needed:
         with labelled_errors(shown(derived.expressions[i])):
-            stores.append(Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=told(derived.expressions[i])))
+            stores.append(Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=text_of(derived.expressions[i])))
     return Straight(tuple(graph.ops), tuple(stores), names, "derived from parameters")
 
 

@@ -29,12 +29,12 @@ def _facts(name: str) -> dict:
     digest = hashlib.sha256(f"{__version__}\n{example_text(name)}".encode()).hexdigest()
     facts = kept("facts", digest[:40])
     if facts is None:
-        facts = _found(load(name))
+        facts = _degrees_of_freedom(load(name))
         keep("facts", digest[:40], facts)
     return facts
 
 
-def _found(model: Model) -> dict:
+def _degrees_of_freedom(model: Model) -> dict:
     from ncgen.compiler import compile
     from ncgen.solver.positions.rank import freedom
 

@@ -18,7 +18,7 @@ def inspect(kernels: Kernels, mobility: Freedom | None = None) -> dict:
     ----------
     kernels : Kernels
         Compiled mechanism.
-    found : Freedom, optional
+    mobility : Freedom, optional
         Degrees of freedom, if they are known already.
 
     Returns

@@ -30,7 +30,7 @@ class Round:
     record: dict = field(default_factory=dict)
 
 
-def look(path: Path, progress: Callable[[float], None] | None = None) -> Round:
+def check_and_run(path: Path, progress: Callable[[float], None] | None = None) -> Round:
     """Check a model file, and run it if nothing is wrong with it.
 
     progress: as of `simulate`; what it raises ends the round
@@ -48,7 +48,7 @@ def look(path: Path, progress: Callable[[float], None] | None = None) -> Round:
         return Round((str(error),))
 
 
-def told(now: Round, before: Round | None) -> list[str]:
+def summary_of(now: Round, before: Round | None) -> list[str]:
     """A round in a few lines; before: the last one that ran, if any."""
     if not now.record:
         more = len(now.problems) - SHOWN

@@ -97,13 +97,13 @@ class FiniteKernels:
 
 
 def _method(name: str, kernel: str, arguments: tuple[str, ...]) -> Callable[..., Any]:
-    def look(self: FiniteKernels, *given: Any, **named: Any) -> Any:
+    def checked(self: FiniteKernels, *given: Any, **named: Any) -> Any:
         value = getattr(self._kernels, name)(*given, **named)
         if not is_finite(value):
             raise refusal(self._kernels, kernel, **dict(zip(arguments, given, strict=False)), **named)
         return value
 
-    return look
+    return checked
 
 
 for _name, _of in WATCHED.items():
@@ -120,7 +120,7 @@ def check_instant(kernels: Kernels, q: np.ndarray, qd: np.ndarray | None = None,
     for kernel in INSTANT:
         if WATCHED[kernel][1] is VELOCITY and qd is None:
             continue
-        if not is_finite(kernels.values(kernel, t, q, qd, p)):  # plain numbers: a sparse matrix takes longer to make than to look at
+        if not is_finite(kernels.values(kernel, t, q, qd, p)):  # plain numbers: a sparse matrix takes longer to make than to check
             raise refusal(kernels, kernel, q=q, qd=qd, t=t, p=p)
 
 

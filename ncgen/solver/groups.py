@@ -90,7 +90,7 @@ class MethodArguments(TypedDict, total=False):
         The longest step in s; of methods with a fixed step its length.
     engine : str
         "auto": C where possible; on "lagrange" accelerations by a recursion over the tree of bodies, as code generated for this
-        mechanism ("emitted") up to 60 joint velocities, or in loops over tables ("tree") for longer trees without loops. The
+        mechanism ("emitted"), or in loops over tables ("tree") for trees without loops that have more than 20 joint velocities. The
         trajectory's `engine` says which it was and why. "c": the whole run in C. "emitted": in C, with a state derivative that is
         generated for this mechanism and its independent coordinates, and compiled, which takes about a second. "refined": the same
         with a step of iterative refinement. "compiled": as "auto", and an error where C is not possible. "python": the reference.

@@ -64,10 +64,10 @@ def refused_parameters(kernels: Outline, p: np.ndarray) -> dict[int, str]:
 def _judged(kernels: Outline) -> Judged:
     """Found once for kernels; a model that is not compiled may still change."""
     remember = getattr(kernels, "remember", None)
-    return remember("conditions of p", (), lambda: _found(kernels.model)) if remember else _found(kernels.model)
+    return remember("conditions of p", (), lambda: _compiled_conditions(kernels.model)) if remember else _compiled_conditions(kernels.model)
 
 
-def _found(model: Model) -> Judged:
+def _compiled_conditions(model: Model) -> Judged:
     conditions = [condition for condition in _conditions(model) if condition.is_parametric]
     return conditions, assemble_values(model, [value for condition in conditions for value in condition.values])
 

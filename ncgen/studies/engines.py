@@ -92,7 +92,7 @@ class Workers:
                         if (error := _failure(future)) is None:
                             lost = 0
                             part, seconds = future.result()
-                            yield part.beside(self.study.design.names, chunk[1]), seconds
+                            yield part.joined(self.study.design.names, chunk[1]), seconds
                         elif _is_lost(error):
                             again.append(chunk)
                             lost, broken = lost + 1, broken or isinstance(error, BrokenExecutor)

@@ -52,7 +52,7 @@ def read_study(path: Path) -> Study:
     tables = layout(text)
     _check(path, data, tables)
     try:
-        return _told(path, data)
+        return _study_of(path, data)
     except NcgenError as error:
         line = _line(tables, str(error), data)
         error.args = (str(error) if str(error).startswith(path.name) else placed(path.name, line, str(error)), *error.args[1:])
@@ -70,7 +70,7 @@ def _check(path: Path, data: dict[str, Any], tables: list[FileTable]) -> None:
         raise ModelError(placed(path.name, 1, f"{missing[0]} is missing; a study has {', '.join(NEEDED)}"))
 
 
-def _told(path: Path, data: dict[str, Any]) -> Study:
+def _study_of(path: Path, data: dict[str, Any]) -> Study:
     vary, model = data["vary"], data["model"]
     if model.endswith(".py"):
         raise ModelError(f"model: {model} is a program, which a study file does not run; write it as data by `ncgen convert {model}`")

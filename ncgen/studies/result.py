@@ -98,18 +98,18 @@ class StudyResult:
         return len(self) == self.about["variants"] and (self.folder is None or self.folder.is_whole())
 
     @cached_property
-    def said(self) -> dict[int, str]:
-        """{variant: sentence} of those of which something is to be said, that they failed or a warning."""
+    def messages(self) -> dict[int, str]:
+        """{variant: sentence} of variants that failed or have a warning."""
         messages: dict[int, str] = {}
         for _, _, at in self._spans:
-            messages |= self.folder.said(at) if self.folder else at.said
+            messages |= self.folder.messages(at) if self.folder else at.messages
         return messages
 
     @property
     def failures(self) -> dict[int, str]:
         """{variant: why it did not arrive}."""
         failed = set(self.variant[~self.ok].tolist())
-        return {variant: sentence for variant, sentence in self.said.items() if variant in failed}
+        return {variant: sentence for variant, sentence in self.messages.items() if variant in failed}
 
     # -- tables ----------------------------------------------------------------------------------------------------------------------------
 

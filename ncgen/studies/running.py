@@ -18,7 +18,7 @@ from ncgen.model import Model
 from ncgen.solver.given import count as whole
 from ncgen.solver.given import echo
 from ncgen.solver.groups import MotionArguments, takes
-from ncgen.solver.runs.telling import check_told
+from ncgen.solver.runs.progress_reports import check_progress
 from ncgen.studies import engines
 from ncgen.studies.definition import Study
 from ncgen.studies.design import Varied
@@ -27,10 +27,10 @@ from ncgen.studies.result import StudyResult
 from ncgen.studies.study_folder import Folder, manifest
 from ncgen.studies.variants import Bench, Part
 
-Told = Callable[[int, int, "float | None"], None]
+ProgressOption = Callable[[int, int, "float | None"], None]
 """progress(done, all, seconds left or None)"""
 
-Wanted: TypeAlias = "Told | bool | None"
+Wanted: TypeAlias = "ProgressOption | bool | None"
 """In signatures: a function, True for a bar in a terminal or a notebook, None or False for nobody."""
 
 
@@ -138,7 +138,7 @@ def carry_out(
 ) -> StudyResult:
     """The result of a study; arguments as of `ncgen.study`."""
     threads = None if threads is None else whole(threads, "threads")
-    check_told(progress)
+    check_progress(progress)
     bench = Bench(study)
     about = Folder.of(Path(output), study, bench.made_with) if output is not None else None
     with ExitStack() as stack:
@@ -147,14 +147,14 @@ def carry_out(
         parts: list[Part] = []
         keep = about.write if about else parts.append
         engine = _engine(bench, workers, threads, stack)
-        advance = _told(study, progress, stack)
+        advance = _progress_of(study, progress, stack)
         for part in stack.enter_context(closing(_Work(study, missing, advance).parts(engine))):
             keep(part)
     return StudyResult(about.manifest if about else manifest(study, bench.made_with), about, tuple(parts))
 
 
-def _told(study: Study, progress: Wanted, stack: ExitStack) -> Told | None:
-    """Who is told how far it is."""
+def _progress_of(study: Study, progress: Wanted, stack: ExitStack) -> ProgressOption | None:
+    """The receiver of progress reports."""
     if progress is True:
         from ncgen.report.bar import timed
 
@@ -180,7 +180,7 @@ def _engine(bench: Bench, workers: object, threads: int | None, stack: ExitStack
 class _Work:
     """What is still to be done, in chunks, and how far it is."""
 
-    def __init__(self, study: Study, missing: list[tuple[int, int]], progress: Told | None) -> None:
+    def __init__(self, study: Study, missing: list[tuple[int, int]], progress: ProgressOption | None) -> None:
         self.study, self.missing, self.progress = study, list(reversed(missing)), progress
         self.left = sum(end - first for first, end in missing)
         n = sum(not c.fixed for c in study.model.components)
@@ -198,15 +198,15 @@ class _Work:
 
     def parts(self, engine: engines.Engine) -> Generator[Part, None, None]:
         """All parts, in the order in which they are done."""
-        self.tell(0.0)
-        with closing(engine.parts(self.next_chunk, self.tell)) as done:
+        self.report_progress(0.0)
+        with closing(engine.parts(self.next_chunk, self.report_progress)) as done:
             for part, seconds in done:
                 self.left -= len(part)
                 self.pace.learn(len(part), seconds)
                 yield part
-                self.tell(0.0)
+                self.report_progress(0.0)
 
-    def tell(self, more: float) -> None:
+    def report_progress(self, more: float) -> None:
         """more: variants that are done beside those that have arrived."""
         if self.progress:
             left = self.left - more

@@ -142,7 +142,7 @@ class Folder:
 
     def write(self, part: Part) -> None:
         """Add variants. Raises NcgenError in one line where they cannot be written; what was written before stays."""
-        messages = {SAID_OF: np.array([*part.said], dtype=np.int64), SAID: np.array([*part.said.values()], dtype=str)}
+        messages = {SAID_OF: np.array([*part.messages], dtype=np.int64), SAID: np.array([*part.messages.values()], dtype=str)}
         try:
             write_bytes(self.path / NAME.format(part.first, part.first + len(part)), packed(part.columns | messages))
         except NcgenError as error:
@@ -162,11 +162,11 @@ class Folder:
     def part(self, first: int, path: Path) -> Part:
         """The variants of one file. Raises NcgenError for a file that is broken."""
         columns = self._read(path, (*self.columns, SAID_OF, SAID))
-        return Part(first, {name: columns[name] for name in self.columns}, _told(columns))
+        return Part(first, {name: columns[name] for name in self.columns}, _messages_in(columns))
 
-    def said(self, path: Path) -> dict[int, str]:
+    def messages(self, path: Path) -> dict[int, str]:
         """{variant: sentence} of one file. Raises NcgenError for a file that is broken."""
-        return _told(self._read(path, (SAID_OF, SAID)))
+        return _messages_in(self._read(path, (SAID_OF, SAID)))
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
@@ -230,7 +230,7 @@ class Folder:
         return columns
 
 
-def _told(columns: Mapping[str, np.ndarray]) -> dict[int, str]:
+def _messages_in(columns: Mapping[str, np.ndarray]) -> dict[int, str]:
     return dict(zip(columns[SAID_OF].tolist(), columns[SAID].tolist(), strict=True))
 
 

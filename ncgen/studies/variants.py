@@ -52,11 +52,11 @@ OWN = ("stop", "inputs", "qd0", "options", "closing")
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Variants from `first` on: {column: values}, what was said of some of them, {variant: sentence}, and which arrived (B,)."""
+    """Variants from `first` on: {column: values}, messages about some of them, {variant: sentence}, and which arrived (B,)."""
 
     first: int
     columns: dict[str, np.ndarray]
-    said: dict[int, str] = field(default_factory=dict)
+    messages: dict[int, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Part: variants {self.first} to {self.first + len(self) - 1}>"
@@ -64,9 +64,9 @@ class Part:
     def __len__(self) -> int:
         return len(self.columns["ok"])
 
-    def beside(self, names: tuple[str, ...], rows: np.ndarray) -> Part:
+    def joined(self, names: tuple[str, ...], rows: np.ndarray) -> Part:
         """The part with the numbers (B, names) that varied before its own columns."""
-        return Part(self.first, dict(zip(names, rows.T, strict=True)) | self.columns, self.said)
+        return Part(self.first, dict(zip(names, rows.T, strict=True)) | self.columns, self.messages)
 
 
 Moved = tuple[Part, np.ndarray]
@@ -101,7 +101,7 @@ class Bench:
         threads: of lanes, None for all processors; progress: called with the share of them that are done. What it raises ends the call
         """
         rows = self.study.design.rows(first, count)
-        return self.computed(first, rows, threads, progress).beside(self.study.design.names, rows)
+        return self.computed(first, rows, threads, progress).joined(self.study.design.names, rows)
 
     def computed(self, first: int, rows: np.ndarray, threads: int | None = 1, progress: Callable[[float], None] | None = None) -> Part:
         """The variants with these numbers (B, names), which are not in it; else as `part`."""
@@ -143,8 +143,8 @@ class Bench:
             for word, value in values.items():
                 gradients[word][i] = value
             if doubt:
-                part.said.setdefault(part.first + i, doubt)
-        return Part(part.first, part.columns | gradients, part.said)
+                part.messages.setdefault(part.first + i, doubt)
+        return Part(part.first, part.columns | gradients, part.messages)
 
     # -- in lanes --------------------------------------------------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ from ncgen.model.expressions import symbols_in
 from ncgen.model.forces import Couple, Force, Load, Potential
 from ncgen.model.names import LAW, TIME
 from ncgen.model.rows import Owner, Row, describe
-from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, told
+from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, text_of
 from ncgen.symbolic import templates
 from ncgen.symbolic.inertia_terms import inertia_terms
 from ncgen.symbolic.numbering import Terms
@@ -229,7 +229,7 @@ def _force(names: ModelNames, force: Force, released: Collection[Component]) -> 
     scalars = list(dict.fromkeys([*scalars, *components]))
     along = {scalars.index(c): e for c, e in components.items()}
     template = templates.user_force(force.label, _words(scalars), _words(data), along)
-    equation = ", ".join(f"{told(e)} along {c.name}" for c, e in components.items())
+    equation = ", ".join(f"{text_of(e)} along {c.name}" for c, e in components.items())
     return Term(template, _forms(scalars), tuple(data), Owner("user", force.label), force.label, equation=equation)
 
 
@@ -272,4 +272,4 @@ def _potential(names: ModelNames, potential: Potential) -> Term:
     _refuse_rates(potential.expression, scalars, f"{potential.label}: a potential", "use m.force or m.torque")
     expression = sympy.sympify(potential.expression)
     template = templates.user_potential(potential.label, _words(scalars), _words(data), expression)
-    return Term(template, _forms(scalars), tuple(data), Owner("user", potential.label), potential.label, equation=told(expression))
+    return Term(template, _forms(scalars), tuple(data), Owner("user", potential.label), potential.label, equation=text_of(expression))

@@ -47,7 +47,7 @@ class Module(NamedTuple):
 GENERIC = Module("ncgen_table_run", ("ncgen_driven.c",), generic_files, ("-O2",))
 LINKED = Module(
     "ncgen_linked",
-    ("ncgen_breaks.c",),
+    ("ncgen_breaks.c", "ncgen_events.c"),
     lambda: runtime_files(*HEADERS),
     ("-Os", "-Wl,--export-table", "-Wl,--growable-table", "-Wl,--export=__heap_base"),
 )

@@ -21,13 +21,13 @@ MOST = 6
 def grouped(run: Trajectory, names: str | Iterable[str] | None = None) -> dict[str, list[str]]:
     """Names of coordinates by the label of their panel, which is that of their element's kind: angles and lengths first, else in order.
 
-    names: one free coordinate or several; default: those that are `telling`
+    names: one free coordinate or several; default: those of `informative`
     Raises ModelError for a name that is no free coordinate.
     """
     owners = {component.name: element for element in run.model.elements.values() for component in element.components}
     groups: dict[str, list[str]] = {}
     free = tuple(run.coordinates)
-    chosen = telling(run.model, free, run.model.chosen_independent) if names is None else names_of(names, "names", free)
+    chosen = informative(run.model, free, run.model.chosen_independent) if names is None else names_of(names, "names", free)
     for name in sorted(chosen, key=lambda name: not isinstance(owners[name], Relative)):
         groups.setdefault(f"{owners[name].quantity} ({owners[name].unit})", []).append(name)
     return groups
@@ -39,7 +39,7 @@ def above_lowest(run: Trajectory) -> tuple[np.ndarray, np.ndarray]:
     return kinetic, potential - potential.min()
 
 
-def telling(model: Model, free: tuple[str, ...], independent: tuple[str, ...]) -> tuple[str, ...]:
+def informative(model: Model, free: tuple[str, ...], independent: tuple[str, ...]) -> tuple[str, ...]:
     """Of the free coordinates the angles and lengths; where there are none the independent ones, else the first ones."""
     relative = tuple(name for name in free if isinstance(model.elements.get(name), Relative))
     return relative or (independent or free)[:MOST]

@@ -153,9 +153,9 @@ def _draw(axes: Axes, scene: Scene, frame: int, names: bool) -> None:
     for point, fixed in zip(points, scene.fixed, strict=True):
         axes.plot(*point[:, None], color=LINE, marker="s" if fixed else "o", markersize=4.5 * share, zorder=3, gid="point")
     for name, point in zip(scene.points, points, strict=True) if names else ():
-        axes.text(*places.beside(point), s=name, **POINT_LABEL)
+        axes.text(*places.next_to(point), s=name, **POINT_LABEL)
     for arrow, shaft in arrows:
-        axes.text(*places.beside(points[arrow.point] + shaft), s=arrow.name, **VECTOR_LABEL)
+        axes.text(*places.next_to(points[arrow.point] + shaft), s=arrow.name, **VECTOR_LABEL)
 
 
 def _limits(scene: Scene) -> np.ndarray:

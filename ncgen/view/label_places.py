@@ -27,7 +27,7 @@ class LabelPlaces:
         """Keep names away from a line; `start` and `end` have shape (2,) or (3,)."""
         self._take((start + SAMPLES * (end - start)) @ self.screen)
 
-    def beside(self, point: np.ndarray) -> np.ndarray:
+    def next_to(self, point: np.ndarray) -> np.ndarray:
         """The place of a name beside a point, in the picture's coordinates; it is taken from now on."""
         anchor = point @ self.screen
         candidates = anchor + self.offset * DIRECTIONS

@@ -131,7 +131,7 @@ def simplified(mesh: Mesh, most: int = MOST) -> Mesh:
     while fine - coarse > 1:
         cells = (coarse + fine) // 2
         coarse, fine = (cells, fine) if len(_clustered(vertices, triangles, cells)[1]) <= most else (coarse, cells)
-    return Mesh(*_settled(vertices, triangles, coarse))
+    return Mesh(*_merged(vertices, triangles, coarse))
 
 
 def _welded(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -160,7 +160,7 @@ def _clustered(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tuple
     return owner, clusters[np.sort(first)]
 
 
-def _settled(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _merged(vertices: np.ndarray, triangles: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """A vertex for every cluster that a triangle is left of."""
     owner, kept = _clustered(vertices, triangles, count)
     clusters = owner.max() + 1

@@ -42,7 +42,7 @@ def sketch(scene: Scene, frame: int = 0) -> SvgDrawing:
         named = [(name, point, "currentColor") for name, point in zip(scene.points, points, strict=True)]
         named += [(name, tip, RED) for name, _, tip in arrows]
         for name, point, colour in named:
-            x, y = places.beside(point)
+            x, y = places.next_to(point)
             parts.append(text(x, y + 4, name, colour=colour))
     return SvgDrawing(f"<g {TEXT}>{''.join(parts)}</g>", WIDTH, HEIGHT, f"{scene.name} at t = {scene.t[frame]:.4g} s")
 

@@ -16,7 +16,7 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import measure, repeated
 from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.motions.simulate import simulate
-from ncgen.solver.runs.telling import Told
+from ncgen.solver.runs.progress_reports import ProgressOption
 from ncgen.solver.trajectories.trajectory import Trajectory
 
 NAMES = ("robot", "nfourbar-2", "nfourbar-40", "disc", "free-body", "heavy-top", "bricard")
@@ -80,7 +80,7 @@ def default_records(names: Collection[str] = NAMES, limit: float = 20.0) -> Iter
 def _way(kernels: CompiledKernels, case: Case, limit: float, **method: Any) -> _Way | None:
     """None where there is no result within so many seconds, or one with a warning."""
 
-    def call(progress: Told = None) -> Trajectory:
+    def call(progress: ProgressOption = None) -> Trajectory:
         return simulate(kernels, case.duration, **case.options, **method, points=case.points, progress=progress)
 
     warm(kernels, case, **case.options, **method)

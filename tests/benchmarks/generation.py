@@ -43,8 +43,8 @@ found = {"seconds": seconds, "processor": processor, "stages": timings.seconds, 
 if steps:
     from ncgen import simulate
     from ncgen.solver.positions.rank import freedom
-    from ncgen.mechanism.runtime_library import beside
-    runtime = beside()
+    from ncgen.mechanism.runtime_library import compiling_thread
+    runtime = compiling_thread()
     runtime.start()
     runtime.join()
     start = spent()

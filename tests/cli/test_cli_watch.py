@@ -14,7 +14,7 @@ import pytest
 
 from ncgen.cli.watching import Saved, _blocks, _ender
 from ncgen.exchange.first_model import start_text
-from ncgen.report.rounds import Round, differences, look, told
+from ncgen.report.rounds import Round, check_and_run, differences, summary_of
 from ncgen.report.saves import EVERY, GONE, saves
 
 
@@ -97,9 +97,9 @@ def test_differences():
 def test_what_is_told_stays_short():
     """Six numbers of many, six problems of many."""
     many = {f"q{k}": float(k) for k in range(40)}
-    lines = told(Round((), record(final=many, final_velocity=many)), Round((), record()))
+    lines = summary_of(Round((), record(final=many, final_velocity=many)), Round((), record()))
     assert len(lines) == 4 and "q5 5 and 74 more" in lines[1]
-    assert told(Round(tuple(f"problem {k}" for k in range(40))), None)[-1] == "and 34 more; `ncgen check` lists all"
+    assert summary_of(Round(tuple(f"problem {k}" for k in range(40))), None)[-1] == "and 34 more; `ncgen check` lists all"
 
 
 @pytest.mark.filterwarnings("ignore:no C compiler")
@@ -126,7 +126,7 @@ def test_blocks(tmp_path, monkeypatch):
 def test_a_python_file_that_fails(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text("def build():\n    return 1 / 0\n")
-    assert look(path).problems == ("mine.py, line 2: ZeroDivisionError: division by zero",)
+    assert check_and_run(path).problems == ("mine.py, line 2: ZeroDivisionError: division by zero",)
 
 
 def test_no_such_file(ncgen_main, folder):

@@ -188,8 +188,6 @@ def called() -> ncgen.Model:
         (friction, "c", "rubbing cannot be exported: joints that stick are not exported yet (s.friction)"),
         (touching, "fmu2", "touching cannot be exported: friction of contacts is not exported yet (floor)"),
         (called, "c", "called cannot be exported: event seen calls a Python function"),
-        (ball, "html", "ball cannot be exported: this export does not support events yet (floor); take c,"),
-        (ball, "wasm", "ball cannot be exported: this export does not support events yet (floor); take c,"),
         (ball, "casadi", "ball cannot be exported: this export does not support events yet (floor); take c,"),
     ],
     ids=lambda x: x if isinstance(x, str) else x.__name__,

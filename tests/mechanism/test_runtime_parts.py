@@ -10,6 +10,7 @@ import pytest
 
 import ncgen
 from ncgen.emit.runtime_files import explicit_names, ordinary_names, runtime_names, stiff_names
+from ncgen.exchange.examples import example_module
 from ncgen.mechanism import runtime, runtime_library
 from ncgen.methods.table import AUTO, INTEGRATORS
 
@@ -71,12 +72,22 @@ def test_explicit_methods_have_the_same_bits_in_both_and_others_are_refused(name
 
 @pytest.mark.parametrize(("name", "part"), [("dop853", "ordinary"), ("radau", "stiff")])
 def test_a_small_part_has_the_bits_of_the_whole(name, part, robot, monkeypatch):
-    assert runtime_library.part_for(name, is_emitted=True) == part
+    assert runtime_library.part_for(name, "emitted") == part
     found = []
     for taken in (part, "whole"):
         monkeypatch.setattr(runtime, "part_for", lambda *_, taken=taken: taken)
         found.append(ncgen.simulate(robot, 0.1, formalism="lagrange", integrator=name, points=3, engine="auto"))
     assert {run.engine for run in found} == {"emitted"} and np.array_equal(found[0].q, found[1].q)
+
+
+@pytest.mark.parametrize(("name", "part"), [("dop853", "ordinary tree"), ("radau", "stiff tree")])
+def test_a_small_part_for_trees_has_the_bits_of_the_whole(name, part, monkeypatch):
+    assert runtime_library.part_for(name, "tree") == part
+    kernels, found = ncgen.compile(example_module("arm").build(21), backend="c"), []
+    for taken in (part, "whole"):
+        monkeypatch.setattr(runtime, "part_for", lambda *_, taken=taken: taken)
+        found.append(ncgen.simulate(kernels, 0.05, formalism="lagrange", integrator=name, points=3))
+    assert {run.engine for run in found} == {"tree"} and np.array_equal(found[0].q, found[1].q)
 
 
 @pytest.mark.parametrize(

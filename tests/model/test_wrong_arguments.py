@@ -46,6 +46,7 @@ def calls(s) -> dict[str, dict]:
         "vector": {"name": "new", "direction": (0, 0.6, 0.8), "fixed": False},
         "angle": {"name": "new", "start": s.u, "end": s.w, "axis": s.v, "form": "sine", "lengths": (1, 1, 1), "initial": 1.5},
         "length": {"name": "new", "start": s.A, "end": s.B, "initial": 1.0},
+        "range": {"number": "A.position.x", "low": 0.5, "high": 1.5},
         "slide": {"name": "new", "start": s.A, "end": s.B, "axis": s.u},
         "independent": {"coordinates": [s.psi]},
         "body": {

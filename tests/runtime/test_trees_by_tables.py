@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.linalg import null_space
@@ -40,6 +42,28 @@ def test_a_long_arm_takes_tables_by_itself():
     assert np.max(np.abs(run.q - other.q) / kernels.column_sizes) < 1e-6
     assert run.violation().max() < 1e-11
     assert run.statistics.fallbacks == 0
+
+
+def test_more_effort_writes_out_what_has_tables(monkeypatch):
+    """The same motion, by kernels that say so after they were pickled, too."""
+    model = example_module("arm").build(compiled.FEW_RATES + 1)
+    quick, long = ncgen.compile(model), ncgen.compile(model, effort="most")
+    runs = [ncgen.simulate(kernels, 0.1, points=2) for kernels in (quick, long)]
+    assert [run.engine for run in runs] == ["tree", "emitted"]
+    assert np.max(np.abs(runs[0].q - runs[1].q) / quick.column_sizes) < 1e-7
+    again = pickle.loads(pickle.dumps(long))
+    assert again.effort == "most" and compiled.form_of(again, Method.of("lagrange", "dop853")) == "emitted"
+    monkeypatch.setattr(compiled, "MOST_RATES", compiled.FEW_RATES)
+    assert ncgen.simulate(long.driven_by(None), 0.01, points=2).engine == "emitted"
+
+
+def test_a_tree_of_few_joints_is_written_out():
+    assert ncgen.simulate(ncgen.compile(example_module("arm").build(7)), 0.01, points=2).engine == "emitted"
+
+
+def test_an_effort_that_does_not_exist_is_refused():
+    with pytest.raises(ncgen.ModelError, match="effort"):
+        ncgen.compile(ncgen.load("fourbar"), effort="all")
 
 
 @pytest.fixture(scope="module")

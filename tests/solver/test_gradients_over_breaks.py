@@ -223,7 +223,7 @@ def test_a_study_is_refused_what_it_asks_for_alone():
         wanted = ncgen.gradient(block(LAWS["Heaviside"][0]), T, 20, end_of, by="w", p={"t1": t1}).slopes["w"]
         assert found["gradient(s, w)"][k] == pytest.approx(wanted, rel=1e-12)
     found = ncgen.study(model(LAWS["Heaviside"][0]), {"t1": [0.0]}, keep=["gradient(s, w)", "gradient(s, t1)"], **given)
-    assert np.isnan(found["gradient(s, t1)"][0]) and "no gradient: block: there is no derivative by t1, which moves" in str(found.said)
+    assert np.isnan(found["gradient(s, t1)"][0]) and "no gradient: block: there is no derivative by t1, which moves" in str(found.messages)
 
 
 def test_a_corner_at_the_start_is_no_jump():

@@ -172,7 +172,7 @@ def test_a_study_says_which_variants_are_none(kernels, integrator):
         kernels.model, vary={"L": [1.0, -0.5]}, keep=["B.y"], duration=0.01, formalism="coordinate-partitioning", integrator=integrator
     )
     assert found["ok"].tolist() == [True, False]
-    assert "with L = -0.5, user model, distance B-C: the length is -0.5 m" in found.said[1]
+    assert "with L = -0.5, user model, distance B-C: the length is -0.5 m" in found.messages[1]
 
 
 def test_states_do_not_bring_them_in(kernels):

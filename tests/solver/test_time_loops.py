@@ -1,4 +1,4 @@
-"""Whatever advances time asks for the next break, at which its steps have to end: in C, in lanes, in Python, and in what is exported.
+"""Whatever advances time asks for the next break, at which its steps have to end: in C, in lanes, in Python; exports move by the runtime.
 
 Nothing is listed here but, for every language, the function that is asked and what it is to advance: loops are found in the sources.
 """
@@ -29,13 +29,11 @@ RUNTIME, TEMPLATES = ROOT / "ncgen" / "runtime", ROOT / "templates"
 
 @dataclass(frozen=True)
 class Language:
-    """asked: what gives the next break; advance: what a state goes on by; begins: the first line of a function, with its name;
-    hands_functions: whether what asks is given a function that goes on to a time"""
+    """asked: what gives the next break; advance: what a state goes on by; begins: the first line of a function, with its name"""
 
     asked: str
     advance: str
     begins: str
-    hands_functions: bool = False
 
 
 C = Language(
@@ -43,9 +41,6 @@ C = Language(
     r"\b(ncgen_accept\(r, (?!r->times\[0\])|ncgen_block_accept\(r, (?!r->running, r->start_t))",  # a run's begin is no advance
     r"^(?!typedef)[A-Za-z_][\w \*]*?\b(\w+)\([^;=]*$",
 )
-C_EXPORT = Language(r"X_break_after", r"\b(ncgen_go_on\(|moment\.t = (?!state->t))", C.begins)
-JAVASCRIPT = Language(r"this\.#breakAfter", r"#state\[T\] \+?= |\bthis\.#step\(", r"^  (?:static )?(?:async )?(#?\w+)\(.*\) \{", True)
-PYTHON = Language(r"_break_after", r"_put\(t=|\bself\._attempt\(", r"^ *def (\w+)\(", True)
 
 
 @dataclass(frozen=True)
@@ -78,7 +73,7 @@ def names_of_calls(text: str) -> set[str]:
 def without_remarks(text: str) -> str:
     """Without comments and without what jinja does: both sides of its choices stay."""
     text = re.sub(r"\{#.*?#\}|\{%.*?%\}", "", text, flags=re.S)
-    text = re.sub(r"\{\{ prefix \}\}", "X", text).replace("{{ attempt }}", "_attempt")
+    text = re.sub(r"\{\{ prefix \}\}", "X", text)
     text = re.sub(r"\{\{(.*?)\}\}", lambda m: " ".join(re.findall(r'"([^"]*)"', m[1])) or "0", text)
     return re.sub(r'/\*.*?\*/|(?m-s:^\s*//.*$)|""".*?"""', "", text, flags=re.S)
 
@@ -136,8 +131,7 @@ def unasked(all_functions: list[Function], language: Language) -> list[str]:
     def is_given_its_end(f: Function, above: frozenset[str] = frozenset()) -> bool:
         """Whether all that call it ask; one that hands it on to what asks, as a function, does."""
         callers = [g for g in bodies.values() if g != f and g.name not in above and f in called(g.called, g.file)]
-        asking = begins_to_ask if language.hands_functions else asks
-        return bool(callers) and all(asking(g) or is_given_its_end(g, above | {f.name}) for g in callers)
+        return bool(callers) and all(asks(g) or is_given_its_end(g, above | {f.name}) for g in callers)
 
     wrong = []
     for f in bodies.values():
@@ -162,25 +156,19 @@ def in_c() -> list[Function]:
     return of_files([*RUNTIME.rglob("*.c")], C)
 
 
-EXPORTS = {
-    "c": (C_EXPORT, ("*.c.jinja", "*.h.jinja", "*.hpp.jinja")),
-    "JavaScript": (JAVASCRIPT, ("*.js.jinja", "*.mjs.jinja")),
-    "Python": (PYTHON, ("*.py.jinja",)),
-}
-
-
 def test_loops_in_c_ask():
     found = in_c()
     assert {"run_adaptive", "run_fixed", "step_through"} <= with_loops(found)
     assert unasked(found, C) == []
 
 
-@pytest.mark.parametrize("name", EXPORTS)
-def test_loops_of_exports_ask(name):
-    language, patterns = EXPORTS[name]
-    found = of_files([path for pattern in patterns for path in (TEMPLATES / "package").rglob(pattern)], language)
-    assert re.search(language.asked, "\n".join(f.text for f in found))
-    assert unasked(found, language) == []
+def test_exports_move_in_parts_where_laws_break():
+    """Exports have no loop of their own: one call of the runtime goes on to the end of a step, from break to break where there are any."""
+    chosen = re.compile(r"{% set go_on = (.*?) if breaks else (.*?) %}")
+    (ways,) = [match for path in (TEMPLATES / "package").rglob("*.jinja") for match in chosen.findall(path.read_text())]
+    assert "ncgen_go_on_in_parts(" in ways[0] and "ncgen_go_on(" in ways[1]
+    for path in (TEMPLATES / "package").rglob("*.jinja"):
+        assert not re.search(r"ncgen_go_on\w*\(", chosen.sub("", path.read_text())), path.name
 
 
 FORGETFUL = {
@@ -210,37 +198,13 @@ static void run_forgetful(ncgen_block *r, ncgen_real t, ncgen_real h)
 }
 """,
     ),
-    "JavaScript": (
-        JAVASCRIPT,
-        """
-  rush(end, h) {
-    while (this.t < end) {
-      this.#step(h);
-    }
-  }
-""",
-    ),
-    "Python": (PYTHON, "\n    def rush(self, end, h):\n        while self.t < end:\n            self._attempt(h)\n"),
-    "c export": (
-        C_EXPORT,
-        """
-int X_rush(X_call *call, const ncgen_real *p, ncgen_statistics *statistics)
-{
-    int status = NCGEN_OK;
-    for (int k = 0; k < 10 && status == NCGEN_OK; ++k)
-        status = ncgen_go_on(&call->driven, p, &call->moment, k, statistics);
-    return status;
-}
-""",
-    ),
 }
 
 
 @pytest.mark.parametrize("name", FORGETFUL)
 def test_a_loop_that_does_not_ask_is_found(name):
     language, text = FORGETFUL[name]
-    found = in_c() if language is C else []
-    assert unasked([*found, *functions(text, "forgetful", language)], language) == ["forgetful: " + functions(text, "", language)[0].name]
+    assert unasked([*in_c(), *functions(text, "forgetful", language)], language) == ["forgetful: " + functions(text, "", language)[0].name]
 
 
 def test_no_loop_in_c_may_forget():

@@ -26,7 +26,7 @@ def test_columns_have_the_names_of_what_they_are_taken_by(found):
     both = ("length", "start(rate(psi))")
     each = [f"gradient({what}, {name})" for what in ("psi", "max(psi)") for name in both]
     assert found.about["kept"] == ["psi", "max(psi)", *each, *REST]
-    assert found.ok.all() and not found.said and "gradients by 200 steps of rk4" in found.about["made_with"]
+    assert found.ok.all() and not found.messages and "gradients by 200 steps of rk4" in found.about["made_with"]
 
 
 def test_gradients_are_those_of_single_calls(found):
@@ -95,7 +95,7 @@ def test_a_top_between_instants():
 def test_too_few_steps_are_said():
     """Of rows that arrived."""
     few = ncgen.study(swing(), {"length": [1.0]}, keep="gradient(psi)", steps=12, duration=2.0, zd0={"psi": 2.0})
-    assert few.ok.all() and "its 12 steps end" in few.said[0] and "take more steps" in few.said[0]
+    assert few.ok.all() and "its 12 steps end" in few.messages[0] and "take more steps" in few.messages[0]
 
 
 @pytest.mark.parametrize(

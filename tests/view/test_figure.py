@@ -74,7 +74,7 @@ def test_names_keep_away_from_lines():
     corner = np.zeros(2)
     places.avoid(corner, np.array([1.0, 0.0]))
     places.avoid(corner, np.array([0.0, 1.0]))
-    first, second = places.beside(corner), places.beside(corner)
+    first, second = places.next_to(corner), places.next_to(corner)
     assert (first < 0).any() and np.linalg.norm(first) == pytest.approx(0.1)
     assert np.linalg.norm(second - first) > 0.05
 

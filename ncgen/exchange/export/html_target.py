@@ -20,7 +20,7 @@ from ncgen.program.ir.blocks import Pattern
 from ncgen.program.motions.full_loads import assemble_loads, loaded_elements
 from ncgen.solver.positions.rank import freedom
 from ncgen.symbolic.numbering import Terms
-from ncgen.view.chosen import MOST, telling
+from ncgen.view.chosen import MOST, informative
 from ncgen.view.page import drawing, lean, rounded, script_json
 from ncgen.view.scene import Scene, scene_of
 
@@ -33,7 +33,7 @@ GROUPS = {"position": "places", "mass": "masses", "inertia": "masses"}
 
 def files_of(model: Model) -> dict[str, str]:
     """{file name: text}: the page alone, in which the model's own parameters come first and its other numbers can be turned, too."""
-    return _files(package(turnable(model)), own=tuple(model.numbers))
+    return _files(package(turnable(model), events=True), own=tuple(model.numbers))
 
 
 def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
@@ -92,8 +92,9 @@ def _mechanism(package: Package) -> dict:
     """What the page is told of the mechanism beside its picture and its kernels."""
     kernels, model = package.kernels, package.kernels.model
     return {
+        "events": list(model.events),
         "units": [package.unit(name) for name in kernels.coordinates],
-        "shown": telling(model, kernels.coordinates, package.independent)[:MOST],  # at first
+        "shown": informative(model, kernels.coordinates, package.independent)[:MOST],  # at first
         "duration": package.duration,
         "outputs": [{"label": output.label, "unit": output.unit} for output in model.outputs.values()],
         "rowSizes": kernels.row_sizes.tolist(),

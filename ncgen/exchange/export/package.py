@@ -272,7 +272,7 @@ def _refusal(model: Model, events: bool) -> str | None:
         return "it calls a Python function"
     if has_events(model) and not events:
         names = shortened(names_of_events(model))
-        return f"this export does not support events yet ({names}); take c, python, fmu2 or fmu3"
+        return f"this export does not support events yet ({names}); take c, fmu2, fmu3, html, python or wasm"
     if reason := refusal_of_events(model):
         return reason
     if model.branches:

@@ -13,14 +13,24 @@ from ncgen.program.algebra.quasidefinite import Elimination
 from ncgen.program.ir.blocks import Pattern, Program
 from ncgen.toolchain.generic_wasm import LINKED, binary
 
-CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD LAM STATE FUNCTIONS WORDS".split())
+CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD LAM HAPPENED STOPPED STATE FUNCTIONS WORDS".split())
 """What the wrapper calls its constants: no class can be called so."""
 
-FUNCTIONS = ("phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches")
+FUNCTIONS = (
+    "phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches", "conditions", "condition_slopes", "condition_rates",
+    "action_values",
+)  # fmt: skip
 """Functions that the runtime calls, in the order of ncgen_linked.h."""
 
-FIRST_FUNCTION = 10
+KINDS = ("NCGEN_SET", "NCGEN_SET_VELOCITY", "NCGEN_IMPACT", "NCGEN_STOP")
+LAWS = ("NCGEN_NO_LAW", "NCGEN_SIMULTANEOUS", "NCGEN_IN_TURN")
+"""Kinds of actions and laws of impacts in the order of their numbers in ncgen_events.h."""
+
+FIRST_FUNCTION = 16
 """Where their numbers begin in the description."""
+
+
+HAS_EVENTS = True
 
 
 def files(package: Package) -> dict[str, str | bytes]:
@@ -46,7 +56,7 @@ def assembled(package: Package, kernels: Iterable[Program], title: str) -> tuple
     """(the module, what its wrapper is filled with): these kernels, which include those of the motion; title: of the wrapper's class."""
     kernels = list(kernels)
     switches = [package.switching.program] if package.switching else []
-    programs = [*kernels, *package.outputs[:1], *switches]
+    programs = [*kernels, *package.outputs[:1], *switches, *(package.events.programs if package.events else [])]
     made = linked_module(programs, package.prefix, _integers(package), _numbers(package), {LINK: binary(LINKED)})
     return made, package.records | {
         "title": title,
@@ -66,11 +76,18 @@ def _integers(package: Package) -> list[int]:
     singular, rank = package.singular_mass, package.rank
     counts = [kernels.n, kernels.m, len(kernels.p0), rank if rank < kernels.m else 0, int(singular), int(package.conservative), len(drives)]
     counts += [breaks.lines, breaks.curves, int(breaks.jumps)] if breaks else [0, 0, 0]
+    happening = package.events.described if package.events else {}
+    counts += [happening[word] for word in ("count", "most")] if happening else [0, 0]
+    counts += (
+        [len(happening["rows"]), LAWS.index(happening["law"]), happening["values"], happening["degree"]] if happening else [0, 0, 0, 0]
+    )
     phi_q = _with_rows(kernels.phi_q_pattern, drives)
     patterns = [*phi_q.indptr, *phi_q.indices, *kernels.mass_pattern.indptr, *kernels.mass_pattern.indices]
     orders = [package.elimination(pattern) for pattern in (kernels.phi_q_pattern, phi_q)]
     tables = [x for order in orders for x in (order.nonzeros, *(x for name in Elimination.ARRAYS for x in getattr(order, name)))]
-    return [*counts, *[0] * len(FUNCTIONS), *patterns, *tables]
+    actions = [x for row in happening.get("rows", ()) for x in (row.event, KINDS.index(row.kind), row.place, row.value)]
+    sides = [*happening.get("directions", ()), *[-1] * happening.get("count", 0)]
+    return [*counts, *[0] * len(FUNCTIONS), *patterns, *tables, *sides, *actions]
 
 
 def _with_rows(pattern: Pattern, columns: list[int]) -> Pattern:
@@ -86,4 +103,6 @@ def _numbers(package: Package) -> list[float]:
     sizes = [float(kernels.column_sizes[kernels.index[name]]) for name in package.independent]
     interval = package.switching.interval if package.switching else 0.0
     arrays = (kernels.column_sizes, kernels.row_sizes, sizes, package.q, package.qd, kernels.p0)
-    return [interval, *(float(x) for array in arrays for x in array)]
+    happening = package.events.described if package.events else {}
+    watched = [happening["noise"], *happening["nodes"], *happening["inverse"]] if happening else []
+    return [interval, *(float(x) for array in arrays for x in array), *watched]

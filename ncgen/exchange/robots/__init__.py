@@ -87,13 +87,13 @@ def load_robot(
     from ncgen.exchange.robots.accounting import warn_of
     from ncgen.exchange.robots.balance import accepted
     from ncgen.exchange.robots.closing import built
-    from ncgen.exchange.robots.loop_files import beside
-    from ncgen.exchange.robots.parameters import names_asked
+    from ncgen.exchange.robots.loop_files import loop_file_of
+    from ncgen.exchange.robots.parameters import names_of_parameters
 
-    as_parameters = names_asked(parameters)
+    as_parameters = names_of_parameters(parameters)
     robot = read_robot(path)
     robot = accepted(robot, inertias, robot.floats if floating is None else floating, stacklevel + 1)
-    table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
+    table = loop_file_of(path) if loops is None else as_path(loops, "the path of a file with loops")
     if table or robot.loops or robot.follows_from_start:
         robot = _assembled(robot, table)
     model = built(robot, (floating, limits, friction, motors, sensors, as_parameters))

@@ -16,9 +16,9 @@ import sympy
 
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.looks import Shape, shapes_on
+from ncgen.exchange.robots.model_loads import Acting, acting, gravity_of, mass_of, origin_of
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mimic, Robot, hung
-from ncgen.exchange.robots.told import Acting, acting, gravity_of, mass_of, origin_of
 from ncgen.model import Model
 from ncgen.model.arithmetic import across, unit
 from ncgen.model.bodies import Body
@@ -63,7 +63,7 @@ class _Linkage:
         self.joints: list[Joint] = []
         self.loops: list[Joint] = []
         self.at: dict[Joint, tuple[_Part, _Part]] = {}
-        self.said: set[str] = set()
+        self.described: set[str] = set()
 
     def robot(self) -> Robot:
         self._refuse()
@@ -78,7 +78,7 @@ class _Linkage:
             if _is_rod(row):
                 self._rod(self._free(f"rod_{row.label.rsplit(' ', 1)[-1]}"), _points(row.direction("a")))
         for element in self.model.elements.values():
-            if isinstance(element, Length) and element.name not in self.said:
+            if isinstance(element, Length) and element.name not in self.described:
                 self._leg(element)
         self._coordinates()
         self._follow()
@@ -169,7 +169,7 @@ class _Linkage:
         joint = Joint(name, "prismatic", lower.name, upper.name, Placement(position=start.initial), along, **self._acting(length))
         self._add(joint, lower, upper)
         self._ball(self._free(f"{name}_head"), upper, head, end.initial)
-        self.said.add(name)
+        self.described.add(name)
 
     def _pivot(self, name: str, parent: _Part, child: _Part, place: np.ndarray, along: np.ndarray) -> None:
         """A hinge in the plane, else a universal joint, across a rod."""
@@ -203,13 +203,13 @@ class _Linkage:
                     first, second = axes if self._carries(parent, axes[0]) else axes[::-1]
                     new = replace(joint, kind="universal", axis=unit(first.initial), second=unit(second.initial))
                     self._put(joint, new)
-                    self.said.add(row.label)
+                    self.described.add(row.label)
                     break
 
     def _coordinates(self) -> None:
         """Joints get the names, signs, springs and dampers of the coordinates that follow them."""
         for element in self.model.elements.values():
-            if not isinstance(element, Relative) or element.name in self.said:
+            if not isinstance(element, Relative) or element.name in self.described:
                 continue
             followed = (self._following(element, joint) for joint in (*self.joints, *self.loops))
             first_followed = next((each for each in followed if each), None)
@@ -219,7 +219,7 @@ class _Linkage:
                 )
             old, sign = first_followed
             self._put(old, replace(old, name=element.name, axis=sign * old.axis, **self._acting(element)))
-            self.said.add(element.name)
+            self.described.add(element.name)
 
     def _following(self, element: Relative, joint: Joint) -> tuple[Joint, float] | None:
         """The joint and the sign of a coordinate in it."""

@@ -15,7 +15,7 @@ YAML = (".yaml", ".yml")
 """How files of Gepetto's parallel robots end (`ncgen.exchange.robots.parallel_robots`)."""
 
 
-def beside(path: Path) -> Path | None:
+def loop_file_of(path: Path) -> Path | None:
     """The file that says the loops of a robot's file, if there is one."""
     loop_file = path.with_suffix(SUFFIX)
     if is_file(loop_file):

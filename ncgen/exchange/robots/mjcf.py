@@ -151,7 +151,7 @@ class _Reader:
         self.name = files[0].attributes.get("model") or path.stem
         self.bodies = [WORLD, *(model.body(i).name or f"body{i}" for i in range(1, model.nbody))]
         self.places: dict[str, Placement] = {WORLD: Placement()}
-        self.links: dict[str, Link] = {WORLD: Link(WORLD, None, shapes=self._seen(0), sites=self.sites.get(0, {}))}
+        self.links: dict[str, Link] = {WORLD: Link(WORLD, None, shapes=self._shapes_of(0), sites=self.sites.get(0, {}))}
         self.joints: list[Joint] = []
         self.joint_names: list[str] = [model.joint(j).name or f"joint{j}" for j in range(model.njnt)]
 
@@ -204,14 +204,14 @@ class _Reader:
                 name,
                 self._mass(i),
                 self.where,
-                self._seen(i),
+                self._shapes_of(i),
                 self._lifted(i),
                 self.frames.get(i, {}),
                 sites=self.sites.get(i, {}),
             ),
         )
 
-    def _seen(self, i: int) -> tuple[Shape, ...]:
+    def _shapes_of(self, i: int) -> tuple[Shape, ...]:
         """The shapes of a body."""
         return seen(shape for g in self.geoms.get(i, ()) if (shape := self.looks[g]))
 

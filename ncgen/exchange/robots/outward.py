@@ -14,9 +14,9 @@ from ncgen.compiler import compile
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.linkage import linkage_of
 from ncgen.exchange.robots.looks import shapes_on
+from ncgen.exchange.robots.model_loads import acting, gravity_of, mass_of, origin_of
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Robot
-from ncgen.exchange.robots.told import acting, gravity_of, mass_of, origin_of
 from ncgen.model import Model
 from ncgen.model.arithmetic import unit
 from ncgen.model.forces import TorsionSpring

@@ -49,7 +49,7 @@ class Parts:
     chosen: tuple[RigidPart, ...]
 
 
-def names_asked(parameters: object) -> tuple[str, ...]:
+def names_of_parameters(parameters: object) -> tuple[str, ...]:
     """What `ncgen.load` is asked to make parameters. Raises ModelError unless it is a word, a name or several of them."""
     names = (parameters,) if isinstance(parameters, str) else parameters
     if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):

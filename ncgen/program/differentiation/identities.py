@@ -68,10 +68,10 @@ class _Simplifying:
     def taken(self, op: Op, arguments: tuple[int, ...]) -> int:
         """The operation on arguments of this graph."""
         if op.code == "mul":
-            return self._settled(self._product(*arguments))
+            return self._simplified(self._product(*arguments))
         if op.args:
-            return self._settled(self.graph.apply(op, arguments))
-        return self._settled(self.graph.const(op.value) if op.code == "const" else self.graph.load(*op.input))
+            return self._simplified(self.graph.apply(op, arguments))
+        return self._simplified(self.graph.const(op.value) if op.code == "const" else self.graph.load(*op.input))
 
     def _product(self, a: int, b: int) -> int:
         """Known factors come together, as numbers do."""
@@ -80,10 +80,10 @@ class _Simplifying:
             if op.code == "mul" and factor in self._results and other not in self._results:
                 for mine, rest in (op.args, op.args[::-1]):
                     if mine in self._results:
-                        return self.graph.mul(self._settled(self.graph.mul(factor, mine)), rest)
+                        return self.graph.mul(self._simplified(self.graph.mul(factor, mine)), rest)
         return self.graph.mul(a, b)
 
-    def _settled(self, node: int) -> int:
+    def _simplified(self, node: int) -> int:
         """What a node is at all values of the parameters."""
         while len(self._same) < len(self.graph.ops):
             new = len(self._same)

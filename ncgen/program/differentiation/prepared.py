@@ -29,7 +29,7 @@ def take_out(drafts: Sequence[Program], equations: Terms) -> tuple[Program | Non
     defaults = [p.default for p in equations.parameters if p.name not in inputs]  # inputs are the last numbers of p
     frontier: list[int] = []
     if _frontier(graph, len(defaults), outputs):
-        graph, outputs = _settled(graph, outputs, defaults)
+        graph, outputs = _rearranged(graph, outputs, defaults)
         frontier = _frontier(graph, len(defaults), outputs)
     made = []
     place = {node: len(equations.parameters) + k for k, node in enumerate(frontier)}
@@ -39,7 +39,7 @@ def take_out(drafts: Sequence[Program], equations: Terms) -> tuple[Program | Non
     return line(graph, "prepared", ("p",), frontier, equations) if frontier else None, made
 
 
-def _settled(graph: Graph, outputs: Sequence[Sequence[int]], defaults: Sequence[float]) -> tuple[Graph, list[list[int]]]:
+def _rearranged(graph: Graph, outputs: Sequence[Sequence[int]], defaults: Sequence[float]) -> tuple[Graph, list[list[int]]]:
     """Known factors in sums of known multiples, others together, and common ones outside, as long as that leaves fewer operations."""
     graph, new = spread(graph.ops, [node for nodes in outputs for node in nodes], len(defaults))
     outputs = [[new[node] for node in nodes] for nodes in outputs]

@@ -17,7 +17,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.sampling import Sample, Sampling
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
-from ncgen.program.tree.rates import NoRecursion, check_seen
+from ncgen.program.tree.rates import NoRecursion, check_samples
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.tree import Tree, TreeLink, moving, spanning_tree
 
@@ -45,7 +45,7 @@ def assemble_closed_positions(
 
     Raises NoRecursion where the dependent coordinates are not those of an open tree of hinges whose angles are independent.
     """
-    check_seen(equations, samples)
+    check_samples(equations, samples)
     tree = spanning_tree(equations.model)
     hinges = hinges_of(equations, tree, split)
     lines = Lines(equations)

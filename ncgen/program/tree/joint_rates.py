@@ -76,7 +76,7 @@ class _Joints:
         sizes = np.array([np.min(np.abs(self._values(matrix[i, i]))) for i in range(len(own))])
         for (i, j), node in matrix.items():
             matrix[i, j] = self._plain(node, float(np.sqrt(sizes[i] * sizes[j])))
-        offsets = {e: self._beside(e, number) for e in moved}
+        offsets = {e: self._relative_velocity(e, number) for e in moved}
         right = [self._sum(weights, {e: self.space.dot(moved[e][k], v) for e, v in offsets.items()}) for k in own]
         return solve_positive(self.graph, matrix, len(own), right)
 
@@ -110,7 +110,7 @@ class _Joints:
         described = self.rates.described(node)
         return described if np.max(np.abs(self._values(described) - values)) <= CONSTANT * size else node
 
-    def _beside(self, element: Spatial, number: int) -> Vector:
+    def _relative_velocity(self, element: Spatial, number: int) -> Vector:
         """An element's velocity without that of the link's parent."""
         twist = self.place.arriving(number, self._twist(self.place.tree.links[number].parent))
         return self.space.sub(self._velocity(element), self.place.carried(element, number, twist))

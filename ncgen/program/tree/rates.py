@@ -46,7 +46,7 @@ class NoRecursion(Exception):
     """The recursion does not say what the equations say; the reason in words."""
 
 
-def check_seen(equations: Terms, samples: Sequence[Sample]) -> None:
+def check_samples(equations: Terms, samples: Sequence[Sample]) -> None:
     """Raise NoRecursion where samples cannot tell what depends on parameters, since they have the same ones."""
     if equations.parameters and len({sample.p.tobytes() for sample in samples}) < 2:
         raise NoRecursion("there are no positions with other parameters")

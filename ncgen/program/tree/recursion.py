@@ -37,7 +37,7 @@ from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree import articulated
 from ncgen.program.tree.composite import SpatialInertia, inertias_of, mass_matrix, massless, needed_loads
 from ncgen.program.tree.joint_rates import measured_rates
-from ncgen.program.tree.rates import NoRecursion, RateRow, Rates, check_seen
+from ncgen.program.tree.rates import NoRecursion, RateRow, Rates, check_samples
 from ncgen.program.tree.tree_motion import Loads, TreeVelocity
 from ncgen.symbolic.equations import build_equations
 from ncgen.symbolic.numbering import Terms
@@ -95,7 +95,7 @@ class Recursion:
     def __init__(self, equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray, forced: bool = False) -> None:
         if len(samples) < FEWEST:
             raise NoRecursion("too few positions to see what vanishes")
-        check_seen(equations, samples)
+        check_samples(equations, samples)
         self.model, self.tree = equations.model, spanning_tree(equations.model)
         self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
         self.graph = self.lines.graph

@@ -5,7 +5,7 @@ the mass m, the first moments m c and the second ones Ixx, Ixy, Iyy, Ixz, Iyz, I
 
     m a + ω̇ × h + ω × (ω × h),    I ω̇ + ω × I ω + h × a
 
-with a the acceleration of the origin against gravity. With everything told along the frame's axes the inertia of one parameter alone is 0
+with a the acceleration of the origin against gravity. With everything along the frame's axes the inertia of one parameter alone is 0
 but for one or two entries, so most of this vanishes, and what a joint feels of it is its screw times that.
 Source: Atkeson, An, Hollerbach, Estimation of inertial parameters of manipulator loads and links (1986).
 """
@@ -112,7 +112,7 @@ def _frame(place: TreePlace, number: int, frame: RegressorFrame) -> tuple[list[V
         now.append(space.cross(now[1], now[2]))
         initial.append(np.cross(initial[1], initial[2]))
 
-    def told(direction: np.ndarray) -> Vector:
+    def direction_of(direction: np.ndarray) -> Vector:
         shares = weights(initial[1:], direction)
         scale = np.max(np.abs(shares), initial=0.0)
         return space.sum(
@@ -121,7 +121,7 @@ def _frame(place: TreePlace, number: int, frame: RegressorFrame) -> tuple[list[V
             if abs(share) > ROUNDING * scale
         )
 
-    return [told(frame.rotation[:, k]) for k in range(3)], space.add(now[0], told(frame.position - initial[0]))
+    return [direction_of(frame.rotation[:, k]) for k in range(3)], space.add(now[0], direction_of(frame.position - initial[0]))
 
 
 def _nodes(place: TreePlace, components: Sequence) -> Vector:

@@ -22,7 +22,7 @@ class TreeTables:
 
 def tables_of(tree: OpenTree) -> TreeTables:
     """As C reads them."""
-    links = range(len(tree.tree.links))
+    links, screws, coupled = range(len(tree.tree.links)), range(len(tree.screws)), tree.coupled
     per_link = np.bincount(tree.home, minlength=len(links)) if tree.home else np.zeros(len(links), dtype=int)
     place = [0] * tree.n
     for unknowns in tree.unknowns:
@@ -32,6 +32,7 @@ def tables_of(tree: OpenTree) -> TreeTables:
     counts = {
         "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
         "n_measured": len(tree.measured), "n_rotors": len(tree.rotors),
+        "n_groups": len(tree.coupled.carriers),
         "most_rows": max(map(len, tree.closes)), "most_unknowns": max(map(len, tree.unknowns)),
     }  # fmt: skip
     indices = {
@@ -50,7 +51,10 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "single_start": _starts(_count(len(links), [single[0] for single in tree.singles])),
         "singles": _flat([single[1:] for single in tree.singles]),
         "measured": _flat([(c, k) for c, (k, _) in tree.measured.items()]),
-        "meter": [meters.get(k, -1) for k in range(len(tree.screws))],
+        "meter": [meters.get(k, -1) for k in screws],
+        "leader": [coupled.leaders[k][0] if k in coupled.leaders else -1 for k in screws],
+        "coupling": coupled.groups,
+        "carrier": coupled.carriers,
         "rotors": _flat([rotor[:2] for rotor in tree.rotors]),
         "row_start": _starts([len(rows) for rows in tree.closes]),
         "rows": _flat(tree.closes),
@@ -63,6 +67,7 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "weights": [weight for terms in tree.terms for weight, _ in terms],
         "heaviness": tree.heaviness,
         "ratios": [ratio for _, ratio in tree.measured.values()],
+        "ratio": [coupled.leaders[k][1] if k in coupled.leaders else 1.0 for k in screws],
         "gears": [rotor[2] for rotor in tree.rotors],
         "fixed": [component.initial for component in tree.fixed],
     }

@@ -18,11 +18,9 @@ from ncgen.model.elements import Component, Point, Spatial
 from ncgen.model.pairs import Screw
 from ncgen.model.values import is_number
 from ncgen.program.ir.blocks import Pattern
+from ncgen.program.tree.couplings import SAME, NoTables, couplings, followed
 from ncgen.symbolic.numbering import Numbering
 from ncgen.symbolic.tree import Tree, moving
-
-SAME = 1e-9
-"""What differs less than this, over its size, is the same; and what is smaller is 0."""
 
 LIGHTEST = 1e-2
 """An element without mass counts as one with this share of the heaviest one's of its link."""
@@ -36,12 +34,11 @@ CLOSED = 1e-12
 MOST_STEPS = 30
 """Newton steps that close one."""
 
+VANISHING = 1e-12
+"""A row whose entries are below this in all places, in natural sizes, says nothing: it is what rounding leaves of a constant."""
+
 ASIDE = 0.05
 """How far the other positions are, in natural sizes."""
-
-
-class NoTables(Exception):
-    """The tree is not open, or moves otherwise than its tables would say; the reason in words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +92,12 @@ class OpenTree:
         self.singles: list[tuple[int, int, int, int, int, int]] = []
         self.rotors: list[tuple[int, int, float]] = []
         self.measured: dict[int, tuple[int, float]] = {}
+        self.coupled = couplings(tree, {})
         self._take_rows()
         places = self._places()
+        self._leave_out(places)
         self._take_measured(places)
+        self.coupled = couplings(tree, followed(self.rows, phi_q, np.array([place.phi_q for place in places]), self.measured))
         self._take_masses(mass, places)
         for place in places:
             self._check(place)
@@ -196,6 +196,15 @@ class OpenTree:
         for c, link in enumerate(self.group):
             self.unknowns[link].append(c)
 
+    def _leave_out(self, places: Sequence[SampledPlace]) -> None:
+        """Let no link be closed by rows that vanish in all places; those of Φ_q by links are left."""
+        starts, sizes = self.pattern.indptr, self.around.columns[list(self.pattern.indices)]
+        entries = np.max([np.abs(place.phi_q) for place in places], axis=0) * sizes
+        self.vanishing = {
+            r for r, size in enumerate(self.around.rows) if np.max(entries[starts[r] : starts[r + 1]], initial=0.0) <= VANISHING * size
+        }
+        self.closes = [[r for r in rows if r not in self.vanishing] for rows in self.closes]
+
     def _block(self, link: int, phi_q: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The rows that close a link over its own coordinates, both in natural sizes, and what a step of the others changes in them."""
         rows, place = self.closes[link], {c: k for k, c in enumerate(self.unknowns[link])}
@@ -266,9 +275,12 @@ class OpenTree:
     # -- checks --------------------------------------------------------------------------------
 
     def _random(self) -> np.ndarray:
-        """Rates of all joints that have nothing in common, in natural sizes."""
+        """Rates of all joints that have nothing in common, but that some follow others, in natural sizes."""
         sizes = [1.0 if screw.point else np.max(self.around.columns) for screw in self.screws]
-        return np.random.default_rng(3).uniform(0.5, 1.5, (RANDOM, len(self.screws))) * sizes
+        rates = np.random.default_rng(3).uniform(0.5, 1.5, (RANDOM, len(self.screws))) * sizes
+        for screw, (leader, ratio) in self.coupled.leaders.items():
+            rates[:, screw] = ratio * rates[:, leader]
+        return rates
 
     def velocities(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """q̇ (n,) at rates of the joints, those of fixed components behind it: (n + fixed,)."""
@@ -309,12 +321,13 @@ class OpenTree:
             v = self.velocities(place.q, x)
             moved, held, least = v[: self.n], v[self.n :], SAME * np.max(np.abs(v[: self.n]))
             off, terms = np.abs(jacobian @ moved), abs(jacobian) @ np.abs(moved)
-            if np.any(off[rows] > SAME * terms[rows]) or np.any(np.abs(held) > least):
+            rounding = VANISHING * self.around.rows * np.max(np.abs(moved) / self.around.columns)
+            if np.any((off > SAME * terms + rounding)[rows]) or np.any(np.abs(held) > least):
                 raise NoTables("rows close loops")
 
     def is_regular(self, place: SampledPlace) -> bool:
         """True where all rows are independent, link by link."""
-        return all(rank == rows == freedom for rank, rows, freedom in self._ranks(place))
+        return not self.vanishing and all(rank == rows == freedom for rank, rows, freedom in self._ranks(place))
 
     def _ranks(self, place: SampledPlace) -> Iterator[tuple[int, int, int]]:
         """Of every link the rank of the rows that close it, how many they are, and what their rank must be."""
@@ -322,7 +335,7 @@ class OpenTree:
             block, _ = self._block(link, place.phi_q, np.zeros(self.n))
             largest = np.max(np.abs(block), axis=1, initial=0.0)
             rank = int(np.linalg.matrix_rank(block / np.where(largest > 0, largest, 1.0)[:, None], tol=SAME)) if block.size else 0
-            yield rank, len(block), len(unknowns) - len(self.own[link])
+            yield rank, len(block), len(unknowns) - sum(k not in self.coupled.leaders for k in self.own[link])
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -1,10 +1,12 @@
 /* ncgen_linked.c: a mechanism of linked kernels: its model, the same with drives, its state, and its motion from call to call. */
 #include "ncgen_linked.h"
 #include "ncgen_breaks.h"
+#include "ncgen_events.h"
 #include "ncgen_state.h"
 
-enum { HEAD = 18, FIRST_FUNCTION = 10, MOST_STEPS = 1000000, AXES = 3 };
-enum { PHI, PHI_Q, NU, GAMMA, MASS, FORCE, ENERGY, SWITCHES };
+enum { HEAD = 28, FIRST_FUNCTION = 16, MOST_STEPS = 1000000, AXES = 3 };
+enum { PHI, PHI_Q, NU, GAMMA, MASS, FORCE, ENERGY, SWITCHES, CONDITIONS, SLOPES, RATES, VALUES };
+enum { COUNT = 10, MOST, ACTIONS, LAW, SET_NUMBERS, DEGREE, ACTION_SIZE = 4 };
 enum { TIME, WORK, POWER, NEXT_STEP, STATE };
 
 /* A model, its dynamics and how it is eliminated: without drives, and with them. */
@@ -18,6 +20,9 @@ typedef struct variant {
 static variant own, with_drives;
 static ncgen_options options;
 static ncgen_breaks breaks;
+static ncgen_event watched;
+static ncgen_events events;
+static ncgen_passage passage;
 static const int *drive_places;
 static int n, m, n_drives, has_breaks, is_conservative;
 static ncgen_real *state, *parameters, *drives, *pulled, *multipliers;
@@ -126,6 +131,27 @@ static void read_elimination(const int **at, int size, ncgen_elimination *e)
     e->entry_values = taken(at, e->entry_start[size]);
 }
 
+/* at: where directions begin among the integers */
+static void read_events(const int *integers, const int *at)
+{
+    const ncgen_events no_events = {0};
+    const ncgen_event nothing = {0};
+    events = no_events;
+    watched = nothing;
+    events.count = watched.count = integers[COUNT];
+    events.most = integers[MOST];
+    events.n_actions = integers[ACTIONS];
+    events.law = integers[LAW];
+    events.directions = watched.directions = taken(&at, events.count);
+    watched.coordinates = taken(&at, events.count);
+    events.actions = (const ncgen_action *)(const void *)taken(&at, ACTION_SIZE * events.n_actions);
+    events.conditions = watched.function = at_velocity(integers, CONDITIONS);
+    events.slopes = at_velocity(integers, SLOPES);
+    events.rates = (ncgen_forced_kernel *)(size_t)number_of(integers, RATES);
+    events.values = at_velocity(integers, VALUES);
+    watched.degree = integers[DEGREE];
+}
+
 /* Models, eliminations and dynamics as far as integers tell. */
 static void read_integers(const int *integers)
 {
@@ -165,6 +191,7 @@ static void read_integers(const int *integers)
     drive_places = phi_q.indices + phi_q.indptr[m];
     read_elimination(&at, n + m, &own.elimination);
     read_elimination(&at, n + m + n_drives, &with_drives.elimination);
+    read_events(integers, at);
 }
 
 static void describe(variant *v, const int *integers)
@@ -189,6 +216,7 @@ static void choose_method(ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar ato
     options.max_step = step;
     options.max_steps = MOST_STEPS;
     options.tolerance = 5000 * ncgen_rounding();
+    options.event = events.count > 0 ? &watched : NULL;
 }
 
 /* Everything but the workspace of a run, whose length is returned, and its integers. */
@@ -204,16 +232,48 @@ static size_t read_all(const int *integers)
     return most > usual ? most : usual;
 }
 
+/* Signs and counts in the state, samples of the conditions, workspace. */
+static int of_events(const int *integers)
+{
+    const int count = events.count, samples = (watched.degree + 3) * 2 * count;
+    return count > 0 ? 2 * count + 1 + samples + NCGEN_EVENTS_WORKSPACE(count, events.most, n, integers[SET_NUMBERS]) : 0;
+}
+
 /* Of everything that is kept between calls. */
 static int kept(const int *integers)
 {
     const int size = STATE + 3 * n + m + integers[2] + 4 * n_drives + AXES * (n + 2) + 2 + m + n_drives;
-    return size + 2 * (4 * integers[7] + integers[8]);
+    return size + 2 * (4 * integers[7] + integers[8]) + of_events(integers);
 }
 
 static size_t integers_of_run(void)
 {
-    return ((size_t)(4 * n + 3 * (m + n_drives)) * sizeof(int) + sizeof(ncgen_real) - 1) / sizeof(ncgen_real);
+    return ((size_t)(4 * n + 3 * (m + n_drives) + 7 * events.count + 1) * sizeof(int) + sizeof(ncgen_real) - 1) / sizeof(ncgen_real);
+}
+
+static int size_of_state(void)
+{
+    return STATE + 3 * n + m + (events.count > 0 ? 2 * events.count + 1 : 0);
+}
+
+/* Where the events' own numbers are. */
+static void place_events(const int *integers, const ncgen_real *numbers)
+{
+    const int count = events.count;
+    const ncgen_real *own_numbers = numbers + 1 + n + m + n_drives + 2 * n + integers[2];
+    int *whole = own.driven.integers + 4 * n + 3 * (m + n_drives);
+    if (count == 0)
+        return;
+    events.noise = own_numbers[0];
+    watched.nodes = own_numbers + 1;
+    watched.inverse = watched.nodes + watched.degree + 1;
+    watched.signs = passage.signs = whole;
+    passage.happened = whole + count;
+    passage.due = whole + 2 * count;
+    watched.crossed = whole + 6 * count;
+    passage.stopped = whole + 7 * count;
+    watched.samples = multipliers + m + n_drives;
+    passage.workspace = watched.samples + (watched.degree + 3) * 2 * count;
 }
 
 size_t ncgen_linked_room(const int *integers)
@@ -230,11 +290,12 @@ ncgen_real *ncgen_linked_begin(const int *integers, const ncgen_real *numbers, n
     own.driven.workspace = with_drives.driven.workspace = room;
     own.driven.integers = with_drives.driven.integers = (int *)(void *)(room + workspace);
     state = room + workspace + integers_of_run();
-    parameters = state + STATE + 3 * n + m;
+    parameters = state + size_of_state();
     drives = parameters + integers[2];
     pulled = drives + 4 * n_drives;
     multipliers = pulled + AXES * (n + 2) + 2;
     clear(kept(integers), state);
+    place_events(integers, numbers);
     described = numbers + 1 + n + m + n_drives;
     ncgen_copy(integers[2], described + 2 * n, parameters);
     has_breaks = number_of(integers, SWITCHES) > 0;
@@ -243,7 +304,7 @@ ncgen_real *ncgen_linked_begin(const int *integers, const ncgen_real *numbers, n
     breaks.curves = integers[8];
     breaks.jumps = integers[9];
     breaks.interval = numbers[0];
-    breaks.room = multipliers + m + n_drives;
+    breaks.room = multipliers + m + n_drives + (events.count > 0 ? of_events(integers) - 2 * events.count - 1 : 0);
     return state;
 }
 
@@ -259,8 +320,23 @@ ncgen_real *ncgen_linked_drives(void)
 
 /* Motion --------------------------------------------------------------------------------------------------------- */
 
+/* Sides of conditions, counts and the end, from the state or to it. */
+static void pass_events(int to_state)
+{
+    ncgen_real *own_numbers = state + STATE + 3 * n + m;
+    int *whole = passage.signs;
+    for (int k = 0; k < (events.count > 0 ? 2 * events.count + 1 : 0); ++k) {
+        int *one = k < 2 * events.count ? whole + k : passage.stopped;
+        if (to_state)
+            own_numbers[k] = *one;
+        else
+            *one = (int)own_numbers[k];
+    }
+}
+
 static ncgen_moment present(void)
 {
+    pass_events(0);
     const ncgen_moment moment = {state[TIME], state[NEXT_STEP], state[WORK], state[POWER], state + STATE, state + STATE + n, state + STATE + 2 * n};
     return moment;
 }
@@ -269,6 +345,7 @@ static ncgen_moment present(void)
 static int keep(const variant *v, const ncgen_moment *moment)
 {
     const int status = ncgen_multipliers(&v->driven, parameters, moment, multipliers);
+    pass_events(1);
     state[TIME] = moment->t;
     state[WORK] = moment->work;
     state[POWER] = moment->power;
@@ -284,7 +361,9 @@ int ncgen_linked_settle(int is_driven)
     const variant *v = is_driven ? &with_drives : &own;
     ncgen_moment moment = present();
     choose_method(0, 1, 1);
-    const int status = ncgen_settle_moment(&v->driven, parameters, &moment);
+    int status = ncgen_settle_moment(&v->driven, parameters, &moment);
+    if (status == NCGEN_OK && events.count > 0 && !is_driven)
+        status = ncgen_begin_events(&v->driven, &events, parameters, &moment, &passage);
     return status == NCGEN_OK ? keep(v, &moment) : status;
 }
 
@@ -298,18 +377,20 @@ int ncgen_linked_evaluate(void)
 
 int ncgen_linked_start(void)
 {
-    clear(STATE + 3 * n + m, state);
+    clear(size_of_state(), state);
     ncgen_copy(2 * n, described, state + STATE);
     return ncgen_linked_settle(0);
 }
 
-int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol)
+int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one)
 {
     ncgen_moment moment = present();
     ncgen_statistics statistics;
     choose_method(step, rtol, atol);
-    const int status = has_breaks ? ncgen_go_on_in_parts(&own.driven, &breaks, parameters, &moment, t_end, &statistics)
-                                  : ncgen_go_on(&own.driven, parameters, &moment, t_end, &statistics);
+    const int status = events.count > 0 ? ncgen_go_through_events(&own.driven, has_breaks ? &breaks : NULL, &events, parameters, &moment,
+                                                                  t_end, one, &passage, &statistics)
+                       : has_breaks     ? ncgen_go_on_in_parts(&own.driven, &breaks, parameters, &moment, t_end, &statistics)
+                                        : ncgen_go_on(&own.driven, parameters, &moment, t_end, &statistics);
     if (step > 0)
         moment.h = state[NEXT_STEP];
     return status == NCGEN_OK ? keep(&own, &moment) : status;

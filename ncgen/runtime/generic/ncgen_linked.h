@@ -5,10 +5,14 @@
  *
  * Integers that describe it, in the words of ncgen_dynamics:
  *   n_coordinates, n_rows, n_parameters, n_dependent, singular_mass, conservative, drives, lines, curves, jumps
- *   numbers of the functions phi, phi_q, nu, gamma, mass, force, energy, switches, 0 for one that it does not have
+ *   of ncgen_events count, most, n_actions, law; how many numbers actions set, degree
+ *   numbers of the functions phi, phi_q, nu, gamma, mass, force, energy, switches, conditions, condition_slopes, condition_rates,
+ *   action_values, 0 for one that it does not have
  *   phi_q_pattern with one row more a drive: indptr, indices; mass_pattern: indptr, indices
  *   nonzeros and arrays of the elimination, and of that with the rows of drives
- * Numbers: interval of the breaks; column_sizes; row_sizes with those of drives; position and velocity at the start; parameters.
+ *   directions of the events, -1 as often, and their actions
+ * Numbers: interval of the breaks; column_sizes; row_sizes with those of drives; position and velocity at the start; parameters; with
+ * events noise, nodes, inverse.
  *
  * A drive is one more row, a coordinate that is where it is told to be.
  */
@@ -26,7 +30,8 @@ extern "C" {
 /* How many numbers of memory a mechanism needs. */
 size_t ncgen_linked_room(const int *integers);
 
-/* Begin with a mechanism. Returns its state: t, work, power, the next step, then q, qd, qdd and multipliers of the rows. */
+/* Begin with a mechanism. Returns its state: t, work, power, the next step, then q, qd, qdd and multipliers of the rows; of every event on
+ * which side its condition is, and how often it has happened; 1 where one has ended the motion. */
 ncgen_real *ncgen_linked_begin(const int *integers, const ncgen_real *numbers, ncgen_real *room);
 
 /* Its parameters. */
@@ -52,8 +57,9 @@ int ncgen_linked_settle(int is_driven);
 /* Accelerations and multipliers, where positions are on the constraints. */
 int ncgen_linked_evaluate(void);
 
-/* On to a time: by Runge-Kutta steps of `step` seconds, or where that is 0 with error control. */
-int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol);
+/* On to a time: by Runge-Kutta steps of `step` seconds, or where that is 0 with error control; past the first instant of events at most
+ * where `one` is set. */
+int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one);
 
 /* end functions */
 

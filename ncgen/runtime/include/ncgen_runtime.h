@@ -78,7 +78,7 @@ typedef struct ncgen_motion {
  * entry of the mass matrix is one that is not of that form. A measured coordinate grows `ratio` times as fast as its screw. Rows close
  * the position link by link: none of them has coordinates of later links. */
 typedef struct ncgen_tree {
-    int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors;
+    int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors, n_groups;
     int most_rows, most_unknowns;  /* of a link */
     const int *parent;             /* of a link; -1: the ground */
     const int *reference;          /* 3 components of a point of each link */
@@ -98,6 +98,10 @@ typedef struct ncgen_tree {
     const int *measured;           /* 2 of each measured coordinate: itself, its screw */
     const ncgen_scalar *ratios;
     const int *meter;              /* of a screw: the number of the measured coordinate that gives its rate; -1: elements do */
+    const int *leader;             /* of a screw: the one that it follows; -1: none */
+    const ncgen_scalar *ratio;     /* of a screw: its rate over that of its leader, 1 without one */
+    const int *coupling;           /* of a link: the group of joints that move as one to which its only screw belongs; -1: none */
+    const int *carrier;            /* of a group: the link that its links hang on, or hang on one another on; -1: the ground */
     const int *rotors;             /* 2 of each inertia along a measured coordinate: its screw, number of its value in the mass matrix */
     const ncgen_scalar *gears;     /* ratios squared */
     const int *row_start, *rows;   /* n_links + 1: the rows that close a link */

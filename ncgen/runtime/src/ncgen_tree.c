@@ -7,24 +7,9 @@
  */
 #include "ncgen_tree.h"
 #include "ncgen_inertia.h"
+#include "ncgen_tree_solve.h"
 
 enum { MOST_SCREWS = 6 };
-
-static const ncgen_real NOTHING[6] = {0, 0, 0, 0, 0, 0};
-
-/* The reference point of a link, from that of its parent. */
-static void between(const ncgen_tree_work *w, int link, ncgen_real *d)
-{
-    const ncgen_tree *tree = w->tree;
-    const int *mine = tree->reference + 3 * link, *before = tree->reference + 3 * tree->parent[link];
-    for (int i = 0; i < 3; ++i)
-        d[i] = w->values[mine[i]] - w->values[before[i]];
-}
-
-static const ncgen_real *of_parent(const ncgen_tree_work *w, const ncgen_real *all, int link)
-{
-    return w->tree->parent[link] < 0 ? NOTHING : all + 6 * w->tree->parent[link];
-}
 
 void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
 {
@@ -44,6 +29,8 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->pivot = ncgen_take(space, tree->n_screws);
     w->push = ncgen_take(space, tree->n_screws);
     w->rate = ncgen_take(space, tree->n_screws);
+    w->joined = ncgen_take(space, 6 * (tree->n_links + tree->n_groups));
+    w->group = ncgen_take(space, 2 * tree->n_groups);
     w->force = ncgen_take(space, r->n);
     w->bias = ncgen_take(space, r->n);
     w->inertial = ncgen_take(space, r->n);
@@ -85,12 +72,6 @@ static void carried(const ncgen_tree_work *w, int element, const ncgen_real *twi
         ncgen_add_times(1, twist + 3, velocity);
 }
 
-/* A screw's rate added to a twist. */
-static void add_screw(const ncgen_tree_work *w, int screw, ncgen_real rate, ncgen_real *twist)
-{
-    ncgen_add_times(rate, w->axis + 3 * screw, twist + (w->tree->turns[screw] ? 0 : 3));
-}
-
 /* The velocity of an element at rate 1 of a screw. */
 static void moved(const ncgen_tree_work *w, int element, int screw, ncgen_real *velocity)
 {
@@ -129,16 +110,19 @@ static int fit_rates(const ncgen_run *r, ncgen_tree_work *w, int link, const ncg
     return status;
 }
 
-/* The rates of a link's joint: of what is measured its own, which no error of the elements touches; of all else what fits best. */
+/* The rates of a link's joint: of what follows another joint that one's, of what is measured its own, which no error of the elements touches;
+ * of all else what fits best. */
 static int find_rates(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *qd, const ncgen_real *twist)
 {
     const ncgen_tree *tree = w->tree;
     int is_measured = 1;
     for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k)
-        is_measured &= tree->meter[k] >= 0;
+        is_measured &= tree->meter[k] >= 0 || tree->leader[k] >= 0;
     const int status = is_measured ? NCGEN_OK : fit_rates(r, w, link, qd, twist);
     for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k)
-        if (tree->meter[k] >= 0)
+        if (tree->leader[k] >= 0)
+            w->rate[k] = tree->ratio[k] * w->rate[tree->leader[k]];
+        else if (tree->meter[k] >= 0)
             w->rate[k] = qd[tree->measured[2 * tree->meter[k]]] / tree->ratios[tree->meter[k]];
     return status;
 }
@@ -163,17 +147,17 @@ static int find_twists(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real 
     const ncgen_tree *tree = w->tree;
     int status = NCGEN_OK;
     for (int link = 0; link < tree->n_links; ++link) {
-        const ncgen_real *before = of_parent(w, w->twist, link);
+        const ncgen_real *before = ncgen_of_parent(w, w->twist, link);
         ncgen_real *twist = w->twist + 6 * link, d[3];
         ncgen_copy(6, before, twist);
         if (tree->parent[link] >= 0) {
-            between(w, link, d);
+            ncgen_between(w, link, d);
             ncgen_add_cross(before, d, twist + 3);
         }
         if (find_rates(r, w, link, qd, twist) != NCGEN_OK)
             status = NCGEN_SINGULAR;
         for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k)
-            add_screw(w, k, w->rate[k], twist);
+            ncgen_add_screw(w, k, w->rate[k], twist);
     }
     spread_twists(r, w, allowed);
     for (int i = 0; i < tree->n_measured; ++i)
@@ -188,13 +172,13 @@ static void find_changes(ncgen_tree_work *w)
 {
     const ncgen_tree *tree = w->tree;
     for (int link = 0; link < tree->n_links; ++link) {
-        const ncgen_real *before = of_parent(w, w->twist, link), *twist = w->twist + 6 * link;
-        const ncgen_real *outer = of_parent(w, w->change, link);
+        const ncgen_real *before = ncgen_of_parent(w, w->twist, link), *twist = w->twist + 6 * link;
+        const ncgen_real *outer = ncgen_of_parent(w, w->change, link);
         ncgen_real *change = w->change + 6 * link, d[3], turned_axis[3];
         ncgen_copy(6, outer, change);
         if (tree->parent[link] < 0)
             continue;
-        between(w, link, d);
+        ncgen_between(w, link, d);
         ncgen_add_cross(outer, d, change + 3);
         for (int i = 0; i < 3; ++i)
             d[i] = twist[3 + i] - before[3 + i];
@@ -230,7 +214,7 @@ static void find_wrenches(const ncgen_run *r, ncgen_tree_work *w, const ncgen_re
     const ncgen_tree *tree = w->tree;
     for (int link = 0; link < tree->n_links; ++link) {
         ncgen_real *wrench = w->wrench + 6 * link;
-        ncgen_copy(6, NOTHING, wrench);
+        ncgen_copy(6, ncgen_nothing, wrench);
         for (int e = tree->element_start[link]; e < tree->element_start[link + 1]; ++e) {
             ncgen_real own[3];
             for (int i = 0; i < 3; ++i)
@@ -244,147 +228,6 @@ static void find_wrenches(const ncgen_run *r, ncgen_tree_work *w, const ncgen_re
         w->push[k] = 0;
     for (int i = 0; i < tree->n_measured; ++i)
         w->push[tree->measured[2 * i + 1]] += tree->ratios[i] * force[tree->measured[2 * i]];
-}
-
-/* Inertia ---------------------------------------------------------------------------------------------------------- */
-
-/* From a link's reference point to an element of its body, which may stand with another link. */
-static void lever_of(const ncgen_tree_work *w, int link, int element, ncgen_real *lever)
-{
-    const ncgen_tree *tree = w->tree;
-    for (int i = 0; i < 3; ++i)
-        lever[i] = w->values[tree->elements[3 * element + i]] - (tree->is_point[element] ? w->values[tree->reference[3 * link + i]] : 0);
-}
-
-/* The inertia of pairs, whose mass is the same in all directions: I = tr(P) 1 - P, B = h x. */
-static void add_pairs(const ncgen_tree_work *w, int link, ncgen_real *inertia)
-{
-    const ncgen_tree *tree = w->tree;
-    ncgen_real second[6] = {0}, first[3] = {0}, mass = 0;
-    for (int s = tree->pair_start[link]; s < tree->pair_start[link + 1]; ++s) {
-        const int a = tree->pairs[3 * s], b = tree->pairs[3 * s + 1];
-        ncgen_real x[3], y[3];
-        lever_of(w, link, a, x);
-        lever_of(w, link, b, y);
-        const ncgen_real m = w->mass[tree->pairs[3 * s + 2]] * (a == b ? R(0.5) : 1);
-        for (int i = 0; i < 3; ++i) {
-            second[i] += 2 * m * x[i] * y[i];
-            first[i] += m * ((tree->is_point[a] ? y[i] : 0) + (tree->is_point[b] ? x[i] : 0));
-        }
-        second[3] += m * (x[0] * y[1] + x[1] * y[0]);
-        second[4] += m * (x[0] * y[2] + x[2] * y[0]);
-        second[5] += m * (x[1] * y[2] + x[2] * y[1]);
-        if (tree->is_point[a] && tree->is_point[b])
-            mass += 2 * m;
-    }
-    inertia[TURNING] += second[1] + second[2];
-    inertia[TURNING + 1] += second[0] + second[2];
-    inertia[TURNING + 2] += second[0] + second[1];
-    for (int i = 3; i < 6; ++i)
-        inertia[TURNING + i] -= second[i];
-    inertia[MIXED + 1] -= first[2];
-    inertia[MIXED + 2] += first[1];
-    inertia[MIXED + 3] += first[2];
-    inertia[MIXED + 5] -= first[0];
-    inertia[MIXED + 6] -= first[1];
-    inertia[MIXED + 7] += first[0];
-    for (int i = 0; i < 3; ++i)
-        inertia[ALONG + i] += mass;
-}
-
-/* The velocity of one coordinate of an element over a twist: six numbers. */
-static void coordinate_row(const ncgen_tree_work *w, int link, int element, int axis, ncgen_real *row)
-{
-    ncgen_real unit[3] = {0, 0, 0}, lever[3];
-    unit[axis] = 1;
-    lever_of(w, link, element, lever);
-    ncgen_cross(lever, unit, row);
-    for (int i = 0; i < 3; ++i)
-        row[3 + i] = w->tree->is_point[element] ? unit[i] : 0;
-}
-
-static void add_singles(const ncgen_tree_work *w, int link, ncgen_real *inertia)
-{
-    const ncgen_tree *tree = w->tree;
-    for (int s = tree->single_start[link]; s < tree->single_start[link + 1]; ++s) {
-        const int *entry = tree->singles + 5 * s;
-        const int is_diagonal = entry[0] == entry[2] && entry[1] == entry[3];
-        ncgen_real a[6], b[6];
-        coordinate_row(w, link, entry[0], entry[1], a);
-        coordinate_row(w, link, entry[2], entry[3], b);
-        ncgen_add_product(w->mass[entry[4]] * (is_diagonal ? 1 : 2), a, b, inertia);
-    }
-}
-
-/* Momenta and pivots of all screws; 0 where one of them moves nothing. */
-static int factor(ncgen_tree_work *w)
-{
-    const ncgen_tree *tree = w->tree;
-    int is_regular = 1;
-    for (int i = 0; i < INERTIA * tree->n_links; ++i)
-        w->inertia[i] = 0;
-    for (int k = 0; k < tree->n_screws; ++k)
-        w->pivot[k] = 0;
-    for (int i = 0; i < tree->n_rotors; ++i)
-        w->pivot[tree->rotors[2 * i]] += tree->gears[i] * w->mass[tree->rotors[2 * i + 1]];
-    for (int link = tree->n_links - 1; link >= 0; --link) {
-        ncgen_real *inertia = w->inertia + INERTIA * link, d[3];
-        add_pairs(w, link, inertia);
-        add_singles(w, link, inertia);
-        for (int k = tree->screw_start[link + 1] - 1; k >= tree->screw_start[link]; --k) {
-            ncgen_real *momentum = w->momentum + 6 * k;
-            const ncgen_real *axis = w->axis + 3 * k;
-            ncgen_find_momentum(inertia, tree->turns[k], axis, momentum);
-            const ncgen_real pivot = w->pivot[k] + ncgen_dot3(axis, momentum + (tree->turns[k] ? 0 : 3));
-            is_regular &= pivot > 0;
-            w->pivot[k] = 1 / pivot;
-            ncgen_add_product(-w->pivot[k], momentum, momentum, inertia);
-        }
-        if (tree->parent[link] >= 0) {
-            between(w, link, d);
-            ncgen_add_shifted(inertia, d, w->inertia + INERTIA * tree->parent[link]);
-        }
-    }
-    return is_regular;
-}
-
-/* What the wrenches and pushes change the joints' rates by, added to `change` of all links; in w->push. */
-static void solve(ncgen_tree_work *w, ncgen_real *change)
-{
-    const ncgen_tree *tree = w->tree;
-    for (int link = tree->n_links - 1; link >= 0; --link) {
-        ncgen_real *wrench = w->wrench + 6 * link, d[3];
-        for (int k = tree->screw_start[link + 1] - 1; k >= tree->screw_start[link]; --k) {
-            w->push[k] += ncgen_dot3(w->axis + 3 * k, wrench + (tree->turns[k] ? 0 : 3));
-            const ncgen_real share = w->pivot[k] * w->push[k];
-            ncgen_add_times(-share, w->momentum + 6 * k, wrench);
-            ncgen_add_times(-share, w->momentum + 6 * k + 3, wrench + 3);
-        }
-        if (tree->parent[link] >= 0) {
-            ncgen_real *sum = w->wrench + 6 * tree->parent[link];
-            between(w, link, d);
-            ncgen_add_cross(d, wrench + 3, sum);
-            ncgen_add_times(1, wrench, sum);
-            ncgen_add_times(1, wrench + 3, sum + 3);
-        }
-    }
-    /* Outward the wrenches are not needed any more, and the accelerations that are due to them take their place. */
-    for (int link = 0; link < tree->n_links; ++link) {
-        const ncgen_real *before = of_parent(w, w->wrench, link);
-        ncgen_real *own = w->wrench + 6 * link, d[3];
-        ncgen_copy(6, before, own);
-        if (tree->parent[link] >= 0) {
-            between(w, link, d);
-            ncgen_add_cross(before, d, own + 3);
-        }
-        for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k) {
-            const ncgen_real known = ncgen_dot3(w->momentum + 6 * k, own) + ncgen_dot3(w->momentum + 6 * k + 3, own + 3);
-            w->push[k] = w->pivot[k] * (w->push[k] - known);
-            add_screw(w, k, w->push[k], own);
-        }
-        for (int i = 0; i < 6; ++i)
-            change[6 * link + i] += own[i];
-    }
 }
 
 /* M at a position, unless it is constant and known. */
@@ -417,8 +260,8 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     for (int i = 0; i < n; ++i)
         w->force[i] -= w->inertial[i];
     find_wrenches(r, w, w->force);
-    is_regular &= factor(w);
-    solve(w, w->change);
+    is_regular &= ncgen_tree_factor(w);
+    ncgen_tree_solve(w, w->change);
     spread_changes(r, w, out + n);
     for (int i = 0; i < w->tree->n_measured; ++i)
         out[n + w->tree->measured[2 * i]] = w->tree->ratios[i] * w->push[w->tree->measured[2 * i + 1]];
@@ -440,8 +283,8 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
         w->bias[i] = qd[i] - out[i];
     ncgen_times_mass(r, w->mass, w->bias, w->force);
     find_wrenches(r, w, w->force);
-    is_regular &= factor(w);
-    solve(w, w->twist);
+    is_regular &= ncgen_tree_factor(w);
+    ncgen_tree_solve(w, w->twist);
     spread_twists(r, w, out);
     for (int i = 0; i < tree->n_measured; ++i)
         out[tree->measured[2 * i]] += tree->ratios[i] * w->push[tree->measured[2 * i + 1]];

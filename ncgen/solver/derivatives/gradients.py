@@ -16,9 +16,9 @@ from ncgen.solver.derivatives.sensitivity import NOT_DIFFERENTIATED, instants, i
 from ncgen.solver.derivatives.taped_batch import TapedBatch
 from ncgen.solver.given import Given, checked_kernels, finite, names_of
 from ncgen.solver.groups import MotionArguments, takes
-from ncgen.solver.motions.batch import asked_threads
+from ncgen.solver.motions.batch import checked_threads
 from ncgen.solver.motions.states import States
-from ncgen.solver.runs.telling import Told, check_told, telling
+from ncgen.solver.runs.progress_reports import ProgressOption, check_progress, reporting
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ def gradient_batch(
     objective: Callable[[np.ndarray, np.ndarray], tuple],
     *,
     threads: int | None = None,
-    progress: Told = None,
+    progress: ProgressOption = None,
     **arguments: Unpack[MotionArguments],
 ) -> BatchGradients:
     """Compute gradients of one number of each of many motions, each by one reverse sweep.
@@ -105,8 +105,8 @@ def gradient_batch(
                 values[i], by_q[k], by_qd[k] = of_objective(objective, q[k], qd[k])
         return by_q, by_qd
 
-    check_told(progress)
-    with telling(progress, f"gradients of {len(values)} motions of {kernels.name}", 0.0, 1.0) as advance:
+    check_progress(progress)
+    with reporting(progress, f"gradients of {len(values)} motions of {kernels.name}", 0.0, 1.0) as advance:
         swept = batch.sweep(weigh, advance)
     values[[status != "ok" for status in swept.status]] = np.nan
     return BatchGradients(values, swept.slopes, batch.names, tuple(swept.status), swept.alone)
@@ -130,4 +130,4 @@ def taped_batch(
     t, names = finite(t0, "t0"), names_of(z, "z", kernels.coordinates)
     is_taped(kernels, integrator)
     states = States.of(kernels, q0, zd0, p, t, names, None, assembled=True)
-    return TapedBatch(kernels, states, t + since_start, integrator, q0 is None, asked_threads(threads))
+    return TapedBatch(kernels, states, t + since_start, integrator, q0 is None, checked_threads(threads))

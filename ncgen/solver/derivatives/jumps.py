@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ncgen.errors import SHOWN, ModelError, shortened
-from ncgen.mechanism.break_times import beside
+from ncgen.mechanism.break_times import outside_breaks
 from ncgen.mechanism.driver_jumps import refuse_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving_breaks import Jump, MovingBreaks, moving_breaks
@@ -40,12 +40,12 @@ Stepping: TypeAlias = Callable[[np.ndarray, np.ndarray], Trajectory]
 class Ends:
     """When steps of a motion end.
 
-    t (E,): s; seen (K,): which of them are instants of the grid
+    t (E,): s; on_grid (K,): which of them are instants of the grid
     is_crossed (E − 1,): between which ends no step is taken, since a law jumps there; begins (E,): where laws begin with another formula
     """
 
     t: np.ndarray
-    seen: np.ndarray
+    on_grid: np.ndarray
     is_crossed: np.ndarray
     begins: np.ndarray
 
@@ -77,7 +77,7 @@ class Jumps:
     @classmethod
     def of(cls, kernels: Kernels, p: np.ndarray, q: np.ndarray, times: np.ndarray, signals: Signals | None) -> Jumps:
         """Those of a motion over times (s) from q (n,). Raises ModelError where a driver's velocity jumps."""
-        breaks = moving_breaks(kernels, p, times, signals.told if signals else ())
+        breaks = moving_breaks(kernels, p, times, signals.laws if signals else ())
         refuse_jumps(kernels, p, q, breaks.rows, "derivatives")
         why = "moves jumps of a law whose argument depends on an input that changes with time, or which are too many"
         return cls(kernels, p, breaks, float(times[-1] - times[0]), signals, dict.fromkeys(sorted(breaks.unknown), why))
@@ -85,11 +85,11 @@ class Jumps:
     def ends(self, times: np.ndarray) -> Ends:
         """The ends of steps over times (K,) of a grid (s), one from each to the next, or to a break."""
         rows = self.rows
-        ends_of_grid = beside(rows, times)
+        ends_of_grid = outside_breaks(rows, times)
         if len(rows):  # what lies nearer to a break than that is there
             near = rows.ravel()[np.argmin(np.abs(rows.ravel() - ends_of_grid[:, None]), axis=1)]
             ends_of_grid = np.where(np.abs(ends_of_grid - near) <= ON_THE_GRID * np.min(np.diff(times)), near, ends_of_grid)
-            ends_of_grid = beside(rows, ends_of_grid)
+            ends_of_grid = outside_breaks(rows, ends_of_grid)
         ends = np.union1d(ends_of_grid, rows)
         return Ends(
             ends, np.searchsorted(ends, ends_of_grid), np.isin(ends[:-1], rows[rows[:, 0] < rows[:, 1], 0]), np.isin(ends, rows[:, 1])

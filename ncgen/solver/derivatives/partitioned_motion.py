@@ -59,7 +59,7 @@ class PartitionedMotion:
         self.kernels, self.p, self.t = watched(kernels), begun.p, times
         self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
         self._split = self.jumps.ends(times)
-        self._ends, self._seen = self._split.t, self._split.seen
+        self._ends, self._seen = self._split.t, self._split.on_grid
         self.partition = determined(begun.partitions).position
         independent = self.partition.independent
         self.nz = len(independent)

@@ -126,11 +126,11 @@ class SteppedMotion:
 
     @property
     def q(self) -> np.ndarray:
-        return self._q[self._ends.seen]
+        return self._q[self._ends.on_grid]
 
     @property
     def qd(self) -> np.ndarray:
-        return self._qd[self._ends.seen]
+        return self._qd[self._ends.on_grid]
 
     # -- steps ---------------------------------------------------------------------------------
 
@@ -157,7 +157,7 @@ class SteppedMotion:
                 carried = np.concatenate([u[:n], u[:n]])
             h, p = self._numbers(k), refresh_branches(self.kernels, self._q[k], self.p)
             x, u = np.concatenate([self._q[k], self._qd[k], carried]), self._guess(k, equations.layout.unknowns, carried)
-            solution = self._settled(equations, t, h, x, u, self._inputs(k), p)
+            solution = self._solved_step(equations, t, h, x, u, self._inputs(k), p)
             solved.append((t, solution))
             if self._first:
                 carried = self._carried(h, carried, solution[2][:n])
@@ -173,10 +173,10 @@ class SteppedMotion:
         for k in [0, *(np.flatnonzero(self._ends.begins[1:-1]) + 1).tolist()]:
             x, t, p = np.concatenate([self._q[k], self._qd[k]]), float(self._ends.t[k]), refresh_branches(self.kernels, self._q[k], self.p)
             unknown = np.zeros(self._first.layout.unknowns)
-            beginnings[k] = t, self._settled(self._first, t, np.zeros(1), x, unknown, self._inputs(k), p)
+            beginnings[k] = t, self._solved_step(self._first, t, np.zeros(1), x, unknown, self._inputs(k), p)
         return beginnings
 
-    def _settled(
+    def _solved_step(
         self, equations: _Equations, t: float, h: np.ndarray, x: np.ndarray, u: np.ndarray, w: np.ndarray, p: np.ndarray
     ) -> tuple[np.ndarray, ...]:
         """(h, x, u, w, p) with u moved by one Newton step."""
@@ -274,14 +274,14 @@ class SteppedMotion:
             if linear := self._linear(k):
                 change = linear.forward(np.vstack([change, fixed]))
             changes_by_step.append(change[: 2 * n])
-        both = np.array(changes_by_step)[self._ends.seen]
+        both = np.array(changes_by_step)[self._ends.on_grid]
         return both[:, :n], both[:, n:]
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray, by: Iterable[str] | None = None) -> tuple[np.ndarray, Driven]:
         """As of `TapedMotion`."""
         count, n, inputs = len(self._ends.t) - 1, self.kernels.n, len(self.kernels.inputs)
         weights_at_steps = np.zeros((count + 1, 2 * n))
-        weights_at_steps[self._ends.seen] = np.hstack([by_q, by_qd])
+        weights_at_steps[self._ends.on_grid] = np.hstack([by_q, by_qd])
         weights, by_p = np.zeros(4 * n if self._first else 2 * n), np.zeros(len(self.p))
         driven = np.zeros((count, len(INSTANTS), inputs))
         weights[: 2 * n] += weights_at_steps[-1]

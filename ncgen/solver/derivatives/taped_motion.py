@@ -18,7 +18,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError
-from ncgen.mechanism.break_times import beside
+from ncgen.mechanism.break_times import outside_breaks
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.sweep import SMALL, Sweep
 from ncgen.mechanism.taped import Driven, Segmented, taped
@@ -121,7 +121,7 @@ class TapedMotion:
         self.jumps = Jumps.of(kernels, begun.p, begun.q, times, signals)
         given = {"rank": rank, "tolerance": closeness("double"), "inputs": functions, "breaks": self.jumps.rows}
         jumping = self.jumps if self.jumps.breaks.moved else None
-        self._run = taped(dynamics, method, beside(self.jumps.rows, times), *start, allowed, jumps=jumping, **given)
+        self._run = taped(dynamics, method, outside_breaks(self.jumps.rows, times), *start, allowed, jumps=jumping, **given)
         self._check()
 
     @property

@@ -51,6 +51,9 @@ if TYPE_CHECKING:
 MOST_RATES = 60
 """Rates of a tree of bodies up to which a recursion is written out where nobody asked for it: it is compiled in some seconds."""
 
+FEW_RATES = 20
+"""The same of a tree that moves in loops over tables, too, at about twice the cost: 8,000 operations, which are compiled in 2 s."""
+
 OTHERS = 3
 """How many sample positions have other parameters and times."""
 
@@ -142,9 +145,8 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
     def made() -> ConstrainedDynamics:
         samples_of = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
         tree = open_tree(kernels) if form == "tree" else None
-        return ConstrainedDynamics(
-            kernels, number, samples_of, tables_of(tree) if tree else None, part_for(integrator, samples_of is not None)
-        )
+        part = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
+        return ConstrainedDynamics(kernels, number, samples_of, tables_of(tree) if tree else None, part)
 
     return kernels.remember("constrained dynamics", (number, form), made)
 
@@ -152,6 +154,8 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
 def form_of(kernels: Kernels, method: Method) -> Form:
     """What accelerations a run over all coordinates takes where nobody says: of a recursion over the tree of bodies that is written out
     and compiled, or in loops over tables, or of the factored matrix."""
+    if _may_recur(kernels, method) and not _has_few_rates(kernels, FEW_RATES) and open_tree(kernels):
+        return "tree"
     if _is_recursive(kernels, method):
         return "emitted"
     return "tree" if _may_recur(kernels, method) and open_tree(kernels) else "dense"
@@ -181,9 +185,13 @@ def _is_recursive(kernels: Kernels, method: Method) -> bool:
     return _may_recur(kernels, method) and all_coordinates(kernels, form="emitted", integrator=method.integrator.name).is_emitted
 
 
-def _has_few_rates(kernels: Kernels) -> bool:
-    """True for a tree of bodies that can be written out without compiling for long."""
-    return 0 < kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).freedoms) <= MOST_RATES
+def _has_few_rates(kernels: Kernels, most: int | None = None) -> bool:
+    """True for a tree of bodies that can be written out: without compiling for long, unless the kernels are to be of the most effort.
+
+    most: rates (default: MOST_RATES)
+    """
+    freedoms = kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).freedoms)
+    return 0 < freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
 
 
 def own_positions(kernels: Kernels) -> Seen | None:

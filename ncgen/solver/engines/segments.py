@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ncgen.mechanism.break_times import beside
+from ncgen.mechanism.break_times import outside_breaks
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.impulse import cross
 from ncgen.solver.runs.path import Path
@@ -27,7 +27,7 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task, ends: 
     """
     if not len(ends):
         return engine(path, kernels, task)
-    grid = beside(task.breaks, task.grid)
+    grid = outside_breaks(task.breaks, task.grid)
     t, end, jumps = float(grid[max(len(path.q) - 1, 0)]), float(grid[-1]), set(task.jumps[:, 0].tolist())
     q, qd, work, velocities = task.q, None, 0.0, task.velocities
     if len(path.q):

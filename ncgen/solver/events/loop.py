@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.conditions import OFF
+from ncgen.mechanism.conditions import OFF, Conditions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.actions import CLOSED, Instant
 from ncgen.solver.events.conditions import NOISE, EventFunctions
@@ -164,6 +164,10 @@ class Loop:
         """Take on the state at the end of a run, and work (J), from which the next one begins."""
         self.at, self.work = at, work
         self._set_signs({})
+
+    def watched(self) -> Conditions:
+        """The conditions of the mechanism where nothing is held."""
+        return self.functions.watched(self.signs, None, self.settling.directions((), self.at.p), None)
 
     def go_to(self, at: State, signs: np.ndarray, held: tuple[int, ...]) -> None:
         """Take on a state that the loop was in before."""

@@ -85,7 +85,7 @@ def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
         for row in each.rows:
             hold = model.constrain_velocity if each.sticks else model.constrain
             hold(row, f"{each.name}, held")  # type: ignore[arg-type]
-    made = import_module("ncgen.compiler").compile(model, backend="c")
+    made = import_module("ncgen.compiler").compile(model, backend="c", effort=kernels.effort)
     if made.coordinates != kernels.coordinates or made.parameters != kernels.parameters:
         raise ModelError(
             f"{kernels.name}: {', '.join(each.name for each in held)} cannot be held; their constraints change the coordinates"

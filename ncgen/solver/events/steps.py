@@ -10,6 +10,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, warn
 from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, break_times
+from ncgen.mechanism.conditions import Watched
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import Moving, MovingRow
@@ -27,6 +28,7 @@ from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.happening import Happening
 from ncgen.solver.trajectories.output_values import uses_loads
+from ncgen.toolchain.abi import NUMBERS, runtime_abi
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,7 @@ class Steps:
         self.happened: tuple[Happening, ...] = ()
         self.stopped, self.evaluations = False, 0
         self.impulses: tuple[Impulse, ...] = ()
+        self._watched: Watched | None = None  # where nothing is held, between two changes
         self._begin()
 
     # -- where it is ---------------------------------------------------------------------------
@@ -66,7 +69,7 @@ class Steps:
     def go_back(self, past: Past) -> None:
         """To what a state kept; the simulation's own numbers are the caller's."""
         self._loop.go_to(past.at, past.signs, past.held)
-        self.stopped, self.happened = past.stopped, past.happened
+        self.stopped, self.happened, self._watched = past.stopped, past.happened, None
 
     def accelerations(self) -> np.ndarray:
         """(n,) with the present inputs and what is held."""
@@ -100,7 +103,7 @@ class Steps:
     def _note(self, stopped: bool) -> None:
         """Show the state after events in the simulation's memory."""
         loop, now, passage = self._loop, self._now, self._loop.passage
-        self.stopped = stopped
+        self.stopped, self._watched = stopped, None
         self.happened += tuple(passage.happened)
         loop.passage = Passage()
         now.t, now.work, now.next_step = loop.at.t, loop.work, loop.first_step
@@ -117,10 +120,11 @@ class Steps:
         """
         with self._or_back():
             self._follow()
-            if not self.stopped:
+            if self.stopped:
+                return False
+            if not self._has_moved(h):
                 self._run(self._now.t + h)
-                return True
-        return False
+            return True
 
     @contextmanager
     def _or_back(self) -> Iterator[None]:
@@ -133,6 +137,24 @@ class Steps:
             now.t, now.work, now.next_step, now.q[:], now.qd[:], now.p[:] = numbers
             self.go_back(past)
             raise
+
+    def _has_moved(self, h: float) -> bool:
+        """Whether a step without events and held constraints has succeeded, as most do; else nothing has moved."""
+        now, loop = self._now, self._loop
+        if self._has_breaks or loop.held:
+            return False
+        watched = self._watched or Watched(loop.watched(), runtime_abi("double"), NUMBERS["double"])
+        numbers = now.t, now.work, now.next_step
+        status, ends = now.go_on_to_event(h, watched)
+        if status != "ok" or ends:
+            self._watched = None
+            now.t, now.work, now.next_step = numbers
+            now.q[:], now.qd[:] = loop.at.q, loop.at.qd
+            return False
+        loop.at = State(now.t, now.q.copy(), now.qd.copy(), loop.at.p)
+        loop.signs = watched.signs
+        self._watched, self.evaluations, self.impulses = watched, now.evaluations, ()
+        return True
 
     def _run(self, t_end: float) -> None:
         loop, task, path = self._loop, self._task(t_end), Path.empty(self._kernels.n, None)

@@ -25,7 +25,7 @@ class Caught:
             self._problem = self._problem or problem
             return np.nan
 
-    def tell(self) -> None:
+    def raise_caught(self) -> None:
         """Raise what was kept, once."""
         problem, self._problem = self._problem, None
         if problem is not None:

@@ -57,9 +57,9 @@ class Adams(scipy.integrate.OdeSolver):
             try:
                 self._engine.integrate(self.t_bound, step=True)
             except UserWarning as problem:
-                self._caught.tell()
+                self._caught.raise_caught()
                 return False, str(problem)
-        self._caught.tell()
+        self._caught.raise_caught()
         self.t, self.y = self._engine.t, self._engine.y.copy()
         if self.direction * (self.t - self.t_bound) > 0:
             # VODE steps past the end; come back by its own interpolation.

@@ -59,7 +59,7 @@ class Cvode(scipy.integrate.OdeSolver):
     def _step_impl(self) -> tuple[bool, str | None]:
         with contextlib.redirect_stdout(io.StringIO()):  # scikit-sundae prints CVODE's failures; they are raised below
             outcome = self._engine.step(self.t_bound, method="onestep", tstop=self.t_bound)
-        self._caught.tell()
+        self._caught.raise_caught()
         if outcome.status < 0 or not np.all(np.isfinite(outcome.y)):
             return False, str(outcome.message)
         self.t, self.y = float(np.ravel(outcome.t)[-1]), np.atleast_2d(outcome.y)[-1].copy()

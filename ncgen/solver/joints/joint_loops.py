@@ -33,7 +33,7 @@ LONGEST = 0.2
 """How far an independent joint goes before loops are closed again, in its natural size (a rad, or the mechanism's length)."""
 
 SHORTEST = 1e-4
-"""Share of the first step to which steps are cut where loops do not close; they are told not to close where it would have to be shorter."""
+"""Share of the first step to which steps are cut where loops do not close; they do not close where it would have to be shorter."""
 
 FARTHEST = 5000.0
 """How far an independent joint may be from its start, in its natural size: 796 turns, a few seconds of closing loops on the way."""
@@ -160,11 +160,11 @@ class JointsInLoops(JointSpace):
     def _layout(self) -> dict[str, Any]:
         """Which rates are free, and what belongs to them, without assembling anything where it is known."""
 
-        def told() -> dict[str, str]:
+        def layout_text() -> dict[str, str]:
             rates = self._work.rates
             return {"layout": json.dumps({"free": list(rates.free), "own": list(rates.own.items()), "sizes": rates.sizes.tolist()})}
 
-        return json.loads(recall.derived(self.kernels.programs, "layout of joints in loops", told)["layout"])
+        return json.loads(recall.derived(self.kernels.programs, "layout of joints in loops", layout_text)["layout"])
 
     def made(self, what: Made) -> dict[str, Program]:
         return self._work.programs(what)

@@ -76,7 +76,7 @@ class Linearisation:
 
     def __repr__(self) -> str:
         ports = f", {counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}" if self.inputs or self.outputs else ""
-        return f"<Linearisation beside {self._beside}: {counted(len(self.matrix), 'state')}{ports}>"
+        return f"<Linearisation beside {self._kind_of_point}: {counted(len(self.matrix), 'state')}{ports}>"
 
     @property
     def A(self) -> np.ndarray:
@@ -140,10 +140,10 @@ class Linearisation:
         place = path_of(output)
         matrices = {"A": self.matrix, "B": self.B, "C": self.C, "D": self.D}
         names = {"state": self.states, "input": self.inputs, "output": self.outputs}
-        return write_text(place, linear_header(place.stem, self._beside, matrices, names))
+        return write_text(place, linear_header(place.stem, self._kind_of_point, matrices, names))
 
     @property
-    def _beside(self) -> str:
+    def _kind_of_point(self) -> str:
         return "a steady motion or equilibrium" if self.steady else "one instant"
 
     def _check_ports(self) -> None:
@@ -268,11 +268,11 @@ def _ports(kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray)
     still = np.zeros((n, count))
     moved = dq, dqd, acceleration_changes(kernels, now, (dq, dqd), p, partitions.velocity.rows), np.zeros((len(p), len(B)))
     driven = still, still, pushed, np.eye(len(p))[:, len(p) - count :]
-    C, D = (_seen(kernels, partitions.velocity, now, p, each) for each in (moved, driven))
+    C, D = (_output_changes(kernels, partitions.velocity, now, p, each) for each in (moved, driven))
     return B, C, D
 
 
-def _seen(kernels: Kernels, partition: Partition, now: Motion, p: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
+def _output_changes(kernels: Kernels, partition: Partition, now: Motion, p: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
     """How the outputs change (outputs, k); changes: of q, q̇, q̈ and p in k directions."""
     *moved, dp = changes
     dlam = np.zeros((kernels.m, dp.shape[1]))

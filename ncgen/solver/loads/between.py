@@ -72,7 +72,7 @@ def row_loads(run: Trajectory, largest: float, between: Mapping[str, tuple[str, 
                 forces[element] = force
         if forces:
             row, needs_ground = model.rows[number], _needs_ground(forces, at)
-            pair = between.get(row.label) or _said(model, row.owner) or _covering(model, row.owner, forces, needs_ground)
+            pair = between.get(row.label) or _bodies_by_label(model, row.owner) or _covering(model, row.owner, forces, needs_ground)
             loads_of_rows.append(RowLoad(row.label, pair, forces, needs_ground))
     return loads_of_rows
 
@@ -86,7 +86,7 @@ def body_of(model: Model, direction: Combination) -> str | None:
     return having[0] if len(having) == 1 else None
 
 
-def _said(model: Model, owner: Owner) -> tuple[str, ...]:
+def _bodies_by_label(model: Model, owner: Owner) -> tuple[str, ...]:
     """The two bodies that a row is between, where its joint or its angle says it."""
     if isinstance(angle := model.elements.get(owner.name), Angle):
         ends = body_of(model, angle.start), body_of(model, angle.end)

@@ -22,9 +22,9 @@ from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import CommonCoordinates, States, those_in_lanes
 from ncgen.solver.positions.position import TOLERANCE
+from ncgen.solver.runs.progress_reports import ProgressOption, reporting
 from ncgen.solver.runs.run import COMPILED, Run, count
 from ncgen.solver.runs.signals import Signal
-from ncgen.solver.runs.telling import Told, telling
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.happening import Happening
 from ncgen.solver.trajectories.trajectory import Trajectory
@@ -151,7 +151,7 @@ def accelerations_batch(
     """
     p, t, z = arguments.get("p"), arguments.get("t0", 0.0), arguments.get("z")
     checked_kernels(kernels)
-    t, z, threads = finite(t, "t0"), names_of(z, "z", kernels.coordinates), asked_threads(threads)
+    t, z, threads = finite(t, "t0"), names_of(z, "z", kernels.coordinates), checked_threads(threads)
     velocities = truth(velocities, "velocities")
     if out is not None and (z or out.choice.kernels is not kernels):
         raise ModelError(f"{kernels.name}: out has results of {out.choice.kernels.name} with its own z; leave z or out out")
@@ -189,7 +189,7 @@ def simulate_batch(
     *,
     points: int | ArrayLike = 2,
     threads: int | None = None,
-    progress: Told = None,
+    progress: ProgressOption = None,
     **arguments: Unpack[MotionArguments],
 ) -> BatchTrajectory:
     """Simulate a mechanism from many states, with many parameter sets, or both.
@@ -234,7 +234,7 @@ def simulate_batch(
     in_common: dict[str, Any] = {"integrator": "dopri5", **arguments, "formalism": "coordinate-partitioning"}
     q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
     run = Run.from_arguments(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
-    threads, method = asked_threads(threads), in_lanes(kernels, run)
+    threads, method = checked_threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
     if inputs:
         held, p = [kernels.parameters.index(name) for name in inputs], states.p.copy()
@@ -243,7 +243,7 @@ def simulate_batch(
     if not np.isfinite(states.zd).all(axis=1).any():
         given = "zd0" if qd0 is None else "qd0"
         raise ModelError(f"{kernels.name}: {given} has numbers that are not finite in every state; correct them")
-    with telling(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as advance:
+    with reporting(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as advance:
         return side_by_side(kernels, run, method, states, threads, advance, inputs if run.signals else None)
 
 
@@ -395,6 +395,6 @@ class _Batch:
         return f"{self.kernels.name}: event {run.events[-1].name} ended the motion at t = {run.t[-1]:.9g} s"
 
 
-def asked_threads(threads: int | None) -> int | None:
+def checked_threads(threads: int | None) -> int | None:
     """How many threads, None for all. Raises ModelError for anything but a positive whole number."""
     return None if threads is None else count(threads, "threads", 1, "give a positive whole number, or None for all processors")

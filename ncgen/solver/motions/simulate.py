@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, DomainError, Interrupted, ModelError, SingularError, counted, warn
-from ncgen.mechanism.break_times import beside, break_times
+from ncgen.mechanism.break_times import break_times, outside_breaks
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
@@ -27,10 +27,10 @@ from ncgen.solver.runs.alarms import doubts, looks
 from ncgen.solver.runs.choice import IMPLICIT, Choice, choose, stiff_choice
 from ncgen.solver.runs.divergence import divergence
 from ncgen.solver.runs.path import Path
+from ncgen.solver.runs.progress_reports import ProgressOption, reporting
 from ncgen.solver.runs.run import COMPILED, EMITTED, Form, Run
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.task import Task
-from ncgen.solver.runs.telling import Told, telling
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
 from ncgen.toolchain.preparation import preparation_seconds
@@ -49,7 +49,7 @@ def simulate(
     *,
     points: int | ArrayLike = 101,
     stop: Mapping[str, Any] | None = None,
-    progress: Told = None,
+    progress: ProgressOption = None,
     **arguments: Unpack[MotionArguments],
 ) -> Trajectory:
     """Simulate a mechanism and return its trajectory on a time grid.
@@ -102,7 +102,7 @@ def simulate(
             f"{kernels.name}: coordinate partitioning solves densely for {counted(freedom, 'degree of freedom')} in every evaluation; "
             "formalism='lagrange' solves sparsely, many times faster"
         )
-    with telling(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as advance:
+    with reporting(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as advance:
         return _carry_out(kernels, run, choice, start, advance)
 
 
@@ -146,7 +146,7 @@ def _carry_out(
         warn(singular_message(kernels, freedoms))
     if negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p):
         warn(f"{kernels.name}: {negative}")
-    for doubt in doubts(motion.seen(trajectory), motion.tolerances.rtol, choice.method):
+    for doubt in doubts(motion.inspected(trajectory), motion.tolerances.rtol, choice.method):
         warn(f"{kernels.name}: {doubt}")
     return trajectory
 
@@ -199,7 +199,7 @@ class _Motion:
 
     def __post_init__(self) -> None:
         self.path = Path.empty(self.kernels.n, self.start.partitions)
-        functions = self.run.signals.told if self.run.signals else ()
+        functions = self.run.signals.laws if self.run.signals else ()
         rounding = compiled.rounding(self.run.number)
         ends = float(self.times[0]), float(self.times[-1])
         start, breaks = self.start, self.given_breaks
@@ -350,11 +350,11 @@ class _Motion:
             return times, is_extra
         return np.append(self.times[: len(path.q) - 1], path.stopped), np.append(self.looks[: len(path.q) - 1], False)
 
-    def seen(self, run: Trajectory) -> Trajectory:
+    def inspected(self, run: Trajectory) -> Trajectory:
         """A trajectory at the instants at which it is looked at, and at its ends."""
         (times, is_extra), path = self._rows(), self.path
         if len(self.jumps):
-            times = beside(self.breaks, times)  # a row at a jump is of the time before it
+            times = outside_breaks(self.breaks, times)  # a row at a jump is of the time before it
         elif not np.any(is_extra):
             return run
         shown = is_extra.copy() if np.any(is_extra) else np.ones(len(is_extra), dtype=bool)

@@ -7,7 +7,8 @@ from functools import partial
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
-from ncgen.program.tree.tree_tables import Around, NoTables, OpenTree, SampledPlace
+from ncgen.program.tree.couplings import NoTables
+from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPlace
 from ncgen.symbolic.tree import spanning_tree
 
 ASIDE = 0.03

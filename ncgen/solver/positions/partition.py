@@ -147,9 +147,11 @@ def choose_partition(
 def _measured(kernels: Kernels, wanted: list[int]) -> list[int]:
     """Coordinates that measure the joints of a large open tree, one each, those that are wanted first; [] where they are none of these."""
     tree = open_tree(kernels)
-    measured = {screw: c for c, (screw, _) in tree.measured.items()} if tree else {}
-    measuring = set(measured.values())
-    return wanted + sorted(measuring - set(wanted)) if tree and len(measuring) == len(tree.screws) and set(wanted) <= measuring else []
+    if tree is None:
+        return []
+    free = set(range(len(tree.screws))) - set(tree.coupled.leaders)
+    measuring = set({screw: c for c, (screw, _) in tree.measured.items() if screw in free}.values())
+    return wanted + sorted(measuring - set(wanted)) if len(measuring) == len(free) and set(wanted) <= measuring else []
 
 
 def _position(kernels: Kernels, name: str) -> int:

@@ -48,9 +48,9 @@ from ncgen.solver.given import (
     several,
 )
 from ncgen.solver.groups import CONSISTENT_RESIDUAL, DEFAULTS, MotionArguments, check_names
+from ncgen.solver.runs.progress_reports import ProgressOption, check_progress
 from ncgen.solver.runs.signals import Signals, signals_of
 from ncgen.solver.runs.stop import StopCondition, stop_at
-from ncgen.solver.runs.telling import Told, check_told
 
 COMPILED = "compiled"
 ENGINES = (AUTO, COMPILED, "c", "emitted", "refined", "python")
@@ -159,7 +159,7 @@ class Run:
         *,
         points: int | ArrayLike = 101,
         stop: Mapping[str, Any] | None = None,
-        progress: Told = None,
+        progress: ProgressOption = None,
         **arguments: Unpack[MotionArguments],
     ) -> Run:
         """From the arguments of `ncgen.simulate`. Raises ModelError with one sentence."""
@@ -171,7 +171,7 @@ class Run:
         length = positive(duration, "duration", "number of seconds")
         start = Initial.from_arguments(subject, **values)
         pair = _entries(formalism, integrator, options)
-        check_told(progress)
+        check_progress(progress)
         run = cls(
             start,
             _grid(start.t, length, points, len(known.coordinates)),

@@ -51,13 +51,13 @@ class SignalTable(InputPieces):
 class Signals:
     """The inputs of one run.
 
-    told: one an input in their order, None for one that keeps its value
+    laws: one an input in their order, None for one that keeps its value
     begun: of tables the piece of this time (s) goes on, whatever time is asked for; None for the piece of the time itself
     """
 
     name: str
     names: tuple[str, ...]
-    told: tuple[InputPieces | Function | None, ...]
+    laws: tuple[InputPieces | Function | None, ...]
     begun: float | None = None
 
     def begun_at(self, t: float) -> Signals:
@@ -67,8 +67,8 @@ class Signals:
     def __call__(self, t: float, p: np.ndarray) -> np.ndarray:
         """Parameters p (n_p,) with the inputs of a time in their places. Raises DomainError naming one that is no number."""
         p = np.array(p)
-        first = len(p) - len(self.told)
-        for i, signal in enumerate(self.told):
+        first = len(p) - len(self.laws)
+        for i, signal in enumerate(self.laws):
             if signal is not None:
                 value = signal(t, self.begun) if isinstance(signal, InputPieces) else signal(t)
                 p[first + i] = self._checked(i, value, t)
@@ -87,13 +87,13 @@ class Signals:
     @property
     def functions(self) -> tuple[InputPieces | Function | None, ...]:
         """As C asks for them: functions of Python are checked."""
-        return tuple(s if s is None or isinstance(s, InputPieces) else self._watched(i, s) for i, s in enumerate(self.told))
+        return tuple(s if s is None or isinstance(s, InputPieces) else self._watched(i, s) for i, s in enumerate(self.laws))
 
     def by_values(self, t: np.ndarray, begun: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
         """{name: how Σ weights · inputs changes with its values, (K,)} of the inputs that are tables.
 
         weights (…, inputs) at times t (…), inside steps that began at `begun`."""
-        tables = [(i, signal) for i, signal in enumerate(self.told) if isinstance(signal, SignalTable)]
+        tables = [(i, signal) for i, signal in enumerate(self.laws) if isinstance(signal, SignalTable)]
         return {self.names[i]: signal.by_values(t, begun, weights[..., i]) for i, signal in tables}
 
     def _watched(self, i: int, function: Function) -> Function:

@@ -58,7 +58,7 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     t = initial.t
     key = initial.q.tobytes(), t, p.tobytes(), initial.closing
     q = kernels.remember("closed position", key, lambda: _closed(kernels, initial, p), REMEMBERED).copy()
-    _tell_moved(kernels, initial.q, q)
+    _warn_of_moved(kernels, initial.q, q)
     driven = "nu" in kernels.programs.programs and bool(np.any(kernels.nu(q, t, p)))
     needed = partitioned or initial.zd is not None
     partitions = None
@@ -76,7 +76,7 @@ def _closed(kernels: Kernels, initial: Initial, p: np.ndarray) -> np.ndarray:
     return q
 
 
-def _tell_moved(kernels: Kernels, given: np.ndarray, closed: np.ndarray) -> None:
+def _warn_of_moved(kernels: Kernels, given: np.ndarray, closed: np.ndarray) -> None:
     """A warning where the start was open, with what moved most."""
     moved = np.abs(closed - given)
     if np.any(moved > 0):

@@ -1,4 +1,4 @@
-"""Who is told how far a run is: a function of the caller's, a bar where somebody watches, or nobody."""
+"""Progress reports of a run: to a function of the caller, to a bar in a terminal or notebook, or to nobody."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import TypeAlias
 from ncgen.errors import ModelError
 from ncgen.solver.given import echo
 
-Told: TypeAlias = "Callable[[float], None] | bool | None"
+ProgressOption: TypeAlias = "Callable[[float], None] | bool | None"
 """In signatures: a function, True for a bar in a terminal or a notebook, None or False for nobody."""
 
 
-def check_told(progress: object) -> None:
-    """Raise ModelError for what can be told nothing."""
+def check_progress(progress: object) -> None:
+    """Raise ModelError for a `progress` that is neither a function, a truth value nor None."""
     if progress is not None and not isinstance(progress, bool) and not callable(progress):
         raise ModelError(f"progress: {echo(progress)} given; it must be a function of the time reached, or True for a bar")
 
 
 @contextmanager
-def telling(progress: Told, what: str, start: float, length: float) -> Iterator[Callable[[float], None] | None]:
+def reporting(progress: ProgressOption, what: str, start: float, length: float) -> Iterator[Callable[[float], None] | None]:
     """What a run of some length that begins at `start` calls, in the units of both; what: what a bar says."""
     if progress is True:
         with import_module("ncgen.report.bar").progress(what, length) as advance:
