@@ -173,6 +173,7 @@ class Loop:
         """Take on a state that the loop was in before."""
         self.at, self.signs, self.held = at, signs, held
         self.mode = self.functions.mode(at, [self.settling.rows[k] for k in held])
+        self.settling.look(at, held)
 
     def _act(self, due: dict[int, Search], is_start: bool = False) -> bool:
         """Carry out events, and find the mode that follows; returns whether the run ends with them."""
@@ -188,11 +189,11 @@ class Loop:
         resting = [k for k in rests if self.functions.events[k].name not in ended]
         unhit = self.held if np.array_equal(before.qd, self.at.qd) else ()
         found = self.settling.settle(self.at, self.held, due, [*resting, *instant.stuck, *unhit], before.qd)
-        self.at = found.at
+        changes = (found.held, found.at.locked) != (self.held, before.locked)
+        self.go_to(found.at, self.signs, found.held)
         self._note(before, instant.happened, found.happened, dict(rests.values()))
         self._set_signs(due)
-        if (found.held, self.at.locked) != (self.held, before.locked):
-            self.go_to(self.at, self.signs, found.held)
+        if changes:
             self.first_step = 0.0
             self.passage.modes.append(Mode(self.at.t, (*self.at.locked, *(self.settling.rows[k].name for k in found.held)), self.mode))
         if ended:

@@ -15,6 +15,7 @@ from ncgen.mechanism.conditions import OFF
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
+from ncgen.solver.events.mobility import is_blocked
 from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of
 from ncgen.solver.events.rubbing import check_determined, undetermined
 from ncgen.solver.events.state import State
@@ -50,6 +51,7 @@ class Settling:
         self.functions, self.kernels = functions, functions.kernels
         self.rows = {row.number: row for row in functions.rows}
         self.left: dict[int, np.ndarray] = {}
+        self.blocked: list[int] = []
         self._before = 0.0  # greatest velocity before the instant, with which what is left of others is compared
 
     # -- what C watches ------------------------------------------------------------------------
@@ -61,8 +63,19 @@ class Settling:
             ways[k] = -int(p[self._place(friction.slip)]) or OFF
         for k, gap in self.functions.gaps.items():
             ways[k] = -1 if gap in held else OFF
-        ways[list(held)] = OFF
+        ways[[*held, *self.blocked]] = OFF
         return ways
+
+    def look(self, at: State, held: tuple[int, ...]) -> None:
+        """Note which gaps that are closed, and which joints at rest, cannot move while others are held: they are not watched."""
+        functions, self.blocked = self.functions, []
+        others = [k for k in self.rows if k not in held and k not in functions.contacts] if held or at.locked else []
+        candidates = [k for k in others if self.is_still(k, at) and (k in functions.moving or self._is_closed(k, at))]
+        if candidates:
+            slopes, rates = functions.slopes(at)[0], functions.rate_slopes(at)
+            W = np.array([rates[k] if k in functions.moving else slopes[k] for k in candidates])
+            still = is_blocked(functions.mode(at, [self.rows[k] for k in held]), self.kernels, at, W)
+            self.blocked = [k for k, fixed in zip(candidates, still, strict=True) if fixed]
 
     def release(self, held: tuple[int, ...], crossed: list[int], mode: Kernels, at: State) -> None:
         """Note what the load conditions of these numbers release, and in which direction. Raises ConvergenceError where the loads of
@@ -153,8 +166,11 @@ class Settling:
             return k in due or self.is_still(k, at)
         if k in self.functions.contacts:
             return self.is_still(k, at, TURNING if k in due else STANDSTILL) or (k in due and len(self.rows[k].rows) == 1)
+        return self._is_closed(k, at) and self.is_still(k, at) and (k in held or k not in due)
+
+    def _is_closed(self, k: int, at: State) -> bool:
         values, scales = self.functions.weighed(at)
-        return bool(abs(values[k]) <= CLOSED * scales[k]) and self.is_still(k, at) and (k in held or k not in due)
+        return bool(abs(values[k]) <= CLOSED * scales[k])
 
     def is_still(self, k: int, at: State, share: float = STANDSTILL) -> bool:
         """Whether a gap does not change, or a joint or a contact does not move, but for rounding."""
