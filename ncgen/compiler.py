@@ -7,7 +7,7 @@
 4. toolchain  a compiled library from the cache or the compiler (ncgen.toolchain), in what one calls (ncgen.mechanism)
 5. load       kernels
 
-What stages 1 to 3 made of a model is kept beside the compiled libraries (ncgen.mechanism.recall). sympy is imported by stage 1
+What stages 1 to 3 made of a model is kept next to the compiled libraries (ncgen.mechanism.recall). sympy is imported by stage 1
 only, so importing ncgen stays quick.
 """
 

@@ -148,7 +148,7 @@ def _flocked(file: IO[bytes]) -> bool:
 
 
 def path_of(output: str | os.PathLike[str], kind: str = "file") -> Path:
-    """A path that something is to be written to. Raises NcgenError for what is none."""
+    """A path that something is to be written to. Raises NcgenError for what is not one."""
     if not isinstance(output, (str, os.PathLike)) or not str(output):
         raise NcgenError(f"output: {shown(output)} given; name a {kind}")
     return Path(output)

@@ -1,4 +1,4 @@
-"""Where the templates and the examples are: inside the package in a wheel, beside it in a checkout."""
+"""Where the templates and the examples are: inside the package in a wheel, next to it in a checkout."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def folder(name: str) -> Path:
 
 
 def package_files(*names: str) -> list[Path]:
-    """The files below folders of the package, or beside it, in a fixed order."""
+    """The files below folders of the package, or next to it, in a fixed order."""
     found = []
     for name in names:
         root = _PACKAGE / name if (_PACKAGE / name).is_dir() else folder(name)

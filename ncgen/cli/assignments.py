@@ -32,9 +32,9 @@ def assigned(option: str, typed: str | list[str] | None, word: str = "") -> dict
 
 
 def with_model_parameters(model: Model, typed: dict[str, float] | None) -> dict[str, float] | None:
-    """Parameters as they were typed, beside those of the model's own simulation that were not; None where nothing was typed.
+    """Parameters as they were typed, and those of the model's own simulation that were not; None where nothing was typed.
 
-    Raises ModelError where its own are none.
+    Raises ModelError where its own are not numbers.
     """
     from ncgen.solver.given import parameters
     from ncgen.solver.runs.run import outline

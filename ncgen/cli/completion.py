@@ -1,6 +1,6 @@
 """What the shell is offered while a command is typed: examples and model files, and the words that an option takes.
 
-Every list comes from where it is made; where nothing fits the shell goes on with names of files.
+Every list comes from where it is made; where nothing fits, the shell completes with names of files.
 """
 
 from __future__ import annotations

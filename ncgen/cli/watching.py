@@ -49,7 +49,7 @@ def _blocks(file: Path, saved: Iterable[bool]) -> Iterator[list[str]]:
 
 
 def _ender(file: Path) -> Callable[[float], None]:
-    """Called while a run goes on, it raises Saved as soon as the file has another content."""
+    """Called while a run lasts, it raises Saved as soon as the file has another content."""
     from ncgen.report.saves import digest
 
     begun = digest(file)

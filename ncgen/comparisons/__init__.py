@@ -1,1 +1,1 @@
-"""How good it is beside others: speed beside error, against whatever else can do the same."""
+"""Benchmarks: speed and error compared with whatever else can do the same."""

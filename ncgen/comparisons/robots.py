@@ -90,7 +90,7 @@ def robot_records(files: Iterable[Path], limit: float = LIMIT) -> Iterator[dict]
     file; freedom: degrees of freedom; cold, cached: seconds from the import of ncgen to the end of a first motion; cold_processor: seconds
     of the processors in the first of these, the compiler's among them; duration (s) of the run, its seconds, evaluations, seconds an
     evaluation (each), error (rad, m) at its end, drift of energy (relative), fallbacks (fraction of the evaluations); aba: seconds of
-    Pinocchio's function, ratio of each to it; mujoco, mujoco_error: seconds and error (rad, m) of its run of 1 s. What is unknown is None;
+    Pinocchio's function, ratio of each to it; mujoco, mujoco_error: seconds and error (rad, m) of its run of 1 s. Unknown values are null;
     reason, pinocchio_reason, mujoco_reason: why, in a line.
     """
     for file in files:

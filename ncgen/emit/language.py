@@ -1,4 +1,4 @@
-"""The languages that programs can be written in: each is a folder beside this file, found by its name.
+"""The languages that programs can be written in: each is a folder next to this file, found by its name.
 
     emit/NAME/files.py    what `Language` asks for
     templates/NAME/       skeletons of its files, if it has any
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
+from importlib.util import find_spec
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Protocol, cast
 
@@ -33,7 +34,8 @@ class Language(Protocol):
 
 def languages() -> tuple[str, ...]:
     """The names of all languages."""
-    return tuple(sorted(module.name for module in iter_modules(ncgen.emit.__path__) if module.ispkg))
+    packages = (module.name for module in iter_modules(ncgen.emit.__path__) if module.ispkg)
+    return tuple(sorted(name for name in packages if find_spec(f"{ncgen.emit.__name__}.{name}.files")))
 
 
 def language(name: str) -> Language:

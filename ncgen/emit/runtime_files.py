@@ -28,7 +28,14 @@ PRINTED = ("ncgen_facts.h", "ncgen_methods.h", "ncgen_tableaus.h")
 HEADERS = ("ncgen.h", "ncgen_math.h")
 """What the source of a model includes."""
 
-RUNTIME_HEADERS = ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_events.h", "ncgen_differentiated.h", "ncgen_methods.h")
+RUNTIME_HEADERS = (
+    "ncgen_runtime.h",
+    "ncgen_driven.h",
+    "ncgen_event_table.h",
+    "ncgen_events.h",
+    "ncgen_differentiated.h",
+    "ncgen_methods.h",
+)
 """What state derivatives and embedders include."""
 
 EXPLICIT_ONLY = "NCGEN_EXPLICIT_ONLY"

@@ -53,7 +53,7 @@ Read: TypeAlias = "Callable[[ast.expr], Expr]"
 
 
 def piecewise(call: ast.Call, read: Read, where: str) -> Expr:
-    """A choice in terms of signs. Raises ModelError, beginning with `where`, for what is none."""
+    """A choice in terms of signs. Raises ModelError, beginning with `where`, for what is not one."""
     import sympy
 
     cases = [each.elts for each in call.args[:-1] if isinstance(each, ast.Tuple) and len(each.elts) == 2]

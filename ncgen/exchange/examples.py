@@ -158,7 +158,7 @@ def example_text(name: str) -> str:
 
 
 class _Reader(SourceFileLoader):
-    """Reads a module from its source and leaves no bytecode beside it."""
+    """Reads a module from its source and leaves no bytecode next to it."""
 
     def get_data(self, path: str) -> bytes:
         with opened(path) as file:

@@ -1,4 +1,4 @@
-"""A motion as a function of its parameters and initial rates, of one or many of them at a time, with the way back: what libraries that
+"""A motion as a function of its parameters and initial rates, of one or many of them at a time, with the reverse sweep: what libraries that
 differentiate call, in NumPy's arrays.
 """
 
@@ -112,7 +112,7 @@ class MotionFunction:
         by_rates[:] = slopes[..., slopes.shape[-1] - rates.shape[-1] :].reshape(by_rates.shape)
 
     def _one(self, p: np.ndarray, rates: np.ndarray | None) -> Motion:
-        """One motion; the last is kept, since the way back is asked for through the one that has just been made."""
+        """One motion; the last is kept, since the reverse sweep is asked for through the one that has just been made."""
         key, last = p.tobytes() + (rates.tobytes() if rates is not None else b""), self._last
         if last is None or last[0] != key:
             last = self._last = key, motion_of(self.kernels, *self._asked, p=p, zd0=rates, **self._start)

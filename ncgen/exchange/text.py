@@ -23,7 +23,7 @@ def placed(name: str, line: int | None, message: str) -> str:
 
 
 def as_path(given: str | os.PathLike[str], what: str) -> Path:
-    """A path. Raises ModelError, saying what is needed, for anything that is none."""
+    """A path. Raises ModelError, saying what is needed, for anything else."""
     if isinstance(given, (str, os.PathLike)):
         return Path(given)
     raise ModelError(f"{shown(given)} given; give {what}")

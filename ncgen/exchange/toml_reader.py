@@ -7,7 +7,7 @@
     position = [0, 0]
     fixed = true
 
-Mistakes are reported with the line they stand on; `check` goes on after one and reports all of them.
+Mistakes are reported with the line they stand on; `check` continues after one and reports all of them.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ def _in_torch(function: MotionFunction) -> Callable[[Tensor, Tensor], tuple[Tens
 
 
 def _doubles(array: Tensor, name: str, whose: str) -> Tensor:
-    """An argument as a tensor of doubles on the processor. Raises ModelError for what is none."""
+    """An argument as a tensor of doubles on the processor. Raises ModelError for what is not one."""
     library = import_module("torch")
     try:
         tensor = library.as_tensor(array.copy() if isinstance(array, np.ndarray) else array)  # PyTorch warns of what cannot be written to
@@ -111,7 +111,7 @@ def _doubles(array: Tensor, name: str, whose: str) -> Tensor:
 
 @cache
 def _autograd() -> Any:
-    """The function that autograd knows, and the way back as another, each of one or many motions; made once PyTorch is there."""
+    """The function that autograd knows, and the reverse sweep as another, each of one or many motions; made once PyTorch is there."""
     library = import_module("torch")
 
     def call(function: ArrayFunction, *tensors: Tensor) -> tuple[Tensor, ...]:

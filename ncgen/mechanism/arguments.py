@@ -1,6 +1,6 @@
 """Arrays on their way to kernels: plain numbers, or one sentence that says what was given in their place.
 
-C believes what it is told about arrays, so whatever it reads and writes goes through `pointer`, and what a caller gave through `numbers`
+C believes what it is given about arrays, so whatever it reads and writes goes through `pointer`, and what a caller gave through `numbers`
 before that; tests/test_structure.py has the few other places, with their reasons.
 """
 
@@ -67,7 +67,7 @@ def sized(values: ArrayLike | None, count: int, what: str, complex_too: bool = F
 
 
 def place(array: object, shape: tuple[int, ...], what: str, other_arrays: Iterable[np.ndarray] = ()) -> np.ndarray:
-    """The array itself, where C may write. Raises NcgenError for another one, or one that shares memory with those it is written beside."""
+    """The array itself, where C may write. Raises NcgenError for another one, or one that shares memory with `other_arrays`."""
     if not (isinstance(array, np.ndarray) and array.dtype == float and array.flags.carray and array.shape == shape):
         raise NcgenError(f"{what} must be a contiguous array of {shape} doubles that may be written to")
     if any(np.may_share_memory(array, other) for other in other_arrays):

@@ -185,7 +185,7 @@ def _straight_lines(ops: Sequence[Op], given: Mapping[ArrayElement, float], driv
 
 
 def _line(op: Op, arguments: Sequence[Line]) -> tuple[float, float] | bool:
-    """Of one operation on straight lines; one whose numbers are not finite is none."""
+    """Of one operation on straight lines; one whose numbers are not finite does not count."""
     pairs = [each for each in arguments if isinstance(each, tuple)]
     if len(pairs) < len(arguments):
         return True

@@ -26,10 +26,11 @@ from ncgen.toolchain.abi import InC, Interface
 class ConstrainedDynamics(Dynamics):
     """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism.
 
-    seen: called for independent coordinates of the positions, and typical positions, where the motion is to be written out; without it, or
+    samples_of: called for independent coordinates of the positions, and typical positions, where the motion is to be emitted; without it,
+    or
         where there are none or no tree of bodies that could be seen in them, it comes from the matrix
-    tables: of an open tree, by which it moves where nothing is written out
-    part: of the runtime, compiled while the motion is written out
+    tables: of an open tree, by which it moves where nothing is emitted
+    part: of the runtime, compiled while the motion is emitted
     """
 
     def __init__(

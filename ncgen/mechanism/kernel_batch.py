@@ -4,7 +4,7 @@ In C there are two ways. Where a kernel computes much for every number that it r
 compiled once more with vectors of 4 or 8 doubles for numbers, one state a lane; where it computes little, bringing rows into
 lanes and back would take longer than it saves, and one state follows the other. Threads may share the states where the
 compiler has OpenMP (without it there is one). Each state has the numbers that it has alone, to the last bit where the
-compiler is told to fuse nothing (-ffp-contract=off), else to rounding. In NumPy the leading axis is the batch.
+compiler is asked to fuse nothing (-ffp-contract=off), else to rounding. In NumPy the leading axis is the batch.
 """
 
 from __future__ import annotations

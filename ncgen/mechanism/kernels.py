@@ -102,9 +102,17 @@ class Kernels(ABC):
         return other
 
     def driven_by(self, drive: Drive | None) -> Kernels:
-        """Other kernels on the same library whose inputs are those of the time that they are called with; drive(t, p) puts them into p.
+        """Return kernels on the same library that read their inputs from a function of time.
 
-        None for kernels that read their inputs where p has them, as all do at first.
+        Parameters
+        ----------
+        drive : callable or None
+            Function of t (s) and p (n_p,) that puts the inputs into p; None for kernels that read their inputs from p.
+
+        Returns
+        -------
+        Kernels
+            The other kernels.
         """
         if drive is self._drive:
             return self
@@ -113,14 +121,42 @@ class Kernels(ABC):
         return other
 
     def present(self, t: float, p: np.ndarray) -> np.ndarray:
-        """Parameters p (n_p,) with the inputs of a time (s), where something drives them."""
+        """Return the parameters with the inputs at a time.
+
+        Parameters
+        ----------
+        t : float
+            Time (s).
+        p : numpy.ndarray
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Parameters, shape (n_p,).
+        """
         return p if self._drive is None else self._drive(t, p)
 
     def remember(self, what: str, key: Hashable, find: Callable[[], Found], most: int | None = None) -> Found:
-        """What `find` finds, found once for a key and kept with the kernels under the name `what`.
+        """Return a value that is computed once for a key and cached with the kernels.
 
-        A series of runs asks for the same things again and again: what is compiled for a choice of coordinates, degrees of freedom.
-        most: how many keys are kept; None for all. Beyond that all are forgotten.
+        A series of runs asks for the same things again: what is compiled for a choice of coordinates, degrees of freedom.
+
+        Parameters
+        ----------
+        what : str
+            Name of the kind of value.
+        key : hashable
+            Distinguishes values of this kind.
+        find : callable
+            Computes the value.
+        most : int, optional
+            How many keys are cached; None for all. When there are more, all are dropped.
+
+        Returns
+        -------
+        object
+            The value.
         """
         known = self._known.setdefault(what, {})
         if key not in known:
@@ -137,7 +173,18 @@ class Kernels(ABC):
         """Kernels of programs."""
 
     def of_rows(self, p: np.ndarray) -> np.ndarray:
-        """Those of the parameters p (n_p,) that Φ, Φ_q and ν read; masses do not belong to them."""
+        """Return those parameters that Φ, Φ_q and ν read.
+
+        Parameters
+        ----------
+        p : numpy.ndarray
+            Parameters, shape (n_p,).
+
+        Returns
+        -------
+        numpy.ndarray
+            The parameters of the constraints; masses do not belong to them.
+        """
         return p[self._read_by_rows]
 
     @cached_property
@@ -208,7 +255,18 @@ class Kernels(ABC):
     # -- the initial position ------------------------------------------------------------------
 
     def start(self, p: ArrayLike | None = None) -> np.ndarray:
-        """The initial position at parameters p (…, parameters), shape (…, n): q0 where positions have no parameters."""
+        """Compute the initial position.
+
+        Parameters
+        ----------
+        p : array_like, optional
+            Parameters, shape (…, n_p); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Positions, shape (…, n): `q0` where positions have no parameters.
+        """
         if p is None:
             return self.q0.copy()
         p = self._start_parameters(p, "start")
@@ -217,7 +275,18 @@ class Kernels(ABC):
         return self._run_start(0, p, (self.n,))
 
     def start_p(self, p: ArrayLike | None = None) -> np.ndarray:
-        """∂start/∂p at parameters p (…, parameters), shape (…, n, parameters)."""
+        """Compute the derivative of the initial position with respect to the parameters.
+
+        Parameters
+        ----------
+        p : array_like, optional
+            Parameters, shape (…, n_p); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Derivatives, shape (…, n, n_p).
+        """
         p, shape = self.p0 if p is None else self._start_parameters(p, "start_p"), (self.n, len(self.p0))
         return self._run_start(1, p, shape) if self._has_moving_start else np.zeros((*p.shape[:-1], *shape))
 
@@ -246,25 +315,106 @@ class Kernels(ABC):
     # -- kernels -------------------------------------------------------------------------------
 
     def phi(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
-        """Constraint equations Φ(q, t), shape (m,)."""
+        """Evaluate the constraint equations Φ(q, t).
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Values, shape (m,).
+        """
         return self.values("phi", t, q, None, p)
 
     def phi_q(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
-        """Jacobian Φ_q, sparse (m, n)."""
+        """Evaluate the Jacobian Φ_q.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        scipy.sparse.csr_array
+            Matrix, shape (m, n).
+        """
         return self._sparse(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
 
     def nu(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
-        """ν = −Φ_t, shape (m,): Φ_q q̇ = ν."""
+        """Evaluate ν = −Φ_t, so that Φ_q q̇ = ν.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Values, shape (m,).
+        """
         return self.values("nu", t, q, None, p)
 
     def gamma(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
-        """γ, shape (m,): Φ_q q̈ = γ."""
+        """Evaluate γ, so that Φ_q q̈ = γ.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Values, shape (m,).
+        """
         return self.values("gamma", t, q, qd, p)
 
     def constraints(
         self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
     ) -> tuple[np.ndarray, csr_array, np.ndarray]:
-        """Φ, Φ_q and γ at once, which is quicker than one by one: they have much in common."""
+        """Evaluate Φ, Φ_q and γ in one call.
+
+        This is faster than three calls, since they have much in common.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        tuple
+            Values Φ (m,), matrix Φ_q (m, n), sparse, and γ (m,).
+        """
         if "constraints" not in self.programs.programs:  # no row has a coordinate in it, or they are long (MOST_FUSED)
             return self.phi(q, t, p), self.phi_q(q, t, p), self.gamma(q, qd, t, p)
         values = self.values("constraints", t, q, qd, p)
@@ -272,32 +422,117 @@ class Kernels(ABC):
         return values[: self.m], phi_q, values[len(values) - self.m :]
 
     def mass(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
-        """Mass matrix M, sparse (n, n), symmetric and positive semidefinite."""
+        """Evaluate the mass matrix M.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        scipy.sparse.csr_array
+            Matrix, shape (n, n), symmetric and positive semidefinite.
+        """
         return self._sparse(self.mass_pattern, self.values("mass", t, q, None, p))
 
     def force(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
-        """Generalised forces Q, shape (n,): applied ones and velocity-dependent inertia."""
+        """Evaluate the generalised forces Q.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Applied forces and velocity-dependent inertia, shape (n,).
+        """
         force = self.values("force", t, q, qd, p)
         return force + self._finite_external(t, q, qd, p) if self.model.callbacks else force
 
     def energy(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
-        """Kinetic and potential energy (J), and the power (W) of forces without a potential."""
+        """Evaluate energies and the power of forces without a potential.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Kinetic and potential energy (J) and power (W), shape (3,).
+        """
         energy = self.values("energy", t, q, qd, p)
         if self.model.callbacks:
             energy[..., 2] += self._finite_external(t, q, qd, p) @ qd
         return energy
 
     def energies(self, q: np.ndarray, qd: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """`energy` of K instants, (K, 3), for parameters that do not change: q, qd (K, n), t (K,) in s, p (n_p,)."""
+        """Evaluate `energy` at many times.
+
+        Parameters
+        ----------
+        q : numpy.ndarray
+            Positions, shape (K, n).
+        qd : numpy.ndarray
+            Velocities, shape (K, n).
+        t : numpy.ndarray
+            Times (s), shape (K,).
+        p : numpy.ndarray
+            Parameters, shape (n_p,), the same at all times.
+
+        Returns
+        -------
+        numpy.ndarray
+            Energies, shape (K, 3).
+        """
         program, instants = self.programs.programs.get("energy"), zip(q, qd, t, strict=True)
         if self._drive is not None or self.model.callbacks or program is None or "qd" not in program.inputs:
             return np.array([self.energy(*instant, p) for instant in instants])
         return np.array([self._call("energy", s, x, v, p, program.size) for x, v, s in instants])
 
     def external_force(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike, p: np.ndarray) -> np.ndarray:
-        """Forces (n,) of the model's own functions, finite or not; ModelError naming a function that returns something else.
+        """Evaluate the forces of the model's Python functions.
 
-        p (n_p,): with the values of inputs at t
+        Parameters
+        ----------
+        t : array_like
+            Time (s).
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        p : numpy.ndarray
+            Parameters with the inputs at t, shape (n_p,).
+
+        Returns
+        -------
+        numpy.ndarray
+            Generalised forces, shape (n,), finite or not.
+
+        Raises
+        ------
+        ModelError
+            If a function returns anything but forces; the message names it.
         """
         total, shape = None, (self.n,)
         for function in self.model.callbacks:
@@ -342,45 +577,227 @@ class Kernels(ABC):
     def stiffness(
         self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, lam: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
     ) -> csr_array:
-        """∂(M q̈ + Φ_qᵀ λ − Q)/∂q, sparse (n, n). Forces of Python functions are not in it."""
+        """Evaluate ∂(M q̈ + Φ_qᵀ λ − Q)/∂q.
+
+        Forces of Python functions are not included.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        qdd : array_like
+            Acceleration, shape (n,).
+        lam : array_like
+            Lagrange multipliers, shape (m,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        scipy.sparse.csr_array
+            Matrix, shape (n, n).
+        """
         return self._tangent("stiffness", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
 
     def damping(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
-        """−∂Q/∂q̇, sparse (n, n). Forces of Python functions are not in it."""
+        """Evaluate −∂Q/∂q̇.
+
+        Forces of Python functions are not included.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        scipy.sparse.csr_array
+            Matrix, shape (n, n).
+        """
         return self._tangent("damping", t=t, q=q, qd=qd, p=p)
 
     def phidd_q(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
-        """∂(Φ_q q̈ − γ)/∂q, sparse (m, n)."""
+        """Evaluate ∂(Φ_q q̈ − γ)/∂q.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        qdd : array_like
+            Acceleration, shape (n,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        scipy.sparse.csr_array
+            Matrix, shape (m, n).
+        """
         return self._tangent("phidd_q", t=t, q=q, qd=qd, qdd=qdd, p=p)
 
     def phidd_qd(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
-        """−∂γ/∂q̇, sparse (m, n)."""
+        """Evaluate −∂γ/∂q̇.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        scipy.sparse.csr_array
+            Matrix, shape (m, n).
+        """
         return self._tangent("phidd_qd", t=t, q=q, qd=qd, p=p)
 
     def phi_p(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
-        """∂Φ/∂p, sparse (m, parameters)."""
+        """Evaluate ∂Φ/∂p.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        scipy.sparse.csr_array
+            Matrix, shape (m, n_p).
+        """
         return self._tangent("phi_p", t=t, q=q, p=p)
 
     def phid_p(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
-        """∂(Φ_q q̇ − ν)/∂p, sparse (m, parameters)."""
+        """Evaluate ∂(Φ_q q̇ − ν)/∂p.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        scipy.sparse.csr_array
+            Matrix, shape (m, n_p).
+        """
         return self._tangent("phid_p", t=t, q=q, qd=qd, p=p)
 
     def phidd_p(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
-        """∂(Φ_q q̈ − γ)/∂p, sparse (m, parameters)."""
+        """Evaluate ∂(Φ_q q̈ − γ)/∂p.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        qdd : array_like
+            Acceleration, shape (n,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        scipy.sparse.csr_array
+            Matrix, shape (m, n_p).
+        """
         return self._tangent("phidd_p", t=t, q=q, qd=qd, qdd=qdd, p=p)
 
     def balance_p(
         self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, lam: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
     ) -> csr_array:
-        """∂(M q̈ + Φ_qᵀ λ − Q)/∂p, sparse (n, parameters)."""
+        """Evaluate ∂(M q̈ + Φ_qᵀ λ − Q)/∂p.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        qdd : array_like
+            Acceleration, shape (n,).
+        lam : array_like
+            Lagrange multipliers, shape (m,).
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        scipy.sparse.csr_array
+            Matrix, shape (n, n_p).
+        """
         return self._tangent("balance_p", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
 
     def dense_tangent(self, name: str, **given: ArrayLike | None) -> np.ndarray:
-        """One of these eight by its name, t, q, qd, qdd, lam and p given by theirs, as a dense array: quicker where it is small."""
+        """Evaluate a tangent kernel as a dense array.
+
+        For small mechanisms this is faster than the sparse matrix.
+
+        Parameters
+        ----------
+        name : str
+            One of stiffness, damping, phidd_q, phidd_qd, phi_p, phid_p, phidd_p and balance_p.
+        **given : array_like
+            Arguments of that kernel by name: t, q, qd, qdd, lam, p.
+
+        Returns
+        -------
+        numpy.ndarray
+            The matrix.
+        """
         return self._dense(*self._tangent_values(name, given))
 
     def dense_tangents(self, name: str, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """One that takes no more than q (K, n), t (K,) and p (n_p,), of a few states one after the other, (K, rows, columns)."""
+        """Evaluate a tangent kernel of positions at a few states.
+
+        Parameters
+        ----------
+        name : str
+            Name of a kernel that takes no more than q, t and p, such as phi_p.
+        q : numpy.ndarray
+            Positions, shape (K, n).
+        t : numpy.ndarray
+            Times (s), shape (K,).
+        p : numpy.ndarray
+            Parameters, shape (n_p,).
+
+        Returns
+        -------
+        numpy.ndarray
+            Matrices, shape (K, rows, columns).
+        """
         rows = [self._tangent_values(name, {"q": at, "t": now, "p": p}) for at, now in zip(q, t.tolist(), strict=True)]
         return self._dense(rows[0][0], np.array([values for _, values in rows]))
 
@@ -401,24 +818,103 @@ class Kernels(ABC):
         return tangents.programs.patterns[name], tangents.values(name, given)
 
     def jacobian(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
-        """Φ_q as a dense array, for linear algebra on small mechanisms."""
+        """Evaluate Φ_q as a dense array, for linear algebra on small mechanisms.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Matrix, shape (m, n).
+        """
         return self._dense(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
 
     def jacobians(self, q: np.ndarray, t: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Φ_q of a few states q (K, n) at t (K,) one after the other, (K, m, n): nothing is compiled for it."""
+        """Evaluate Φ_q at a few states, without compiling anything for it.
+
+        Parameters
+        ----------
+        q : numpy.ndarray
+            Positions, shape (K, n).
+        t : numpy.ndarray
+            Times (s), shape (K,).
+        p : numpy.ndarray
+            Parameters, shape (n_p,).
+
+        Returns
+        -------
+        numpy.ndarray
+            Matrices, shape (K, m, n).
+        """
         rows = [self.values("phi_q", now, at, None, p) for at, now in zip(q, t.tolist(), strict=True)]
         return self._dense(self.phi_q_pattern, np.array(rows))
 
     def dense_jacobians(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
-        """Φ_q of many states, (B, m, n)."""
+        """Evaluate Φ_q at many states.
+
+        Parameters
+        ----------
+        q : array_like
+            Positions, shape (B, n).
+        t : array_like, optional
+            Time (s), or times, shape (B,).
+        p : array_like, optional
+            Parameters, shape (n_p,) or (B, n_p); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Matrices, shape (B, m, n).
+        """
         return self._dense(self.phi_q_pattern, self.batch.phi_q(q, t, p))
 
     def mass_matrix(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
-        """M as a dense array."""
+        """Evaluate M as a dense array.
+
+        Parameters
+        ----------
+        q : array_like
+            Position, shape (n,), in m and rad.
+        t : array_like, optional
+            Time (s).
+        p : array_like, optional
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            Matrix, shape (n, n).
+        """
         return self._dense(self.mass_pattern, self.values("mass", t, q, None, p))
 
     def values(self, kernel: str, t: ArrayLike, q: ArrayLike, qd: ArrayLike | None, p: ArrayLike | None) -> np.ndarray:
-        """The plain output of a kernel; matrices give their nonzeros."""
+        """Evaluate a kernel without giving its output a shape.
+
+        Parameters
+        ----------
+        kernel : str
+            Name of the kernel, such as phi_q.
+        t : array_like
+            Time (s).
+        q : array_like
+            Position, shape (n,), in m and rad.
+        qd : array_like
+            Velocity, shape (n,).
+        p : array_like
+            Parameters, shape (n_p,); None for the defaults.
+
+        Returns
+        -------
+        numpy.ndarray
+            The output; of matrices their nonzeros.
+        """
         program = self.programs.programs.get(kernel)
         n, reads_qd = len(self.coordinates), program is not None and "qd" in program.inputs
         if not _is_plain(q, n):

@@ -1,4 +1,4 @@
-"""Listening to a run in C: how far it has come is told, and what is raised meanwhile ends it, such as by Ctrl-C.
+"""Listening to a run in C: how far it has come is reported, and what is raised meanwhile ends it, such as by Ctrl-C.
 
 Python's signal handlers run while it is listened, so this is what makes a long run answer. A short one is never asked.
 """

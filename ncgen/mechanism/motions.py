@@ -124,7 +124,7 @@ class Motions:
         self, q: np.ndarray, qd: np.ndarray, p: np.ndarray, back: bool = True, rows: tuple[np.ndarray, np.ndarray] | None = None
     ) -> LaneRuns:
         """Runs of states from closed positions q and velocities qd that the joints allow, (states, n) each, with parameters p,
-        (states, n_p); back: whether there will be a way back; rows: where q and q̇ go, (states, K, n), each in one piece, None for new
+        (states, n_p); back: whether there will be a reverse sweep; rows: where q and q̇ go, (states, K, n), each in one piece, None for new
         memory."""
         ffi, kernels, count = self._ffi, self.kernels, len(q)
         shape = count, len(self._times), kernels.n

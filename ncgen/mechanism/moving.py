@@ -143,7 +143,7 @@ class Moving:
 
     q, qd, qdd (n,): position, velocities and accelerations (m, rad, and per second); p (n_p,): parameters and inputs; all but qdd may be
         written to
-    t: s; work: J; power: W, of the last call of `settle` or `evaluate`; next_step: s, what error control tries next, 0 where it has to
+    t: s; work: J; power: W, of the last `project_state` or `evaluate`; next_step: s, what error control tries next, 0 where it has to
         find one
     evaluations: of the last call of `go_on`
     """
@@ -185,9 +185,9 @@ class Moving:
         self._stepping.watch(None)
         return status, bool(self._statistics.stopped)
 
-    def settle(self) -> str:
+    def project_state(self) -> str:
         """Position and velocities onto the constraints: "ok", or why not; then nothing has moved."""
-        return STATUS[self._library.ncgen_settle_moment(self._driven, self._p, self._moment)]
+        return STATUS[self._library.ncgen_project_moment(self._driven, self._p, self._moment)]
 
     def evaluate(self) -> str:
         """Accelerations with the present p into qdd: "ok", or why there are none. Velocities stay as they are, to the last bit."""
@@ -249,9 +249,9 @@ class MovingRows:
             arrays, t_end = (self.p[row], self.q[row], self.qd[row]), self.t[row] + h
             self.statuses[row] = stepping.go_on(self._moments + row, *arrays, t_end)
 
-    def settle(self, row: int) -> str:
+    def project_state(self, row: int) -> str:
         """One row's position and velocities onto the constraints: "ok", or why not."""
-        return self._one("ncgen_settle_moment", row)
+        return self._one("ncgen_project_moment", row)
 
     def evaluate(self, row: int) -> str:
         """One row's accelerations into qdd: "ok", or why there are none. Its velocities stay as they are, to the last bit."""

@@ -136,7 +136,7 @@ def _size(x: np.ndarray) -> float:
 
 def _flanks(t: np.ndarray, x: np.ndarray, jump: float = 0.0) -> np.ndarray:
     """Where values x (K,) at times t (s) begin to change much faster than before, and where they cease to; jump: time (s) in which a
-    change is the jump of a break, beside which nothing is fast."""
+    change is the jump of a break, compared with which nothing is fast."""
     size = _size(x)
     steps = np.abs(np.diff(x))
     changes = np.concatenate([[0.0], np.cumsum(np.where(np.isfinite(steps) & (np.diff(t) > jump), steps, 0.0))])

@@ -1,4 +1,4 @@
-"""Programs beside a mechanism's kernels, such as those of its joint space, as functions of Python."""
+"""Programs other than a mechanism's kernels, such as those of its joint space, as functions of Python."""
 
 from __future__ import annotations
 
@@ -100,9 +100,9 @@ class CompiledFunctions(ProgramFunctions):
         return self._functions[name]
 
     def _evaluate(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
-        shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
-        if not shape:
+        if all(a.ndim == 1 for a in arrays):
             return self._one(name, t, arrays)
+        shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
         states = [np.broadcast_to(a, (*shape, a.shape[-1])).reshape(math.prod(shape), a.shape[-1]) for a in arrays]
         rows = [self._one(name, t, row) for row in zip(*states, strict=True)]
         return np.array(rows).reshape(*shape, self.sizes[name])

@@ -74,7 +74,7 @@ def remember(key: str, sources: Sources) -> None:
 
 
 def derived(programs: Programs, description: str, make: Callable[[], Files]) -> Files:
-    """C files that are made for a mechanism beside its own, from the cache or made now.
+    """C files that are made for a mechanism in addition to its own, from the cache or made now.
 
     told: what they are, in words that tell them from others of the same mechanism
     """

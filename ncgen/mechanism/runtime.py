@@ -2,7 +2,7 @@
 
 Dense: the runtime's own elimination with the model's kernels. Nothing is generated or compiled for a choice of
 independent coordinates, so it suits single runs and changing choices.
-Emitted: the elimination written out for one mechanism and one choice, several times faster, after a compile.
+Emitted: the elimination as straight-line code for one mechanism and one choice, several times faster, after a compile.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Dynamics:
     """A state derivative with the runtime around it, in a number type of C.
 
     recursion: what gives accelerations over all coordinates
-    is_emitted: whether they are written out
+    is_emitted: whether they are emitted
     """
 
     recursion: Recursion = None
@@ -256,7 +256,7 @@ class Dynamics:
 
     @property
     def _eliminated(self) -> int:
-        """How many unknowns a stage may have to eliminate; 0 where all that is written out."""
+        """How many unknowns a stage may have to eliminate; 0 where all that is emitted."""
         return self.kernels.n + self.kernels.m
 
     def _uses_tangents(self, method: str, options: Mapping[str, InC]) -> bool:
@@ -303,7 +303,7 @@ class DenseDynamics(Dynamics):
 
 
 class EmittedDynamics(Dynamics):
-    """The state derivative written out and compiled for one choice of independent coordinates."""
+    """The state derivative emitted and compiled for one choice of independent coordinates."""
 
     @property
     def _eliminated(self) -> int:

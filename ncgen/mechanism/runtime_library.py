@@ -129,7 +129,7 @@ def has_runtime(part: Part) -> bool:
 def compiling_thread(number: str = "double", part: Part = "explicit") -> Thread:
     """A thread that compiles the runtime, if it is not in the cache, while something else runs; to be started, and joined before a run.
 
-    What goes wrong there goes wrong again, and is told, where the runtime is needed.
+    What goes wrong there goes wrong again, and is reported, where the runtime is needed.
     """
 
     def compiling() -> None:

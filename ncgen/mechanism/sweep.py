@@ -1,4 +1,4 @@
-"""The way back through a taped run: how a number changes with where the run began and with its parameters, in doubles; in dual numbers, how
+"""The reverse sweep through a taped run: how a number changes with where the run began and with its parameters; in dual numbers, how
 that changes along a direction.
 """
 

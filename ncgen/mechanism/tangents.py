@@ -7,6 +7,8 @@ those by position and velocity, or those by the parameters (ncgen.program.differ
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
@@ -21,13 +23,18 @@ from ncgen.mechanism import recall
 from ncgen.mechanism.arguments import pointer
 from ncgen.mechanism.recall import Files
 from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.programs import Programs, TangentPrograms
-from ncgen.toolchain.abi import InC, abi
+from ncgen.toolchain.abi import InC, Interface, abi
 from ncgen.toolchain.compilers import flags_for
 from ncgen.toolchain.loader import executed, load
 
 if TYPE_CHECKING:
     from ncgen.symbolic.numbering import Terms
+
+
+FEW_CALLS = 16
+"""Calls of each kernel that come without a compiler, which costs as much as hundreds of them: `linearise` needs one or two."""
 
 
 class Tangents(ABC):
@@ -96,30 +103,62 @@ class NumPyTangents(Tangents):
 
 
 class CompiledTangents(Tangents):
-    """Through a compiled library, whose `descriptor` the C runtime takes."""
+    """Through a compiled library, whose `descriptor` the C runtime takes; the first calls of each kernel compute its program as it stands.
 
-    def __init__(self, programs: TangentPrograms, equations: Terms, files: Files | None = None) -> None:
-        """files: the C source, where it is known"""
+    source: gives the C source, asked for when the library is needed
+    """
+
+    def __init__(self, programs: TangentPrograms, equations: Terms, source: Callable[[], Files] | None = None) -> None:
         super().__init__(programs, equations)
-        files = files or in_c.tangent_files(programs, equations)
-        kind, flags = programs.kind, flags_for(files)
-        getter = f"{prefix_of(equations.model.name)}_{kind}"
-        self._ffi, self._library = load(files | runtime_files(*HEADERS), f"const ncgen_{kind} *{getter}(void);", abi(), flags)
-        self.descriptor: InC = getattr(self._library, getter)()
+        self._source = source or (lambda: in_c.tangent_files(programs, equations))
+        self._calls: Counter[str] = Counter()
         n, rows, parameters = len(equations.free), len(equations.model.rows), len(equations.parameters)
         self._counts = {"q": n, "qd": n, "qdd": n, "lam": rows, "p": parameters}
 
     @classmethod
     def _of(cls, tangents: TangentPrograms, programs: Programs) -> Self:
-        files = recall.derived(programs, f"{tangents.kind} in C", lambda: in_c.tangent_files(tangents, programs.equations))
-        return cls(tangents, programs.equations, files)
+        def source() -> Files:
+            return recall.derived(programs, f"{tangents.kind} in C", lambda: in_c.tangent_files(tangents, programs.equations))
+
+        return cls(tangents, programs.equations, source)
+
+    @cached_property
+    def _loaded(self) -> tuple[Interface, InC, InC]:
+        """What passes arguments, the library, which has to stay, and the descriptor in it."""
+        files, kind = self._source(), self.programs.kind
+        getter = f"{prefix_of(self.equations.model.name)}_{kind}"
+        ffi, library = load(files | runtime_files(*HEADERS), f"const ncgen_{kind} *{getter}(void);", abi(), flags_for(files))
+        return ffi, library, getattr(library, getter)()
+
+    @property
+    def descriptor(self) -> InC:
+        """The struct of these kernels in C."""
+        return self._loaded[-1]
 
     def _call(self, name: str, program: Program, inputs: list[Any]) -> np.ndarray:
+        self._calls[name] += 1
+        if self._calls[name] <= FEW_CALLS and (values := self._computed(program, inputs)) is not None:
+            return values
+        return self._called(name, program, inputs)
+
+    @staticmethod
+    def _computed(program: Program, inputs: list[Any]) -> np.ndarray | None:
+        """The output of a program without a compiler; None where it is not finite, which C has its own words for."""
+        if not isinstance(inputs[0], (int, float)):
+            return None
+        arrays = [array.tolist() for array in inputs[1:]]
+        try:
+            return np.array(evaluate(program, dict(zip(program.inputs, [float(inputs[0]), *arrays], strict=True))), dtype=float)
+        except (ArithmeticError, ValueError):
+            return None
+
+    def _called(self, name: str, program: Program, inputs: list[Any]) -> np.ndarray:
+        ffi, _, descriptor = self._loaded
         out = np.empty(program.size)
         given = zip(program.inputs[1:], inputs[1:], strict=True)  # `Kernels` has laid them out
-        pointers = [pointer(self._ffi, array, "double[]", self._counts[of], of) for of, array in given]
+        pointers = [pointer(ffi, array, "double[]", self._counts[of], of) for of, array in given]
         try:
-            getattr(self.descriptor, name)(inputs[0], *pointers, pointer(self._ffi, out))
+            getattr(descriptor, name)(inputs[0], *pointers, pointer(ffi, out))
         except TypeError:
             raise NcgenError(f"{self.equations.model.name}.{name}: t is {inputs[0]!r}; compiled kernels take one real number") from None
         return out

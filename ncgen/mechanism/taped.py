@@ -121,12 +121,12 @@ class Taped:
 
     @property
     def not_differentiable(self) -> float | None:
-        """When (s) the first step began that went otherwise, beside a singular position; None where there is none."""
+        """When (s) the first step began that went otherwise, near a singular position; None where there is none."""
         return float(self._times[self._tape.other - 1]) if self._tape.other else None
 
     @cached_property
     def back(self) -> Sweep:
-        """The way back through the run."""
+        """The reverse sweep through the run."""
         transposed, home = self._dynamics.transposed
         numbers = Numbers(self._ffi, self._library, transposed, np.dtype(float), home)
         return Sweep(numbers, self._sizes, self._times, self._states, self._p, self.driven.values)
@@ -187,7 +187,7 @@ class Taped:
         return rows if len(self._seen) == len(rows) else rows[self._seen]
 
     def second(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[Sweep]]:
-        """The same, and for every direction the way back in dual numbers."""
+        """The same, and for every direction the reverse sweep in dual numbers."""
         sizes, columns = self._sizes, dp.shape[1]
         used = len(self._states) - (self._tape.room - self._tape.steps) * self._step_size
         taped = np.empty((used + sizes.n_prepared, columns))
@@ -272,7 +272,7 @@ class Segmented:
 
     @property
     def back(self) -> Sweep:
-        """The way back through its first step."""
+        """The reverse sweep through its first step."""
         return self._first.back
 
     def velocities_along(self, dq: np.ndarray, dp: np.ndarray) -> np.ndarray:

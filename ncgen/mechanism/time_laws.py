@@ -141,7 +141,7 @@ def is_slow(op: Op, below: Sequence[float]) -> bool:
 
 
 def degrees_in_time(graph: Graph, nodes: Iterable[int]) -> dict[int, float]:
-    """{node: its degree as a polynomial of time, infinite for what is none of degree `HIGHEST_DEGREE` at most}, arguments first."""
+    """{node: its degree as a polynomial of time, infinite for what is not one of degree `HIGHEST_DEGREE` at most}, arguments first."""
     degrees: dict[int, float] = {}
     for node in sorted(nodes):
         op = graph.ops[node]

@@ -26,7 +26,7 @@ ROUNDING = 1e-11
 
 
 class WrongTableau(Exception):
-    """Coefficients that are not those of the method that they are said to be."""
+    """Coefficients that are not those of the method that they are called."""
 
 
 @dataclass(frozen=True)

@@ -149,7 +149,7 @@ class Body:
 
     def copy(self) -> Body:
         """A body of its own with the same elements."""
-        frame = replace(self.frame, directions=list(self.frame.directions), beside=list(self.frame.beside))
+        frame = replace(self.frame, directions=list(self.frame.directions), close_points=list(self.frame.close_points))
         return replace(self, points=list(self.points), vectors=list(self.vectors), frame=frame)
 
     @property
@@ -279,7 +279,7 @@ def symmetric(tensor: np.ndarray) -> np.ndarray:
 
 def choose_basis(body: Body) -> tuple[Spatial, ...]:
     """A point and up to three independent directions, in the order in which the body's elements were given."""
-    points = [point for point in body.points if point not in body.frame.beside]
+    points = [point for point in body.points if point not in body.frame.close_points]
     if body.frame.planar:
         # With the plane's normal, two points carry any planar inertia, and so do a point and a vector.
         across = [v for v in body.vectors if v.components[2].value == 0.0]

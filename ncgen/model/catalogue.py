@@ -59,7 +59,7 @@ class RowType:
     formula(f, **arguments): the raw equation, zero when satisfied
     scale: the constants whose product divides the scaled row, and a factor
     size: the constants whose product is the natural size of the raw row
-    equation: the text printed beside the generated code, over the arguments' names
+    equation: the text printed next to the generated code, over the arguments' names
     """
 
     key: str

@@ -64,7 +64,7 @@ class ModelDriver:
 
 @dataclass(frozen=True, eq=False)
 class _Shared:
-    """What two bodies share, how they move beside each other, and the constraints of joints between them."""
+    """What two bodies share, how they move relative to each other, and the constraints of joints between them."""
 
     bodies: tuple[Body, Body]
     elements: tuple[Spatial, ...]

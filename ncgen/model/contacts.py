@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ncgen.errors import ModelError, one_of
+from ncgen.errors import ModelError, one_of, shown
 from ncgen.model.actions import impact
 from ncgen.model.bodies import Body
 from ncgen.model.conditions import Between, Bound
@@ -14,7 +14,7 @@ from ncgen.model.events import Event
 from ncgen.model.facts import fact
 from ncgen.model.frictions import Frictions
 from ncgen.model.touching import ContactSurface, Tip, Touching, touching
-from ncgen.model.values import Number, Scalar, Value, as_sympy, is_number, symbol_of
+from ncgen.model.values import Expression, Number, Scalar, Value, as_sympy, is_number, symbol_of
 
 LAWS = ("newton", "poisson")
 """Of impact: the velocity of the gap is reversed times the restitution, or the impulse of the compression is returned times it."""
@@ -24,9 +24,9 @@ LAWS = ("newton", "poisson")
 class Contact:
     """A rigid contact with friction, by the name of its event.
 
-    place: of what touches, three expressions (m)
+    place: of what touches, three expressions (m); none of a contact that is given by expressions
     sliding: m/s, one expression in the plane, two in space; friction: coefficient; tangential: restitution of the sliding velocity
-    slip: names of the parameters that say in which direction it slides
+    slip: names of the parameters that say in which direction it slides: 1 or −1 in the plane, in space the velocity when they were set
     """
 
     name: str
@@ -41,6 +41,12 @@ class Contact:
     def forward(self) -> Scalar:
         """The sliding velocity in the direction in which it slides."""
         return sum(as_sympy(w) * symbol_of(name) for w, name in zip(self.sliding, self.slip, strict=True))
+
+    @property
+    def kept(self) -> Scalar:
+        """In space: positive as long as the sliding velocity has turned by less than 45° from the direction in which it slid."""
+        w, d = [as_sympy(x) for x in self.sliding], [symbol_of(name) for name in self.slip]
+        return 2 * self.forward**2 - sum(x * x for x in w) * sum(x * x for x in d)
 
 
 class Contacts(Frictions):
@@ -133,7 +139,6 @@ class Contacts(Frictions):
         surface = ContactSurface(on, at, normal, axis, 0.0 if around is None else around, inside, curve, start, on is self.ground)
         numbers = {c.name: c.initial for c in self.components} | {p.name: p.default for p in self.parameters.values()}
         found = touching(tip, surface, numbers, where)
-        one_of(law, f"{where}: law", LAWS)
         if stiffness is not None:
             given = {"friction": friction, "restitution": restitution, "tangential": tangential}
             self._comply(name, found.gap, stiffness, damping, exponent, given)
@@ -142,6 +147,53 @@ class Contacts(Frictions):
             raise ModelError(f"{where}: damping and exponent belong to a compliant contact; give its stiffness, or leave them out")
         self._rub(name, found, friction, tangential, law)
         return self.event(name, found.gap, "falling", impact(restitution, order, rest))
+
+    @fact
+    def gap_contact(
+        self,
+        name: str,
+        gap: Expression,
+        sliding: Expression,
+        friction: Value = 0.0,
+        restitution: Value = 0.0,
+        tangential: Value = 0.0,
+        law: str = "newton",
+        order: str = "",
+        rest: str = "hold",
+    ) -> Event:
+        """Add a rigid contact that is given by expressions: of surfaces that `contact` does not have, or of coordinates of any meaning.
+
+        Parameters
+        ----------
+        name : str
+            Name of the contact in run.events.
+        gap : expression of coordinates and parameters
+            The gap in m, negative where the bodies overlap. Friction is the coefficient times its load, so its slope by the distance of the
+            surfaces should be 1 where it vanishes.
+        sliding : expression of coordinates, rates and parameters
+            The velocity in m/s at which the surfaces slide past each other, linear in rates. Friction acts on the coordinates as its power
+            says.
+        friction, restitution, tangential, law, order, rest : float, str
+            As of `contact`.
+
+        Returns
+        -------
+        Event
+            The event at which it closes.
+
+        Raises
+        ------
+        ModelError
+            For numbers out of range, and for a sliding velocity that is not linear in rates.
+        """
+        import sympy
+
+        where, velocity = f"contact {name}", sympy.sympify(sliding)
+        rates = [c.rate for c in self.components if not c.fixed and c.rate in velocity.free_symbols]
+        if not rates or any(velocity.diff(a, b) != 0 for a in rates for b in rates) or velocity.subs(dict.fromkeys(rates, 0)) != 0:
+            raise ModelError(f"{where}: the sliding velocity is {shown(sliding)}; give a sum of coefficients times rates")
+        self._rub(name, Touching(gap, (), (velocity,)), friction, tangential, law)
+        return self.event(name, gap, "falling", impact(restitution, order, rest))
 
     # -- helpers -------------------------------------------------------------------------------
 
@@ -170,6 +222,7 @@ class Contacts(Frictions):
     def _rub(self, name: str, found: Touching, friction: Value, tangential: Value, law: str) -> None:
         """Keep the friction of a rigid contact, unless it has none."""
         where = f"contact {name}"
+        one_of(law, f"{where}: law", LAWS)
         self._require_sign(where, ">=", friction=friction)
         self._require(Between(f"{where}: tangential restitution", tangential, 0.0, 1.0))
         if is_number(friction) and friction == 0.0:

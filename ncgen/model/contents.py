@@ -34,7 +34,7 @@ Box: TypeAlias = tuple[int, np.ndarray, np.ndarray]
 
 
 class Contents:
-    """What was said about a mechanism, by name or in the order in which it was said.
+    """What is known about a mechanism, by name or in the order in which it was given.
 
     elements, parameters, inputs, bodies: by name; ground: the body that does not move
     curves: splines and tables, by name
@@ -53,7 +53,7 @@ class Contents:
     facts: how the model was told
     frames: of links, by their names in a robot's file
     limits: {coordinate: (lowest, highest) value of its joint in a robot's file, rad or m}
-    left_out: what a robot's file says beside all this, in words
+    left_out: what a robot's file says in addition, in words
     assembled: (joint, how far it was moved to close loops, rad or m), of a robot's file
     closing: makes a robot's model with one loop more; None of other models
     starts: {name: arguments of `ncgen.simulate` (q0, qd0, t0)}, states that a robot's file names

@@ -65,7 +65,7 @@ class Coordinates(Contents):
 
         knots: increasing
         end: "natural" (no curvature there), "clamped" (slope 0), "not-a-knot" (the first two pieces are one polynomial, and the last two)
-            or "periodic", which begins again at its last knot; any other goes on straight beyond its knots, with the slope it has there
+            or "periodic", which begins again at its last knot; any other continues straight beyond its knots, with the slope it has there
         """
         return self._curve(curves.spline(name, knots, values, end))
 

@@ -1,4 +1,4 @@
-"""Functions of one variable that are told by numbers: splines, tables, and the smooth step, for any expression.
+"""Functions of one variable that are given by numbers: splines, tables, and the smooth step, for any expression.
 
     profile = m.spline("profile", (0, 0.1, 0.3), (0, 0.02, 0.03))
     m.drive(s, profile(m.time))

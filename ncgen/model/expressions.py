@@ -36,7 +36,7 @@ def symbols_in(expression: sympy.Basic) -> set[sympy.Symbol]:
 
 
 def check_expression(expression: object, what: str) -> sympy.Expr:
-    """The expression, unless it is none of sympy, too deep, or holds what is no finite real number; `what` names it.
+    """The expression, unless it is not one of sympy's, too deep, or holds what is no finite real number; `what` names it.
 
     Every different part is looked at once, arguments first.
     """

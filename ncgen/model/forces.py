@@ -37,9 +37,9 @@ class ForceType:
     """A kind of force: a tension along the length of its one vector or along its one scalar, or forces along its vectors.
 
     vectors, scalars, data: names of the arguments and of the constants, as of a row type
-    equation: the text printed beside the generated code, over these names
+    equation: the text printed next to the generated code, over these names
     potential(f, x, **data): the energy V (J) of the length or scalar x
-    friction(f, x, v, **data): what the tension has beside V′, at the rate v
+    friction(f, x, v, **data): what the tension has in addition to V′, at the rate v
     forces(f, **arguments, **data): in place of both, a force along each vector; its power is counted as work
     regular: True where V′ and friction, each times a/|a|, can be taken at |a| = 0, and so are not added up first
     """

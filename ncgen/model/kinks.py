@@ -44,7 +44,7 @@ def without_kinks(expression: sympy.Expr, where: str) -> sympy.Expr:
 
 
 def _parts(node: sympy.Basic, known: dict[sympy.Basic, int]) -> int:
-    """How many parts an expression has, its choices written out; told before they are."""
+    """How many parts an expression has, its choices expanded; counted before they are."""
     if node not in known:
         import sympy
 

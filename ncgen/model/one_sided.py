@@ -209,7 +209,7 @@ class OneSided(Events):
         return self._hit(where, as_sympy(length) ** 2 - square, restitution, check_order(order, where))
 
     def _law_of_stops(self, where: str, restitution: Value, stiffness: Value | None, damping: Value, exponent: Number, order: str) -> _Law:
-        """What stops do. Raises ModelError for numbers and words that are none of theirs."""
+        """What stops do. Raises ModelError for numbers and words that are not theirs."""
         self._check_restitution(where, restitution)
         self._require_sign(where, ">=", damping=damping)
         self._require_sign(where, ">", exponent=exponent, **({} if stiffness is None else {"stiffness": stiffness}))

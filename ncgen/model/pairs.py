@@ -1,7 +1,9 @@
-"""Joints between two bodies: what they share, and rows between them, say how one moves beside the other.
+"""Joints between two bodies: what they share, and rows between them, say how one moves relative to the other.
 
-What two bodies share tells their freedoms: a point 3, a point and a direction 1, a direction 4, two directions 3, nothing 6; in the
-plane a point 1, a direction 2, nothing 3. On a direction that they share a slider has 1 of these, a cylindrical joint 2. Beside the ground
+What two bodies share tells their degrees of freedom: a point 3, a point and a direction 1, a direction 4, two directions 3, nothing 6; in
+the
+plane a point 1, a direction 2, nothing 3. On a direction that they share a slider has 1 of these, a cylindrical joint 2. Relative to the
+ground
 held components of a body's points and vectors count, too: a point with a held y goes along x and z.
 Source: García de Jalón & Bayo, Kinematic and Dynamic Simulation of Multibody Systems (1994), chapter 2.
 """
@@ -84,7 +86,7 @@ def joint_between(body: Body, shared: Sequence[Spatial], slide: Slide | None) ->
 
 
 def joint_to_ground(body: Body, slide: Slide | None) -> tuple[Screw, ...]:
-    """How a body can move beside the ground, with which it shares what is fixed, and held components of what moves."""
+    """How a body can move relative to the ground, with which it shares what is fixed, and held components of what moves."""
     shared = [e for e in body.elements if e.fixed]
     screws = joint_between(body, shared, slide)
     moves = [screw for screw in screws if screw.point is None]

@@ -148,7 +148,7 @@ class Pictures(Contents):
         position, rotation: of its coordinates in the global ones, as for `box`, in the body's initial position
         scale: factors along its axes: (0.001, 0.001, 0.001) where it is in millimetres
 
-        A file that is missing or too large is told in one line when a picture is made, and left out.
+        A file that is missing or too large is reported in one line when a picture is made, and left out.
         """
         where = f"mesh {file}"
         if not file or "\0" in file or "://" in file:

@@ -46,7 +46,7 @@ Claims: TypeAlias = dict[tuple[str, ...], bool]
 class Frame:
     """The base of a body while its elements come in.
 
-    beside: points so near to the origin that they show no direction
+    close_points: points so near to the origin that they show no direction
     resting: of a body that is welded to the ground, how many of its directions have rows that say so; else None
     """
 
@@ -55,7 +55,7 @@ class Frame:
     directions: list[Combination] = field(default_factory=list)
     planar: bool = False
     resting: int | None = None
-    beside: list[Point] = field(default_factory=list)
+    close_points: list[Point] = field(default_factory=list)
 
     @property
     def is_crossed(self) -> bool:
@@ -87,7 +87,7 @@ def include(
     """Rows that tie new elements to a body.
 
     known: which lengths and angles of the model have a row; extent: of the whole model (m). A point that is near to the body's origin
-    beside it tells no direction: it is written as a combination of the base.
+    near it tells no direction: it is written as a combination of the base.
     Raises ModelError where points coincide and nothing else shows a direction.
     """
     elements = sorted(elements, key=lambda e: not isinstance(e, Point))  # points first, otherwise as given
@@ -105,7 +105,9 @@ def include(
                     made += _base_rows(frame, element, direction, known, scaled)
                     frame.directions.append(direction)
                     waiting.remove(element)
-    frame.beside += [e for e in waiting if isinstance(e, Point) and not _shows_direction(_direction(frame, e), measures.NEAR * extent)]
+    frame.close_points += [
+        e for e in waiting if isinstance(e, Point) and not _shows_direction(_direction(frame, e), measures.NEAR * extent)
+    ]
     for element in waiting:
         if len(frame.directions) == frame.planar and not arithmetic.norm(_direction(frame, element).initial) > 0:
             raise ModelError(f"{frame.owner}: the points {element.name} and {_origin(frame).name} coincide; share one point instead")
@@ -200,7 +202,7 @@ def _end(segment: Combination) -> Point:
 def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Parameter], extent: float) -> list[Row]:
     """element = origin + Σ weight · direction, one linear row a component.
 
-    What lies beside the plane of two directions, but too near to it to be a third one, takes their cross product besides.
+    What lies outside the plane of two directions, but too near to it to be a third one, takes their cross product besides.
     """
     direction = _direction(frame, element)
     size = measures.natural_length(direction, extent) if isinstance(element, Point) else 1.0

@@ -76,7 +76,7 @@ def _base_block(array: str, base: list[float]) -> Loop:
 
 
 def _straight(array: str, lines: Sequence[Loop], base: list[float], hits: Mapping[int, int], equations: Terms) -> Straight | None:
-    """Small groups written out: their loops unrolled into one graph, contributions to one place added."""
+    """Small groups: their loops unrolled into one graph, contributions to one place added."""
     graph = Graph()
     sums: dict[int, list[int]] = defaultdict(list)
     comments: dict[int, list[str]] = defaultdict(list)

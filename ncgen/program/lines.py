@@ -1,4 +1,4 @@
-"""A mechanism in one straight line: every term written out, whatever is common to several of them computed once."""
+"""A mechanism in one straight line: every term unrolled, whatever is common to several of them computed once."""
 
 from __future__ import annotations
 

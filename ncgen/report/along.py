@@ -124,7 +124,7 @@ class Recorded:
 
 
 def _check_sizes(path: Path, arrays_of_file: dict[str, np.ndarray]) -> None:
-    """Refuse arrays whose axes contradict each other, and numbers that are none."""
+    """Refuse arrays whose axes contradict each other, and NaN."""
     sizes: dict[str, int] = {}
     for name, axes in (ARRAYS | NAMES | MORE | TEXTS).items():
         if name not in arrays_of_file:

@@ -48,7 +48,7 @@ def timed(what: str, total: int) -> Iterator[Callable[[int, int, float | None], 
 
 
 def notebook() -> Callable[..., Any] | None:
-    """What displays something in the notebook that this is run in, or None where it is none."""
+    """What displays something in the notebook that this is run in, or None outside of one."""
     ipython = sys.modules.get("IPython")  # whoever runs a notebook has imported it
     shell = ipython.get_ipython() if ipython else None
     if shell is None or getattr(shell, "kernel", None) is None:
@@ -78,7 +78,7 @@ def _in_notebook(display: Callable[..., Any], what: str, total: float | None) ->
 
 
 def _html(what: str, done: float | None, total: float | None, time_told: str) -> str:
-    """One picture of a bar; without `done` or `total` it only shows that something goes on."""
+    """One picture of a bar; without `done` or `total` it only shows that something runs."""
     known = f'value="{done:.6g}" max="{total:.6g}"' if done is not None and total else ""
     return f'<div>{escape(what)} <progress {known} style="vertical-align:middle"></progress> {escape(time_told)}</div>'
 

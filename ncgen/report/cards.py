@@ -90,7 +90,7 @@ class Card:
 
 
 def of_model(model: Model) -> str:
-    """Drawing, freedoms, rows and numbers of a model as they are now."""
+    """Drawing, degrees of freedom, rows and numbers of a model as they are now."""
     card = Card(model.name, "model")
     card.add("counts", lambda: [f"{_free(model)} of {len(model.components)} coordinates free"])
     card.add("bodies", lambda: [counted(len(model.bodies), "body")])
@@ -102,7 +102,7 @@ def of_model(model: Model) -> str:
 
 
 def of_kernels(kernels: Kernels) -> str:
-    """Freedoms, operations, and where Φ_q and M have numbers, rows that others imply in red."""
+    """Degrees of freedom, operations, and where Φ_q and M have numbers, rows that others imply in red."""
     card = Card(kernels.name, f"kernels in {kernels.backend}")
     card.add("counts", lambda: [f"{counted(kernels.n, 'coordinate')}, {counted(kernels.m, 'row')}"])
     card.add("freedoms", lambda: _freedoms(kernels))

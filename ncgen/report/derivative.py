@@ -1,4 +1,4 @@
-"""What a mechanism's state derivative costs, written out in every way that applies."""
+"""What a mechanism's state derivative costs, emitted in every way that applies."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def motion(kernels: Kernels) -> dict | None:
 
 def derivative(kernels: Kernels) -> dict | None:
     """One JSON-ready record: {way: operations of the accelerations}, "taken", the cheapest way, and "closing", operations of what closes
-    positions; at the initial position. None where nothing can be written out, as at a singular one."""
+    positions; at the initial position. None where nothing can be emitted, as at a singular one."""
     try:
         q = assemble(kernels)
         split = split_of(choose_partitions(kernels, q, independent=kernels.model.chosen_independent).velocity)

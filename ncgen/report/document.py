@@ -14,7 +14,7 @@ from ncgen.emit.environment import render
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, what is to be said, rows of cells (the first row are titles), and a plot."""
+    """A heading, what is reported, rows of cells (the first row are titles), and a plot."""
 
     title: str
     text: str = ""
@@ -23,7 +23,7 @@ class Section:
 
 
 def page(title: str, sections: list[Section], machine: dict[str, str]) -> str:
-    """The text of the HTML file. The browser is told to load nothing from anywhere."""
+    """The text of the HTML file. The browser is asked to load nothing from anywhere."""
     parts = [{"title": s.title, "text": s.text, "rows": s.rows, "svg": svg(s.plot) if s.plot else ""} for s in sections]
     return render("html/report.html.jinja", title=title, sections=parts, machine=machine)
 

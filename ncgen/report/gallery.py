@@ -1,6 +1,6 @@
 """The examples with their degrees of freedom, as `ncgen list` shows them.
 
-Degrees of freedom are numerical facts that take a moment to find, so they are kept beside the compiled libraries,
+Degrees of freedom are numerical facts that take a moment to find, so they are kept next to the compiled libraries,
 under a digest of the example's text.
 """
 

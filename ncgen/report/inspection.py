@@ -29,7 +29,7 @@ def inspect(kernels: Kernels, mobility: Freedom | None = None) -> dict:
         whether the initial position is; initial: {angle: rad}; left_out: [{what, count, changes_motion}] of a robot's file, which
         the model does not have; assembled: [{joint, moved, unit}] of a robot whose loops were closed when it was read; omitted:
         [text] of what the generator simplified away; kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters:
-        {name: default}; tree: [{body, on, freedoms}], from the ground outward; joints: [{kind, bodies, elements}];
+        {name: default}; tree: [{body, on, dof}], from the ground outward; joints: [{kind, bodies, elements}];
         drivers: {coordinate: law}.
     """
     mobility = mobility or freedom(kernels)
@@ -64,7 +64,7 @@ def inspect(kernels: Kernels, mobility: Freedom | None = None) -> dict:
 
 def _tree(tree: Tree) -> list[dict]:
     return [
-        {"body": link.body.name, "on": "ground" if link.parent is None else tree.links[link.parent].body.name, "freedoms": len(link.screws)}
+        {"body": link.body.name, "on": "ground" if link.parent is None else tree.links[link.parent].body.name, "dof": len(link.screws)}
         for link in tree.links
     ]
 

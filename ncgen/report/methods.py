@@ -1,4 +1,4 @@
-"""All methods of the registries, how each is told its accuracy, and a limit to their time."""
+"""All methods of the registries, how each takes its accuracy, and a limit to their time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ONE = "dop853"
 
 
 class ToleranceArguments(TypedDict):
-    """How an integrator that chooses its steps is told its accuracy: arguments of `simulate`."""
+    """How an integrator that chooses its steps takes its accuracy: arguments of `simulate`."""
 
     rtol: float
     atol: float

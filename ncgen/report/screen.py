@@ -43,7 +43,7 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
     if facts["drivers"]:
         console.print(f"  driven: {', '.join(f'{name} = {law}' for name, law in facts['drivers'].items())}", markup=False)
     if facts["tree"]:
-        links = ", ".join(f"{link['body']} on {link['on']} {link['freedoms']}" for link in facts["tree"])
+        links = ", ".join(f"{link['body']} on {link['on']} {link['dof']}" for link in facts["tree"])
         console.print(f"  spanning tree (degrees of freedom of its joints): {links}", markup=False)
     if facts.get("motion"):
         console.print(f"  {motion_line(facts['motion'])}", markup=False)

@@ -1,4 +1,4 @@
-"""Numbers that are none, infinite ones among them: found where they arise, and told by their owner's name.
+"""NaN and infinity: detected where they arise, and reported by their owner's name.
 
 Kernels add up what many terms give, so that one term which is not a number makes all that is computed from it no number
 either. The solver therefore looks at what the kernels return (`watched`), and where that is not finite evaluates the terms
@@ -81,7 +81,7 @@ def is_finite(values: np.ndarray | csr_array) -> bool:
 class FiniteKernels:
     """The kernels of a mechanism, which raise DomainError with the owner's name where a result is not finite.
 
-    Where the state itself is not, that is told; the kernels have no part in it.
+    Where the state itself is not, that is reported; the kernels have no part in it.
     """
 
     def __init__(self, kernels: Kernels) -> None:
@@ -169,7 +169,7 @@ def refusal(
 
 
 def _first(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
-    """The kernel where it begins: a derivative is no number where the term itself is none."""
+    """The kernel where it begins: a derivative is NaN where the term itself is."""
     for name in INSTANT:
         arguments = [given[x] for x in WATCHED[name][1]]
         if name == kernel or not is_finite(getattr(kernels, name)(*arguments)):

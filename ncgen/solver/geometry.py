@@ -1,4 +1,4 @@
-"""Points, vectors and directions at a position q: the way back from coordinates to pictures."""
+"""Points, vectors and directions at a position q: from coordinates to pictures."""
 
 from __future__ import annotations
 

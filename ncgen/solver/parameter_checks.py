@@ -1,4 +1,4 @@
-"""Whether parameters are values that the model could have been made with: what is no mass as a number is none in p.
+"""Whether parameters are values that the model could have been made with: what is no mass as a number is rejected in p.
 
 Everything that takes p from a caller judges it here, through `ncgen.solver.given` or `ncgen.solver.motions.states`.
 """
@@ -30,7 +30,7 @@ ACCEPTED = 16
 
 
 def check_parameters(kernels: Outline, p: np.ndarray) -> None:
-    """Raise ModelError where parameters p (n_p,) are none that the model could have been made with, naming them and their numbers."""
+    """Raise ModelError where parameters p (n_p,) are values that the model could not have been made with, naming them and their numbers."""
 
     def accept() -> None:
         if refused := refused_parameters(kernels, p[None]):

@@ -85,7 +85,7 @@ class VariedAxis:
 
 
 def _numbers(given: object, where: str) -> tuple[float, ...]:
-    """A list of real numbers, such that are none included: their variants will say so."""
+    """A list of real numbers, NaN included: their variants will say so."""
     try:
         array = np.asarray(given)
         fits = array.ndim == 1 and array.size > 0 and array.dtype.kind in "iuf"
@@ -181,7 +181,7 @@ class Design:
         return np.column_stack([axis.at(column) for axis, column in zip(self.axes, shares.T, strict=True)])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled as what was said; where a sequence has come to is no part of it."""
+        """Pickled as what was given; where a sequence has come to is no part of it."""
         return Design, (self.axes, self.kind, self.count, self.seed)
 
     # -- shares (count, names) from 0 to 1 -------------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """Studies from TOML files: data, like model files, and told with the line where something is wrong.
 
-model = "pendulum.toml"        # a model file beside this one, or an example's name
+model = "pendulum.toml"        # a model file next to this one, or an example's name
 design = "sobol"
 count = 1024
 keep = ["psi", "max(psi)"]

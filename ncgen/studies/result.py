@@ -58,7 +58,13 @@ class StudyResult:
         return sum(end - first for first, end, _ in self._spans)
 
     def keys(self) -> tuple[str, ...]:
-        """Names of all columns: what varied, `ok`, and what was kept."""
+        """Return the names of all columns.
+
+        Returns
+        -------
+        tuple of str
+            What varied, `ok`, and what was kept.
+        """
         return (*self.names, OK, *self.about["kept"])
 
     def __iter__(self) -> Iterator[str]:
@@ -114,7 +120,13 @@ class StudyResult:
     # -- tables ----------------------------------------------------------------------------------------------------------------------------
 
     def table(self) -> dict[str, np.ndarray]:
-        """{column: (B,)}, a history as a column an instant, with `variant` and `status` ("ok", or the sentence)."""
+        """Return all columns, each history as one column for every time.
+
+        Returns
+        -------
+        dict of str to numpy.ndarray
+            Columns, shape (B,) each, with `variant` and `status` ("ok", or the message).
+        """
         columns: dict[str, np.ndarray] = {"variant": self.variant}
         for name in self.keys():
             columns |= _flat(name, self[name], self.times)
@@ -123,13 +135,32 @@ class StudyResult:
         return columns
 
     def dataframe(self) -> Any:
-        """The table as a pandas DataFrame whose index is the variant. Raises NcgenError where pandas is not installed."""
+        """Return the table as a pandas DataFrame.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The table; its index is the variant.
+
+        Raises
+        ------
+        NcgenError
+            If pandas is not installed.
+        """
         return _package("pandas").DataFrame(self.table()).set_index("variant")
 
     def dataset(self) -> Any:
-        """An xarray Dataset: a complete grid has a dimension for everything that varied, all else the dimension `variant`; histories `t`.
+        """Return the columns as an xarray Dataset.
 
-        Raises NcgenError where xarray is not installed.
+        Returns
+        -------
+        xarray.Dataset
+            A complete grid has a dimension for each name that varied, any other design the dimension `variant`; histories have `t`.
+
+        Raises
+        ------
+        NcgenError
+            If xarray is not installed.
         """
         xarray = _package("xarray")
         if self.about["design"] == "grid" and self.complete:
@@ -213,7 +244,23 @@ class StudyResult:
     # -- what it says ----------------------------------------------------------------------------------------------------------------------
 
     def sobol(self, name: str) -> Indices:
-        """Sobol' indices of a column by everything that varied, of a study with design="saltelli". Raises NcgenError for another."""
+        """Compute Sobol' indices of a column, of a study with design="saltelli".
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+
+        Returns
+        -------
+        Indices
+            First-order and total indices by each name that varied.
+
+        Raises
+        ------
+        NcgenError
+            If the study has another design.
+        """
         if self.about["design"] != "saltelli":
             raise NcgenError(f"Sobol' indices need design='saltelli'; this study is a {self.about['design']}")
         if not self.complete:

@@ -163,7 +163,7 @@ def _progress_of(study: Study, progress: Wanted, stack: ExitStack) -> ProgressOp
 
 
 def _engine(bench: Bench, workers: object, threads: int | None, stack: ExitStack) -> engines.Engine:
-    """Who computes. Raises ModelError for what is none."""
+    """Who computes. Raises ModelError for what is not one."""
     if workers is None:
         return engines.Here(bench, threads)
     if isinstance(workers, str):
@@ -207,7 +207,7 @@ class _Work:
                 self.report_progress(0.0)
 
     def report_progress(self, more: float) -> None:
-        """more: variants that are done beside those that have arrived."""
+        """more: variants that are done in addition to those that have arrived."""
         if self.progress:
             left = self.left - more
             self.progress(int(self.study.size - left), self.study.size, self.pace.left(left))

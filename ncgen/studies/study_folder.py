@@ -118,7 +118,7 @@ class Folder:
     def missing(self) -> list[tuple[int, int]]:
         """(first, end) of the variants that are still to be computed.
 
-        Files that are not whole, which is told in one line, and those that a killed process left are removed: the folder must be held.
+        Files that are not whole, which is reported in one line, and those that a killed process left are removed: the folder must be held.
         """
         for path in self.path.glob(UNFINISHED):
             _remove(path)

@@ -106,7 +106,7 @@ def replaced(expression: sympy.Expr, rules: Mapping[sympy.Symbol, sympy.Expr]) -
 def differentiate(phi: sympy.Expr, scalars: tuple[str, ...]) -> Outputs:
     """The outputs of a constraint row: Φ, Φ_q, ν = −Φ_t and γ = −(Φ_q q̇)_q q̇ − 2Φ_qt q̇ − Φ_tt.
 
-    γ is the second derivative along the motion that goes on straight: −d²/dε² Φ(q + ε q̇, t + ε) at ε = 0.
+    γ is the second derivative along the motion that continues straight: −d²/dε² Φ(q + ε q̇, t + ε) at ε = 0.
     Taken so, the products of Φ stay products; building the Hessian first costs twice the operations.
     """
     import sympy
@@ -124,7 +124,7 @@ def differentiate(phi: sympy.Expr, scalars: tuple[str, ...]) -> Outputs:
 def _beside_kinks(expression: sympy.Expr) -> tuple[sympy.Expr, Callable[[sympy.Expr], sympy.Expr]]:
     """The expression with constants for the signs in it, |u| being sign(u) u, and a function that puts the signs back.
 
-    Its derivatives are those beside the kinks, where they are used; sympy's own have Dirac impulses, and derivatives of these.
+    Its derivatives are those near the kinks, where they are used; sympy's own have Dirac impulses, and derivatives of these.
     """
     import sympy
 
@@ -299,7 +299,7 @@ def user_potential(key: str, scalars: tuple[str, ...], data: tuple[str, ...], po
 
 
 def _inertia(scalars: tuple[str, ...], kinetic: sympy.Expr, extra: Outputs | None = None) -> Outputs:
-    """Outputs from a kinetic energy ½ vᵀMv, a quadratic form of the rates of the scalars; more: other outputs."""
+    """Outputs from a kinetic energy ½ vᵀMv, a quadratic form of the rates of the scalars; extra: other outputs."""
     speeds = rates(scalars)
     outputs: Outputs = {TemplateOutput("kinetic"): kinetic, **(extra or {})}
     for k, speed in enumerate(speeds):

@@ -1,6 +1,7 @@
-"""The bodies of a mechanism as a tree: which one carries which, and how each can move beside the one that carries it.
+"""The bodies of a mechanism as a tree: which one carries which, and how each can move relative to the one that carries it.
 
-A spanning tree takes the joints (`ncgen.model.pairs`) with the fewest freedoms first. Whatever it does not use, elements shared across it
+A spanning tree takes the joints (`ncgen.model.pairs`) with the fewest degrees of freedom first. Whatever it does not use, elements shared
+across it
 and constraints of the user's, closes loops.
 Source: García de Jalón & Bayo, Kinematic and Dynamic Simulation of Multibody Systems (1994), chapter 8.
 """
@@ -39,7 +40,7 @@ class Tree:
     """{element: the link nearest to the ground that it moves with}; what rests and what belongs to no link is not there."""
 
     @property
-    def freedoms(self) -> int:
+    def dof(self) -> int:
         """Of the tree, before loops are closed."""
         return sum(len(link.screws) for link in self.links)
 

@@ -62,7 +62,7 @@ def compiled(
     siblings: called where the library is not in the cache, for others whose objects are taken, of the first one that has them
     patience: seconds that a compiler may take at least, where headers are much longer than what is given here
     A flag that a compiler refuses is left out if code is only slower without it. What was left out and which compilers failed
-    is said in one warning, and found out once in a process.
+    is reported in one warning, and found out once in a process.
     Raises CompileError with the compiler's log if there is none, or none that works.
     """
     failures: list[CompileError] = []
@@ -273,7 +273,7 @@ def _is_entry(folder: Path) -> bool:
 
 
 def clear() -> int:
-    """Remove all entries, what was kept beside them, and abandoned builds; returns how many libraries went.
+    """Remove all entries, what was cached with them, and abandoned builds; returns how many libraries went.
 
     Raises NcgenError if the system does not let them go.
     """

@@ -2,7 +2,7 @@
 
 What lies there becomes machine code of this process, so nothing is read that anybody else could have written: a file counts only
 if it belongs to the user, nobody else may write to it, and nobody else may put another one in its place. A folder that is not
-like this, or that cannot be written, is an inconvenience and no error: it is said once, and a temporary folder of this process
+like this, or that cannot be written, is an inconvenience and no error: it is reported once, and a temporary folder of this process
 stands in for it.
 """
 

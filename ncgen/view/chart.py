@@ -33,7 +33,7 @@ def empty(width: float, height: float) -> Chart:
     return chart
 
 
-def settle(chart: Chart) -> Chart:
+def finished(chart: Chart) -> Chart:
     """Fit panels, labels and legends into the figure once and for all, so that drawing it again changes nothing."""
     ConstrainedLayoutEngine().execute(chart)
     return chart

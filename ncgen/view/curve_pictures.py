@@ -17,7 +17,7 @@ LETTER = 5.6
 
 
 def curves(t: np.ndarray, histories: Mapping[str, np.ndarray], label: str, unit: str = "s") -> SvgDrawing:
-    """Histories {name: (K,)} over times (K,), or what else goes on; what is not a finite number is left out.
+    """Histories {name: (K,)} over times (K,), or anything else over time; what is not a finite number is left out.
 
     label: what is drawn, with its unit; unit: of t
     """

@@ -17,7 +17,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from ncgen.errors import NcgenError
 from ncgen.files import path_of, write_bytes
 from ncgen.model import Model
-from ncgen.view.chart import GRID, empty, settle
+from ncgen.view.chart import GRID, empty, finished
 from ncgen.view.eye import AZIMUTH, ELEVATION, screen
 from ncgen.view.histories import plot
 from ncgen.view.label_places import LabelPlaces
@@ -70,7 +70,7 @@ def drawn(scene: Scene, frame: int, title: str, names: bool | None) -> Figure:
     if scene.has_shapes:
         _draw_solids(axes, scene, frame)
     _draw(axes, scene, frame, not scene.has_shapes if names is None else names)
-    return settle(chart) if scene.planar else chart
+    return finished(chart) if scene.planar else chart
 
 
 def save(chart: Figure, path: str | Path) -> Path:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ncgen.view.chart import GRID, empty, settle
+from ncgen.view.chart import GRID, empty, finished
 from ncgen.view.chosen import above_lowest, grouped
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def plot(run: Trajectory, names: str | Iterable[str] | None = None, against: str
     _violation(panels[-1], run)
     panels[0].set_title(run.name)
     panels[-1].set_xlabel("time (s)")
-    return settle(chart)
+    return finished(chart)
 
 
 def _over(run: Trajectory, names: str | Iterable[str] | None, against: str) -> Figure:
@@ -55,7 +55,7 @@ def _over(run: Trajectory, names: str | Iterable[str] | None, against: str) -> F
     axes.margins(x=0.05)
     axes.set_xlabel(against)
     axes.set_title(run.name)
-    return settle(chart)
+    return finished(chart)
 
 
 def _energy(axes: Axes, run: Trajectory) -> None:

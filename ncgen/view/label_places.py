@@ -1,4 +1,4 @@
-"""Where names go in a picture: beside their point, as far as possible from lines and other names."""
+"""Where names go in a picture: next to their point, as far as possible from lines and other names."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class LabelPlaces:
         self._take((start + SAMPLES * (end - start)) @ self.screen)
 
     def next_to(self, point: np.ndarray) -> np.ndarray:
-        """The place of a name beside a point, in the picture's coordinates; it is taken from now on."""
+        """The place of a name next to a point, in the picture's coordinates; it is taken from now on."""
         anchor = point @ self.screen
         candidates = anchor + self.offset * DIRECTIONS
         clearance = self._clearance(candidates)

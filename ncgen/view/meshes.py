@@ -1,7 +1,8 @@
 """Meshes from files, read by trimesh (`pip install 'ncgen[robots]'`), and brought to as few triangles as a picture needs.
 
-A file is data: its size is limited, XML with document types or entities is refused, and what it names beside itself, such as textures,
-is not opened. What cannot be read is told in one line, and the picture goes without it.
+A file is data: its size is limited, XML with document types or entities is refused, and what it names in addition to itself, such as
+textures,
+is not opened. What cannot be read is reported in one line, and the picture goes without it.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class Unreadable(Exception):
 
 
 def mesh_of(path: Path) -> Mesh | None:
-    """The triangles of a file, MOST at most; None where there are none to show, which is told in one line."""
+    """The triangles of a file, MOST at most; None where there are none to show, which is reported in one line."""
     try:
         stat = path.stat()
         return _read(path, stat.st_mtime_ns, stat.st_size)

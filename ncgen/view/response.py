@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from ncgen.solver.linear.linearise import Linearisation
-from ncgen.view.chart import GRID, empty, settle
+from ncgen.view.chart import GRID, empty, finished
 
 BESIDE = 10.0
 """How far frequencies go below the slowest pole and above the fastest, where none are given."""
@@ -39,7 +39,7 @@ def response(near: Linearisation, w: ArrayLike | None = None) -> Figure:
             axes.grid(**GRID)
             axes.margins(x=0)
     panels[0, -1].legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, frameon=False, fontsize=9)
-    return settle(chart)
+    return finished(chart)
 
 
 def _about(near: Linearisation) -> np.ndarray:

@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from ncgen.errors import NcgenError
-from ncgen.view.chart import GRID, empty, settle
+from ncgen.view.chart import GRID, empty, finished
 
 COLOURS = "viridis"
 BAND, MIDDLE = "#4477aa", "#222222"
@@ -51,7 +51,7 @@ def _panels(title: str, kept: Columns, draw: Any) -> Figure:
         axes = chart.add_subplot(len(kept), 1, k)
         draw(axes, name, values.astype(float))
         axes.set_title(title if k == 1 else "")
-    return settle(chart)
+    return finished(chart)
 
 
 def _envelope(axes: Axes, name: str, values: np.ndarray, times: np.ndarray) -> None:
@@ -100,7 +100,7 @@ def _parallel(title: str, varied: Columns, kept: Columns) -> Figure:
             axes.text(k, height, f"{value:.4g}", ha="center", va=side, fontsize=7)
     axes.set_xticks(range(len(names)), names, rotation=30, ha="right", fontsize=8)
     axes.set_title(title, pad=14)
-    return settle(chart)
+    return finished(chart)
 
 
 def _colours(values: np.ndarray) -> np.ndarray:

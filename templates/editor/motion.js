@@ -34,8 +34,8 @@ class Motion {
     this.check(this.kernels.ncgen_table_begin(table.length, t, rtol, atol));
   }
 
-  settle() {
-    this.check(this.kernels.ncgen_table_settle());
+  projectState() {
+    this.check(this.kernels.ncgen_table_project_state());
   }
 
   goOn(end) {

@@ -35,7 +35,7 @@ class Exported:
         n = self.kernels.n
         self.state = (ctypes.c_double * (4 + 3 * n))(0, 0, 0, 0, *map(float, (*q, *qd)))
         self.p = (ctypes.c_double * (len(p) + 1))(*map(float, p))
-        self._call("settle")
+        self._call("project_state")
 
     def advance(self, t: float, tolerance: float) -> None:
         self._call("advance", t, tolerance, 0.01 * tolerance)

@@ -98,7 +98,7 @@ def test_the_hunt_sees_what_is_wrong():
 USES = {
     "step": lambda sim: sim.step(1e-4),
     "drive": lambda sim: sim.drive(tau=0.1),
-    "settle": lambda sim: sim.settle(),
+    "project_state": lambda sim: sim.project_state(),
     "qdd": lambda sim: sim.qdd,
 }
 

@@ -326,7 +326,7 @@ def simulation_calls(k: Any) -> list[Call]:
         Call("sims.step", lambda h, tau: sims.step(h, tau=tau), {"h": 1e-4, "tau": np.zeros(3)}),
         Call("sims.drive", sims.drive, {"tau": np.zeros(3)}),
         Call("sims.reset", sims.reset, {"rows": [0, 2], "states": all_kept}),
-        Call("sims.settle", sims.settle, {"rows": [0, 1]}),
+        Call("sims.project_state", sims.project_state, {"rows": [0, 1]}),
         Call("sim[]", sim.__getitem__, {"name": "psi"}),
         Call("sims[]", sims.__getitem__, {"name": "psi"}),
     ]

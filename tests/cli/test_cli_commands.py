@@ -73,7 +73,7 @@ def test_inspect_the_robot(ncgen_main, written):
     assert {"phi", "phi_q", "gamma", "mass", "force"} <= set(kernels)
     assert (kernels["phi"]["nonzeros"], kernels["gamma"]["nonzeros"], kernels["force"]["nonzeros"]) == (31, 31, 36)
     assert all(record["operations"] > 0 for record in kernels.values())
-    assert [(link["body"], link["on"], link["freedoms"]) for link in facts["tree"][:3]] == [
+    assert [(link["body"], link["on"], link["dof"]) for link in facts["tree"][:3]] == [
         ("body2", "ground", 1), ("body3", "body2", 1), ("body4", "body2", 1),
     ]  # fmt: skip
     counts = facts["derivative"]

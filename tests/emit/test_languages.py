@@ -38,7 +38,7 @@ def test_no_two_languages_write_the_same_file(robot_sources):
 
 
 def test_an_unknown_language_is_refused_with_those_that_there_are(robot_sources):
-    with pytest.raises(ModelError, match=r"^language 'cobol' is unknown; choose one of c, numpy, wasm$"):
+    with pytest.raises(ModelError, match=r"^language 'cobol' is unknown; choose one of c, numpy$"):
         robot_sources("auto").of("cobol")
 
 

@@ -7,24 +7,24 @@ import pytest
 from ncgen.emit.wasm import binary
 from ncgen.emit.wasm.binary import F64, I32, Import, Signature, WasmFunction
 from ncgen.emit.wasm.code import function
-from ncgen.emit.wasm.lookup import lookup
 from ncgen.emit.wasm.memory import Memory
-from ncgen.emit.wasm.sincos import sincos
 from ncgen.program.ir.blocks import Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.ir.graph import ArrayElement, Op
 
 MODULE = """
     00 61 73 6d 01 00 00 00
     01 0b  02  60 01 7c 01 7c  60 02 7c 7f 00
-    02 0c  01  04 4d 61 74 68 03 74 61 6e 00 00
+    02 3b  04  04 4d 61 74 68 03 74 61 6e 00 00
+       05 6e 63 67 65 6e 06 6d 65 6d 6f 72 79 02 00 00
+       05 6e 63 67 65 6e 06 74 61 62 6c 65 73 03 7f 00
+       05 6e 63 67 65 6e 05 72 6f 6f 6d 73 03 7f 00
     03 03  02  01 00
-    05 03  01  00 02
-    06 06  01  7f 00 41 18 0b
-    07 1f  04  01 66 00 01  01 67 00 02  06 6d 65 6d 6f 72 79 02 00  0a 6e 63 67 65 6e 5f 68 65 61 70 03 00
+    07 09  02  01 66 00 01  01 67 00 02
     0a 0e  02  07 02 01 7f 02 7c 01 0b  04 00 20 00 0b
-    0b 09  01  00 41 10 0b 03 07 08 09
+    0b 09  01  00 23 00 0b 03 07 08 09
+    00 05  02 6d 65  01 02
 """
-"""Of Math.tan and two functions: magic and version, then types, imports, functions, memory, a global, exports, code and data."""
+"""Of Math.tan and two functions: magic and version, then types, imports, functions, exports, code, data and a section for others."""
 
 
 @pytest.mark.parametrize(
@@ -49,23 +49,17 @@ def test_a_module():
     tangent = Signature((F64,), (F64,))
     functions = [WasmFunction("f", Signature((F64, I32), ()), b"\x01", 1, 2), WasmFunction("g", tangent, b"\x20\x00", 0, 0)]
     whole = bytes.fromhex(MODULE)
-    assert binary.module([Import("Math", "tan", tangent)], functions, 16, b"\7\10\11", 24) == whole
-    assert binary.module([Import("Math", "tan", tangent)], functions, 16, b"", 24) == whole[:-11] + b"\x0b\1\0"
-
-
-@pytest.mark.parametrize(("heap", "pages"), [(1, 2), (65536, 2), (65537, 3), (131072, 3)])
-def test_a_page_is_left_to_the_caller(heap, pages):
-    assert bytes([5, 3, 1, 0, pages]) in binary.module([], [], 16, b"", heap)
+    assert binary.linked([Import("Math", "tan", tangent)], functions, b"\7\10\11", {"me": b"\1\2"}) == whole
+    assert binary.linked([Import("Math", "tan", tangent)], functions, b"", {}) == whole[:-18] + b"\x0b\1\0"
 
 
 def test_where_arrays_and_tables_lie():
-    """Arrays from the address 16 on, then tables, each once and at a multiple of eight bytes."""
+    """Arrays one after the other; tables, each once and at a multiple of eight bytes."""
     memory = Memory({"w": 3, "sine": 2})
-    assert memory.places == {"w": 16, "sine": 40} and memory.start == memory.heap == 56
-    assert [memory.distances((0, 5, 2)), memory.numbers((1.5,)), memory.distances((0, 5, 2))] == [56, 72, 56]
+    assert memory.places == {"w": 0, "sine": 24} and memory.size == 40
+    assert [memory.distances((0, 5, 2)), memory.numbers((1.5,)), memory.distances((0, 5, 2))] == [0, 16, 0]
     assert memory.data == bytes.fromhex("00000000 28000000 10000000 00000000 000000000000f83f")
-    assert memory.heap == 80
-    assert (memory.distances((7,)), memory.heap) == (80, 88)
+    assert (memory.integers((7,)), len(memory.data)) == (24, 28)
 
 
 def made(program: Program, **rooms: int) -> WasmFunction:
@@ -88,21 +82,12 @@ def test_instructions():
     square = (Op("load", (), ArrayElement("q", 2)), Op("mul", (0, 0)))
     line = made(Program("line", ("q",), "out", 2, (Straight(square, (Store("out", 1, 1, True),)),)))
     load, product = "20 00 2b 03 10 21 02", "20 02 20 02 a2 21 03"
-    assert line.body == bytes.fromhex(f"{load} {product} 20 01 20 01 2b 03 08 20 03 a0 39 03 08")
-    assert (line.name, line.signature) == ("m_line", Signature((I32, I32), ()))
+    assert line.body == bytes.fromhex(f"{load} {product} 20 01 20 01 2b 03 08 20 03 a0 39 03 08 41 00")
+    assert (line.name, line.signature) == ("m_line", Signature((I32, I32), (I32,)))
     loop = Loop(3, (Op("slot", (), 0),), (Slot("q", (0, 2, 4)),), (TableStore("w", (1, 2, 3), 0),))
     done = made(Program("loop", ("t", "q"), "out", 2, (loop,)), w=4)
     run = "20 03 41"
     load = f"20 01 41 00 6a {run} 10 6c 6a 2b 03 00 21 04"
-    store = f"41 00 41 18 6a {run} 08 6c 6a 20 04 39 03 00"
-    assert done.body == bytes.fromhex(f"41 00 21 03 03 40 {load} {store} {run} 01 6a 21 03 {run} 03 49 0d 00 0b")
+    store = f"23 01 41 08 6a {run} 08 6c 6a 20 04 39 03 00"
+    assert done.body == bytes.fromhex(f"41 00 21 03 03 40 {load} {store} {run} 01 6a 21 03 {run} 03 49 0d 00 0b 41 00")
     assert (done.signature.arguments, done.integers, done.numbers) == ((F64, I32, I32), 1, 1)
-
-
-def test_functions_of_a_module_have_the_locals_that_they_need():
-    """A lookup counts with two whole numbers and adds in one; a sine needs one for each assignment in ncgen_math.h."""
-    assert (lookup().integers, lookup().numbers) == (2, 1)
-    wanted = sincos(0, 1)
-    used = [place for place in range(3, 3 + wanted.numbers) if b"\x21" + bytes([place]) in wanted.body]
-    assert wanted.integers == 0 and len(used) == wanted.numbers
-    assert b"\x21" + bytes([3 + wanted.numbers]) not in wanted.body

@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import subprocess
 
 import pytest
+from wasm_in_node import in_node as run_in_node
 
-from ncgen.emit.wasm.files import module
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
@@ -20,25 +19,18 @@ from ncgen.program.ir.graph import ARITHMETIC, PIECES, ArrayElement, Op
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 
 SCRIPT = """
-import { readFileSync } from "node:fs";
-const { instance } = await WebAssembly.instantiate(readFileSync("m.wasm"), { Math });
-const w = instance.exports, view = new Float64Array(w.memory.buffer), at = w.ncgen_heap.value / 8, found = [];
 for (const q of INPUTS) {
   view.fill(0, at, at + 64);
   view.set(q, at);
   w.m_all(8 * at, 8 * (at + 8));
   found.push(Array.from(view.slice(at + 8, at + 8 + SIZE)));
 }
-console.log(JSON.stringify(found));
 """
 
 
 def in_node(program: Program, inputs: list[list[float]], folder) -> list[list[float]]:
     """What the program makes of q, each time."""
-    (folder / "m.wasm").write_bytes(module([program], "m"))
-    script = SCRIPT.replace("INPUTS", json.dumps(inputs)).replace("SIZE", str(program.size))
-    (folder / "m.mjs").write_text(script)
-    return json.loads(subprocess.run(["node", "m.mjs"], cwd=folder, capture_output=True, text=True, check=True).stdout)
+    return run_in_node([program], "m", SCRIPT.replace("INPUTS", json.dumps(inputs)).replace("SIZE", str(program.size)), folder)
 
 
 def test_operations(tmp_path):

@@ -114,3 +114,97 @@ def test_a_rod_that_slides_the_other_way_may_have_any_friction():
     start = {"A.x": -1.0, "A.y": 0.0, "B.x": -1.0, "B.y": 0.0}
     run = ncgen.simulate(ncgen.compile(rod(5.0, math.radians(45))), 1e-3, qd0=start)
     assert run.events[0].what == "rests"
+
+
+def ball(m: ncgen.Model, place: tuple[float, float, float]) -> tuple[ncgen.Body, ncgen.model.elements.Point]:
+    """A homogeneous sphere of 1 kg in space, with the vectors u along x and v along y."""
+    C = m.point("C", place)
+    return m.body("ball", [C], [m.vector("u", (1, 0, 0)), m.vector("v", (0, 1, 0))], mass=1.0, inertia=[0.4 * RADIUS**2] * 3), C
+
+
+def turning(velocity: tuple[float, float, float], spin: tuple[float, float, float]) -> dict[str, float]:
+    """Velocities of that sphere, its centre's and of u and v at the angular velocity `spin` (rad/s)."""
+    rates = {"C": velocity, "u": np.cross(spin, (1, 0, 0)), "v": np.cross(spin, (0, 1, 0))}
+    return {f"{name}.{axis}": float(x) for name, vector in rates.items() for axis, x in zip("xyz", vector, strict=True)}
+
+
+@pytest.mark.parametrize(("place", "speed"), [((0.5, 0.0), (0.3, 0.1)), ((-0.2, 0.4), (0.0, -0.5))])
+def test_a_sphere_on_a_turntable_rolls_in_a_circle(place, speed):
+    """Of 2/7 of the angular velocity of the table, for every start."""
+    omega = 3.0
+    m = ncgen.Model("turntable")
+    n, x = m.vector("n", (0, 0, 1), fixed=True), m.vector("x", (1, 0, 0), fixed=True)
+    O, e = m.point("O", (0, 0, 0), fixed=True), m.vector("e", (1, 0, 0), fixed="z")
+    table = m.body("table", [O], [n, e])
+    psi = m.angle("psi", x, e, n)
+    m.drive(psi, omega * m.time)
+    body, C = ball(m, (*place, RADIUS))
+    m.gravity((0, 0, -G))
+    m.contact("table", body, C, table, O, radius=RADIUS, normal=n, friction=0.5)
+    table_velocity = np.array([-omega * place[1], omega * place[0]])
+    slip = (table_velocity - speed) / RADIUS  # ω × (−R n) = (−R ω_y, R ω_x)
+    kernels, period = ncgen.compile(m), 2 * math.pi / (2 * omega / 7)
+    run = ncgen.simulate(
+        kernels, period, points=[0.0, period / 4, period], qd0=turning((*speed, 0.0), (slip[1], -slip[0], 0.0)), rtol=1e-11
+    )
+    assert period == pytest.approx(7.33038285837618) and [each.what for each in run.events] == ["rests", "sticks"]
+    start = np.array(place)
+    quarter = start + np.array([speed[0] - speed[1], speed[0] + speed[1]]) / (2 * omega / 7)
+    centre = [[run[f"C.{axis}"][k] for axis in "xy"] for k in (1, 2)]
+    assert centre[0] == pytest.approx(quarter, abs=1e-9) and centre[1] == pytest.approx(start, abs=1e-9)
+
+
+@pytest.mark.parametrize(("inertia", "share"), [(0.5, 1 / 3), (0.4, 2 / 7)])
+def test_what_rolls_on_a_plank_that_is_pulled(inertia, share):
+    """A cylinder takes 1/3 of its acceleration, a sphere 2/7."""
+    pull = 2.0
+    m = ncgen.Model("plank")
+    up, x = m.vector("up", (0, 1), fixed=True), m.vector("x", (1, 0), fixed=True)
+    O, P = m.point("O", (0, 0), fixed=True), m.point("P", (0, 0), fixed="y")
+    plank = m.body("plank", [P], [up])
+    m.drive(m.slide("s", O, P, x), pull * m.time**2 / 2)
+    C = m.point("C", (0, RADIUS))
+    body = m.body("roller", [C, m.point("D", (RADIUS, RADIUS))], mass=1.0, com=(0, RADIUS), inertia=inertia * RADIUS**2)
+    m.gravity((0, -G))
+    m.contact("plank", body, C, plank, P, radius=RADIUS, normal=up, friction=0.5)
+    run = ncgen.simulate(ncgen.compile(m), 2.0, rtol=1e-11)
+    assert [each.what for each in run.events] == ["rests", "sticks"]
+    assert run["C.x"][-1] == pytest.approx(share * pull * 2.0, rel=1e-9)
+
+
+def test_a_ball_in_a_tube_comes_up_again():
+    """Its height has √(2/7) of the frequency of its revolutions: z = −(5/2)(g/Ω²)(1 − cos(√(2/7) Ω t)) from a start without spin about the
+    radius."""
+    tube, speed = 0.4, 3.0
+    m = ncgen.Model("tube")
+    axis, O = m.vector("axis", (0, 0, 1), fixed=True), m.point("O", (0, 0, 0), fixed=True)
+    body, C = ball(m, (tube - RADIUS, 0.0, 0.0))
+    m.gravity((0, 0, -G))
+    m.contact("tube", body, C, m.ground, O, radius=RADIUS, axis=axis, around=tube, inside=True, friction=1.0)
+    omega = speed / (tube - RADIUS)
+    period = 2 * math.pi / (math.sqrt(2 / 7) * omega)
+    times = [0.0, period / 4, period / 2, period]
+    start = turning((0.0, speed, 0.0), (0.0, 0.0, -speed / RADIUS))
+    run = ncgen.simulate(ncgen.compile(m), period, points=times, qd0=start, rtol=1e-11)
+    assert [each.what for each in run.events] == ["rests", "sticks"]
+    assert run["C.z"] == pytest.approx([-2.5 * G / omega**2 * (1 - math.cos(2 * math.pi * t / period)) for t in times], abs=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0, 1.5, 2.0, 5.0])
+def test_a_block_that_is_pushed_across_a_slope(share):
+    """Friction is against a velocity that turns downhill: share |v| + v_down changes by g sin α (1 − share²) a second, for μ = share tan α,
+    and above 1 the block comes to rest when it vanishes."""
+    alpha, speed = 0.3, 2.0
+    m = ncgen.Model("slope")
+    n, O, P = m.vector("n", (0, 0, 1), fixed=True), m.point("O", (0, 0, 0), fixed=True), m.point("P", (0, 0, 0))
+    body = m.body("block", [P], mass=1.0)
+    m.gravity((G * math.sin(alpha), 0, -G * math.cos(alpha)))
+    m.contact("slope", body, P, m.ground, O, normal=n, friction=m.parameter("mu", share * math.tan(alpha)))
+    rate = G * math.sin(alpha) * (1 - share**2)
+    end = -share * speed / rate if share > 1 else 1.0
+    run = ncgen.simulate(ncgen.compile(m), 1.1 * end, qd0={"P.x": 0.0, "P.y": speed, "P.z": 0.0}, rtol=1e-11)
+    total = share * np.hypot(run["rate(P.x)"], run["rate(P.y)"]) + run["rate(P.x)"]
+    assert np.max(np.abs(total - np.maximum(share * speed + rate * run.t, 0.0))) < 1e-9
+    if share > 1:
+        assert [each.what for each in run.events] == ["rests", "sticks"] and run.events[1].t == pytest.approx(end, rel=1e-9)
+        assert not np.any(run.qd[-1])

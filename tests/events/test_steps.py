@@ -152,3 +152,17 @@ def test_a_jump_of_a_driver_and_a_stop():
     assert [each.t for each in sim.events] == pytest.approx([0.25, 0.75], rel=1e-12)
     assert [each.t for each in run.events] == pytest.approx([0.25, 0.75], rel=1e-12)
     assert sim.q == pytest.approx(run.q[-1], abs=1e-12) and sim.work == pytest.approx(run.work[-1], abs=1e-12)
+
+
+def test_a_lock_that_opens():
+    """A pushed block is locked from the start and freed at 0.45 s, inside a step; from there on it accelerates."""
+    m, s = sliding_block("locked")
+    m.torque(s, 2.0)
+    m.lock(s, until=0.45 - m.time)
+    kernels = ncgen.compile(m)
+    run, sim = ncgen.simulate(kernels, 1.0), ncgen.start(kernels)
+    stepped(sim, 4, 0.1)
+    assert abs(sim["s"]) < 1e-14 and abs(sim.qdd[0]) < 1e-12
+    stepped(sim, 6, 0.1)
+    assert sim["s"] == pytest.approx(0.55**2, rel=1e-12) and sim.q == pytest.approx(run.q[-1], abs=1e-12)
+    assert [each.t for each in sim.events] == pytest.approx([each.t for each in run.events], abs=1e-12)

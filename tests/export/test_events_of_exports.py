@@ -77,12 +77,95 @@ def test_a_ball_bounces(tmp_path):
     assert events[0][-1] == pytest.approx(-0.75 * G, rel=1e-10)  # work: what the impact takes
 
 
-def test_a_ball_that_comes_to_rest_is_refused_on_the_way(tmp_path):
-    """Nothing holds it; the motion ends before with words, and is right up to there."""
-    events, last, _, stopped, said = run_in_c(ball(), tmp_path, 2.0)
-    assert not stopped and said.startswith("bounces accumulate: a gap is at rest")
-    own = [each.t for each in ncgen.simulate(ncgen.compile(ball()), 2.0).events if not each.what]
-    assert [row[0] for row in events] == pytest.approx(own[:-1], abs=1e-11) and last[0] == events[-1][0]
+def test_a_ball_that_comes_to_rest(tmp_path):
+    """The gap is held closed from the time on at which infinitely many bounces end."""
+    events, last, counts, stopped, said = run_in_c(ball(), tmp_path, 3.0, flags=f"-O1 {STRICT}")
+    own = [each.t for each in ncgen.simulate(ncgen.compile(ball()), 3.0).events if not each.what]
+    assert [row[0] for row in events] == pytest.approx(own, abs=1e-11) and counts == [len(own)] and not stopped and said == "ok"
+    assert last[0] == 3.0 and abs(last[1]) < 1e-15 and last[2] == 0.0
+
+
+def test_a_ball_that_is_lifted(tmp_path):
+    """A force of 4 t N lifts it where it exceeds its weight, at g/4."""
+    m = ncgen.Model("lifted")
+    P = m.point("P", (0, 1), fixed="x")
+    m.body("ball", [P], mass=1.0)
+    m.gravity((0, -G))
+    m.force(P, (0, 4 * m.time))
+    m.event("floor", when=P.y, do=ncgen.impact(restitution=0.5))
+    *_, last, _, _, said = run_in_c(m, tmp_path, 4.0)
+    assert said == "ok" and last[1] == pytest.approx(2 * (4.0 - G / 4) ** 3 / 3, rel=1e-9)
+
+
+def test_a_rope_becomes_slack_and_taut(tmp_path):
+    """T11: it is taut from the start, slack 30° above horizontal, and taut again at the bottom."""
+    m = ncgen.Model("rope")
+    O, P = m.point("O", (0, 0), fixed=True), m.point("P", (0, -1))
+    m.body("bob", [P], mass=1.0)
+    m.gravity((0, -G))
+    m.rope(O, P, 1.0, name="rope")
+    m.simulation(duration=1.3, qd0={"P.x": math.sqrt(3.5 * G), "P.y": 0.0})
+    events, last, counts, _, said = run_in_c(m, tmp_path, 1.3)
+    assert said == "ok" and counts == [1] and events[0][0] == pytest.approx(0.4819942834614219 + 0.782061887005775, rel=1e-10)
+    assert events[0][1:5] == pytest.approx([0.0, -1.0, -1.107361729517505, 0.0], abs=1e-8)
+    kernels = ncgen.compile(m)
+    own = ncgen.simulate(kernels, 1.3, rtol=1e-12, qd0=m.simulation_options["qd0"])
+    assert last[1:5] == pytest.approx([*own.q[-1], *own.qd[-1]], abs=1e-8)
+
+
+def test_a_block_pushed_against_its_stop(tmp_path):
+    """The push turns at 2 s, and the block leaves at once."""
+    m, s = sliding_block("stop")
+    m.torque(s, 2 - m.time)
+    m.stop(s, upper=0.5)
+    _, last, counts, _, said = run_in_c(m, tmp_path, 3.0)
+    assert said == "ok" and counts == [1] and last[1] == pytest.approx(0.5 - 1 / 6, rel=1e-9)
+
+
+def test_a_ball_in_a_corner(tmp_path):
+    """Two gaps are held at the end; one after the other comes to rest."""
+    m = ncgen.Model("corner")
+    P = m.point("P", (0.3, 1))
+    m.body("ball", [P], mass=1.0)
+    m.gravity((-2.0, -G))
+    m.event("floor", when=P.y, do=ncgen.impact(restitution=0.4, order="simultaneous"))
+    m.event("wall", when=P.x, do=ncgen.impact(restitution=0.3, order="simultaneous"))
+    _, last, counts, _, said = run_in_c(m, tmp_path, 4.0)
+    own = ncgen.simulate(ncgen.compile(m), 4.0)
+    assert said == "ok" and last[1:5] == pytest.approx(0.0, abs=1e-12)
+    assert counts == [sum(each.name == name and not each.what for each in own.events) for name in ("floor", "wall")]
+
+
+def test_a_push_that_changes_between_steps(tmp_path):
+    """A block that its input pushes against its stop leaves it in the step in which the push turns round."""
+    m, s = sliding_block("pushed")
+    m.torque(s, m.input("push"))
+    m.stop(s, upper=0.5)
+    export(m, "c", tmp_path)
+    (tmp_path / "driver.c").write_text(PUSHED)
+    shell("cc -std=c99 -O0 -g -fsanitize=address,undefined -Iinclude -Isrc driver.c src/*.c -lm -o driver", tmp_path)
+    first, second = ([float(x) for x in line.split()] for line in shell("./driver", tmp_path).splitlines())
+    assert first == pytest.approx([2.0, 0.5, 0.0], abs=1e-12) and second == pytest.approx([3.0, 0.0, -1.0], abs=1e-12)
+
+
+PUSHED = r"""
+#include <stdio.h>
+#include "pushed_motion.h"
+int main(void)
+{
+    pushed_state state;
+    double p[PUSHED_N_PARAMETERS];
+    pushed_defaults(p);
+    p[PUSHED_P_PUSH] = 1;
+    int status = pushed_start(&state, p);
+    for (int k = 0; k < 4 && !status; ++k) status = pushed_step(&state, p, 0.5);
+    printf("%.17g %.17g %.17g\n", state.t, state.q[PUSHED_Q_S], state.qd[PUSHED_Q_S]);
+    p[PUSHED_P_PUSH] = -1;
+    for (int k = 0; k < 2 && !status; ++k) status = pushed_step(&state, p, 0.5);
+    printf("%.17g %.17g %.17g\n", state.t, state.q[PUSHED_Q_S], state.qd[PUSHED_Q_S]);
+    return status;
+}
+"""
 
 
 @pytest.mark.parametrize("number", ["SINGLE", "LONG_DOUBLE"])
@@ -225,3 +308,33 @@ def test_a_python_package(tmp_path):
     assert [float(x) for x in second.split()] == pytest.approx([2 * fall, speed / 8, 2.0], abs=1e-11)
     assert third.split()[0] == "True" and float(third.split()[1]) == pytest.approx(2 * fall + speed / 4 / G / 0.75, abs=1e-5)
     assert said == "an event has ended the motion"
+
+
+SINGLE = r"""
+#define BALL_IMPLEMENTATION
+#include "ball_single.h"
+#include <stdio.h>
+int main(void)
+{
+    ball_state state;
+    double p[BALL_N_PARAMETERS];
+    ball_defaults(p);
+    int status = ball_start(&state, p);
+    while (!status && state.t < 2) status = ball_step(&state, p, 0.01);
+    printf("%d %d %.17g\n", status, state.mode, state.q[0]);
+    return 0;
+}
+"""
+
+
+def test_one_header_and_cpp(tmp_path):
+    """In one file as in many, and from C++."""
+    export(ball(), "c", tmp_path)
+    (tmp_path / "main.c").write_text(SINGLE)
+    status, mode, y = shell(f"cc -std=c99 -O0 {STRICT} -Isingle main.c -lm -o main && ./main", tmp_path).split()
+    assert (status, mode) == ("0", "1") and abs(float(y)) < 1e-15
+    (tmp_path / "main.cpp").write_text(
+        '#include "ball.hpp"\n#include <cstdio>\nint main() { ball::mechanism m; m.next_event(2.0); std::printf("%.17g", m.state.t); }\n'
+    )
+    said = shell("make -s libball.a && g++ -std=c++11 -Iinclude main.cpp libball.a -lm -o other && ./other", tmp_path)
+    assert float(said) == pytest.approx(0.4515236409857309, rel=1e-12)

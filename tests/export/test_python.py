@@ -57,7 +57,7 @@ motion.q = [float(x) for x in motion.q]
 motion.p = 1.5 * motion.p
 assert all(getattr(motion, name) is place for name, place in places.items())
 other.p[:] = motion.p
-motion.settle(), other.settle()
+motion.project_state(), other.project_state()
 assert np.array_equal(motion.qdd, other.qdd) and np.array_equal(motion.p, 1.5 * mechanism.DEFAULTS)
 motion.t = 0.25
 assert motion.t == 0.25

@@ -43,7 +43,7 @@ def test_bodies_and_freedoms():
     """Six of the trunk and three of each leg, from a tree of 26 that four feet close."""
     kernels = ncgen.compile(ncgen.load("quadruped"), "numpy")
     tree = spanning_tree(kernels.model)
-    assert (len(tree.links), tree.freedoms, ncgen.freedom(kernels).dof) == (21, 26, 18)
+    assert (len(tree.links), tree.dof, ncgen.freedom(kernels).dof) == (21, 26, 18)
 
 
 def test_falling_freely():

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 import sympy
 
 import ncgen
+from ncgen.mechanism import tangents
 
 MECHANISMS = ["robot", "pendulum", "andrews", "flyball", "disc", "heavytop", "suspension", "panels", "slidercrank3d", "stewart"]
 STEP = 1e-100
@@ -17,6 +20,42 @@ def both(request):
     """The same mechanism compiled, and in NumPy, which takes complex numbers."""
     sources = ncgen.generate(ncgen.load(request.param))
     return ncgen.compile(sources, backend="c"), ncgen.compile(sources, backend="numpy")
+
+
+@pytest.fixture(autouse=True)
+def compiled_at_once(monkeypatch):
+    """The first calls would come without a compiler."""
+    monkeypatch.setattr(tangents, "FEW_CALLS", 0)
+
+
+@pytest.mark.parametrize("name", ["stiffness", "damping", "phidd_q", "phidd_qd"])
+def test_the_first_calls_need_no_compiler(both, state, name, monkeypatch):
+    """They are what the library gives, to rounding, and it is not loaded before."""
+    q, qd, qdd, lam = state
+    given = {"stiffness": (q, qd, qdd, lam), "phidd_q": (q, qd, qdd)}.get(name, (q, qd))
+    fresh = pickle.loads(pickle.dumps(both[0]))
+    monkeypatch.setattr(tangents, "FEW_CALLS", 1)
+    monkeypatch.setattr(tangents, "load", None)
+    first = getattr(fresh, name)(*given, 0.3).toarray()
+    monkeypatch.undo()
+    monkeypatch.setattr(tangents, "FEW_CALLS", 1)
+    second = getattr(fresh, name)(*given, 0.3).toarray()
+    assert_close(first, second)
+
+
+def test_what_is_not_finite_is_left_to_the_library(monkeypatch):
+    """A torque log(ψ̇) has no derivative at rest: as in C, and no error of Python's."""
+    m = ncgen.Model("rod")
+    A, B = m.point("A", (0, 0, 0), fixed=True), m.point("B", (1, 0, 0))
+    x, z, side = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True), m.vector("side", (0, 1, 0))
+    m.body("rod", [A, B], [side, z], mass=3.0, com=(0.5, 0, 0), inertia=(0.25, 0.25, 0.25))
+    psi = m.angle("psi", x, B - A, z)
+    m.torque(psi, sympy.log(psi.rate))
+    kernels, found = ncgen.compile(m, backend="c"), []
+    for calls in (0, 5):
+        monkeypatch.setattr(tangents, "FEW_CALLS", calls)
+        found.append(kernels.damping(kernels.q0, np.zeros(kernels.n)).toarray())
+    assert np.array_equal(*found, equal_nan=True) and not np.all(np.isfinite(found[0]))
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import pickle
 import shutil
-import subprocess
 from pathlib import Path
 
 import mpmath
@@ -14,10 +13,10 @@ import pytest
 import scipy.integrate
 import sympy
 from scipy.interpolate import BPoly, CubicSpline
+from wasm_in_node import in_node
 
 import ncgen
 from ncgen import ModelError
-from ncgen.emit.wasm.files import module
 from ncgen.exchange.grammar import parse_expression
 from ncgen.exchange.toml_reader import model_of
 from ncgen.exchange.toml_writer import to_toml
@@ -204,16 +203,12 @@ def test_complex_steps_and_many_digits():
 
 
 SCRIPT = """
-import { readFileSync } from "node:fs";
-const { instance } = await WebAssembly.instantiate(readFileSync("m.wasm"), { Math });
-const w = instance.exports, view = new Float64Array(w.memory.buffer), at = w.ncgen_heap.value / 8, found = [];
 for (const x of PLACES) {
   view.fill(0, at, at + 24);
   view[at + PLACE] = x;
   w.pushed_force(0, 8 * at, 8 * (at + 8), 8 * (at + 16), 8 * (at + 16));
   found.push(Array.from(view.slice(at + 16, at + 22)));
 }
-console.log(JSON.stringify(found));
 """
 
 
@@ -224,10 +219,8 @@ def test_webassembly_has_the_same_bits(end, tmp_path):
     kernels = ncgen.compile(pushed(end), "numpy")
     program, place = kernels.programs.programs["force"], kernels.index["P.x"]
     x = [*places()[:500].tolist(), *KNOTS.tolist()]
-    (tmp_path / "m.wasm").write_bytes(module([program], "pushed"))
-    (tmp_path / "m.mjs").write_text(SCRIPT.replace("PLACES", json.dumps(x)).replace("PLACE", str(place)))
-    said = subprocess.run(["node", "m.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-    for at, found in zip(x, json.loads(said), strict=True):
+    script = SCRIPT.replace("PLACES", json.dumps(x)).replace("PLACE", str(place))
+    for at, found in zip(x, in_node([program], "pushed", script, tmp_path), strict=True):
         q = [at if k == place else 0.0 for k in range(kernels.n)]
         assert found == evaluate(program, {"t": 0.0, "q": q, "qd": q, "p": []})
 

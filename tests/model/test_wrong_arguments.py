@@ -95,6 +95,10 @@ def calls(s) -> dict[str, dict]:
             "name": "new", "body": s.rod, "point": s.A, "on": s.arm, "at": s.B, "radius": 0.1, "around": 0.2, "axis": s.w, "inside": True,
             "friction": 0.3, "restitution": 0.5, "tangential": 0.1, "law": "newton", "order": "in turn", "rest": "hold",
         },
+        "gap_contact": {
+            "name": "new", "gap": s.A.z + 1.0, "sliding": s.A.x.rate, "friction": 0.3, "restitution": 0.5, "tangential": 0.1,
+            "law": "newton", "order": "in turn", "rest": "hold",
+        },
         "rolling": {"disc": s.rod, "centre": s.A, "axle": s.u, "across": s.w, "radius": 1.0, "normal": (0.0, 0.0, 1.0)},
         "gravity": {"field": (0, 0, -9.81)},
         "force": {"point": s.A, "vector": (1, 2, 3), "label": "mine"},

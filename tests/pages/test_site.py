@@ -54,7 +54,7 @@ def test_everything_public_has_a_page(site):
     for name in ncgen.__all__:
         assert f'id="{ncgen._HOMES[name]}.{name}"' in (site / "docs/reference/ncgen" / f"{name}.html").read_text(encoding="utf-8")
     pages = "".join(path.read_text(encoding="utf-8") for path in (site / "docs/reference/ncgen").glob("*.html"))
-    for path in ("mechanism.kernels.Kernels", "solver.trajectory.Trajectory", "solver.linearise.Linearisation"):
+    for path in ("mechanism.kernels.Kernels", "solver.trajectories.trajectory.Trajectory", "solver.linear.linearise.Linearisation"):
         assert f'id="ncgen.{path}"' in pages
     vocabulary = (site / "docs/reference/words.html").read_text(encoding="utf-8")
     assert all(f"[{word}]" in vocabulary for word in words())

@@ -188,5 +188,5 @@ def test_the_tree_and_its_freedoms(name, links, freedoms):
     """Seven hinges of an arm; a Stewart platform floats on legs that are lengths only; the robot's tree has two joints more than it has
     freedoms, which its loop takes."""
     tree = spanning_tree(load(name))
-    assert (len(tree.links), tree.freedoms) == (links, freedoms)
+    assert (len(tree.links), tree.dof) == (links, freedoms)
     assert all(link.parent is None or link.parent < number for number, link in enumerate(tree.links))

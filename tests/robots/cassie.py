@@ -40,9 +40,7 @@ def main(file: str) -> None:
     kernels = ncgen.compile(model_of(robot), "c")
     space = ncgen.joint_space(kernels)
     operations = cost(space.made("basics")["joint_inverse"]).total
-    print(
-        f"{space.n} freedoms, {kernels.n} coordinates, {space.tree.freedoms} rates of the tree, {operations} operations of inverse dynamics"
-    )
+    print(f"{space.n} freedoms, {kernels.n} coordinates, {space.tree.dof} rates of the tree, {operations} operations of inverse dynamics")
     peer = Pinocchio(robot)
     rng, worst, off = np.random.default_rng(0), 0.0, 0.0
     for _ in range(STATES):

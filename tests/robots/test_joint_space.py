@@ -185,7 +185,7 @@ def test_many_states_at_a_time():
         (lambda s: s.mass_matrix(np.zeros(3)), "q: its shape is (3,), and arm has 49 coordinates; give (…, 49)"),
         (lambda s: s.jacobian("tip", s.kernels.q0), "point: there is no tip; the points are r0, r1"),
         (lambda s: s.jacobian("r1", s.kernels.q0, body="link7"), "point r1: body link7 does not have it"),
-        (lambda s: s.jacobian("r1", s.kernels.q0, frame="world"), "frame: 'world' is none of global, local, spatial"),
+        (lambda s: s.jacobian("r1", s.kernels.q0, frame="world"), "frame: 'world' is not one of global, local, spatial"),
         (lambda s: s.inverse_dynamics(s.kernels.q0, np.zeros(3)), "v: its shape is (3,), and arm has 7 rates; give (…, 7)"),
     ],
 )

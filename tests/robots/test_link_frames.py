@@ -134,7 +134,7 @@ def test_a_frame_that_rests_and_one_that_is_not_there(space):
     assert not space.frame("rail").jacobian(q).any()
     with pytest.raises(ModelError, match="arm has no frame tool1; known: base, rail, upper, lower, hand, tool0"):
         space.frame("tool1")
-    with pytest.raises(ModelError, match="reference: body is none of world-aligned, local, world"):
+    with pytest.raises(ModelError, match="reference: body is not one of world-aligned, local, world"):
         space.frame("tool0").jacobian(q, "body")
 
 

@@ -103,11 +103,11 @@ def test_a_tree_settles_with_the_least_kinetic_energy(crane):
     allowed = T @ np.linalg.solve(T.T @ M @ T, T.T @ M)
     tree, qd, aside = moving(crane, "tree"), rng.uniform(-1, 1, crane.n) * sizes, 1e-4 * rng.uniform(-1, 1, crane.n) * sizes
     tree.q[:], tree.qd[:] = q, qd
-    assert tree.settle() == "ok"
+    assert tree.project_state() == "ok"
     assert tree.q == pytest.approx(q, abs=1e-14)
     assert tree.qd == pytest.approx(allowed @ qd, abs=1e-12)
     tree.q[:], tree.qd[:] = q + aside, 0.0
-    assert tree.settle() == "ok"
+    assert tree.project_state() == "ok"
     assert np.max(np.abs(crane.phi(tree.q) / crane.row_sizes)) < 1e-13
     assert tree.q - q == pytest.approx(allowed @ aside, abs=1e-6)
 
@@ -116,7 +116,7 @@ def test_a_tree_accelerates_and_moves_as_the_matrix_says(crane):
     states = {form: moving(crane, form) for form in ("tree", "dense")}
     start = crane.q0, np.random.default_rng(2).uniform(-1, 1, crane.n) * crane.column_sizes
     states["dense"].q[:], states["dense"].qd[:] = start
-    assert states["dense"].settle() == "ok"
+    assert states["dense"].project_state() == "ok"
     states["tree"].q[:], states["tree"].qd[:] = states["dense"].q, states["dense"].qd
     for state in states.values():
         assert state.evaluate() == "ok"

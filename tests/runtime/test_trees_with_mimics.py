@@ -11,6 +11,7 @@ from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.program.ir.blocks import Pattern
 from ncgen.program.tree.couplings import NoTables, couplings, followed
 from ncgen.solver.engines import compiled
+from ncgen.solver.positions import rank
 from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.rank import freedom, scaled_jacobian
 from ncgen.symbolic.tree import spanning_tree
@@ -62,11 +63,19 @@ def test_what_follows_is_seen(gripper):
     assert len(tree.coupled.carriers) == 1 and freedom(gripper).dof == 4
 
 
+def test_joints_tell_the_rank(gripper, monkeypatch):
+    """Of large trees, without a look at what rows imply."""
+    found = freedom(gripper)
+    monkeypatch.setattr(rank, "DENSE", 0)
+    monkeypatch.setattr(rank, "freedom_at", None)
+    assert rank.rank_at(gripper, gripper.q0, 0.0, gripper.p0) == (found.rank, found.is_singular) == (gripper.n - 4, False)
+
+
 def test_accelerations_and_motion_are_those_of_the_matrix(gripper):
     states = {form: moving(gripper, form) for form in ("tree", "dense")}
     states["dense"].q[:] = gripper.q0
     states["dense"].qd[:] = np.random.default_rng(2).uniform(-1, 1, gripper.n) * gripper.column_sizes
-    assert states["dense"].settle() == "ok"
+    assert states["dense"].project_state() == "ok"
     states["tree"].q[:], states["tree"].qd[:] = states["dense"].q, states["dense"].qd
     for state in states.values():
         assert state.evaluate() == "ok"
@@ -86,7 +95,7 @@ def test_velocities_are_projected_with_the_least_kinetic_energy(gripper):
     M, qd = gripper.mass(q).toarray(), np.random.default_rng(1).uniform(-1, 1, gripper.n) * sizes
     tree = moving(gripper, "tree")
     tree.q[:], tree.qd[:] = q, qd
-    assert tree.settle() == "ok"
+    assert tree.project_state() == "ok"
     assert tree.qd == pytest.approx(T @ np.linalg.solve(T.T @ M @ T, T.T @ M @ qd), abs=1e-11)
 
 

@@ -130,8 +130,8 @@ def test_a_model_is_no_kernels():
 NEEDED = {"duration": 1.0, "steps": 10, "to": "c", "output": "nowhere", "vary": {}, "keep": "angle"}
 """Further arguments of the public functions that cannot do without them."""
 
-OF_EXPRESSIONS = {"impact", "smooth_step"}
-"""Public functions that take numbers and expressions."""
+OF_EXPRESSIONS = {"free", "impact", "lock", "smooth_step"}
+"""Public functions that take numbers, names and expressions."""
 
 DOORS_OF_MODELS = sorted(
     name

@@ -131,7 +131,7 @@ def test_a_term_that_ends_is_named():
 def test_settle_closes_loops(rod):
     sim = ncgen.start(rod)
     sim.q[rod.index["A.y"]] += 0.05
-    sim.settle()
+    sim.project_state()
     assert np.max(np.abs(rod.phi(sim.q))) < 1e-12
 
 

@@ -61,7 +61,7 @@ def test_names_and_written_positions(rod):
     angles = np.array([0.0, 0.4, -1.2])
     sims.q[:, rod.index["psi"]] = angles
     sims.q[:, rod.index["A.x"]], sims.q[:, rod.index["A.y"]] = 0.7 * np.cos(angles), 0.7 * np.sin(angles) + 1e-3
-    sims.settle()
+    sims.project_state()
     assert max(np.max(np.abs(rod.phi(q))) for q in sims.q) < 1e-12
     assert sims["psi"].shape == sims["rate(psi)"].shape == (3,)
     with pytest.raises(ModelError, match="driven has no coordinate, rate, input or output 'nobody'"):

@@ -27,7 +27,7 @@ def test_assignments_say_what_to_write(sim, name):
 def test_writing_into_q_moves_the_simulation(sim):
     other = ncgen.start(sim.kernels).step(0.1)
     sim.q[:], sim.qd[:] = other.q, other.qd
-    sim.settle()
+    sim.project_state()
     assert np.allclose(sim.step(0.1).q, other.step(0.1).q, rtol=0, atol=1e-9)
 
 

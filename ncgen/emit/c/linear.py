@@ -13,7 +13,7 @@ from ncgen.emit.naming import labels, prefix_of
 def linear_header(name: str, source: str, matrices: Mapping[str, np.ndarray], names: Mapping[str, Sequence[str]]) -> str:
     """The text of a header: matrices {A, B, C, D: (rows, columns)} as constants with every digit, and what their places are called.
 
-    beside: in words, what motions are near to; names: {state, input, output: names}
+    source: in words, what motions are near to; names: {state, input, output: names}
     """
     prefix = prefix_of(name)
     return render(

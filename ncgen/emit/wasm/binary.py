@@ -7,10 +7,9 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 MAGIC = b"\0asm\1\0\0\0"
-PAGE = 65536
 I32, F64 = 0x7F, 0x7C
-FUNCTION, MEMORY, GLOBAL = 0, 2, 3
-"""Kinds of imports and exports."""
+FUNCTION = 0
+"""A kind of imports and exports."""
 
 
 class Signature(NamedTuple):
@@ -79,59 +78,23 @@ LINK = "ncgen"
 
 def linked(imports: list[Import], functions: list[WasmFunction], data: bytes, custom: dict[str, bytes]) -> bytes:
     """A module with `data` at an imported address of an imported memory, and other sections, {name: contents}, that engines pass over."""
-    number, common = _common(imports, functions)
-    link = [name(LINK) + name(word) + kind for word, kind in (("memory", b"\2\0\0"), ("tables", b"\3\x7f\0"), ("rooms", b"\3\x7f\0"))]
-    exports = [_exported(k + len(imports), each) for k, each in enumerate(functions)]
-    sections = {
-        **common,
-        2: vector([*(_imported(each, number) for each in imports), *link]),
-        7: vector(exports),
-        11: vector([b"\0\x23\0\x0b" + unsigned(len(data)) + data] if data else []),
-    }
-    return _whole(sections) + b"".join(bytes([0]) + _sized(name(word) + content) for word, content in custom.items())
-
-
-def module(imports: list[Import], functions: list[WasmFunction], start: int, data: bytes, heap: int) -> bytes:
-    """A module with `data` at the address `start` of its memory; `heap` is the first address behind all that it uses itself.
-
-    It exports its functions, "memory" and the constant "ncgen_heap".
-    """
-    number, common = _common(imports, functions)
-    exports = [_exported(k + len(imports), each) for k, each in enumerate(functions)]
-    exports += [name("memory") + bytes([MEMORY, 0]), name("ncgen_heap") + bytes([GLOBAL, 0])]
-    pages = -(-heap // PAGE) + 1
-    sections = {
-        **common,
-        2: vector(_imported(each, number) for each in imports),
-        5: vector([b"\0" + unsigned(pages)]),
-        6: vector([bytes([I32, 0, 0x41]) + signed(heap) + b"\x0b"]),
-        7: vector(exports),
-        11: vector([b"\0\x41" + signed(start) + b"\x0b" + unsigned(len(data)) + data] if data else []),
-    }
-    return _whole(sections)
-
-
-def _common(imports: list[Import], functions: list[WasmFunction]) -> tuple[dict[Signature, int], dict[int, bytes]]:
-    """Numbers of the signatures, and the sections of types, functions and code."""
     signatures = list(dict.fromkeys([*(each.signature for each in imports), *(each.signature for each in functions)]))
     number = {signature: k for k, signature in enumerate(signatures)}
-    return number, {
+    link = [name(LINK) + name(word) + kind for word, kind in (("memory", b"\2\0\0"), ("tables", b"\3\x7f\0"), ("rooms", b"\3\x7f\0"))]
+    sections = {
         1: vector(b"\x60" + vector(bytes([t]) for t in s.arguments) + vector(bytes([t]) for t in s.results) for s in signatures),
+        2: vector([*(_imported(each, number) for each in imports), *link]),
         3: vector(unsigned(number[each.signature]) for each in functions),
+        7: vector(name(each.name) + bytes([FUNCTION]) + unsigned(len(imports) + k) for k, each in enumerate(functions)),
         10: vector(_sized(_locals(each) + each.body + b"\x0b") for each in functions),
+        11: vector([b"\0\x23\0\x0b" + unsigned(len(data)) + data] if data else []),
     }
+    named = b"".join(bytes([0]) + _sized(name(word) + content) for word, content in custom.items())
+    return MAGIC + b"".join(bytes([kind]) + _sized(content) for kind, content in sections.items()) + named
 
 
 def _imported(each: Import, number: dict[Signature, int]) -> bytes:
     return name(each.module) + name(each.name) + bytes([FUNCTION]) + unsigned(number[each.signature])
-
-
-def _exported(number: int, function: WasmFunction) -> bytes:
-    return name(function.name) + bytes([FUNCTION]) + unsigned(number)
-
-
-def _whole(sections: dict[int, bytes]) -> bytes:
-    return MAGIC + b"".join(bytes([kind]) + _sized(content) for kind, content in sorted(sections.items()))
 
 
 def _sized(content: bytes) -> bytes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ncgen.emit.wasm.binary import F64, I32, Signature, WasmFunction, double, signed, unsigned
-from ncgen.emit.wasm.memory import Memory
+from ncgen.emit.wasm.memory import ROOMS, TABLES, Memory
 from ncgen.model.pieces import Pieces
 from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Block, Loop, Program, Slot, Store, TableStore
@@ -18,11 +18,11 @@ GREATER, LESS, TO_NUMBER = b"\x64", b"\x63", b"\xb7"
 OWN = {"add": F64_ADD, "sub": b"\xa1", "mul": b"\xa2", "div": b"\xa3", "neg": b"\x9a", "abs": b"\x99", "sqrt": b"\x9f"}
 """Operations that are instructions."""
 
-SINCOS = "ncgen_sincos"
+SINCOS = "sincos"
 
 
 def function(program: Program, prefix: str, memory: Memory, callable_: dict[str, int]) -> WasmFunction:
-    """A kernel, which returns NCGEN_OK where it is linked.
+    """A kernel, which returns NCGEN_OK.
 
     callable_: {function: its number in the module}, of imported ones by their names here, such as "tan".
     """
@@ -30,10 +30,7 @@ def function(program: Program, prefix: str, memory: Memory, callable_: dict[str,
     body = _Body(program, memory, callable_)
     blocks = [_angles(program.angles)] if program.angles else []
     code = b"".join(body.block(block) for block in (*blocks, *program.blocks))
-    results = (I32,) if memory.linked else ()
-    if memory.linked:
-        code += I32_CONST + signed(0)
-    return WasmFunction(f"{prefix}_{program.name}", Signature(arguments, results), code, body.integers, body.numbers)
+    return WasmFunction(f"{prefix}_{program.name}", Signature(arguments, (I32,)), code + I32_CONST + signed(0), body.integers, body.numbers)
 
 
 def called(program: Program) -> set[str]:
@@ -119,7 +116,7 @@ class _Body:
     def _table(self, pieces: Pieces) -> bytes:
         """What a lookup is given behind its argument."""
         places = map(self.memory.numbers, (pieces.knots, pieces.numbers))
-        tables = [I32_CONST + signed(place) + (self.memory.tables + I32_ADD if self.memory.tables else b"") for place in places]
+        tables = [TABLES + I32_CONST + signed(place) + I32_ADD for place in places]
         sizes = [I32_CONST + signed(number) for number in (len(pieces.knots), pieces.degree)]
         return b"".join([*tables, *sizes]) + F64_CONST + double(pieces.period)
 
@@ -143,7 +140,7 @@ class _Body:
 
     def _address(self, array: str) -> bytes:
         """The beginning of an array: an argument, or 0 where the place is known."""
-        return GET + unsigned(self.arguments[array]) if array in self.arguments else self.memory.rooms
+        return GET + unsigned(self.arguments[array]) if array in self.arguments else ROOMS
 
     def _offset(self, array: str, index: int) -> int:
         return 8 * index + (0 if array in self.arguments else self.memory.places[array])
@@ -159,7 +156,7 @@ class _Body:
 
     def _run_in_table(self, step: int) -> bytes:
         """Where a table has what belongs to this run of a loop, from the table's place on."""
-        return self._run_times(step) + (self.memory.tables + I32_ADD if self.memory.tables else b"")
+        return TABLES + self._run_times(step) + I32_ADD
 
     def _run_times(self, step: int) -> bytes:
         return GET + unsigned(self.run) + I32_CONST + signed(step) + I32_MUL

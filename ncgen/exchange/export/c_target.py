@@ -33,7 +33,9 @@ def files(package: Package) -> dict[str, str]:
 
 def single_header(package: Package) -> str:
     """All sources in one file, which one source of the program includes with <PREFIX>_IMPLEMENTATION defined."""
-    code = package.c
+    # The runtime's R and that of generated code are two macros.
+    runtime = [name for name in package.c if name.endswith(".c") and name.startswith(f"{package.prefix}_ncgen_")]
+    code = package.c | {name: _with_own_names(package.c[name], name.removesuffix(".c")) for name in runtime}
     included: set[str] = set()
 
     def flat(name: str) -> str:
@@ -51,8 +53,18 @@ def single_header(package: Package) -> str:
         return re.sub(r'^#include "([^"]+)"\n', inserted, code[name], flags=re.MULTILINE)
 
     headers = "".join(flat(name) for name in package.public if name not in included and not included.add(name))
-    # The runtime's R and that of generated code are two macros.
-    runtime = [name for name in code if name.endswith(".c") and name.startswith(f"{package.prefix}_ncgen_")]
     own = [name for name in code if name.endswith(".c") and name not in runtime]
     bodies = "\n".join([*map(flat, runtime), *(f"#undef R\n{flat(name)}" for name in own), "#undef R\n"])
     return render("package/c/single.h.jinja", **package.records, headers=headers, bodies=bodies)
+
+
+def _with_own_names(text: str, stem: str) -> str:
+    """A source in which what only its own file sees begins with that file's name, since in one file all see each other."""
+    functions = re.findall(r"^static [\w *]*?\b(\w+)\(", text, flags=re.MULTILINE)
+    statements = re.findall(r"^static [^(\n]*?=[^;]*;", text, flags=re.MULTILINE)
+    variables = [name for each in statements for name in re.findall(r"(\w+)(?:\[[^\]]*\])* =", each)]
+    enums = re.findall(r"^enum \{(.*?)\};", re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL), flags=re.DOTALL | re.MULTILINE)
+    constants = [name for each in enums for name in re.findall(r"(?:^|,)\s*(\w+)", each)]
+    types = re.findall(r"^(?:typedef )?struct (\w+) \{", text, flags=re.MULTILINE) + re.findall(r"^\} (\w+);", text, flags=re.MULTILINE)
+    names = "|".join(sorted({*functions, *variables, *constants, *types}, key=len, reverse=True))
+    return re.sub(rf"(?<![.\w>])({names})\b", rf"{stem}_\1", text) if names else text

@@ -87,7 +87,7 @@ class Group:
 def fmu_files(package: Package, platforms: Sequence[str] = (), *, version: int) -> dict[str, bytes]:
     """{file name: the unit}.
 
-    platforms: of `PLATFORMS`, beside the machine that this is
+    platforms: of `PLATFORMS`, in addition to the machine that this is
     Raises NcgenError for a platform that is not known or without fmpy, CompileError without a compiler.
     """
     headers = _headers(version)

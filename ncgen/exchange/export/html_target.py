@@ -89,7 +89,7 @@ def _places(package: Package, drawn: list[Spatial], fixed: list[Component]) -> l
 
 
 def _mechanism(package: Package) -> dict:
-    """What the page is told of the mechanism beside its picture and its kernels."""
+    """What the page gets of the mechanism in addition to its picture and its kernels."""
     kernels, model = package.kernels, package.kernels.model
     return {
         "events": list(model.events),
@@ -141,7 +141,7 @@ def _loads(equations: Terms, scene: Scene) -> list[dict]:
 
 
 def _movable(model: Model) -> list[list[int]]:
-    """For every point the places in p of the parameters that its coordinates are, −1 for one that is none."""
+    """For every point the places in p of the parameters that its coordinates are, −1 for any other."""
     names = list(model.numbers)
     points = [element for element in model.elements.values() if isinstance(element, Point)]
     return [[names.index(c.value.name) if isinstance(c.value, Parameter) else -1 for c in point.components] for point in points]

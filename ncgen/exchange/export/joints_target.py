@@ -52,7 +52,7 @@ def files_of(model: Model) -> dict[str, str]:
         "joints": [{"name": joint.text, "label": joint.label} for joint in labels(space.rates)],
         "points": _points(space),
         "frames": _frames(space, frames),
-        "tree_rates": space.tree.freedoms,
+        "tree_rates": space.tree.dof,
         **_loops(space),
         "coordinates": kernels.n,
         "defaults": [number(float(value)) for value in kernels.p0],
@@ -96,7 +96,7 @@ def _poses(space: JointSpace, frames: Mapping[str, BodyFrame]) -> Program:
 def _frames(space: JointSpace, frames: Mapping[str, BodyFrame]) -> list[dict[str, object]]:
     """Frames that are asked for, and which rates of the tree move them."""
     homes = {link.body.name: space.tree.paths[number] for number, link in enumerate(space.tree.links)}
-    rates = range(space.tree.freedoms)
+    rates = range(space.tree.dof)
     return [
         {"name": name.text, "label": name.label, "moves": [int(k in homes.get(frame.body, ())) for k in rates]}
         for name, frame in zip(labels(list(frames)), frames.values(), strict=True)
@@ -114,7 +114,7 @@ def _points(space: JointSpace) -> list[dict[str, object]]:
             "name": e.name,
             "label": c.label,
             "place": kernels.index[e.x.name],
-            "moves": [int(k in paths[space.tree.home[e]]) for k in range(space.tree.freedoms)],
+            "moves": [int(k in paths[space.tree.home[e]]) for k in range(space.tree.dof)],
         }
         for e, c in zip(points, places, strict=True)
     ]

@@ -47,7 +47,7 @@ def narrow_arguments(
 
     nodes: those that may, arguments first; defaults: {parameter: value}, of which the signs matter
     Returns pairs of an argument u, which is linear in time, and the numbers at which steps have to end, as knots; and the nodes of which
-    nothing can be said for all parameters.
+    nothing is known for all parameters.
     """
     knots: dict[tuple[int, float], set[float]] = defaultdict(set)
     known: set[int] = set()
@@ -128,7 +128,7 @@ def _is_periodic(graph: Graph, node: int, base: int) -> bool:
 
 
 def _changes_with(graph: Graph, node: int, degrees: Mapping[int, float], known: Container[int]) -> bool:
-    """Whether a node is made of known ones, with what is slow beside them, by sums, products and quotients alone."""
+    """Whether a node is made of known ones, with what is slow in addition to them, by sums, products and quotients alone."""
     waiting, is_met = list(graph.ops[node].args), False
     while waiting:
         each = waiting.pop()

@@ -22,6 +22,7 @@ from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, neede
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError, shortened
 from ncgen.exchange.export.event_table import EventTable, refusal_of_events
+from ncgen.exchange.export.held_modes import HeldMode, held_modes
 from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_sources import motion_source
@@ -98,7 +99,9 @@ class Package:
         needed = needed_by(RUNTIME, *more, defined=(WITHOUT_TABLES,))
         runtime = runtime_files(*HEADERS, *needed, defined=(WITHOUT_TABLES,))
         files = self.sources.c | self.recursion | runtime
-        records = self.records | self._described
+        for mode in self._modes:
+            files |= mode.sources.c
+        records = self.records | self._described | self._described_modes
         files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **records) for kind in "hc"}
         return {renamed(name, self.prefix): renamed(text, self.prefix) for name, text in files.items()}
 
@@ -132,7 +135,7 @@ class Package:
 
     @property
     def _described(self) -> dict[str, object]:
-        """What the runtime is told of the mechanism."""
+        """What the runtime gets of the mechanism."""
         kernels, order = self.kernels, self._order
         arrays = {"start": self.q, "speeds": self.qd, "row_sizes": kernels.row_sizes, "column_sizes": kernels.column_sizes}
         return {
@@ -145,6 +148,25 @@ class Package:
             "conservative": self.conservative,
             "widest": widest_tableau(),
         }
+
+    @cached_property
+    def _modes(self) -> tuple[HeldMode, ...]:
+        """Gaps that may be held closed; () where derivatives are asked for, which these have not."""
+        return held_modes(self.kernels, self.kernels.model) if self.events and not self.tangents else ()
+
+    @property
+    def _described_modes(self) -> dict[str, object]:
+        """The same of them, and the largest numbers of all: rows, numbers in matrices and factors."""
+        found = [(mode, replace(self, sources=mode.sources, kernels=mode.kernels)) for mode in self._modes]
+        described = [{"prefix": each.prefix, "held": mode.held, **each._described} for mode, each in found]
+        own = [self._described, *described]
+        room = {
+            "rows": max([self.kernels.m, *(mode.kernels.m for mode, _ in found)]),
+            "nonzeros": max(int(each["nonzeros"]) for each in own),  # type: ignore[call-overload]
+            "factor": max(each["elimination"]["nonzeros"] for each in own),  # type: ignore[index]
+            "redundant": any(each["redundant"] for each in own),
+        }
+        return {"modes": described, "room": room}
 
     @property
     def public(self) -> tuple[str, ...]:
@@ -185,6 +207,7 @@ class Package:
             "tangents": self.tangents is not None,
             "breaks": self.switching.described if self.switching else None,
             "events": self.events.described if self.events else None,
+            "most_held": max((len(mode.held) for mode in self._modes), default=0),
             **program_records(self._motion_programs(), self.prefix, "motion"),
         }
 
@@ -207,10 +230,10 @@ class Package:
         return {"recursion": costs, "by_matrix": matrix, "usual": usual, "most": most}
 
     def _motion_programs(self) -> list[Program]:
-        """What stands beside the kernels as functions."""
+        """What stands next to the kernels as functions."""
         own = [self.full.closing, self.tangents.closing, self.tangents.motion] if self.tangents else []
         switches = [self.switching.program] if self.switching else []
-        happening = self.events.programs if self.events else []
+        happening = [*self.events.programs, *(mode.conditions for mode in self._modes)] if self.events else []
         return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches, *happening]
 
     @cached_property
@@ -289,7 +312,7 @@ def renamed(text: str, prefix: str) -> str:
 def without_runtime(target: str, own: str, prefix: str, records: dict, headers_besides: tuple[str, ...]) -> dict[str, str]:
     """{path in the folder: text} of functions in C that need two headers of ncgen's and nothing of its runtime.
 
-    own: the template of the functions, with its header; beside: templates of what else is in the folder
+    own: the template of the functions, with its header; headers_besides: templates of what else is in the folder
     """
 
     def filled(template: str) -> str:

@@ -5,7 +5,7 @@ switches(t, p) writes four numbers for every switch whose argument is a straight
 the size x of what the argument is a sum of. Where a is not 0, its formula changed last at b / a and changes next at n / a, known to the
 rounding of x / a. For every other switch it writes the number of the piece that it is in at t, which changes where the formula does.
 
-A smooth law that is narrow (`narrow_switches`) is as many pieces; one of which nothing can be said for all parameters is pieces of its
+A smooth law that is narrow (`narrow_switches`) is as many pieces; one of which nothing is known for all parameters is pieces of its
 values, where it is narrow in the described motion.
 """
 
@@ -55,7 +55,7 @@ class Switching:
 
     @property
     def described(self) -> dict[str, object]:
-        """What templates are told."""
+        """Values for the templates."""
         counts = {"lines": self.lines, "curves": self.curves, "size": self.program.size}
         return {**counts, "interval": repr(self.interval), "jumps": self.jumps}
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ncgen.emit.environment import render
 from ncgen.emit.wasm.binary import LINK
-from ncgen.emit.wasm.files import Linked, linked_module
+from ncgen.emit.wasm.linked import Linked, linked_module
 from ncgen.exchange.export.package import Package
 from ncgen.program.algebra.quasidefinite import Elimination
 from ncgen.program.ir.blocks import Pattern, Program

@@ -78,7 +78,7 @@ def load_robot(
     floating: the root is a free body; None for what the file says
     limits, friction: of joints, as springs and couples, or "rigid" and "exact" as elements of events; else they are left out
     motors, sensors: inputs for actuators of the file, or for joints; outputs for its sensors; else they are left out
-    loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
+    loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml next to the robot's file, if there is one
     inertias: "refused", "balanced" or "as given" where no body has them
     parameters: "inertia", "geometry", or names of links and joints, whose numbers become parameters
     stacklevel: of warnings, 1 for who calls this
@@ -130,5 +130,5 @@ def robot_text(model: Model, suffix: str) -> str:
     from ncgen.exchange.robots.outward import robot_of
 
     if suffix not in WRITTEN:
-        raise ModelError(f"{model.name}: files of links and joints end with {', '.join(WRITTEN)}; {shown(suffix)} is none of them")
+        raise ModelError(f"{model.name}: files of links and joints end with {', '.join(WRITTEN)}; {shown(suffix)} is not one of them")
     return import_module(f"ncgen.exchange.robots.{WRITTEN[suffix]}").text_of(robot_of(model, loops=WRITTEN[suffix] in CLOSED))

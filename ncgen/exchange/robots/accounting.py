@@ -80,7 +80,7 @@ def _value(part: str) -> float | str:
 
 @cache
 def vocabulary(name: str) -> dict[str, Word]:
-    """{path: word} of a format. A line is `path | versions | defaults, "or" between | meaning | words`; `path = anchor` goes on there."""
+    """{path: word} of a format. A line is `path | versions | defaults, "or" between | meaning | words`; `path = anchor` continues there."""
     lines = contents(Path(__file__).parent / "vocabulary" / f"{name}.txt", 1_000_000).decode().splitlines()
     words = (_word(line) for line in lines if line.strip() and not line.startswith("#"))
     return {word.path: word for word in words}

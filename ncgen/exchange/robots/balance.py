@@ -20,7 +20,7 @@ def accepted(robot: Robot, inertias: str, floats: bool, stacklevel: int = 1) -> 
 
     "balanced": all three moments of a link are their mean, as MuJoCo's `balanceinertia` does
     "as given": bodies, which are links with what is fixed to them, have the file's moments, as in Pinocchio
-    floats: whether the root is a free body, not part of the ground. Raises ModelError for a word that is none of `INERTIAS`.
+    floats: whether the root is a free body, not part of the ground. Raises ModelError for a word that is not one of `INERTIAS`.
     """
     if inertias not in INERTIAS:
         raise ModelError(f"inertias: {shown(inertias)} given; give {', '.join(map(repr, INERTIAS[:-1]))} or {INERTIAS[-1]!r}")

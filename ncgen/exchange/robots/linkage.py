@@ -1,7 +1,8 @@
 """A mechanism with loops as a robot: what a file of links and joints can say of it that may close loops.
 
 The file begins where the model begins: there every joint's coordinate is 0, since only there loops are known to close. Springs' rests move
-along. Beside bodies, rods between two points (`m.distance`, bodies of two points) become links on a universal joint and a ball, measured
+along. In addition to bodies, rods between two points (`m.distance`, bodies of two points) become links on a universal joint and a ball,
+measured
 lengths (`m.length`) pairs of links without mass that slide on each other; in the plane they have hinges.
 """
 

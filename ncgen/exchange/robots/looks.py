@@ -136,7 +136,7 @@ def mesh_path(name: str, robot: Path) -> Path | None:
 
 
 def folders_named(package: str, folder: Path) -> Iterable[Path]:
-    """Folders of a name that may be there: the robot's file is in it or beside it, or the environment names where it is."""
+    """Folders of a name that may be there: the robot's file is in it or next to it, or the environment names where it is."""
     for parent in (folder, *folder.parents):
         if parent.name == package:
             yield parent

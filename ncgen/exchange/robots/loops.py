@@ -1,4 +1,4 @@
-"""Loops said beside a robot's file whose format knows none, in a small table of TOML:
+"""Loops described next to a robot's file whose format knows none, in a small table of TOML:
 
     [[connect]]               # a ball: a point of the parent is one of the child, too
     name = "rod_end"
@@ -20,7 +20,7 @@ The point of the child is what stands there when all joints are at 0. Or two fra
 
 and the robot is assembled: its joints begin where the frames meet (`ncgen.exchange.robots.closures`).
 
-Of Gepetto's parallel robots (github.com/Gepetto/example-parallel-robots) the `robot.yaml` beside `robot.urdf` is read as it is.
+Of Gepetto's parallel robots (github.com/Gepetto/example-parallel-robots) the `robot.yaml` next to `robot.urdf` is read as it is.
 """
 
 from __future__ import annotations

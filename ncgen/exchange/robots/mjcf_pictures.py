@@ -1,4 +1,4 @@
-"""MJCF without the pictures that keep MuJoCo from reading it: meshes and textures that are not there, shapes whose numbers are none.
+"""MJCF without the pictures that keep MuJoCo from reading it: meshes and textures that are not there, shapes whose numbers cannot be read.
 
 MuJoCo refuses the whole file for each of them. Where a body has its <inertial>, its dynamics need no shape, so a shape that cannot be read
 becomes a small sphere without mass that is not seen. Where the inertia is that of the shapes the file stays as it is, and is refused.
@@ -88,7 +88,7 @@ class Readable:
         return replace(element, children=children)
 
     def _is_unreadable_shape(self, geom: Markup) -> bool:
-        """Whether its mesh is left out, which is counted already, or its numbers are none."""
+        """Whether its mesh is left out, which is counted already, or its numbers cannot be read."""
         if dict.get(geom.attributes, "mesh") in self.meshes:
             return True
         if not _is_unreadable(geom):

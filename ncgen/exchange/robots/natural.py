@@ -43,7 +43,7 @@ def model_of(
     sensors: outputs for sensors of the file (`ncgen.exchange.robots.sensors`)
     motors: inputs for actuators of the file, or for joints (`ncgen.exchange.robots.motors`)
     parameters: what becomes a parameter (`ncgen.exchange.robots.parameters`)
-    Raises ModelError naming a link with an impossible inertia, or a joint that cannot be as it is said.
+    Raises ModelError naming a link with an impossible inertia, or a joint that cannot be as it is described.
     """
     floats = robot.floats if floating is None else floating
     if sensors and any(name == GEOMETRY or name in {joint.name for joint in robot.joints} for name in parameters):
@@ -350,7 +350,7 @@ class _Builder:
 
 @contextmanager
 def _labelled_errors(where: str) -> Iterator[None]:
-    """What the model refuses is told with the place in the robot's file."""
+    """Report refusals of the model with the place in the robot's file."""
     try:
         yield
     except ModelError as error:

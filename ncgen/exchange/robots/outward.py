@@ -84,7 +84,7 @@ class _Teller:
         return Joint(name, kind, parent, link.body.name, placement, axis, **acting(self.model, name))
 
     def _kind(self, link: TreeLink) -> tuple[str, np.ndarray]:
-        """The joint that carries a link, by its freedoms, and its axis."""
+        """The joint that carries a link, by its degrees of freedom, and its axis."""
         screws = link.screws
         turning = [screw for screw in screws if screw.point]
         if len(screws) == 1:

@@ -1,4 +1,4 @@
-"""Loops and motors of Gepetto's parallel robots: the YAML beside a URDF (github.com/Gepetto/example-parallel-robots).
+"""Loops and motors of Gepetto's parallel robots: the YAML next to a URDF (github.com/Gepetto/example-parallel-robots).
 
 Read is what these files use of YAML: keys at the beginning of a line, lists in brackets over any number of lines, texts with or without
 quotation marks, comments.

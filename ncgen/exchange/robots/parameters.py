@@ -106,7 +106,7 @@ Shift: TypeAlias = tuple[Scalar, Scalar, Scalar]
 
 
 def shifts_of(model: Model, robot: Robot, as_parameters: Sequence[str]) -> dict[str, Shift]:
-    """{link: its shift} where placements of joints become parameters, which the model is told; empty where none do.
+    """{link: its shift} where placements of joints become parameters, which the model gets; empty where none do.
 
     robot: ordered, with its fixed joints. Raises ModelError for what would not follow them.
     """

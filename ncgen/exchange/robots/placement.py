@@ -59,7 +59,7 @@ class Placement:
 
     @property
     def rpy(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw about the fixed axes x, y, z (rad); beside a pitch of a quarter turn the roll is 0."""
+        """Roll, pitch and yaw about the fixed axes x, y, z (rad); near a pitch of a quarter turn the roll is 0."""
         (xx, _, _), (yx, yy, yz), (zx, zy, zz) = self.rotation
         level = math.hypot(zy, zz)
         if level < FLAT:

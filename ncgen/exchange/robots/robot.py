@@ -114,7 +114,7 @@ class Joint:
     axis (3,): a unit vector in the joint's frame; second (3,): the other axis of a universal joint
     armature: of a rotor that turns with the coordinate (kg m²; kg along a distance), ratio of the gear squared in it
     damping: N m s/rad or N s/m; stiffness: N m/rad or N/m, of a spring at rest where the coordinate is `rest`; pitch: m a turn of a screw
-    more_damping, more_stiffness: factors of v |v|, v³ and of x², x³ beside those of v and x, x from the rest
+    more_damping, more_stiffness: factors of v |v|, v³ and of x², x³ in addition to those of v and x, x from the rest
     limits: lowest and highest value (rad or m); friction: dry, N m or N
     effort: least and greatest force of all its motors (N m, N)
     start: value of the coordinate where the model begins (rad or m)
@@ -205,7 +205,7 @@ class Robot:
     base: of the root in the world; gravity: m/s²; floats: whether the root is a free body
     omitted: what the file says and a model does not, in words; starts: states of the file, by name
     actuators: of the file; None in formats without them
-    motors: names of joints that have one, where a file beside the robot's says so
+    motors: names of joints that have one, where a file next to the robot's says so
     assembled: (joint, how far it was moved, rad or m) to close loops; a joint with several motions stands there several times
     as_given: names of links, by themselves or with what is fixed to them, whose moments of inertia no body has, and are taken all the same
     resting: frames that the file names in the world, where no link rests

@@ -231,7 +231,7 @@ class _Reader:
         return Mimic(other.full, factor, _number(mimic, "offset") - factor * _number(mimic, "reference"))
 
     def _gear(self, entry: Entry, joints: list[Joint]) -> Coupling:
-        """The child's angle beside the reference body is −ratio times the parent's, each about an axis of the gearbox's own."""
+        """The child's angle relative to the reference body is −ratio times the parent's, each about an axis of the gearbox's own."""
         each = entry.element
         name, body = each.name(), self._end(entry, "gearbox_reference_body")
         shares: dict[str, float] = {}

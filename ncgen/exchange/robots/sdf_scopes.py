@@ -1,7 +1,7 @@
 """Scopes of SDF: what a name means in a model, and where that stands.
 
 Every model has names of its own, links, joints and frames apart from each other; `a::b` is b of the nested model a. What stands where is
-said relative to what `relative_to` names, else of a link to its model, of a joint to its child, of a frame to what it is attached to.
+given relative to what `relative_to` names, else of a link to its model, of a joint to its child, of a frame to what it is attached to.
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ def _arguments(expression: sympy.Expr) -> tuple[sympy.Expr, ...]:
 
 
 def _finite(number: sympy.Expr) -> float:
-    """A number of sympy as a double; ModelError for what is none (infinity, nan, or beyond the range)."""
+    """A number of sympy as a double; ModelError for what is not one (infinity, nan, or beyond the range)."""
     try:
         value = float(number)
     except (OverflowError, TypeError):

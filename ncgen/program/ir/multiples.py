@@ -42,7 +42,7 @@ def spread(ops: Sequence[Op], stored: Iterable[int], parameters: int = 0) -> tup
 class _Spreading:
     """A graph that grows by operations.
 
-    terms: of how many known multiples each is a sum, all read by nobody else; 0 if it is none
+    terms: of how many known multiples each is a sum, all read by nobody else; 0 if it is not a sum
     """
 
     def __init__(self, ops: Sequence[Op], stored: Iterable[int], parameters: int) -> None:

@@ -46,6 +46,9 @@ INPUTS = {
     "contact_velocities": ("t", "q", "qd", "p"),
 }
 
+LONG = 300
+"""Operations of an expression beyond which it is not written as a polynomial, which could have any number of terms."""
+
 Named: TypeAlias = tuple[str, Scalar]
 """What messages call an expression, and the expression."""
 
@@ -113,22 +116,7 @@ def assemble_mode_conditions(
     graph = lines.graph
     found = [expression_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
     motion = SlidingNodes(lines, sizes, sliding) if sliding else AccelerationNodes(lines, sizes)
-    sums = [graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(motion.lam, rows, strict=True)]
-    all_loads = graph.sum(sums)
-    for each in held:
-        load, size = graph.neg(motion.lam[each.row]), graph.mul(graph.const(1 / float(rows[each.row])), all_loads)
-        if each.grip is not None:
-            gap, friction = each.grip
-            most = graph.mul(expression_node(lines, each.words, friction), motion.lam[gap])
-            most = graph.mul(most, most)
-            force = graph.sum([graph.mul(x, x) for x in motion.lam[each.row : each.row + each.directions]])
-            found += [graph.sub(most, force), graph.sum([most, graph.mul(size, size)])]
-        elif each.static is not None:
-            most = expression_node(lines, each.words, each.static)
-            size = graph.add(most, size)
-            found += [graph.sub(most, load), size, graph.add(most, load), size]
-        else:
-            found += [load, size]
+    found += load_conditions(lines, motion.lam, held, rows)
     if isinstance(motion, SlidingNodes):
         found += [motion.margin, graph.const(1.0)]
     program = lines.program("conditions", INPUTS["conditions"], found)
@@ -136,19 +124,45 @@ def assemble_mode_conditions(
     return {"conditions": program}
 
 
+def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], rows: np.ndarray) -> list[int]:
+    """Return nodes of values and sizes of the conditions of loads. lam (m,): nodes of all multipliers; others as of
+    `assemble_mode_conditions`"""
+    graph, found = lines.graph, list[int]()
+    sums = [graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(lam, rows, strict=True)]
+    all_loads = graph.sum(sums)
+    for each in held:
+        load, size = graph.neg(lam[each.row]), graph.mul(graph.const(1 / float(rows[each.row])), all_loads)
+        if each.grip is not None:
+            gap, friction = each.grip
+            most = graph.mul(expression_node(lines, each.words, friction), lam[gap])
+            most = graph.mul(most, most)
+            force = graph.sum([graph.mul(x, x) for x in lam[each.row : each.row + each.directions]])
+            found += [graph.sub(most, force), graph.sum([most, graph.mul(size, size)])]
+        elif each.static is not None:
+            most = expression_node(lines, each.words, each.static)
+            size = graph.add(most, size)
+            found += [graph.sub(most, load), size, graph.add(most, load), size]
+        else:
+            found += [load, size]
+    return found
+
+
 def terms_of(expression: Scalar) -> sympy.Expr:
-    """The sum of the sizes of the terms of an expression; those of a polynomial are its monomials."""
+    """The sum of the sizes of the terms of an expression; those of a polynomial that is not long are its monomials."""
     import sympy
 
-    terms = sympy.Add.make_args(sympy.expand(sympy.sympify(expression)))
+    formula = sympy.sympify(expression)
+    terms = sympy.Add.make_args(formula if formula.count_ops() > LONG else sympy.expand(formula))
     return sympy.Add(*(sympy.Abs(term) for term in terms))
 
 
 def degree_of(expression: Scalar, moving: set[str]) -> int | None:
-    """The degree of an expression as a polynomial of the time and of coordinates and velocities of these names; None where it is none."""
+    """The degree of an expression as a polynomial of time, coordinates and velocities of these names; None for others and long ones."""
     import sympy
 
     formula = sympy.sympify(expression)
+    if formula.count_ops() > LONG:
+        return None
     symbols = [s for s in sorted(symbols_in(formula), key=str) if s.name == TIME or s.name in moving]
     if not symbols:
         return 0

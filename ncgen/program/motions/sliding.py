@@ -31,8 +31,7 @@ LEAST = 1e-150
 class Sliding:
     """A contact that slides. row: number of the constraint that holds its gap; friction: coefficient
 
-    velocity: its sliding velocity (m/s), one expression in the plane, two in space; slip: names of the parameters that say in which
-    direction it slides, or begins to
+    velocity: its sliding velocity (m/s), one expression in the plane, two in space; slip: as of `Contact`
     """
 
     name: str

@@ -113,7 +113,7 @@ class StateFunction:
         return {self.graph.load(a.name, k): (a.name, k) for a in self.inputs if a.is_read for k in range(a.size)}
 
     def jacobian(self, most: int) -> StateFunction:
-        """Of vectors by all arguments; written out where that takes no more than so many operations."""
+        """Of vectors by all arguments; unrolled where that takes no more than so many operations."""
         variables = self.variables
         if operations(self.graph, self.nodes) * min(len(variables), len(self.nodes)) <= SWEEPS * most:
             slopes = _slopes(self.graph, self.nodes, variables)

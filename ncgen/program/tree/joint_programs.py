@@ -55,7 +55,7 @@ def assemble_joint_space(equations: Terms, followed: Followed, what: Made) -> di
     """The programs by name; every coordinate must be that of an element of the tree, or followed."""
     tree = spanning_tree(equations.model)
     programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MADE[what]}
-    n, count = len(equations.free), tree.freedoms
+    n, count = len(equations.free), tree.dof
     for program in programs.values():
         verify(program, {"t": 1, "q": n, "p": len(equations.parameters)} | dict.fromkeys(("x", "v", "a", "dx", "dv"), count))
     return programs
@@ -101,7 +101,7 @@ class _Basics:
         self.tree = spanning_tree(self.model)
         self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
         self.graph, self.place = self.lines.graph, TreePlace(self.lines, self.tree)
-        self.space, self.count = self.place.space, self.tree.freedoms
+        self.space, self.count = self.place.space, self.tree.dof
         shares = {k: share for k, share in followed.values()}
         self.scale = [self.graph.const(1.0 / shares.get(k, 1.0)) for k in range(self.count)]
 

@@ -1,6 +1,7 @@
 """How fast the joints of a tree turn and slide, from the velocities of all coordinates.
 
-An element e of a link moves with its parent, and beside it with t_k ẋ_k of every screw k of the joint. What it moves beside the parent
+An element e of a link moves with its parent, and relative to it with t_k ẋ_k of every screw k of the joint. What it moves relative to the
+parent
 gives the rates: of one screw by the element that it moves most, of several by least squares over the link's elements, each with its mass.
 An element that rests says so as well: where a loop closes on the ground, it may be all that tells how a link turns about a line.
 """

@@ -1,6 +1,6 @@
 """A mechanism with loops over its independent rates: the programs of `ncgen.program.tree.joint_programs` where joints hold each other.
 
-With x = R v + S ν for all rates of the tree (`ncgen.program.tree.recursion`) mass matrix and forces are RᵀHR and Rᵀf. Beside those:
+With x = R v + S ν for all rates of the tree (`ncgen.program.tree.recursion`) mass matrix and forces are RᵀHR and Rᵀf. In addition:
 
     joint_position(t, x, p)  -> q where the joints have displacements x and coordinates of no joint the values x, loops open, and
                                 what x changes by in a step of Newton's method that closes them and leaves the independent ones

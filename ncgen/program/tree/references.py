@@ -1,7 +1,8 @@
 """The points from which levers are measured on a tree of bodies: one for all, and others where a long lever would cost digits.
 
 Inertia about a distant point is mostly that of the lever: of the link's own, which decides how its joint turns, as many digits are lost as
-the one is larger than the other. From one point to another what is known of a parent is told anew (`TreePlace.arriving`, `leaving`), which
+the one is larger than the other. From one point to another what is known of a parent is expressed anew (`TreePlace.arriving`, `leaving`),
+which
 takes operations; so a link changes the point of its parent only where more than three digits would be lost.
 """
 
@@ -21,7 +22,7 @@ LOST = 1e3
 
 
 def reference_points(tree: Tree, parameters: dict[str, Parameter]) -> list[Point]:
-    """For every link the point that it is told from; of a tree's first links the joint of its outermost one, where small bodies are."""
+    """For every link the point that it is described from; of a tree's first links the joint of its outermost one."""
     points: list[Point] = []
     starts = _outermost(tree)
     for number, link in enumerate(tree.links):
@@ -49,7 +50,7 @@ def _outermost(tree: Tree) -> Mapping[int, Point]:
 
 
 def _is_near(link: TreeLink, point: Point, parameters: dict[str, Parameter]) -> bool:
-    """Whether a link's inertia about each of its axes is still seen beside that of its lever, in the initial position."""
+    """Whether a link's inertia about each of its axes is still seen next to that of its lever, in the initial position."""
     inertia = link.body.inertia
     if inertia is None:
         return True

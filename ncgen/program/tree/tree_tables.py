@@ -1,6 +1,6 @@
 """An open tree of bodies as tables, from which the runtime moves it in loops (`ncgen_tree` in ncgen_runtime.h).
 
-Nothing is written out for a mechanism, so that a tree of a thousand joints costs no compiler anything, and its motion costs the same for
+Nothing is emitted for a mechanism, so that a tree of a thousand joints costs no compiler anything, and its motion costs the same for
 every joint. What the tables say is checked on numbers: that every row allows what the joints do, that nothing else moves, how fast measured
 coordinates grow.
 """
@@ -69,7 +69,7 @@ class OpenTree:
 
     mass, phi_q: patterns of M and Φ_q
     measured: {coordinate: (number of its screw, how much faster it grows)} of coordinates that no body carries
-    Raises NoTables where the mechanism is none.
+    Raises NoTables for any other mechanism.
     """
 
     def __init__(self, numbering: Numbering, tree: Tree, mass: Pattern, phi_q: Pattern, around: Around) -> None:
@@ -101,6 +101,11 @@ class OpenTree:
         self._take_masses(mass, places)
         for place in places:
             self._check(place)
+
+    @property
+    def freedoms(self) -> int:
+        """Of all joints that follow no others."""
+        return len(self.screws) - len(self.coupled.leaders)
 
     # -- positions -----------------------------------------------------------------------------
 

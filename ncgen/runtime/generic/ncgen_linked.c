@@ -356,12 +356,12 @@ static int keep(const variant *v, const ncgen_moment *moment)
     return status;
 }
 
-int ncgen_linked_settle(int is_driven)
+int ncgen_linked_project_state(int is_driven)
 {
     const variant *v = is_driven ? &with_drives : &own;
     ncgen_moment moment = present();
     choose_method(0, 1, 1);
-    int status = ncgen_settle_moment(&v->driven, parameters, &moment);
+    int status = ncgen_project_moment(&v->driven, parameters, &moment);
     if (status == NCGEN_OK && events.count > 0 && !is_driven)
         status = ncgen_begin_events(&v->driven, &events, parameters, &moment, &passage);
     return status == NCGEN_OK ? keep(v, &moment) : status;
@@ -379,7 +379,7 @@ int ncgen_linked_start(void)
 {
     clear(size_of_state(), state);
     ncgen_copy(2 * n, described, state + STATE);
-    return ncgen_linked_settle(0);
+    return ncgen_linked_project_state(0);
 }
 
 int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one)
@@ -394,4 +394,30 @@ int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol,
     if (step > 0)
         moment.h = state[NEXT_STEP];
     return status == NCGEN_OK ? keep(&own, &moment) : status;
+}
+
+#if defined(__wasm__)
+/* Angles beyond NCGEN_FAR are left to the host's functions: those of a C library would be an eighth of the file. */
+__attribute__((import_module("Math"), import_name("sin"))) double ncgen_host_sin(double x);
+__attribute__((import_module("Math"), import_name("cos"))) double ncgen_host_cos(double x);
+
+double sin(double x)
+{
+    return ncgen_host_sin(x);
+}
+
+double cos(double x)
+{
+    return ncgen_host_cos(x);
+}
+#endif
+
+void ncgen_linked_sincos(ncgen_real x, ncgen_real *sine, ncgen_real *cosine)
+{
+    ncgen_sincos(1, &x, sine, cosine);
+}
+
+ncgen_real ncgen_linked_pieces(ncgen_real x, const ncgen_scalar *knots, const ncgen_scalar *rows, int count, int degree, ncgen_scalar period)
+{
+    return NCGEN_PIECES(x, knots, rows, count, degree, period);
 }

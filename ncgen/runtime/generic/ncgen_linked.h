@@ -52,7 +52,7 @@ int ncgen_linked_start(void);
 
 /* After a change of the state or of parameters: position and velocity onto the constraints, and where is_driven is set onto those of the
  * drives, too; accelerations and multipliers. */
-int ncgen_linked_settle(int is_driven);
+int ncgen_linked_project_state(int is_driven);
 
 /* Accelerations and multipliers, where positions are on the constraints. */
 int ncgen_linked_evaluate(void);
@@ -60,6 +60,10 @@ int ncgen_linked_evaluate(void);
 /* On to a time: by Runge-Kutta steps of `step` seconds, or where that is 0 with error control; past the first instant of events at most
  * where `one` is set. */
 int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one);
+
+/* What kernels call: sine and cosine of an angle, and a piecewise polynomial. */
+void ncgen_linked_sincos(ncgen_real x, ncgen_real *sine, ncgen_real *cosine);
+ncgen_real ncgen_linked_pieces(ncgen_real x, const ncgen_scalar *knots, const ncgen_scalar *rows, int count, int degree, ncgen_scalar period);
 
 /* end functions */
 

@@ -197,9 +197,9 @@ static int look(void)
     return status;
 }
 
-int ncgen_table_settle(void)
+int ncgen_table_project_state(void)
 {
-    const int status = ncgen_settle_moment(&driven, numbers, &moment);
+    const int status = ncgen_project_moment(&driven, numbers, &moment);
     moment.h = 0;
     return status == NCGEN_OK ? look() : status;
 }
@@ -213,7 +213,7 @@ static int is_consistent_nearby(ncgen_scalar share)
         square[n + i] = state[MOST + i];
         state[i] += share * state[4 * MOST + i] * NCGEN_COS((ncgen_real)(i + 1));
     }
-    const int status = ncgen_settle_moment(&driven, numbers, &moment);
+    const int status = ncgen_project_moment(&driven, numbers, &moment);
     for (int i = 0; i < n; ++i) {
         state[i] = square[i];
         state[MOST + i] = square[n + i];
@@ -254,8 +254,8 @@ int ncgen_table_begin(int length, ncgen_scalar t, ncgen_scalar rtol, ncgen_scala
     moment = (ncgen_moment){.t = t, .q = state, .qd = state + MOST, .qdd = state + 2 * MOST};
     if (ncgen_driven_workspace(&driven) > MOST_WORKSPACE)
         return NCGEN_ARGUMENT;
-    const int status = ncgen_table_settle();
-    return status == NCGEN_OK && rank < model.n_rows ? (is_implied() ? ncgen_table_settle() : NCGEN_SINGULAR) : status;
+    const int status = ncgen_table_project_state();
+    return status == NCGEN_OK && rank < model.n_rows ? (is_implied() ? ncgen_table_project_state() : NCGEN_SINGULAR) : status;
 }
 
 int ncgen_table_go_on(ncgen_scalar t_end)

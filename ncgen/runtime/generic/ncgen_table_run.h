@@ -31,7 +31,7 @@ ncgen_real *ncgen_table_state(void);
 int ncgen_table_begin(int length, ncgen_scalar t, ncgen_scalar rtol, ncgen_scalar atol);
 
 /* After a change of the state or of numbers of the table: the state onto the constraints, and accelerations as they follow. */
-int ncgen_table_settle(void);
+int ncgen_table_project_state(void);
 
 /* On to a time. Where it fails the state stays as it was. */
 int ncgen_table_go_on(ncgen_scalar t_end);

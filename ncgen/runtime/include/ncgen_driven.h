@@ -58,7 +58,7 @@ void ncgen_go_on_each(const ncgen_driven *d, int count, int n_p, const ncgen_rea
 
 /* After a change of t, q, qd or p: q and qd onto the constraints, by the smallest change in the sense of kinetic energy, and qdd and
  * power as they follow. Where it fails the moment stays as it was. */
-int ncgen_settle_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment);
+int ncgen_project_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment);
 
 /* The same, for integrators outside, where q is on the constraints: it is left as it is. */
 int ncgen_evaluate_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment);

@@ -104,7 +104,7 @@ static void close(const sweep *s, double t)
 }
 
 /* From changes in s->state where a step left off, at left [q, qd], to those where it ended: closed and end are positions. */
-static void settle(const sweep *s, double t, const double *left, const double *closed, const double *end)
+static void project_state(const sweep *s, double t, const double *left, const double *closed, const double *end)
 {
     const int n = s->n;
     ncgen_real *moved = s->slopes; /* n: the stages are behind */
@@ -232,7 +232,7 @@ void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, i
             s.taped = taped ? taped + begins * (size_t)count : NULL;
             const double *left = step + size * s.method->stages, *closed = left + size, *next = closed + s.n;
             stages(&s, times[k], times[k + 1] - times[k], step, inputs + (size_t)k * (size_t)(s.method->stages * n_inputs));
-            settle(&s, times[k + 1], left, closed, next);
+            project_state(&s, times[k + 1], left, closed, next);
             write_rows(size, count, first, s.state, changes + (size_t)(k + 1) * (size_t)size * (size_t)count);
         }
         if (taped) {

@@ -96,7 +96,7 @@ static void close_position(run *r, double t, ncgen_real *q, ncgen_mask open)
 }
 
 /* The end of a step onto the constraints, as close_by_recursion of ncgen_projection.c does it; closed: where its tape has that. */
-static void settle(run *r, double t, ncgen_real *closed)
+static void project_state(run *r, double t, ncgen_real *closed)
 {
     const int n = r->n;
     ncgen_real *q = r->state, *qd = r->state + n;
@@ -156,7 +156,7 @@ static void step(run *r, double t, double h, ncgen_real *tape)
             derivative(r, t + r->method->c[s] * h, stage, r->slopes + s * size);
     }
     ncgen_copy(size, tape + last * size, r->state);
-    settle(r, t + h, tape + (last + 1) * size);
+    project_state(r, t + h, tape + (last + 1) * size);
     r->good &= derivative(r, t + h, r->state, r->slopes) < bad_step;
 }
 

@@ -65,7 +65,7 @@ static void velocities_back(sweep *s, ncgen_scalar t, const ncgen_real *q, const
 }
 
 /* Back through what brings the end of a step onto the constraints: left [q, qd], closed and end are positions. */
-static void settle_back(sweep *s, ncgen_scalar t, const ncgen_real *left, const ncgen_real *closed, const ncgen_real *end)
+static void project_back(sweep *s, ncgen_scalar t, const ncgen_real *left, const ncgen_real *closed, const ncgen_real *end)
 {
     const int n = s->n;
     velocities_back(s, t, end, left + n, s->state + n);
@@ -132,7 +132,7 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
         const ncgen_scalar t = tape->times[k], t_new = tape->times[k + 1];
         const ncgen_real *states = tape->states + (size_t)k * length, *left = states + 2 * last * n;
         add(2 * n, weights + (size_t)(k + 1) * 2 * (size_t)n, s.state);
-        settle_back(&s, t_new, left, left + 2 * n, states + length);
+        project_back(&s, t_new, left, left + 2 * n, states + length);
         const size_t driven = (size_t)k * (size_t)(last * s.n_w);
         stages_back(&s, t, t_new - t, states, run->inputs + driven, by_inputs + driven);
     }

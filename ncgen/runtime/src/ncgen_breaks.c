@@ -109,7 +109,7 @@ static int cross(const ncgen_driven *d, const ncgen_breaks *b, const ncgen_real 
 {
     const ncgen_real before = b->jumps ? kinetic_energy(d, p, moment) : 0;
     moment->t = t;
-    const int status = ncgen_settle_moment(d, p, moment);
+    const int status = ncgen_project_moment(d, p, moment);
     if (b->jumps)
         moment->work += kinetic_energy(d, p, moment) - before;
     return status;

@@ -207,10 +207,10 @@ ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *row
 }
 
 /* Are the factors those of the equations, to nearly all digits? They are not where a diagonal stands in for pivots, nor where pivots
- * have become small: beside a singular position, as settled stages and the growth of the recursion tell. */
+ * have become small: beside a singular position, as projected stages and the growth of the recursion tell. */
 static int factors_are_exact(const ncgen_run *r, const ncgen_constrained *w)
 {
-    const int pivots_are_small = r->settling || (w->is_recursive && !(w->growth < R(1.0e4)));
+    const int pivots_are_small = r->projecting || (w->is_recursive && !(w->growth < R(1.0e4)));
     return !(pivots_are_small || w->kkt.perturbed || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10));
 }
 
@@ -365,7 +365,7 @@ static int choose_way(ncgen_run *r, ncgen_scalar t)
         w->growth = w->emitted[r->n];
     }
     w->by_matrix = !(w->growth < ncgen_tolerated(r, soon_bad));
-    r->settles_stages = !(w->growth < usual);
+    r->projects_stages = !(w->growth < usual);
     return NCGEN_OK;
 }
 

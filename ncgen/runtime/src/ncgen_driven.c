@@ -46,7 +46,7 @@ static int begin(ncgen_run *r, parts *w, const ncgen_driven *d, const ncgen_opti
     lay_out(r, w);
     ncgen_begin(r);
     ncgen_copy(r->n, moment->q, r->start_q);
-    r->settle = options->project ? ncgen_settle : NULL;
+    r->project_state = options->project ? ncgen_project_state : NULL;
     r->state = ncgen_projected_state;
     return ncgen_constrained_begin(r, moment->qd);
 }
@@ -110,14 +110,14 @@ int ncgen_evaluate_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_mome
     return status == NCGEN_OK ? evaluate(&r, &w, moment) : status;
 }
 
-int ncgen_settle_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment)
+int ncgen_project_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment)
 {
     parts w;
     ncgen_run r;
     ncgen_statistics statistics;
     int status = begin(&r, &w, d, d->options, p, moment, 1, &moment->t, &statistics);
     if (status == NCGEN_OK)
-        status = ncgen_settle(&r, moment->t, r.y, 1);
+        status = ncgen_project_state(&r, moment->t, r.y, 1);
     return status == NCGEN_OK ? evaluate(&r, &w, moment) : status;
 }
 
@@ -153,7 +153,7 @@ int ncgen_respond(const ncgen_driven *d, const ncgen_real *p, const ncgen_moment
     ncgen_copy(r.n, impulses, w.constrained.right);
     for (int i = 0; i < r.m; ++i)
         w.constrained.right[r.n + i] = 0;
-    r.settling = 1; /* as many digits as there are */
+    r.projecting = 1; /* as many digits as there are */
     status = ncgen_constrained_solve(&r);
     if (status == NCGEN_OK && !ncgen_is_finite(r.n, w.constrained.solution))
         status = NCGEN_SINGULAR;

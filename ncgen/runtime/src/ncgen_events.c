@@ -1,34 +1,18 @@
-/* ncgen_events.c: what happens at one instant: the actions of all events that are due, and of those that these bring about.
- *
- * Impulses change velocities by what the constraints leave of them: M dqd + Phi_q' mu = W' L, Phi_q dqd = 0. With the gaps' velocities
- * u = W qd + dg/dt, Newton's law of impact is 0 <= L, u_after + e u_before >= 0, one of both zero (Moreau 1988).
- */
+/* ncgen_events.c: what happens at one instant: the actions of all events that are due, and of those that these bring about. */
 #include "ncgen_events.h"
 #include "ncgen_breaks.h"
-#include "ncgen_vectors.h"
+#include "ncgen_impacts.h"
+#include "ncgen_modes.h"
 
-enum { MOST_ROUNDS = 1000, MOST_TURNS = 10000, MOST_SWEEPS = 100000 };
+enum { MOST_ROUNDS = 1000 };
 
-/* A gap is closed where it is smaller than this share of its scale; one opens at a velocity above minus this share of its terms; a bounce
- * that stays lower than `at_rest` times what has no sign is none. */
-static const ncgen_scalar closed = R(1.0e-10), opening = R(1.0e-12), at_rest = R(50.0);
+/* A bounce that stays lower than this many times what has no sign is none. */
+static const ncgen_scalar at_rest = R(50.0);
 
-/* An instant on its way; arrays in the workspace: see `begin`. */
-typedef struct instant {
-    const ncgen_driven *d;
-    const ncgen_events *events;
-    ncgen_real *p;
-    ncgen_moment *moment;
-    ncgen_passage *passage;
-    int n, count;
-    ncgen_real *values, *before, *scales;        /* pairs (value, size) of each condition, now and before; scales (count) */
-    ncgen_real *slopes;                          /* count x (2 n + 1) */
-    ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
-    ncgen_real *velocities, *impulses, *numbers; /* count, count, what actions set */
-    ncgen_real *restitution, *needed, *kept;     /* count, count, n */
-} instant;
+/* A gap is still if its velocity is below this share of its terms. */
+static const ncgen_scalar standstill = R(1.0e-9);
 
-static void begin(instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
+static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
     ncgen_space space = {passage->workspace, 0};
     const int n = d->model->n_coordinates, count = events->count;
@@ -54,7 +38,7 @@ static void begin(instant *i, const ncgen_driven *d, const ncgen_events *events,
 }
 
 /* Values of the conditions with their slopes and scales: the sizes of their terms, and what moving by natural sizes changes. */
-static int look(instant *i)
+static int look(ncgen_instant *i)
 {
     const ncgen_moment *m = i->moment;
     int status = i->events->conditions(m->t, m->q, m->qd, i->p, i->values);
@@ -73,203 +57,15 @@ static int sign_of(ncgen_real x)
     return (x > 0) - (x < 0);
 }
 
-static const ncgen_action *impact_of(const ncgen_events *events, int event)
-{
-    for (int k = 0; k < events->n_actions; ++k)
-        if (events->actions[k].event == event && events->actions[k].kind == NCGEN_IMPACT)
-            return events->actions + k;
-    return NULL;
-}
-
-static int is_closed(const instant *i, int k)
-{
-    return NCGEN_ABS(i->values[2 * k]) <= closed * i->scales[k];
-}
-
-/* Velocities --------------------------------------------------------------------------------------------------- */
-
-static const ncgen_real *gradient(const instant *i, int k)
-{
-    return i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
-}
-
-static ncgen_real *response(const instant *i, int k)
-{
-    return i->responses + (size_t)k * (size_t)i->n;
-}
-
-static void push(const instant *i, int k, ncgen_real impulse)
-{
-    for (int j = 0; j < i->n; ++j)
-        i->moment->qd[j] += impulse * response(i, k)[j];
-}
-
-/* Velocities of what actions of an event set; those of other coordinates follow with the least kinetic energy of the change: one after the
- * other, each by a change that leaves those before it. */
-static int set_velocities(instant *i, int event)
-{
-    const ncgen_events *e = i->events;
-    const ncgen_action *set = e->actions;
-    int count = 0;
-    for (int k = 0; k < e->n_actions; ++k)
-        if (e->actions[k].event == event && e->actions[k].kind == NCGEN_SET_VELOCITY)
-            set = count++ ? set : e->actions + k;
-    for (int a = 0; a < count; ++a) {
-        ncgen_real *own = response(i, a);
-        for (int j = 0; j < i->n; ++j)
-            i->kept[j] = j == set[a].place ? 1 : 0;
-        const int status = ncgen_respond(i->d, i->p, i->moment, i->kept, own);
-        if (status != NCGEN_OK)
-            return status;
-        const ncgen_real whole = own[set[a].place];
-        for (int b = 0; b < a; ++b) {
-            const ncgen_real *other = response(i, b), share = own[set[b].place] / other[set[b].place];
-            for (int j = 0; other[set[b].place] > 0 && j < i->n; ++j)
-                own[j] -= share * other[j];
-        }
-        if (!(own[set[a].place] > R(1.0e-12) * whole)) /* it follows from the others, or cannot change */
-            for (int j = 0; j < i->n; ++j)
-                own[j] = 0;
-        else
-            push(i, a, (i->numbers[set[a].value] - i->moment->qd[set[a].place]) / own[set[a].place]);
-    }
-    for (int a = 0; a < count; ++a) {
-        const ncgen_real wanted = i->numbers[set[a].value], off = NCGEN_ABS(i->moment->qd[set[a].place] - wanted);
-        if (off > R(1.0e-9) * (NCGEN_ABS(wanted) + ncgen_largest(i->n, i->moment->qd, i->d->dynamics->column_sizes) *
-                                                       i->d->dynamics->column_sizes[set[a].place]))
-            return NCGEN_SINGULAR;
-    }
-    return NCGEN_OK;
-}
-
-/* Of the gaps, and whether they close. */
-static int find_velocities(instant *i, const int *taking, int count)
-{
-    int closing = 0;
-    for (int a = 0; a < count; ++a) {
-        const ncgen_real *w = gradient(i, taking[a]), drift = w[2 * i->n];
-        ncgen_real size = NCGEN_ABS(drift), sum = drift;
-        for (int j = 0; j < i->n; ++j) {
-            sum += w[j] * i->moment->qd[j];
-            size += NCGEN_ABS(w[j]) * NCGEN_ABS(i->moment->qd[j]);
-        }
-        i->velocities[2 * a] = sum;
-        i->velocities[2 * a + 1] = sum < -opening * size ? 1 : 0;
-        closing += sum < -opening * size;
-    }
-    return closing;
-}
-
-static ncgen_real *entry(const instant *i, int a, int b)
-{
-    return i->G + (size_t)a * (size_t)i->count + (size_t)b;
-}
-
-/* How impulses on gaps change their velocities. */
-static int find_responses(instant *i, const int *taking, int count)
-{
-    for (int a = 0; a < count; ++a) {
-        const int status = ncgen_respond(i->d, i->p, i->moment, gradient(i, taking[a]), response(i, a));
-        if (status != NCGEN_OK)
-            return status;
-    }
-    for (int a = 0; a < count; ++a)
-        for (int b = 0; b < count; ++b)
-            *entry(i, a, b) = ncgen_dot(i->n, gradient(i, taking[a]), response(i, b));
-    for (int a = 0; a < count; ++a)
-        if (!(*entry(i, a, a) > 0))
-            return NCGEN_SINGULAR;
-    return NCGEN_OK;
-}
-
-static int are_coupled(const instant *i, int count)
-{
-    for (int a = 0; a < count; ++a)
-        for (int b = 0; b < a; ++b)
-            if (NCGEN_ABS(*entry(i, a, b)) > opening * NCGEN_SQRT(*entry(i, a, a) * *entry(i, b, b)))
-                return 1;
-    return 0;
-}
-
-/* One gap after the other, the one that closes fastest first. */
-static int hit_in_turn(instant *i, const int *taking, int count)
-{
-    for (int turn = 0; turn < MOST_TURNS; ++turn) {
-        int fastest = -1;
-        if (!find_velocities(i, taking, count))
-            return NCGEN_OK;
-        for (int a = 0; a < count; ++a)
-            if (i->velocities[2 * a + 1] > 0 && (fastest < 0 || i->velocities[2 * a] < i->velocities[2 * fastest]))
-                fastest = a;
-        const ncgen_real impulse = -(1 + i->restitution[fastest]) * i->velocities[2 * fastest] / *entry(i, fastest, fastest);
-        push(i, fastest, impulse);
-        i->impulses[fastest] += impulse;
-    }
-    return NCGEN_ENDLESS;
-}
-
-/* All together: sweeps of Gauss and Seidel, each impulse as much as its gap needs and none that pulls. */
-static int hit_all(instant *i, int count)
-{
-    for (int a = 0; a < count; ++a)
-        i->needed[a] = (1 + i->restitution[a]) * i->velocities[2 * a];
-    ncgen_real last = R(1.0e30);
-    for (int sweep = 0; sweep < MOST_SWEEPS; ++sweep) {
-        ncgen_real moved = 0, size = 0;
-        for (int a = 0; a < count; ++a) {
-            ncgen_real rest = i->needed[a];
-            for (int b = 0; b < count; ++b)
-                rest += *entry(i, a, b) * i->impulses[b];
-            const ncgen_real before = i->impulses[a], next = before - rest / *entry(i, a, a);
-            i->impulses[a] = next > 0 ? next : 0;
-            moved += NCGEN_ABS(i->impulses[a] - before);
-            size += i->impulses[a];
-        }
-        if (moved <= R(1.0e-6) * size && !(moved < last)) /* at rounding */
-            break;
-        last = moved;
-    }
-    for (int a = 0; a < count; ++a)
-        push(i, a, i->impulses[a]);
-    return NCGEN_OK;
-}
-
-/* The impacts of events that are due, with the gaps that are closed already; *hit: whether a gap closes. */
-static int impacts(instant *i, int *hit)
-{
-    int *due = i->passage->due, *taking = i->passage->due + i->count, count = 0, wanted = 0; /* room for numbers behind `due` */
-    for (int k = 0; k < i->count; ++k) {
-        const ncgen_action *impact = impact_of(i->events, k);
-        if (!impact || !(due[k] || is_closed(i, k)))
-            continue;
-        wanted += due[k];
-        i->restitution[count] = i->numbers[impact->value];
-        i->impulses[count] = 0;
-        taking[count++] = k;
-    }
-    *hit = wanted && find_velocities(i, taking, count);
-    if (!*hit)
-        return NCGEN_OK;
-    int status = find_responses(i, taking, count);
-    if (status != NCGEN_OK)
-        return status;
-    if (i->events->law == NCGEN_NO_LAW && are_coupled(i, count))
-        return NCGEN_NO_ORDER;
-    status = i->events->law == NCGEN_IN_TURN ? hit_in_turn(i, taking, count) : hit_all(i, count);
-    for (int a = 0; a < count; ++a)
-        i->passage->happened[taking[a]] += i->impulses[a] > 0;
-    return status;
-}
-
 /* Instants ----------------------------------------------------------------------------------------------------- */
 
-static int find_numbers(instant *i)
+static int find_numbers(ncgen_instant *i)
 {
     return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
 }
 
 /* What an event does besides impacts, with the numbers of the state before it. */
-static int act(instant *i, int event)
+static int act(ncgen_instant *i, int event)
 {
     const ncgen_events *e = i->events;
     int status = find_numbers(i), others = 0;
@@ -285,25 +81,25 @@ static int act(instant *i, int event)
             *i->passage->stopped = 1;
         others = 1;
     }
-    if (!impact_of(e, event))
+    if (!ncgen_impact_of(e, event))
         i->passage->happened[event] += 1;
-    return status == NCGEN_OK && others ? set_velocities(i, event) : status;
+    return status == NCGEN_OK && others ? ncgen_set_velocities(i, event) : status;
 }
 
 /* Events whose conditions the last actions carried to the other side. */
-static int turned(instant *i, const int *done)
+static int turned(ncgen_instant *i, const int *done)
 {
     int count = 0;
     for (int k = 0; k < i->count; ++k) {
         const ncgen_real before = i->before[2 * k], after = i->values[2 * k];
-        const int clear = !is_closed(i, k) && NCGEN_ABS(before) > closed * i->scales[k];
+        const int clear = !ncgen_is_closed(i, k) && NCGEN_ABS(before) > NCGEN_CLOSED * i->scales[k];
         i->passage->due[k] = clear && !done[k] && sign_of(before) != sign_of(after) && sign_of(after) * i->events->directions[k] >= 0;
         count += i->passage->due[k];
     }
     return count;
 }
 
-static ncgen_real energy(const instant *i)
+static ncgen_real energy(const ncgen_instant *i)
 {
     ncgen_real out[3] = {0, 0, 0};
     if (i->d->model->energy)
@@ -312,7 +108,7 @@ static ncgen_real energy(const instant *i)
 }
 
 /* Is the next bounce of an impact one that cannot be told from none? */
-static int rests(instant *i, int k)
+static int rests(ncgen_instant *i, int k)
 {
     const ncgen_real *first = i->responses, *second = first + i->count; /* responses are no longer needed */
     const ncgen_real speed = first[k] > 0 ? first[k] : 0, pull = -second[k];
@@ -320,15 +116,56 @@ static int rests(instant *i, int k)
     return pull > 0 && speed * speed <= 2 * pull * (deep > least ? deep : least);
 }
 
-/* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate; happened (count): what has. */
-static int finish(instant *i, const int *happened)
+static int is_still(const ncgen_instant *i, int k)
 {
-    int status = ncgen_evaluate_moment(i->d, i->p, i->moment), rested = 0;
+    const ncgen_real *w = ncgen_gradient(i, k);
+    ncgen_real sum = w[2 * i->n], size = NCGEN_ABS(sum);
+    for (int j = 0; j < i->n; ++j) {
+        sum += w[j] * i->moment->qd[j];
+        size += NCGEN_ABS(w[j] * i->moment->qd[j]);
+    }
+    return NCGEN_ABS(sum) <= standstill * size;
+}
+
+/* The accelerations of the present mode. */
+static int accelerate(ncgen_instant *i)
+{
+    ncgen_entered in;
+    if (!i->events->n_modes)
+        return ncgen_evaluate_moment(i->d, i->p, i->moment);
+    ncgen_enter(i->d, i->events, i->passage, &in);
+    return ncgen_evaluate_moment(&in.driven, i->p, i->moment);
+}
+
+/* The gaps that are held from here on: those that come to rest, and what is closed and still and was not hit. */
+static int choose_mode(ncgen_instant *i, const int *happened, const int *resting)
+{
+    ncgen_passage *passage = i->passage;
+    int *wanted = passage->wanted, *released = wanted + i->count;
+    for (int k = 0; k < i->count; ++k) {
+        const ncgen_action *impact = ncgen_impact_of(i->events, k);
+        const int may = impact && !impact->place && !released[k];
+        const int stays = ncgen_is_closed(i, k) && is_still(i, k) && (ncgen_holds(i->events, passage, k) || !happened[k]);
+        wanted[k] = may && (resting[k] || stays);
+        if (released[k] || wanted[k])
+            passage->signs[k] = 1;
+        released[k] = 0;
+    }
+    const int status = ncgen_choose_mode(i->d, i->events, i->p, i->moment, passage);
+    return status == NCGEN_OK ? accelerate(i) : status;
+}
+
+/* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate; happened (count): what has. resting
+ * (count): which gaps are at rest */
+static int finish(ncgen_instant *i, const int *happened, int *resting)
+{
+    int status = accelerate(i), rested = 0;
     if (status == NCGEN_OK)
         status = i->events->rates(i->moment->t, i->moment->q, i->moment->qd, i->moment->qdd, i->p, i->responses);
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
-        const int clear = !is_closed(i, k), way = i->events->directions[k], side = i->passage->signs[k];
-        const ncgen_action *impact = impact_of(i->events, k);
+        const int clear = !ncgen_is_closed(i, k), way = i->events->directions[k], side = i->passage->signs[k];
+        const ncgen_action *impact = ncgen_impact_of(i->events, k);
+        resting[k] = 0;
         if (happened[k])
             i->passage->signs[k] = way ? way : clear ? sign_of(i->values[2 * k]) : -side;
         else if (clear)
@@ -338,12 +175,14 @@ static int finish(instant *i, const int *happened)
         if (impact->place)
             *i->passage->stopped = 1;
         else
-            rested = 1;
+            rested = resting[k] = 1;
     }
+    if (status == NCGEN_OK && i->events->n_modes)
+        return choose_mode(i, happened, resting);
     return status == NCGEN_OK && rested ? NCGEN_AT_REST : status;
 }
 
-static int happen(instant *i)
+static int happen(ncgen_instant *i)
 {
     const ncgen_real before = energy(i);
     int *due = i->passage->due, *first = due + 2 * i->count, *done = due + 3 * i->count, status = NCGEN_OK, some = 1, hit = 0;
@@ -355,10 +194,10 @@ static int happen(instant *i)
         ncgen_copy(2 * i->count, i->values, i->before);
         status = find_numbers(i);
         if (status == NCGEN_OK)
-            status = impacts(i, &hit);
+            status = ncgen_hit(i, &hit);
         for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
             done[k] = due[k];
-            if (due[k] && (hit || !impact_of(i->events, k)))
+            if (due[k] && (hit || !ncgen_impact_of(i->events, k)))
                 status = act(i, k);
         }
         if (status == NCGEN_OK)
@@ -368,7 +207,7 @@ static int happen(instant *i)
             first[k] |= due[k];
     }
     if (status == NCGEN_OK)
-        status = finish(i, first);
+        status = finish(i, first, done);
     for (int k = 0; k < i->count; ++k)
         due[k] = 0;
     i->moment->work += energy(i) - before;
@@ -377,7 +216,7 @@ static int happen(instant *i)
 
 int ncgen_happen(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
-    instant i;
+    ncgen_instant i;
     begin(&i, d, events, p, moment, passage);
     const int status = look(&i);
     return status == NCGEN_OK ? happen(&i) : status;
@@ -385,43 +224,52 @@ int ncgen_happen(const ncgen_driven *d, const ncgen_events *events, ncgen_real *
 
 int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
-    instant i;
+    ncgen_instant i;
     int some = 0;
     begin(&i, d, events, p, moment, passage);
     int status = look(&i);
     *passage->stopped = 0;
+    if (events->n_modes)
+        *passage->mode = 0;
+    for (int k = 0; events->n_modes && k < 2 * i.count; ++k)
+        passage->wanted[k] = 0;
     if (status == NCGEN_OK)
         status = events->rates(moment->t, moment->q, moment->qd, moment->qdd, p, i.responses);
     for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
         const ncgen_real value = i.values[2 * k], rate = i.responses[k];
-        const int is_impact = impact_of(events, k) != NULL, is_zero = is_closed(&i, k), way = sign_of(rate);
+        const int is_impact = ncgen_impact_of(events, k) != NULL, is_zero = ncgen_is_closed(&i, k), way = sign_of(rate);
         if (is_impact && value < 0 && !is_zero)
             return NCGEN_OVERLAP;
         passage->due[k] = is_zero && way && way * events->directions[k] >= 0;
         passage->signs[k] = is_impact ? 1 : is_zero ? way : sign_of(value);
         some |= passage->due[k];
     }
-    return status == NCGEN_OK && some ? happen(&i) : status;
+    return status == NCGEN_OK && (some || events->n_modes) ? happen(&i) : status;
 }
 
 int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
     ncgen_passage *passage)
 {
     ncgen_moment here = *moment;
-    instant i;
+    ncgen_instant i;
     int some = 0;
     begin(&i, d, events, (ncgen_real *)p, &here, passage);
     const int status = look(&i);
     for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
-        const int way = events->directions[k], clear = !is_closed(&i, k), before = passage->signs[k];
+        const int way = events->directions[k], clear = !ncgen_is_closed(&i, k), before = passage->signs[k];
         const int side = sign_of(i.values[2 * k]), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
         const int now = nearly || clear ? exactly : before;
-        passage->due[k] = before && now != before && now * way >= 0;
+        passage->due[k] = before && now != before && now * way >= 0 && !ncgen_holds(events, passage, k);
         if (!passage->due[k] && (clear || (nearly && way < 0 && now > 0)))
             passage->signs[k] = exactly; /* what falls has to be above zero first, however little */
         some += passage->due[k];
     }
-    return status == NCGEN_OK ? some : -status;
+    if (status != NCGEN_OK || !events->n_modes)
+        return status == NCGEN_OK ? some : -status;
+    for (int k = 0; k < i.count; ++k)
+        passage->wanted[i.count + k] = 0;
+    const int released = ncgen_release(events, p, moment, passage);
+    return released < 0 ? released : some + released;
 }
 
 static long events_so_far(const ncgen_events *events, const ncgen_passage *passage)
@@ -441,11 +289,17 @@ int ncgen_go_through_events(const ncgen_driven *d, const struct ncgen_breaks *br
     const int some = ncgen_look_for_events(d, events, p, moment, 0, passage);
     int status = some < 0 ? -some : some > 0 ? ncgen_happen(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
-        status = breaks ? ncgen_go_on_in_parts(d, breaks, p, moment, t_end, statistics) : ncgen_go_on(d, p, moment, t_end, statistics);
+        ncgen_entered in;
+        ncgen_enter(d, events, passage, &in);
+        const ncgen_driven *mode = &in.driven;
+        status = breaks ? ncgen_go_on_in_parts(mode, breaks, p, moment, t_end, statistics) : ncgen_go_on(mode, p, moment, t_end, statistics);
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
         for (int k = 0; k < events->count; ++k)
             passage->due[k] = d->options->event->crossed[k];
+        for (int k = events->count; k < in.watched.count; ++k)
+            if (d->options->event->crossed[k])
+                passage->wanted[events->count + events->modes[*passage->mode - 1].held[k - events->count]] = 1;
         status = ncgen_happen(d, events, p, moment, passage);
     }
     return status;

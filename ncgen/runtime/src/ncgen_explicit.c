@@ -93,10 +93,10 @@ static void advance(const ncgen_run *r, const ncgen_stepping *w, ncgen_scalar h,
 }
 
 /* new_y onto the constraints; at the end of a step the statistics tell how far it was moved. */
-static int settle(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, int is_end)
+static int project_state(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, int is_end)
 {
     const ncgen_real largest = r->statistics->largest_projection;
-    const int status = r->settle(r, t, w->new_y, w->repeated);
+    const int status = r->project_state(r, t, w->new_y, w->repeated);
     if (!is_end)
         r->statistics->largest_projection = largest;
     return status;
@@ -130,18 +130,18 @@ static void tape_step(const ncgen_run *r, const tableau *method, ncgen_scalar t,
 
 /* One trial step: new_y, and the slope there. NCGEN_DOMAIN if these are no numbers.
  *
- * Once it is repeated its stages are settled as well as its end: beside a singular position the accelerations of a state that is
+ * Once it is repeated its stages are projected as well as its end: beside a singular position the accelerations of a state that is
  * off the constraints by a truncation error are wrong by that error over the distance, and no step is short enough to pass. */
 static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar h)
 {
-    const int last = method->stages, settles = r->settling = w->repeated && r->settles_stages;
+    const int last = method->stages, projects = r->projecting = w->repeated && r->projects_stages;
     ncgen_tape *tape = r->options->tape;
     if (tape && !(r->constrained && r->constrained->closed))
         return NCGEN_ARGUMENT;
     if (tape && tape->steps == tape->room)
         return NCGEN_FULL;
     if (tape) {
-        if (settles && !tape->other)
+        if (projects && !tape->other)
             tape->other = tape->steps + 1;
         tape_stage(r, method, 0, r->y);
     }
@@ -150,8 +150,8 @@ static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, nc
         if (tape)
             tape_stage(r, method, s, w->new_y);
         int status = ncgen_listen(r, t + method->c[s] * h);
-        if (status == NCGEN_OK && (s == last || settles) && r->settle)
-            status = settle(r, w, t + method->c[s] * h, s == last);
+        if (status == NCGEN_OK && (s == last || projects) && r->project_state)
+            status = project_state(r, w, t + method->c[s] * h, s == last);
         if (status == NCGEN_OK)
             status = r->derivative(r, t + method->c[s] * h, w->new_y, slope(r, w, s));
         if (status != NCGEN_OK)
@@ -390,9 +390,9 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             h *= factor > R(0.2) ? factor : R(0.2);
             continue;
         }
-        /* A repeated step that is far better than its length explains is better since its stages were settled: without that the next one,
+        /* A repeated step that is far better than its length explains is better since its stages were projected: without that the next one,
          * which is no farther from the singular position, would be refused as well, and steps creep up to it. */
-        near = (repeats || rejected) && r->settling && factor > R(1.5);
+        near = (repeats || rejected) && r->projecting && factor > R(1.5);
         if (factor > R(10.0))
             factor = R(10.0);
         if (rejected && factor > R(1.0))

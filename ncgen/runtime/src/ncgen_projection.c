@@ -244,7 +244,7 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
 }
 
 /* precise: with the factors of this state */
-int ncgen_settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise)
+int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise)
 {
     ncgen_copy(r->n, y + r->n, r->constrained->solution);
     const int status = project(r, t, y, r->constrained->is_factored && !ncgen_constrained_is_dense(r) && !precise, 0);

@@ -234,7 +234,7 @@ static ncgen_real step_factor(const ncgen_implicit *m, ncgen_scalar h, ncgen_rea
 /* A converged step whose error is small enough becomes the state. */
 static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
 {
-    int status = r->settle ? r->settle(r, t + h, w->new_y, 0) : NCGEN_OK;
+    int status = r->project_state ? r->project_state(r, t + h, w->new_y, 0) : NCGEN_OK;
     if (status == NCGEN_OK)
         status = r->derivative(r, t + h, w->new_y, w->slopes + r->ny);
     if (status != NCGEN_OK)

@@ -65,7 +65,7 @@ static int begin(ncgen_run *r, parts *w, const ncgen_real *q, const ncgen_real *
         ncgen_partitioning_begin(r, velocities);
         return status;
     }
-    r->settle = r->options->project ? ncgen_settle : NULL;
+    r->project_state = r->options->project ? ncgen_project_state : NULL;
     r->state = ncgen_projected_state;
     return status == NCGEN_OK ? ncgen_constrained_begin(r, velocities) : status;
 }

@@ -99,10 +99,10 @@ void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics
     r->constrained = NULL;
     r->slopes = NULL;
     r->jacobian = NULL;
-    r->settle = NULL;
+    r->project_state = NULL;
     r->accept = NULL;
-    r->settles_stages = 1;
-    r->settling = r->careful = r->rows = 0;
+    r->projects_stages = 1;
+    r->projecting = r->careful = r->rows = 0;
     r->patience = options->patience > 1 ? options->patience : 1;
 }
 

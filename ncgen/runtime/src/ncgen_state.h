@@ -33,10 +33,10 @@ struct ncgen_run {
     ncgen_scalar start_t;
     ncgen_real *y;
 
-    /* The formalism. settle brings a new state onto the constraints before its derivative is taken; accept looks at a
+    /* The formalism. project_state brings a new state onto the constraints before its derivative is taken; accept looks at a
      * new state whose derivative is the last evaluation; state computes q and qd of an interpolated state. */
     int (*derivative)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd);
-    int (*settle)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise);
+    int (*project_state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise);
     int (*accept)(ncgen_run *r, ncgen_scalar t);
     int (*state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y);
     /* For implicit methods: how the velocities' derivatives change with velocities and positions, row by row. */
@@ -44,8 +44,8 @@ struct ncgen_run {
     struct ncgen_partitioning *partitioning;
     struct ncgen_constrained *constrained;
     long patience;                  /* steps until the watch is called; -1: it has ended the run */
-    int settles_stages;             /* those of a repeated step are brought onto the constraints, too: it may be near a singular position */
-    int settling;                   /* those of the step under way are */
+    int projects_stages;             /* those of a repeated step are brought onto the constraints, too: it may be near a singular position */
+    int projecting;                   /* those of the step under way are */
     int careful;                    /* the step is repeated: emitted eliminations give way to those with row exchanges */
     struct ncgen_slopes *slopes;
 

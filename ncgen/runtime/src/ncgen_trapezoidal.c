@@ -63,8 +63,8 @@ static int trapezoidal_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, 
         if (status == NCGEN_OK)
             status = correct_fixed(r, w, m, t, h);
     }
-    if (status == NCGEN_OK && r->settle)
-        status = r->settle(r, t + h, w->new_y, 0);
+    if (status == NCGEN_OK && r->project_state)
+        status = r->project_state(r, t + h, w->new_y, 0);
     if (status == NCGEN_OK)
         status = r->derivative(r, t + h, w->new_y, w->slopes + r->ny);
     if (status == NCGEN_OK && !(ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, w->slopes + r->ny)))

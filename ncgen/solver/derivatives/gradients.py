@@ -14,7 +14,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.derivatives.objective import check_objective, of_objective
 from ncgen.solver.derivatives.sensitivity import NOT_DIFFERENTIATED, instants, is_taped
 from ncgen.solver.derivatives.taped_batch import TapedBatch
-from ncgen.solver.given import Given, checked_kernels, finite, names_of
+from ncgen.solver.given import Given, checked_kernels, finite, names_of, refuse_events
 from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.motions.batch import checked_threads
 from ncgen.solver.motions.states import States
@@ -45,7 +45,23 @@ class BatchGradients:
         return np.array([status == "ok" for status in self.status])
 
     def by(self, name: str) -> np.ndarray:
-        """Derivatives (B,) by one of the names. Raises ModelError for another."""
+        """Return the derivatives by one name.
+
+        Parameters
+        ----------
+        name : str
+            One of `names`.
+
+        Returns
+        -------
+        numpy.ndarray
+            Derivatives, shape (B,).
+
+        Raises
+        ------
+        ModelError
+            For an unknown name.
+        """
         if name not in self.names:
             raise ModelError(f"there is no derivative by {name!r}; there are {shortened(', '.join(self.names), SHOWN)}")
         return self.slopes[:, self.names.index(name)]
@@ -128,6 +144,7 @@ def taped_batch(
     """Motions that can be differentiated; arguments and errors as of `gradient_batch`."""
     since_start = instants(checked_kernels(kernels), duration, steps)
     t, names = finite(t0, "t0"), names_of(z, "z", kernels.coordinates)
+    refuse_events(kernels.model, "gradient_batch")
     is_taped(kernels, integrator)
     states = States.of(kernels, q0, zd0, p, t, names, None, assembled=True)
     return TapedBatch(kernels, states, t + since_start, integrator, q0 is None, checked_threads(threads))

@@ -1,4 +1,4 @@
-"""A motion on independent coordinates with its derivatives, in Python: for kernels of NumPy, and where no motion is written out.
+"""A motion on independent coordinates with its derivatives, in Python: for kernels of NumPy, and where no motion is emitted.
 
 The motion is the classical Runge-Kutta method's, y = [ż; z], or the trapezoidal rule's, and what is differentiated is that very
 computation, through the solution of the position problem by the implicit function theorem:

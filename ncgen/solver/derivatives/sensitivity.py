@@ -1,6 +1,6 @@
 """Exact derivatives of a motion with respect to parameters and initial state: forward and adjoint.
 
-Where the mechanism's motion is written out the steps of the run in C are differentiated (`taped_motion`), else those of a run in
+Where the mechanism's motion is emitted the steps of the run in C are differentiated (`taped_motion`), else those of a run in
 Python (`partitioned_motion`). Forward all directions are carried along with the motion; the adjoint sweep goes back through it once,
 whatever the number of parameters.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeAlias, Unpack
 
 import numpy as np
@@ -17,12 +18,13 @@ from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS, Integrator
+from ncgen.solver.derivatives.event_motion import EventMotion, EventSensitivity
 from ncgen.solver.derivatives.objective import check_objective, filled, of_objective
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.derivatives.stepped_motion import SteppedMotion
 from ncgen.solver.derivatives.taped_motion import TapedMotion
 from ncgen.solver.engines.compiled import checked_compiled, is_written_out
-from ncgen.solver.given import checked_kernels, echo, names_of, numbers_of, refuse_events, values_by_name
+from ncgen.solver.given import checked_kernels, echo, has_events, names_of, numbers_of, refuse_events, values_by_name
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
 from ncgen.solver.motions.simulate import simulate_steps
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial, count, positive, relative_tolerance
@@ -38,7 +40,7 @@ NOT_DIFFERENTIATED = ("formalism", "engine", "number", "atol", "max_step")
 class Sensitivities:
     """A motion and its derivatives at K instants; columns in the order of `names`: parameters, z at the start, ż at the start.
 
-    t (K,); q, qd (K, n); q_by, qd_by (K, n, columns)
+    t (K,); q, qd (K, n); q_by, qd_by (K, n, columns); events: of a model with events, how all that happened changes
     """
 
     t: np.ndarray
@@ -47,6 +49,7 @@ class Sensitivities:
     q_by: np.ndarray
     qd_by: np.ndarray
     names: tuple[str, ...]
+    events: tuple[EventSensitivity, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Sensitivities by {shortened(', '.join(self.names), SHOWN)}: {len(self.t)} instants to {self.t[-1]:g} s>"
@@ -125,9 +128,10 @@ def sensitivities(
     """
     motion = motion_of(kernels, duration, steps, **arguments)
     names = motion.names if by is None else names_of(by, "by", motion.names, "parameter or initial value")
-    every = np.eye(len(motion.names))
-    q_by, qd_by = motion.along(every[:, [motion.names.index(name) for name in names]])
-    return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, names)
+    directions = np.eye(len(motion.names))[:, [motion.names.index(name) for name in names]]
+    q_by, qd_by = motion.along(directions)
+    events = motion.events_along(directions) if isinstance(motion, EventMotion) else ()
+    return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, names, events)
 
 
 @takes(MotionArguments, unused=NOT_DIFFERENTIATED, integrator="rk4", rtol=None)
@@ -219,11 +223,10 @@ def hessian(
     _differentiable(arguments.get("integrator", "rk4"), twice=True)
     checked_kernels(kernels)
     check_objective(objective)
+    refuse_events(kernels.model, "hessian")
     motion = motion_of(kernels, duration, steps, **arguments)
     if not isinstance(motion, TapedMotion):
-        raise ModelError(
-            f"{kernels.name}: its motion is not written out in C, so it has no second derivatives; take differences of gradient"
-        )
+        raise ModelError(f"{kernels.name}: its motion is not emitted in C, so it has no second derivatives; take differences of gradient")
     count = len(motion.names)
     along = np.eye(count) if directions is None else numbers_of(directions, "directions")
     if along.ndim != 2 or len(along) != count:
@@ -244,7 +247,7 @@ def hessian(
     return Hessian(value, dict(zip(motion.names, motion.backward(by_q, by_qd)[0].tolist(), strict=True)), products, motion.names)
 
 
-Motion: TypeAlias = TapedMotion | PartitionedMotion | SteppedMotion
+Motion: TypeAlias = TapedMotion | PartitionedMotion | SteppedMotion | EventMotion
 """A motion that can be differentiated."""
 
 
@@ -257,14 +260,18 @@ def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "
     if tolerances and not (entry.tableau and entry.coefficients.errors):
         estimating = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau and other.coefficients.errors)
         raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
-    refuse_events(kernels.model, "a derivative of a motion")
+    if has_events(kernels.model) and not entry.tableau:
+        refuse_events(kernels.model, f"a derivative by steps of {integrator}")
     initial = Initial.from_arguments(kernels, **start)
     times, follows, signals = initial.t + since_start, start.get("q0") is None, signals_of(kernels, inputs, initial.p)
     if not entry.tableau:
         return _implicit_motion(kernels, initial, times, follows, entry, options, inputs, start)
     if values_by_name(options, "options"):
         raise ModelError(f"options: {integrator} has none")
-    return motion_from(kernels, initial, times, follows, integrator, tolerances, signals)
+    make = partial(motion_from, integrator=integrator, tolerances=tolerances, signals=signals)
+    if has_events(kernels.model):
+        return EventMotion(kernels, initial, times, follows, signals, make, start | ({"inputs": inputs} if inputs is not None else {}))
+    return make(kernels, initial, times, follows)
 
 
 def instants(kernels: Kernels, duration: float, steps: int) -> np.ndarray:
@@ -293,7 +300,7 @@ def is_taped(kernels: Kernels, integrator: str) -> bool:
         raise ModelError(f"integrator: {integrator!r} given; derivatives of many motions go through steps of {explicit}")
     written = is_written_out(kernels, Method.of("lagrange", integrator))
     if not written and integrator != "rk4":
-        raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
+        raise ModelError(f"{kernels.name}: its motion is not emitted in C, so derivatives go through steps of rk4, not of {integrator}")
     return written
 
 

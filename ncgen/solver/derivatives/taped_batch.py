@@ -1,6 +1,6 @@
-"""Motions of many states with the ways back through them: in lanes and threads where the motion is written out, else one after the other.
+"""Motions of many states with the ways back through them: in lanes and threads where the motion is emitted, else one after the other.
 
-Each state has the numbers of its own motion (`taped_motion`), to rounding, whatever stands beside it. A state that comes to where the
+Each state has the numbers of its own motion (`taped_motion`), to rounding, whatever stands next to it. A state that comes to where the
 emitted motion does not do has a run of its own.
 """
 
@@ -91,7 +91,7 @@ class TapedBatch:
 
     @cached_property
     def _motions(self) -> Motions | None:
-        """In lanes, None where the motion is not written out or too long for them, or where laws of time have breaks in it."""
+        """In lanes, None where the motion is not emitted or too long for them, or where laws of time have breaks in it."""
         breaks = break_times_of_each(self.kernels, self.states.p, *self.times[[0, -1]].tolist())
         if not is_taped(self.kernels, self.method) or any(map(len, breaks or ())):
             return None

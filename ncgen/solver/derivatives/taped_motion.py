@@ -1,4 +1,4 @@
-"""A motion on all coordinates with its derivatives, in C: what is differentiated are the steps of the run, with their way back onto the
+"""A motion on all coordinates with its derivatives, in C: what is differentiated are the steps of the run, with their projection onto the
 constraints (`ncgen/runtime/src/ncgen_adjoint.c`).
 
 A mechanism starts at independent coordinates z and their rates. With V(q, q̇, p), the velocities that the joints allow nearest to given
@@ -50,7 +50,7 @@ class StartFrames:
 
 
 class ReverseSweep(Protocol):
-    """The way back through what a mechanism does at its start, one or many of them."""
+    """The reverse sweep through what a mechanism does at its start, one or many of them."""
 
     def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
 
@@ -168,7 +168,7 @@ class TapedMotion:
         return np.concatenate([by_p + by_start, by_z, by_rates]), driven
 
     def second(self, by_q: np.ndarray, by_qd: np.ndarray, change: Change, directions: np.ndarray) -> np.ndarray:
-        """How the derivatives of a number change along directions (columns, D), (columns, D): the way back, in dual numbers.
+        """How the derivatives of a number change along directions (columns, D), (columns, D): the reverse sweep, in dual numbers.
 
         by_q, by_qd: its derivatives by q and q̇ at all instants, (K, n) each; change: how they change with q and q̇
         """

@@ -118,7 +118,7 @@ def refusal_of_size(kernels: Kernels, partitions: Partitions, engine: str) -> st
 
 
 def is_emitted(kernels: Kernels, partitions: Partitions) -> TypeGuard[CompiledKernels]:
-    """True where the state derivative of a choice of independent coordinates can be written out and run in C."""
+    """True where the state derivative of a choice of independent coordinates can be emitted and run in C."""
     method = Method.of("coordinate-partitioning", "dopri5")
     return (refusal(kernels, method, "emitted", "double") or refusal_of_size(kernels, partitions, "emitted")) is None
 
@@ -135,7 +135,7 @@ def checked_compiled(kernels: Kernels) -> CompiledKernels:
 def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dense", integrator: str = AUTO) -> ConstrainedDynamics:
     """The state derivative over all coordinates, made once for every kernels object, number type and form.
 
-    form: "emitted" for accelerations that are written out, seen in positions around the model's own start, so that they are the same in
+    form: "emitted" for accelerations that are emitted, seen in positions around the model's own start, so that they are the same in
         every run; "tree" for those in loops over tables of an open tree; else of the factored matrix
     integrator: for which the runtime is compiled at the same time
     """
@@ -152,7 +152,7 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
 
 
 def form_of(kernels: Kernels, method: Method) -> Form:
-    """What accelerations a run over all coordinates takes where nobody says: of a recursion over the tree of bodies that is written out
+    """What accelerations a run over all coordinates takes where nobody says: of a recursion over the tree of bodies that is emitted
     and compiled, or in loops over tables, or of the factored matrix."""
     if _may_recur(kernels, method) and not _has_few_rates(kernels, FEW_RATES) and open_tree(kernels):
         return "tree"
@@ -173,7 +173,7 @@ def _may_recur(kernels: Kernels, method: Method) -> bool:
 
 
 def is_written_out(kernels: Kernels, method: Method) -> bool:
-    """True where a run over all coordinates takes its accelerations from a recursion that is written out and compiled, with all forces."""
+    """True where a run over all coordinates takes its accelerations from a recursion that is emitted and compiled, with all forces."""
     return not kernels.model.callbacks and _is_recursive(kernels, method)
 
 
@@ -186,11 +186,11 @@ def _is_recursive(kernels: Kernels, method: Method) -> bool:
 
 
 def _has_few_rates(kernels: Kernels, most: int | None = None) -> bool:
-    """True for a tree of bodies that can be written out: without compiling for long, unless the kernels are to be of the most effort.
+    """True for a tree of bodies that can be emitted: without compiling for long, unless the kernels are to be of the most effort.
 
     most: rates (default: MOST_RATES)
     """
-    freedoms = kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).freedoms)
+    freedoms = kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).dof)
     return 0 < freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
 
 
@@ -366,7 +366,7 @@ def _made(
         return LaneDynamics(written) if form == "lanes" else EmittedDynamics(written, number)
     except EliminationError as error:
         raise ModelError(
-            f"{kernels.name}: no order of elimination can be written out for these coordinates: {error}; use engine='c'"
+            f"{kernels.name}: no order of elimination can be emitted for these coordinates: {error}; use engine='c'"
         ) from error
 
 
@@ -460,7 +460,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
 def _for_next(
     kernels: Kernels, partitions: Partitions, form: Partitioned, number_of_choices: int, q: np.ndarray, p: np.ndarray, number: str
 ) -> DenseDynamics | EmittedDynamics:
-    """The state derivative of the choice that a run goes on with: dense after many, or where a later one has no order to be written out."""
+    """The state derivative of the choice that a run continues with: dense after many, or where a later one has no order to be emitted."""
     if number_of_choices <= MOST_EMITTED:
         try:
             return dynamics(kernels, partitions, form, q, p, number)

@@ -58,7 +58,7 @@ class MotionInC:
         now.t, now.q[:], now.qd[:], now.p[:] = t, y[self._q], y[self._qd], self._kernels.present(t, p)
         for each in called:
             each.begin()
-        status = now.settle() if projecting else now.evaluate()
+        status = now.project_state() if projecting else now.evaluate()
         for each in called:
             if each.raised is not None:
                 raise each.raised

@@ -1,6 +1,6 @@
 """The reference: motions in Python, to be read and to hold C against. SciPy's integrators step the state y = [velocities; positions; W].
 
-`Independent` integrates independent coordinates alone, and goes on with others where these become bad. `AllCoordinates` integrates all of
+`Independent` integrates independent coordinates alone, and continues with others where these become bad. `AllCoordinates` integrates all of
 them, and projects every accepted state, and every instant in between, onto the constraints, unless the formalism holds them itself. It runs
 where there is no compiler, and what only SciPy or SUNDIALS has: over all coordinates this takes accelerations and projections of C.
 """

@@ -15,7 +15,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gap, Gaps, Hit
 from ncgen.solver.events.mobility import is_blocked
-from ncgen.solver.events.state import State
+from ncgen.solver.events.state import Done, State
 from ncgen.solver.formalisms.projection import least_energy, project_velocity, velocity_residual
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.trajectories.happening import LOCKS, Happening, Search
@@ -35,7 +35,7 @@ CLOSED = 1e-10
 
 @dataclass(eq=False)
 class Instant:
-    """What happens at one instant. at: the state so far; happened: in order; stops: True where the run ends here
+    """What happens at one instant. at: the state so far; happened, done: in order; stops: True where the run ends here
 
     stuck: numbers of contacts that impacts leave sticking
     """
@@ -43,6 +43,7 @@ class Instant:
     functions: EventFunctions
     at: State
     happened: list[Happening] = field(default_factory=list)
+    done: list[Done] = field(default_factory=list)
     stops: bool = False
     stuck: list[int] = field(default_factory=list)
 
@@ -133,6 +134,7 @@ class Instant:
                     raise ModelError(f"event {event.name}: its function returned {shown(told)}; return {{name: value}} or None")
                 self._set(told or {}, event.name)
         self._set(self.functions.numbers(self.at).get(k, {}), event.name)
+        self.done.append(Done((k,), False, start, self.at))
         self._note(event.name, search, start, what)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
@@ -168,7 +170,8 @@ class Instant:
             taking = [k for k, fixed in zip(taking, still, strict=True) if not fixed]
         if not taking:
             return
-        gaps = Gaps(functions.mode(start), start, self._gaps([*taking, *(k for k in functions.ratchets if values[k] <= 0)]))
+        hitting = [*taking, *(k for k in functions.ratchets if values[k] <= 0)]
+        gaps = Gaps(functions.mode(start), start, self._gaps(hitting))
         if not np.any(gaps.closing(start.qd)):
             return
         order = self._order(taking, gaps)
@@ -176,6 +179,7 @@ class Instant:
         hit = gaps.in_turn(start.qd, where) if order == "in turn" else gaps.all_at_once(start.qd, where)
         self.at = replace(start, qd=hit.qd)
         self._check_energy(hit, gaps, where)
+        self._note_turns(hit, hitting, start)
         slides = {gap: number for number, gap in functions.gaps.items()}
         for number, k in enumerate(taking):
             if hit.sticks[number]:
@@ -185,6 +189,13 @@ class Instant:
         for k in due:  # what else they do
             if len(functions.events[k].do) > 1:
                 self._act(k, searches[k])
+
+    def _note_turns(self, hit: Hit, hitting: Sequence[int], start: State) -> None:
+        """Note what hits did, of gaps with these numbers of conditions."""
+        for turn, velocities in hit.turns:
+            after = replace(start, qd=velocities)
+            self.done.append(Done(tuple(hitting[number] for number in turn), True, start, after))
+            start = after
 
     def _gaps(self, taking: list[int]) -> list[Gap]:
         """The gaps that take part in impacts, with their friction, and ratchets."""

@@ -5,27 +5,36 @@ Newton 0 ≤ Λ ⊥ u⁺ + e u⁻ ≥ 0, and P is within the disc of radius μ �
 (Moreau, 1988; Glocker, Set-Valued Force Laws, 2001). With that of Poisson this holds for e = e_t = 0 first, at the end of the compression;
 then the same with Λ ≥ e Λ of the compression.
 
-Impulses are first found by projections in turn, which tell what sticks, slides and opens; then they follow from linear equations.
+What sticks, slides and opens is tried, or told by projections in turn where that would be too much; then impulses follow from linear
+equations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 
 SWEEPS = 20_000
 """Projections of all contacts in turn."""
 
-POLISH = 50
-"""Between two attempts at the linear equations."""
+MOST_TRIED = 4
+"""Contacts in the plane of which all that they may do together is tried; of more, projections tell what they do."""
+
+INSIDE = 1e-7
+"""An impulse that is shorter than the radius of its disc by this share is inside it."""
+
+Manner: TypeAlias = "tuple[bool, np.ndarray | None]"
+"""What a contact does: whether its gap does not open, and the direction (d,) in which it slides, None where it sticks."""
+
+SAME = 1e-15
+"""Changes of a sweep, relative to the impulses, that are rounding."""
 
 CLOSE = 1e-10
 """What the laws may miss, relative to the velocities and impulses."""
-
-TURNS = 200
-"""Changes of the directions of sliding in space, each of which follows from the last impulses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +68,13 @@ def simultaneous(G: np.ndarray, u: np.ndarray, blows: Sequence[Blow]) -> np.ndar
 
 def _solved(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.ndarray) -> np.ndarray | None:
     """Impulses whose velocities G Λ + bias obey the laws without restitution; least: of the impulses along gaps."""
+    choices = [_manners(len(blow.places) - 1) for blow in blows]
+    if all(choices) and len(blows) <= MOST_TRIED:
+        found = (_of_manners(G, bias, blows, least, manners) for manners in product(*choices))
+        return next((impulses for impulses in found if _obeys(G, bias, blows, least, impulses)), None)
     impulses = least.copy()
-    for sweep in range(SWEEPS):
+    for _ in range(SWEEPS):
+        before = impulses.copy()
         for blow in blows:
             gap, across = blow.places[0], blow.places[1:]
             impulses[gap] = max(least[gap], impulses[gap] - (G[gap] @ impulses + bias[gap]) / G[gap, gap])
@@ -68,9 +82,17 @@ def _solved(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.nd
                 size = float(np.max(np.diag(G)[across]))
                 new = impulses[across] - (G[across] @ impulses + bias[across]) / size
                 impulses[across] = _into(new, blow.friction * impulses[gap])
-        if sweep % POLISH == POLISH - 1 and (found := _polished(G, bias, blows, least, impulses)) is not None:
-            return found
-    return None
+        if np.max(np.abs(impulses - before)) <= SAME * np.max(np.abs(impulses)):
+            break
+    manners = [_manner(G @ impulses + bias, impulses, blow, least) for blow in blows]
+    exact = _of_manners(G, bias, blows, least, manners)
+    return next((each for each in (exact, impulses) if _obeys(G, bias, blows, least, each)), None)
+
+
+def _manners(directions: int) -> list[Manner]:
+    """What a contact may do; nothing where its directions are not known before."""
+    across = {0: [None], 1: [None, np.array([1.0]), np.array([-1.0])]}.get(directions, [])
+    return list(product((True, False), across))
 
 
 def _into(vector: np.ndarray, radius: float) -> np.ndarray:
@@ -79,34 +101,26 @@ def _into(vector: np.ndarray, radius: float) -> np.ndarray:
     return vector if size <= radius else vector * (radius / size)
 
 
-def _polished(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.ndarray, guess: np.ndarray) -> np.ndarray | None:
-    """Impulses of the linear equations that follow from what a guess says of each contact; None where these do not obey the laws."""
-    impulses, size = guess, float(np.max(np.abs(bias)))
-    for _ in range(TURNS):
-        matrix, right = np.eye(len(bias)), least.copy()
-        directions = []
-        for blow in blows:
-            gap, across = blow.places[0], blow.places[1:]
-            velocity = G @ impulses + bias
-            if impulses[gap] > least[gap] or abs(velocity[gap]) <= CLOSE * size:
-                matrix[gap], right[gap] = G[gap], -bias[gap]
-            if not len(across):
-                continue
-            limit, push = blow.friction * impulses[gap], float(np.linalg.norm(impulses[across]))
-            if limit > 0 and push < limit * (1 - 1e-7):
-                matrix[across], right[across] = G[across], -bias[across]
-                continue
-            direction = -impulses[across] / push if push else np.zeros(len(across))
-            if (speed := float(np.linalg.norm(velocity[across]))) > CLOSE * size:
-                direction = velocity[across] / speed
+def _of_manners(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.ndarray, manners: Sequence[Manner]) -> np.ndarray:
+    """Impulses of the linear equations that follow from what each contact does."""
+    matrix, right = np.eye(len(bias)), least.copy()
+    for blow, (is_closed, direction) in zip(blows, manners, strict=True):
+        gap, across = blow.places[0], blow.places[1:]
+        if is_closed:
+            matrix[gap], right[gap] = G[gap], -bias[gap]
+        if direction is not None:
             matrix[across, gap] = blow.friction * direction
-            directions.append((across, direction))
-        new = np.linalg.lstsq(matrix, right, rcond=None)[0]
-        settled = np.max(np.abs(new - impulses)) <= 1e-15 * np.max(np.abs(new), initial=0.0)
-        impulses = new
-        if settled or not any(len(across) > 1 for across, _ in directions):
-            break
-    return impulses if _obeys(G, bias, blows, least, impulses) else None
+        elif is_closed or least[gap]:
+            matrix[across], right[across] = G[across], -bias[across]
+    return np.linalg.lstsq(matrix, right, rcond=None)[0]
+
+
+def _manner(velocity: np.ndarray, impulses: np.ndarray, blow: Blow, least: np.ndarray) -> Manner:
+    """What a contact with this impulse does."""
+    gap, across = blow.places[0], blow.places[1:]
+    limit, push, speed = blow.friction * impulses[gap], float(np.linalg.norm(impulses[across])), float(np.linalg.norm(velocity[across]))
+    sticks = push < limit * (1 - INSIDE) or not len(across) or not speed
+    return bool(impulses[gap] > least[gap]), None if sticks else velocity[across] / speed
 
 
 def _obeys(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.ndarray, impulses: np.ndarray) -> bool:

@@ -33,7 +33,8 @@ NOISE = {LINEAR: 1000 * float(np.finfo(float).eps), QUADRATIC: 20000 * float(np.
 class EventFunctions:
     """The functions of a model's events; C is their number.
 
-    kernels: those that the run is computed with
+    kernels: those that the run is computed with; frictions, contacts: {number of a condition: whose velocity it is}; gaps: {number of a
+    contact's: that of its gap}; turns: {number: contact in space whose direction it watches}
     """
 
     def __init__(self, kernels: Kernels) -> None:
@@ -46,16 +47,22 @@ class EventFunctions:
         self.gaps = {k: names.index(contact.name) for k, contact in self.contacts.items()}
         first = len(self.events) + len(self.frictions) + len(self.contacts)
         self.ratchets: dict[int, Ratchet] = dict(enumerate(model.ratchets.values(), first))
-        self.locks = {each.name: Held(-1, each.name, (each.along.position - symbol_of(each.held),)) for each in model.locks.values()}
-        self.count = first + len(self.ratchets)
+        self.locks = {each.name: held_where_it_is(-1, each) for each in model.locks.values()}
+        turning = [k for k, contact in self.contacts.items() if len(contact.sliding) > 1]
+        self.turns = dict(enumerate(turning, first + len(self.ratchets)))
+        self.count = first + len(self.ratchets) + len(self.turns)
         ways = [DIRECTIONS[event.direction] for event in self.events]
         falling = [DIRECTIONS["falling"]] * len(self.ratchets)
-        self.directions = np.array([*ways, *([OFF] * (first - len(ways))), *falling], dtype=int)
+        self.directions = np.array([*ways, *([OFF] * (first - len(ways))), *falling, *([OFF] * len(self.turns))], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
+        self._last: dict[str, tuple[State, np.ndarray]] = {}  # what was asked last of every function: a state is asked again and again
 
     @cached_property
     def searches(self) -> tuple[Search, ...]:
         """How every condition is found."""
+        return self.kernels.remember("searches of events", (), self._searches)
+
+    def _searches(self) -> tuple[Search, ...]:
         return tuple("sampled" if degree_within_step(when, self.kernels) is None else "proof" for _, when in self.conditions)
 
     @cached_property
@@ -67,10 +74,10 @@ class EventFunctions:
         closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         rubbing = self.kernels.model.contacts
         held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
-        sticking = [Held(k, f.name, (f.along.position - symbol_of(f.held),), f.static) for k, f in self.frictions.items()]
+        sticking = [held_where_it_is(k, f, f.static) for k, f in self.frictions.items()]
         rests = {event.name for _, event in closing}
         rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
-        caught = [Held(k, r.name, (r.along.position - symbol_of(r.held),)) for k, r in self.ratchets.items()]
+        caught = [held_where_it_is(k, r) for k, r in self.ratchets.items()]
         return (*held, *sticking, *rolling, *caught)
 
     @property
@@ -156,15 +163,20 @@ class EventFunctions:
     def _call(self, name: str, at: State) -> np.ndarray:
         if not self.count and name in ("conditions", "condition_slopes"):
             return np.empty(0)
-        return self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
+        last, numbers = self._last.get(name, (None, None))
+        if last is not at or numbers is None:
+            numbers = self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
+            self._last[name] = at, numbers
+        return numbers
 
     @cached_property
     def conditions(self) -> list[tuple[str, Scalar]]:
         """(words, expression) of every condition."""
         rates = [(f"friction {each.name}", each.along.rate) for each in self.frictions.values()]
-        turns = [(f"ratchet {each.name}", each.along.rate) for each in self.ratchets.values()]
+        teeth = [(f"ratchet {each.name}", each.along.rate) for each in self.ratchets.values()]
         slides = [(f"contact {each.name}", each.forward) for each in self.contacts.values()]
-        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *turns]
+        turns = [(f"contact {self.contacts[k].name}", self.contacts[k].kept) for k in self.turns.values()]
+        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *slides, *teeth, *turns]
 
     @property
     def read_inputs(self) -> EventFunctions:
@@ -208,7 +220,7 @@ class EventFunctions:
 
     def place(self, of: Friction | Ratchet | Lock, at: State) -> float:
         """Where what is held is (m or rad)."""
-        return self._number(of.name, of.along.position, at)
+        return self._element(f"{of.name}, place", at)
 
     def beginnings(self, at: State) -> dict[str, float]:
         """{name: number} of what parameters and inputs are at the start."""
@@ -216,7 +228,17 @@ class EventFunctions:
 
     def _number(self, where: str, value: Value | Scalar, at: State) -> float:
         """A number, or an expression."""
-        return float(value) if is_number(value) else float(self._call("element_values", at)[self._elements.index((where, value))])
+        return float(value) if is_number(value) else self._element(where, at)
+
+    def _element(self, where: str, at: State) -> float:
+        """The value of an element that is an expression, by its words."""
+        places = self.kernels.remember("places of elements", (), lambda: {words: k for k, (words, _) in enumerate(self._elements)})
+        return float(self._call("element_values", at)[places[where]])
+
+    @cached_property
+    def named_values(self) -> list[tuple[str, Value | Scalar]]:
+        """(words, value) of what actions change by expressions, in the order of `changes_of`, and then of elements."""
+        return [*((f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)), *self._elements]
 
     @cached_property
     def _elements(self) -> list[tuple[str, Value | Scalar]]:
@@ -225,7 +247,7 @@ class EventFunctions:
         pairs += [(f"friction {each.name}", each.static) for each in self.frictions.values()]
         pairs += [(f"contact {each.name}, friction", each.friction) for each in self.contacts.values()]
         pairs += [(f"contact {each.name}, tangential", each.tangential) for each in self.contacts.values()]
-        pairs += [(each.name, each.along.position) for each in (*self.moving.values(), *self.kernels.model.locks.values())]
+        pairs += [(f"{each.name}, place", each.along.position) for each in (*self.moving.values(), *self.kernels.model.locks.values())]
         pairs += list(self.kernels.model.beginnings.items())
         return [pair for pair in pairs if not is_number(pair[1])]
 
@@ -248,12 +270,17 @@ class EventFunctions:
             repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements, *slides)]).encode()
         ).hexdigest()[:16]
         made = functions(
-            kernels, f"events {told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
+            kernels, f"events_{told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
             lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements, slides),
         )  # fmt: skip
         if not isinstance(made, CompiledFunctions):
             raise ModelError(f"{kernels.name}: events need compiled kernels; compile the model with backend='c'")
         return made
+
+
+def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None) -> Held:
+    """The constraint of what is held at the place where it is at that instant."""
+    return Held(number, of.name, (of.along.position - symbol_of(of.held),), static, place=(of.held, of.along.initial))
 
 
 def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:

@@ -24,7 +24,7 @@ MOST_TURNS = 10_000
 """Impacts in turn at one instant, after which they are said to accumulate."""
 
 OPENING = 1e-12
-"""A gap whose velocity is above minus this, relative to the sizes of its terms, does not close."""
+"""A gap whose velocity is above minus this, relative to all velocities before, does not close."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +47,16 @@ class Gap:
 
 @dataclass(frozen=True, eq=False)
 class Hit:
-    """Velocities qd (n,) after impacts, and of every gap its impulse (N s, or N m s), whether it sticks, and the energy (J) it takes."""
+    """Velocities qd (n,) after impacts, and of every gap its impulse (N s, or N m s), whether it sticks, and the energy (J) it takes.
+
+    turns: numbers of the gaps that are hit together, and velocities (n,) after that, one group after the other
+    """
 
     qd: np.ndarray
     impulses: np.ndarray
     sticks: np.ndarray
     lost: np.ndarray
+    turns: tuple[tuple[tuple[int, ...], np.ndarray], ...]
 
 
 class Gaps:
@@ -66,6 +70,8 @@ class Gaps:
         self.normal = np.array([place[0] for place in self.places])
         self.drift = np.zeros(len(self.W))
         self.drift[self.normal] = [gap.drift for gap in gaps]
+        sizes = kernels.column_sizes
+        self._rounding = OPENING * (np.abs(self.W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(self.drift))
         self.response = response(kernels, at, self.W)
         self.G = self.W @ self.response
         if (stuck := np.flatnonzero(np.diag(self.G)[self.normal] <= 0)).size:
@@ -80,8 +86,7 @@ class Gaps:
 
     def closing(self, qd: np.ndarray) -> np.ndarray:
         """Mask (k,) of the gaps that close."""
-        closes = self.velocities(qd) < -OPENING * (np.abs(self.W) @ np.abs(qd) + np.abs(self.drift))
-        return closes[self.normal]
+        return (self.velocities(qd) < -self._rounding)[self.normal]
 
     def are_coupled(self) -> bool:
         """True if an impulse of one gap changes the velocity of another."""
@@ -104,20 +109,22 @@ class Gaps:
             impulses, _ = scipy.optimize.nnls(root, -(vectors[:, kept] / np.sqrt(values[kept])).T @ needed)
         after = qd + self.response @ impulses
         works = -impulses * (u + self.velocities(after)) / 2
-        return self._hit(after, impulses, np.array([float(np.sum(works[place])) for place in self.places]))
+        together = tuple(np.flatnonzero(impulses[self.normal] > 0).tolist())
+        return self._hit(after, impulses, np.array([float(np.sum(works[place])) for place in self.places]), [(together, after)])
 
     def in_turn(self, qd: np.ndarray, where: str) -> Hit:
         """One gap after the other, the one that closes fastest first, until none does. Raises ConvergenceError where that has no end."""
-        before, impulses, lost = qd, np.zeros(len(self.W)), np.zeros(len(self.gaps))
+        before, impulses, lost, turns = qd, np.zeros(len(self.W)), np.zeros(len(self.gaps)), list[tuple[tuple[int, ...], np.ndarray]]()
         for _ in range(MOST_TURNS):
             closing = np.flatnonzero(self.closing(qd))
             if not len(closing):
-                return self._hit(qd, impulses, lost)
+                return self._hit(qd, impulses, lost, turns)
             u = self.velocities(qd)
             k = int(closing[np.argmin(u[self.normal][closing])])
             push = self._blow([k], u, where)
             qd = qd + self.response @ push
             impulses += push
+            turns.append(((k,), qd))
             lost[k] -= float(push @ (u + self.velocities(qd))) / 2
         raise ConvergenceError(
             f"{where}: impacts of {', '.join(self.names)} in turn do not end after {MOST_TURNS} of them, velocities from "
@@ -137,7 +144,7 @@ class Gaps:
             )
         return found
 
-    def _hit(self, qd: np.ndarray, impulses: np.ndarray, lost: np.ndarray) -> Hit:
+    def _hit(self, qd: np.ndarray, impulses: np.ndarray, lost: np.ndarray, turns: Sequence[tuple[tuple[int, ...], np.ndarray]]) -> Hit:
         normal = impulses[self.normal]
         across = np.array([float(np.linalg.norm(impulses[place[1:]])) for place in self.places])
         friction = np.array([gap.friction if len(gap.rubs) else 0.0 for gap in self.gaps])
@@ -145,4 +152,4 @@ class Gaps:
         slides = np.array([float(np.linalg.norm(u[place[1:]])) for place in self.places])
         sizes = np.array([float(np.max(np.abs(self.G[place]) @ np.abs(impulses))) for place in self.places])
         sticks = (normal > 0) & (across < friction * normal) & (slides <= OPENING * sizes)
-        return Hit(qd, normal, sticks, lost)
+        return Hit(qd, normal, sticks, lost, tuple(turns))

@@ -15,7 +15,7 @@ from ncgen.solver.events.conditions import NOISE, EventFunctions
 from ncgen.solver.events.modes import Mode, count_of, load_conditions, rank_of
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.settling import Settling
-from ncgen.solver.events.state import State
+from ncgen.solver.events.state import Occurrence, State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
@@ -69,7 +69,7 @@ class Loop:
             if reason or part.stopped is None:
                 return reason
             stops = self._is_stop(part.crossed)
-            if self._act(self._due(part.crossed)) or stops:
+            if self._act(self._due(part.crossed), crossed=part.crossed) or stops:
                 return self._finish()
             if not self.at.t < end:
                 return self._rows_at_end()
@@ -151,6 +151,7 @@ class Loop:
             self.signs[k] = 1 if event.impact else int(np.sign(rates[k] if is_zero else values[k]))
         self.at = self.settling.begin(at)
         self._note_parameters(at)
+        self.passage.begun = self.at
         return self._act(due, True) if due or functions.can_hold else False
 
     def change(self, p: np.ndarray) -> bool:
@@ -175,8 +176,8 @@ class Loop:
         self.mode = self.functions.mode(at, [self.settling.rows[k] for k in held])
         self.settling.look(at, held)
 
-    def _act(self, due: dict[int, Search], is_start: bool = False) -> bool:
-        """Carry out events, and find the mode that follows; returns whether the run ends with them."""
+    def _act(self, due: dict[int, Search], is_start: bool = False, crossed: tuple[int, ...] = ()) -> bool:
+        """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
         before = self.at
         instant = Instant(self.functions, before)
         if is_start:
@@ -189,16 +190,19 @@ class Loop:
         resting = [k for k in rests if self.functions.events[k].name not in ended]
         unhit = self.held if np.array_equal(before.qd, self.at.qd) else ()
         found = self.settling.settle(self.at, self.held, due, [*resting, *instant.stuck, *unhit], before.qd)
-        changes = (found.held, found.at.locked) != (self.held, before.locked)
+        held, changes = self.held, (found.held, found.at.locked) != (self.held, before.locked)
         self.go_to(found.at, self.signs, found.held)
         self._note(before, instant.happened, found.happened, dict(rests.values()))
         self._set_signs(due)
+        happened = (*instant.happened, *found.happened)
+        stops = instant.stops or bool(ended)
+        self.passage.instants.append(Occurrence(before, self.at, held, found.held, crossed, tuple(instant.done), stops, happened))
         if changes:
             self.first_step = 0.0
             self.passage.modes.append(Mode(self.at.t, (*self.at.locked, *(self.settling.rows[k].name for k in found.held)), self.mode))
         if ended:
             self.passage.rests = f"event {ended[0]}: bounces accumulate at t = {dict(rests.values())[ended[0]]:.9g} s, where the run ends"
-        return instant.stops or bool(ended)
+        return stops
 
     def _note(self, before: State, happened: list[Happening], modes: list[Happening], limits: dict[str, float]) -> None:
         """Add what happened to what the run has met, and its energy to the work."""

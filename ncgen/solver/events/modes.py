@@ -10,7 +10,7 @@ import copy
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -23,7 +23,7 @@ from ncgen.mechanism.program_functions import CompiledFunctions
 from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.model.contacts import Contact
-from ncgen.model.values import Scalar, Value, as_sympy
+from ncgen.model.values import Scalar, Value, as_sympy, evaluate
 from ncgen.program.motions.conditions import INPUTS, HeldLoad, assemble_mode_conditions
 from ncgen.program.motions.multipliers import STATE
 from ncgen.program.motions.sliding import Sliding, assemble_friction
@@ -45,7 +45,7 @@ class Held:
     """Constraints that a mode can have together. number: of the condition that they belong to; rows: expressions that stay zero in the mode
 
     static: the friction that holds a joint, None for others; rubs: the friction of a contact; sticks: whether these are the velocities of
-    such a contact, and not its gap
+    such a contact, and not its gap; place: name of the parameter that says where it is held, and where it is in the initial position
     """
 
     number: int
@@ -54,6 +54,7 @@ class Held:
     static: Value | None = None
     rubs: Contact | None = None
     sticks: bool = False
+    place: tuple[str, Scalar] | None = None
 
     @property
     def key(self) -> tuple[str, bool]:
@@ -82,6 +83,9 @@ def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     model = copy.deepcopy(kernels.model)
     model.events, model.frictions, model.contacts, model.ratchets, model.locks, model.chosen_independent = {}, {}, {}, {}, {}, ()
     for each in held:
+        if each.place:  # so that positions around the start, in which accelerations are seen, are those of the mechanism
+            name, initial = each.place
+            model.parameters[name] = replace(model.parameters[name], default=evaluate(initial, model.numbers, each.name))
         for row in each.rows:
             hold = model.constrain_velocity if each.sticks else model.constrain
             hold(row, f"{each.name}, held")  # type: ignore[arg-type]
@@ -172,7 +176,8 @@ def load_conditions(functions: EventFunctions, mode: Kernels, held: tuple[Held, 
     return made
 
 
-def _held_loads(kernels: Kernels, held: tuple[Held, ...]) -> list[HeldLoad]:
+def held_loads(kernels: Kernels, held: tuple[Held, ...]) -> list[HeldLoad]:
+    """What holds each constraint of a mode; kernels: of the mode."""
     rows = first_rows(kernels, held)
     gaps = {each.name: row for each, row in zip(held, rows, strict=True) if each.rubs and not each.sticks}
     return [
@@ -187,7 +192,7 @@ class _Compiled(LoadConditions):
     """In one program with those of the mechanism."""
 
     def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> None:
-        conditions, loads, sliding = functions.conditions, _held_loads(mode, held), sliding_of(mode, held)
+        conditions, loads, sliding = functions.conditions, held_loads(mode, held), sliding_of(mode, held)
         words = [str((e.words, e.row, e.static, e.grip, e.directions)) for e in loads]
         words += [*(str((s.row, s.velocity, s.friction)) for s in sliding), *(str(pair) for pair in conditions)]
         told = hashlib.sha256(repr(words).encode()).hexdigest()[:16]
@@ -231,7 +236,7 @@ class _InPython(LoadConditions):
         rows = self._mode.row_sizes
         lam = accelerations_by("lagrange").motion(self._mode, at.q, at.qd, at.t, at.p, {}).lam
         found, total = [], float(np.sum(rows * np.abs(lam)))
-        for each, load in zip(self._held, _held_loads(self._mode, self._held), strict=True):
+        for each, load in zip(self._held, held_loads(self._mode, self._held), strict=True):
             k, most = load.row, self._functions.limit(each, at)
             if load.grip:
                 square = (most * lam[load.grip[0]]) ** 2

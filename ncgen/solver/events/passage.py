@@ -10,6 +10,7 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Drive, Kernels
 from ncgen.methods.method import Method
+from ncgen.solver.events.state import Occurrence, State
 from ncgen.solver.runs.run import Run
 from ncgen.solver.trajectories.happening import Happening
 
@@ -22,13 +23,15 @@ class Passage:
     """What a run has met.
 
     happened: in the order of time; changes: (t, p) of all instants at which parameters changed, p (n_p,) from then on; rests: in words, why
-    the run ended at a gap in which bounces accumulate; modes: what was held from when on
+    the run ended at a gap in which bounces accumulate; modes: what was held from when on; instants: in order; begun: state at the start
     """
 
     happened: list[Happening] = field(default_factory=list)
     changes: list[tuple[float, np.ndarray]] = field(default_factory=list)
     rests: str = ""
     modes: list[Mode] = field(default_factory=list)
+    instants: list[Occurrence] = field(default_factory=list)
+    begun: State | None = None
 
     def driving(self, kernels: Kernels, p: np.ndarray) -> Kernels:
         """Kernels with the parameters that held at the time that they are called with; p (n_p,): those of the start."""

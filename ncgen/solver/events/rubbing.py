@@ -64,8 +64,9 @@ def _friction(functions: EventFunctions, sliding: Sliding, at: State) -> np.ndar
     k = next(k for k, contact in functions.contacts.items() if contact.name == sliding.name)
     velocity, slopes = functions.sliding(at)[k]
     direction = at.p[[functions.kernels.parameters.index(name) for name in sliding.slip]]
-    if len(velocity) > 1 and (speed := np.linalg.norm(velocity)) > 0 and velocity @ direction > 0:
-        direction = velocity / speed
+    if velocity @ direction > 0:
+        direction = velocity
+    direction = direction / (np.linalg.norm(direction) or 1.0)
     return -functions.friction(k, at) * (slopes.T @ direction)
 
 
@@ -75,7 +76,8 @@ def undetermined(functions: EventFunctions, sliding: Sequence[Sliding], at: Stat
     for k, contact in functions.contacts.items():
         if any(each.name == contact.name for each in sliding):
             place = ", ".join(f"{_number(functions, x, at):.6g}" for x in contact.place)
-            told.append(f"{contact.name} with friction {functions.friction(k, at):g} at ({place}) m")
+            where = f" at ({place}) m" if place else ""
+            told.append(f"{contact.name} with friction {functions.friction(k, at):g}{where}")
     return ConvergenceError(
         f"{functions.kernels.name}: at t = {at.t:.6g} s the load of contact {', '.join(told)} is not determined, its friction is too large "
         "for the direction in which it slides (Painlevé); take less friction, or a compliant contact"

@@ -31,8 +31,8 @@ CLEAR = 1e-6
 STANDSTILL = 1e-9
 """A gap opens, or a joint or a contact slips, if its velocity is above this share of what it adds up."""
 
-TURNING = 1e-6
-"""A contact in space whose sliding velocity turned by 90°, and is above this share of what it adds up, did not come to rest."""
+TURNING = 1e-9
+"""A contact in space whose sliding velocity has turned by 90° did not come to rest if it is above this share of what it was before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,9 @@ class Settling:
         for k, friction in self.functions.frictions.items():
             ways[k] = -int(p[self._place(friction.slip)]) or OFF
         for k, gap in self.functions.gaps.items():
-            ways[k] = -1 if gap in held else OFF
+            ways[k] = -1 if gap in held and k not in held else OFF
+        for number, k in self.functions.turns.items():
+            ways[number] = ways[k]
         ways[[*held, *self.blocked]] = OFF
         return ways
 
@@ -150,8 +152,8 @@ class Settling:
                 p[places] = 0.0
             elif k in released:
                 p[places] = released[k]
-            elif speed := np.linalg.norm(velocity):
-                p[places] = velocity / speed
+            elif np.any(velocity):
+                p[places] = velocity if len(velocity) > 1 else np.sign(velocity)
         return p
 
     def _drop_what_is_open(self, wanted: list[int]) -> None:
@@ -165,28 +167,33 @@ class Settling:
         if k in self.functions.moving:
             return k in due or self.is_still(k, at)
         if k in self.functions.contacts:
-            return self.is_still(k, at, TURNING if k in due else STANDSTILL) or (k in due and len(self.rows[k].rows) == 1)
+            return self.is_still(k, at) or (k in due and self._stops(k, at))
         return self._is_closed(k, at) and self.is_still(k, at) and (k in held or k not in due)
 
     def _is_closed(self, k: int, at: State) -> bool:
         values, scales = self.functions.weighed(at)
         return bool(abs(values[k]) <= CLOSED * scales[k])
 
-    def is_still(self, k: int, at: State, share: float = STANDSTILL) -> bool:
+    def is_still(self, k: int, at: State) -> bool:
         """Whether a gap does not change, or a joint or a contact does not move, but for rounding."""
         sizes = self.kernels.column_sizes
         speed = max(self._speed(at.qd), self._before)
         if k in self.functions.moving:
-            return abs(self.functions.values(at)[0][k]) <= share * (np.abs(self.functions.rate_slopes(at)[k]) @ sizes) * speed
+            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * (np.abs(self.functions.rate_slopes(at)[k]) @ sizes) * speed
         if k in self.functions.contacts:
             velocity, slopes = self.functions.sliding(at)[k]
-            return bool(np.all(np.abs(velocity) <= share * np.max(np.abs(slopes) @ sizes) * speed))
+            return bool(np.all(np.abs(velocity) <= STANDSTILL * np.max(np.abs(slopes) @ sizes) * speed))
         slopes, drift = self.functions.slopes(at)
-        return bool(abs(slopes[k] @ at.qd + drift[k]) <= share * (np.abs(slopes[k]) @ sizes * speed + abs(drift[k])))
+        return bool(abs(slopes[k] @ at.qd + drift[k]) <= STANDSTILL * (np.abs(slopes[k]) @ sizes * speed + abs(drift[k])))
 
     def _speed(self, qd: np.ndarray) -> float:
         """The greatest velocity (1/s) in natural sizes."""
         return float(np.max(np.abs(qd) / self.kernels.column_sizes, initial=0.0))
+
+    def _stops(self, k: int, at: State) -> bool:
+        """Whether a contact whose sliding velocity passed zero along its direction came to rest; in space it may have turned by 90°."""
+        before = at.p[[self._place(name) for name in self.functions.contacts[k].slip]]
+        return len(before) == 1 or bool(np.linalg.norm(self.functions.sliding(at)[k][0]) <= TURNING * np.linalg.norm(before))
 
     def _tried(
         self, at: State, start: State, held: tuple[int, ...], before: tuple[int, ...]

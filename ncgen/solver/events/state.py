@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ncgen.solver.trajectories.happening import Happening
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -16,3 +18,37 @@ class State:
     qd: np.ndarray
     p: np.ndarray
     locked: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Done:
+    """What was done at an instant: the events of these numbers hit their gaps together, or one acted. before, after: states"""
+
+    events: tuple[int, ...]
+    is_impact: bool
+    before: State
+    after: State
+
+
+@dataclass(frozen=True, eq=False)
+class Occurrence:
+    """An instant at which something happened.
+
+    before, after: states; held_before, held: numbers of what was held, and is from here on
+    crossed: numbers of the conditions that ended the part of the run before, those of loads behind those of the mechanism; () at the start
+    done, happened: in order; stops: True where the run ended
+    """
+
+    before: State
+    after: State
+    held_before: tuple[int, ...]
+    held: tuple[int, ...]
+    crossed: tuple[int, ...]
+    done: tuple[Done, ...]
+    stops: bool
+    happened: tuple[Happening, ...]
+
+    @property
+    def names(self) -> str:
+        """Of the events."""
+        return ", ".join(dict.fromkeys(each.name for each in self.happened))

@@ -141,7 +141,7 @@ class Steps:
     def _has_moved(self, h: float) -> bool:
         """Whether a step without events and held constraints has succeeded, as most do; else nothing has moved."""
         now, loop = self._now, self._loop
-        if self._has_breaks or loop.held:
+        if self._has_breaks or loop.held or loop.at.locked:
             return False
         watched = self._watched or Watched(loop.watched(), runtime_abi("double"), NUMBERS["double"])
         numbers = now.t, now.work, now.next_step
@@ -151,7 +151,7 @@ class Steps:
             now.t, now.work, now.next_step = numbers
             now.q[:], now.qd[:] = loop.at.q, loop.at.qd
             return False
-        loop.at = State(now.t, now.q.copy(), now.qd.copy(), loop.at.p)
+        loop.at = replace(loop.at, t=now.t, q=now.q.copy(), qd=now.qd.copy())
         loop.signs = watched.signs
         self._watched, self.evaluations, self.impulses = watched, now.evaluations, ()
         return True

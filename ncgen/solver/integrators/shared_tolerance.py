@@ -53,4 +53,4 @@ def sharing(solver: type[OdeSolver], span: float, before: tuple[float, int] = (0
 
 
 class _TooShort(Exception):
-    """A step that is next to nothing beside the run is refused. SciPy compares it with the spacing of numbers, which at 0 is 5e-324."""
+    """A step that is tiny compared with the run is refused. SciPy compares it with the spacing of numbers, which at 0 is 5e-324."""

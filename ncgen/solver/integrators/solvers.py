@@ -72,7 +72,7 @@ class Adams(scipy.integrate.OdeSolver):
 
 
 class Pace:
-    """Steps with error control that come no farther, as beside a singular position or where a rate becomes infinite.
+    """Steps with error control that come no farther, as near a singular position or where a rate becomes infinite.
 
     span: of the run (s)
     At the pace of STEPS that come no farther than SHARE of it a run takes a billion steps, as many as fixed steps may be.
@@ -93,7 +93,7 @@ class Pace:
 
 
 def replace_state(solver: scipy.integrate.OdeSolver, y: np.ndarray) -> None:
-    """Put a slightly corrected state in place of an accepted one; the method goes on from it with its history as it is.
+    """Put a slightly corrected state in place of an accepted one; the method continues from it with its history as it is.
 
     The correction is of the size of the tolerance, as are the errors in the history (Eich 1993, doi 10.1137/0730073).
     """

@@ -46,24 +46,75 @@ class JointDynamics(JointKinematics):
     # -- momentum and energy -------------------------------------------------------------------
 
     def momentum_matrix(self, q: ArrayLike, about: ArrayLike | None = None) -> np.ndarray:
-        """Linear momentum (N s), and angular momentum (N m s) about a point, for rate 1 of every joint, shape (…, 6, n).
+        """Compute the momentum for rate 1 of every joint.
 
-        about: (3,) in m; None for the centre of mass: the centroidal momentum matrix. Rotors (`m.rotor`) have none.
+        Rotors (`m.rotor`) have no share in it.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        about : array_like, optional
+            Point (3,) in m; None for the centre of mass, which gives the centroidal momentum matrix.
+
+        Returns
+        -------
+        numpy.ndarray
+            Linear momentum (N s) and angular momentum (N m s), shape (…, 6, n).
         """
         return np.einsum("...ki,...kn->...in", self._about(q, about), self._spread(self._array(q))[0])
 
     def momentum(self, q: ArrayLike, v: ArrayLike, about: ArrayLike | None = None) -> np.ndarray:
-        """Linear and angular momentum of all bodies (…, 6); `about` as for `momentum_matrix`."""
+        """Compute the momentum of all bodies.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        v : array_like
+            Rates of the joints, shape (…, n); None for zero.
+        about : array_like, optional
+            Point (3,) in m; None for the centre of mass, which gives the centroidal momentum matrix.
+
+        Returns
+        -------
+        numpy.ndarray
+            Linear momentum (N s) and angular momentum (N m s), shape (…, 6).
+        """
         spread, drift = self._spread(self._array(q))
         rates = np.einsum("...kn,...n->...k", spread, self._over_rates(v, "v")) + drift
         return np.einsum("...ki,...k->...i", self._about(q, about), rates)
 
     def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
-        """In J (…,), rotors included."""
+        """Compute the kinetic energy, rotors included.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        v : array_like
+            Rates of the joints, shape (…, n); None for zero.
+
+        Returns
+        -------
+        numpy.ndarray
+            Energies (J), shape (…,).
+        """
         return self.kernels.energy(self._array(q), self.velocities(q, v), p=self.p)[..., 0]
 
     def potential_energy(self, q: ArrayLike) -> np.ndarray:
-        """Of weight, springs and whatever else has a potential, in J (…,)."""
+        """Compute the potential energy of weights, springs and other forces with a potential.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+
+        Returns
+        -------
+        numpy.ndarray
+            Energies (J), shape (…,).
+        """
         q = self._array(q)
         return self.kernels.energy(q, np.zeros_like(q), p=self.p)[..., 1]
 
@@ -77,7 +128,18 @@ class JointDynamics(JointKinematics):
     # -- forces --------------------------------------------------------------------------------
 
     def mass_matrix(self, q: ArrayLike) -> np.ndarray:
-        """Symmetric and positive, shape (…, n, n)."""
+        """Compute the mass matrix of the joints (CRBA).
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+
+        Returns
+        -------
+        numpy.ndarray
+            Symmetric and positive matrix, shape (…, n, n).
+        """
         lower = self._of("joint_mass", q)
         matrix = np.zeros((*lower.shape[:-1], self.n, self.n))
         i, j = np.tril_indices(self.n)
@@ -85,35 +147,107 @@ class JointDynamics(JointKinematics):
         return matrix
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> np.ndarray:
-        """Forces along the joints (…, n) that rates v and accelerations a (…, n; None: zero) need against inertia and gravity.
+        """Compute the forces along the joints that a motion needs against inertia and gravity (RNEA).
 
-        Springs, dampers and other forces of the model are not in them: `loads`.
+        Springs, dampers and other forces of the model are not included: see `loads`.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        v : array_like, optional
+            Rates of the joints, shape (…, n); None for zero.
+        a : array_like, optional
+            Accelerations of the joints, shape (…, n); None for zero.
+
+        Returns
+        -------
+        numpy.ndarray
+            Forces (N, N m), shape (…, n).
         """
         return self._functions("joint_inverse", 0.0, self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"), self.p)
 
     def gravity(self, q: ArrayLike) -> np.ndarray:
-        """The forces that hold the mechanism against gravity (…, n)."""
+        """Compute the forces along the joints that hold the mechanism against gravity.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+
+        Returns
+        -------
+        numpy.ndarray
+            Forces (N, N m), shape (…, n).
+        """
         return self.inverse_dynamics(q)
 
     def coriolis(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
-        """The forces that rates v need without accelerations and gravity (…, n): Coriolis' and centrifugal ones."""
+        """Compute the Coriolis and centrifugal forces along the joints.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        v : array_like
+            Rates of the joints, shape (…, n); None for zero.
+
+        Returns
+        -------
+        numpy.ndarray
+            Forces (N, N m) without accelerations and gravity, shape (…, n).
+        """
         return self.inverse_dynamics(q, v) - self.gravity(q)
 
     def loads(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
-        """What springs, dampers and other forces of the model do along the joints (…, n), at a time t (s)."""
+        """Compute what springs, dampers and other forces of the model do along the joints.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        v : array_like, optional
+            Rates of the joints, shape (…, n); None for zero.
+        t : float, optional
+            Time (s).
+
+        Returns
+        -------
+        numpy.ndarray
+            Forces (N, N m), shape (…, n).
+        """
         return self._functions("joint_loads", given.finite(t, "t"), self._array(q), self._over_rates(v, "v"), self.p)
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
-        """Accelerations of the joints (…, n) with forces along them beside those of the model (…, n; None: zero).
+        """Compute the accelerations of the joints.
 
-        Raises SingularError where a joint moves nothing that has inertia.
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        v : array_like, optional
+            Rates of the joints, shape (…, n); None for zero.
+        forces : array_like, optional
+            Forces along the joints in addition to those of the model, shape (…, n); None for zero.
+        t : float, optional
+            Time (s).
+
+        Returns
+        -------
+        numpy.ndarray
+            Accelerations, shape (…, n).
+
+        Raises
+        ------
+        SingularError
+            If a joint moves nothing that has inertia.
         """
         q = self._array(q)
         right = self.loads(q, v, t) - self.inverse_dynamics(q, v) + self._over_rates(forces, "forces")
         return self._solved(q, right[..., None])[..., 0]
 
     def _solved(self, q: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """M⁻¹ right, right (…, n, k). With a diagonal of 1 exchanges of rows cost a light link no digits beside a heavy one."""
+        """M⁻¹ right, right (…, n, k). With a diagonal of 1 exchanges of rows cost a light link no digits next to a heavy one."""
         mass = self.mass_matrix(q)
         sizes = np.sqrt(np.maximum(np.diagonal(mass, axis1=-2, axis2=-1), 0.0))[..., None]
         try:
@@ -125,9 +259,23 @@ class JointDynamics(JointKinematics):
         return np.linalg.solve(np.swapaxes(factors, -1, -2), np.linalg.solve(factors, right / sizes)) / sizes
 
     def regressor(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> np.ndarray:
-        """Y (…, n, 10 · bodies) with Y π = `inverse_dynamics`, without rotors, for the inertial parameters π of the bodies.
+        """Compute the regressor Y with Y π = `inverse_dynamics`, without rotors.
 
-        Their names and order: `inertial_names`. It depends on lengths alone.
+        π are the inertial parameters of the bodies; `inertial_names` has their names in order.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        v : array_like, optional
+            Rates of the joints, shape (…, n); None for zero.
+        a : array_like, optional
+            Accelerations of the joints, shape (…, n); None for zero.
+
+        Returns
+        -------
+        numpy.ndarray
+            Matrix, shape (…, n, 10 · bodies); it depends on lengths alone.
         """
         functions, state = self._regressor_functions, (self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"))
         values = functions("joint_regressor", 0.0, *state, self.p)
@@ -140,20 +288,50 @@ class JointDynamics(JointKinematics):
         return identification.names_of(self)
 
     def inertial_values(self) -> np.ndarray:
-        """π (10 · bodies,) at the parameters of this space, in kg, kg m and kg m²."""
+        """Return the inertial parameters π at the parameters of this space.
+
+        Returns
+        -------
+        numpy.ndarray
+            Values in kg, kg m and kg m², shape (10 · bodies,).
+        """
         return identification.values_of(self)
 
     def base_parameters(self, tolerance: float = identification.DEPENDENT) -> identification.BaseParameters:
-        """The combinations of inertial parameters that forces along the joints depend on, by the rank of the regressor at random states.
+        """Compute the combinations of inertial parameters that forces along the joints depend on.
 
-        tolerance: what is left of a column next to those before it, over the largest column, to count as independent
+        They follow from the rank of the regressor at random states.
+
+        Parameters
+        ----------
+        tolerance : float, optional
+            What must be left of a column after those before it, relative to the largest column, to count as independent.
+
+        Returns
+        -------
+        BaseParameters
+            The combinations.
         """
         return identification.base_parameters(self, tolerance)
 
     def inverse_dynamics_slopes(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseSlopes:
-        """Exact derivatives of `inverse_dynamics` by positions, rates and accelerations of the joints.
+        """Compute the exact derivatives of `inverse_dynamics`.
 
         That by a position is along the motion of a joint at rate 1; rates and accelerations keep their numbers.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        v : array_like, optional
+            Rates of the joints, shape (…, n); None for zero.
+        a : array_like, optional
+            Accelerations of the joints, shape (…, n); None for zero.
+
+        Returns
+        -------
+        InverseSlopes
+            Derivatives by positions, rates and accelerations of the joints.
         """
         q, v, a = self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a")
         return InverseSlopes(*self._slopes("joint_inverse_tangent", 0.0, q, v, a), self.mass_matrix(q))
@@ -161,8 +339,26 @@ class JointDynamics(JointKinematics):
     def forward_dynamics_slopes(
         self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0
     ) -> ForwardSlopes:
-        """Exact derivatives of `forward_dynamics`, those of the model's own forces included, by positions and rates of the joints and by
-        forces. Positions as for `inverse_dynamics_slopes`."""
+        """Compute the exact derivatives of `forward_dynamics`, the model's own forces included.
+
+        Positions are as for `inverse_dynamics_slopes`.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        v : array_like, optional
+            Rates of the joints, shape (…, n); None for zero.
+        forces : array_like, optional
+            Forces along the joints in addition to those of the model, shape (…, n); None for zero.
+        t : float, optional
+            Time (s).
+
+        Returns
+        -------
+        ForwardSlopes
+            Derivatives by positions and rates of the joints and by forces.
+        """
         q, v = self._array(q), self._over_rates(v, "v")
         a = self.forward_dynamics(q, v, forces, t)
         needed, applied = (

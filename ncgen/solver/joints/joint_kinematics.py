@@ -62,9 +62,22 @@ class JointKinematics(ABC):
         return f"<JointSpace {self.kernels.name}: {self.n} rates>"
 
     def at(self, p: given.Given) -> Self:
-        """The same at parameters p, numbers (n_p,) or {name: number}; others have their defaults. Nothing is compiled for it.
+        """Return the same joint space at other parameters, without compiling anything.
 
-        Raises ModelError for what is no parameter, and for what the model refuses as a number in its place, such as a negative mass.
+        Parameters
+        ----------
+        p : array_like or dict
+            Parameters, shape (n_p,), or {name: number}; others have their defaults.
+
+        Returns
+        -------
+        JointSpace
+            The joint space at p.
+
+        Raises
+        ------
+        ModelError
+            For an unknown parameter, and for a value that the model rejects, such as a negative mass.
         """
         copied = copy.copy(self)
         copied.p = given.parameters(self.kernels, p)
@@ -73,14 +86,29 @@ class JointKinematics(ABC):
     # -- positions -----------------------------------------------------------------------------
 
     def position(self, values: Mapping[str, float] | None = None, base: tuple[ArrayLike, ArrayLike] | None = None) -> np.ndarray:
-        """Natural coordinates (n_q,) where joints have these values (m, rad), by the names of their rates; others keep their initial ones.
+        """Compute natural coordinates from values of the joints.
 
-        A joint without a coordinate has as its value how far it has turned or slid since the initial position. Loops are closed on the
-        way from the initial position.
-        base: displacement of the one body that moves freely from where it is initially: rotation (3, 3) about the origin, and
-            translation (3,) in m
-        Raises ModelError for what is no joint, or for a base where no body, or more than one, moves freely; ConvergenceError where loops
-        do not close.
+        The value of a joint without a coordinate is how far it has turned or slid since the initial position. Loops are closed on the way
+        from the initial position.
+
+        Parameters
+        ----------
+        values : dict of str to float, optional
+            Values (m, rad) by the names of rates; others keep their initial values.
+        base : tuple of array_like, optional
+            Displacement of the one free body from its initial position: rotation (3, 3) about the origin, and translation (3,) in m.
+
+        Returns
+        -------
+        numpy.ndarray
+            Natural coordinates, shape (n_q,), with closed loops.
+
+        Raises
+        ------
+        ModelError
+            For an unknown joint, or for a base where no body, or more than one, moves freely.
+        ConvergenceError
+            If the loops do not close.
         """
         q = self.placed(self._joint_values(values, "values"))
         if base is None:
@@ -91,7 +119,18 @@ class JointKinematics(ABC):
 
     @abstractmethod
     def placed(self, x: np.ndarray) -> np.ndarray:
-        """The same for values of all joints in their order (…, n)."""
+        """Compute natural coordinates from values of all joints.
+
+        Parameters
+        ----------
+        x : numpy.ndarray
+            Values of all joints in their order, shape (…, n).
+
+        Returns
+        -------
+        numpy.ndarray
+            Natural coordinates, shape (…, n_q).
+        """
 
     def _joint_values(self, values: Mapping[str, float] | None, what: str) -> np.ndarray:
         """Values of all joints (n,): those given by name, else the initial ones."""
@@ -101,7 +140,18 @@ class JointKinematics(ABC):
         return joint_values
 
     def values(self, q: ArrayLike) -> np.ndarray:
-        """Values of the joints that have a coordinate (…, n), 0 for the others."""
+        """Return the values of the joints that have a coordinate.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+
+        Returns
+        -------
+        numpy.ndarray
+            Values (m, rad), shape (…, n); 0 for joints without a coordinate.
+        """
         q = self._array(q)
         joint_values = np.zeros((*q.shape[:-1], self.n))
         for name in self.coordinates:
@@ -132,24 +182,53 @@ class JointKinematics(ABC):
         start: Mapping[str, float] | None = None,
         limits: bool = True,
     ) -> dict[str, float]:
-        """Values of the joints that bring frames to poses, or a point to a place, by least squares from a start, and from some next to it.
+        """Compute values of the joints that bring frames to poses, or a point to a place.
 
-        point: {frame: (rotation (3, 3), position (3,) in m)} as `LinkFrame.pose` gives them, all of which are reached at once, None for
-            any rotation or position; or the name of a point, which has what follows
-        place: where the point shall be (3,) in m
-        rotation: what the body shall have turned by since the initial position (3, 3); None for any
-        body: the one that the point is taken with, by default that nearest to the ground
-        start: values of joints to begin with, others are those of the initial position
-        limits: keep to those of the robot's file (`model.limits`), also from a start beyond them; False ignores them
-        Warns of joints that are at a limit there. Raises ConvergenceError with what is left, and which joints are at limits, where it
-        cannot get there, or not from this start.
+        The solution is by least squares from a start, and from some next to it. Joints that are at a limit are named in a warning.
+
+        Parameters
+        ----------
+        point : str or dict
+            Targets {frame: (rotation (3, 3), position (3,) in m)} as `LinkFrame.pose` gives them, None for any rotation or position; or
+            the name of a point, to which the next three arguments belong.
+        place : array_like, optional
+            Position (3,) of the point in m.
+        rotation : array_like, optional
+            Rotation (3, 3) of the body since the initial position; None for any.
+        body : str, optional
+            The body of the point; by default that nearest to the ground.
+        start : dict of str to float, optional
+            Values of joints to begin with; others are those of the initial position.
+        limits : bool, optional
+            Whether to keep to the limits of the robot's file (`model.limits`).
+
+        Returns
+        -------
+        dict of str to float
+            Values (m, rad) by the names of rates.
+
+        Raises
+        ------
+        ConvergenceError
+            If the target is not reached; the message has what is left, and the joints at limits.
         """
         from ncgen.solver.joints.inverse_kinematics import aims_of, values_for
 
         return values_for(self, aims_of(self, point, place, rotation, body), self._joint_values(start, "start"), limits)
 
     def centre_of_mass(self, q: ArrayLike) -> np.ndarray:
-        """Of all bodies that move (…, 3), in m."""
+        """Compute the centre of mass of all bodies that move.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+
+        Returns
+        -------
+        numpy.ndarray
+            Positions (m), shape (…, 3).
+        """
         mass, first, _ = self._momenta(q)
         return first / mass
 
@@ -168,14 +247,37 @@ class JointKinematics(ABC):
         """{coordinate of no body: number of its rate among the tree's}."""
 
     def screws(self, q: ArrayLike) -> np.ndarray:
-        """For every rate of the tree of bodies the angular velocity, and the velocity at the origin, of what it moves, shape (…, -, 6).
+        """Compute the screw of every rate of the tree of bodies.
 
-        Without loops these are the joints' rates."""
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+
+        Returns
+        -------
+        numpy.ndarray
+            Angular velocity, and velocity at the origin, of what a rate moves, shape (…, -, 6). Without loops the rates are those of
+            the joints.
+        """
         rows = self._of("joint_screws", q)
         return rows.reshape(*rows.shape[:-1], -1, 6)
 
     def velocities(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
-        """Rates of all natural coordinates (…, n_q) for rates v (…, n) of the joints."""
+        """Compute the velocities of all natural coordinates from those of the joints.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        v : array_like
+            Rates of the joints, shape (…, n); None for zero.
+
+        Returns
+        -------
+        numpy.ndarray
+            Velocities, shape (…, n_q).
+        """
         q, v = self._array(q), self._over_rates(v, "v")
         spread, drift = self._spread(q)
         rates = np.einsum("...kn,...n->...k", spread, v) + drift
@@ -192,14 +294,27 @@ class JointKinematics(ABC):
     def jacobian(
         self, point: str, q: ArrayLike, body: str | None = None, frame: Literal["global", "local", "spatial"] = "global"
     ) -> np.ndarray:
-        """Velocity of a point, and angular velocity of the body it is taken with, for rate 1 of every joint, shape (…, 6, n).
+        """Compute the Jacobian of a point of a body.
 
-        point: the name of a point of the model; body: by default the one nearest to the ground that has it
-        frame: "global": of the point, along the global axes; "local": along axes that turn with the body and are the global ones
-            initially; "spatial": of what of the body is at the origin, along the global axes
+        Parameters
+        ----------
+        point : str
+            Name of a point of the model.
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+        body : str, optional
+            The body of the point; by default that nearest to the ground.
+        frame : {"global", "local", "spatial"}, optional
+            Global: of the point along global axes; local: along axes that turn with the body and are global initially; spatial: of the
+            body at the origin, along global axes.
+
+        Returns
+        -------
+        numpy.ndarray
+            Velocity of the point, and angular velocity of the body, for rate 1 of every joint, shape (…, 6, n).
         """
         if not (isinstance(frame, str) and frame in FRAMES):
-            raise ModelError(f"frame: {given.echo(frame)!r} is none of {', '.join(FRAMES)}")
+            raise ModelError(f"frame: {given.echo(frame)!r} is not one of {', '.join(FRAMES)}")
         q, element, link = self._array(q), self.point(point), self.link(point, body)
         path = self.tree.paths[link]
         screws, spread = self.screws(q)[..., path, :], self._spread(q)[0][..., path, :]
@@ -213,12 +328,38 @@ class JointKinematics(ABC):
         return np.concatenate(halves, axis=-2)
 
     def frame(self, name: str) -> LinkFrame:
-        """The frame of a link of the robot's file, also of one that is fixed to another: pose, velocity, Jacobian. Raises ModelError for a
-        name that the file does not have."""
+        """Return the frame of a link of the robot's file, also of one that is fixed to another.
+
+        Parameters
+        ----------
+        name : str
+            Name of the link or frame.
+
+        Returns
+        -------
+        LinkFrame
+            The frame with its pose, velocity and Jacobian.
+
+        Raises
+        ------
+        ModelError
+            If the file has no such link.
+        """
         return LinkFrame(self, name)
 
     def centre_of_mass_jacobian(self, q: ArrayLike) -> np.ndarray:
-        """Velocity of the centre of mass for rate 1 of every joint (…, 3, n)."""
+        """Compute the Jacobian of the centre of mass.
+
+        Parameters
+        ----------
+        q : array_like
+            Natural coordinates, shape (…, n_q).
+
+        Returns
+        -------
+        numpy.ndarray
+            Velocity for rate 1 of every joint, shape (…, 3, n).
+        """
         mass, _, matrix = self._momenta(q)
         return np.einsum("...ki,...kn->...in", matrix[..., :3], self._spread(self._array(q))[0]) / mass[..., None]
 
@@ -252,13 +393,24 @@ class JointKinematics(ABC):
 
     def _sizes(self) -> dict[str, int]:
         """Of the outputs of all functions but slopes."""
-        n, joints = self.n, self.tree.freedoms
+        n, joints = self.n, self.tree.dof
         sizes = {"inverse": n, "loads": n, "position": self.kernels.n, "screws": 6 * joints, "mass": n * (n + 1) // 2}
         return {f"joint_{name}": size for name, size in (sizes | {"momenta": 4 + 6 * joints}).items()}
 
     @abstractmethod
     def made(self, what: Made) -> dict[str, Program]:
-        """The programs by name, assembled now."""
+        """Assemble the programs.
+
+        Parameters
+        ----------
+        what : str
+            Which group of programs.
+
+        Returns
+        -------
+        dict of str to Program
+            The programs by name.
+        """
 
     def _of(self, name: str, q: ArrayLike) -> np.ndarray:
         return self._functions(name, 0.0, self._array(q), self.p)
@@ -282,6 +434,20 @@ class JointKinematics(ABC):
         return moving(self.kernels.programs.equations, self.tree)
 
     def element(self, element: Spatial, q: np.ndarray) -> np.ndarray:
+        """Return a point or a vector at a position.
+
+        Parameters
+        ----------
+        element : Spatial
+            The point or vector.
+        q : numpy.ndarray
+            Natural coordinates, shape (…, n_q).
+
+        Returns
+        -------
+        numpy.ndarray
+            Global components, shape (…, 3).
+        """
         index = self.kernels.index
         parts = [self._fixed(c, q) if c.fixed else q[..., index[c.name]] for c in element.components]
         return np.stack(parts, axis=-1)
@@ -292,6 +458,23 @@ class JointKinematics(ABC):
         return geometry.component(self.kernels, component, q, self.p)
 
     def point(self, name: str) -> Point:
+        """Return a point by its name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the point.
+
+        Returns
+        -------
+        Point
+            The point of the model.
+
+        Raises
+        ------
+        ModelError
+            If there is no such point.
+        """
         element_named = self.kernels.model.elements.get(name) if isinstance(name, str) else None
         if not isinstance(element_named, Point):
             points = [e.name for e in self.kernels.model.elements.values() if isinstance(e, Point)]
@@ -299,7 +482,20 @@ class JointKinematics(ABC):
         return element_named
 
     def link(self, point: str, body: str | None) -> int:
-        """The number of the link that a point is taken with."""
+        """Return the number of the link that has a point.
+
+        Parameters
+        ----------
+        point : str
+            Name of the point.
+        body : str or None
+            The body; None for that nearest to the ground.
+
+        Returns
+        -------
+        int
+            Number in the tree of bodies.
+        """
         element = self.point(point)
         if not isinstance(body, str | None):
             raise ModelError(f"body: {given.echo(body)} is no name; give that of a body")

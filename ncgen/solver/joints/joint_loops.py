@@ -73,12 +73,37 @@ class JointsInLoops(JointSpace):
             raise ModelError(f"{kernels.name}: every joint is locked by loops or drivers; joint space is undefined")
 
     def placed(self, x: np.ndarray) -> np.ndarray:
+        """Compute natural coordinates from values of all joints.
+
+        Parameters
+        ----------
+        x : numpy.ndarray
+            Values of all joints in their order, shape (…, n).
+
+        Returns
+        -------
+        numpy.ndarray
+            Natural coordinates, shape (…, n_q).
+        """
         x = self._checked(x, self.n, "x", "rates")
         places = [self.closed(one)[1] for one in x.reshape(-1, self.n)]
         return np.array(places).reshape(*x.shape[:-1], self.kernels.n)
 
     def closed(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements and position as of `begin`, but where the independent joints have these values: by way of positions between."""
+        """Compute displacements and position at values of the independent joints.
+
+        The loops are closed by way of positions between.
+
+        Parameters
+        ----------
+        wanted : numpy.ndarray
+            Values of the independent joints (m, rad).
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            Displacements and position as of `begin`.
+        """
         x, q = self.begin
         start = x[self.free].copy()
         way = (wanted - start) / self.sizes[self.free]
@@ -167,6 +192,18 @@ class JointsInLoops(JointSpace):
         return json.loads(recall.derived(self.kernels.programs, "layout of joints in loops", layout_text)["layout"])
 
     def made(self, what: Made) -> dict[str, Program]:
+        """Assemble the programs.
+
+        Parameters
+        ----------
+        what : str
+            Which group of programs.
+
+        Returns
+        -------
+        dict of str to Program
+            The programs by name.
+        """
         return self._work.programs(what)
 
     @cached_property

@@ -49,7 +49,7 @@ def followed_by(kernels: Kernels, tree: Tree) -> dict[int, tuple[int, float]]:
 
 def _columns(kernels: Kernels, tree: Tree, where: Mapping[int, tuple[Spatial, int]]) -> np.ndarray:
     """What every rate does to the coordinates of elements at the start, shape (n_q, rates)."""
-    changes = np.zeros((kernels.n, tree.freedoms))
+    changes = np.zeros((kernels.n, tree.dof))
     screws = np.reshape([_screw(screw) for link in tree.links for screw in link.screws], (-1, 6))
     paths = [list(path) for path in tree.paths]
     moved = {e: carried(screws[paths[tree.home[e]]], np.array(e.initial), isinstance(e, Point)) for e in {e for e, _ in where.values()}}

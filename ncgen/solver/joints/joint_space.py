@@ -1,9 +1,10 @@
 """A mechanism over the rates of its joints: what robotics calls the basics.
 
-Natural coordinates stay what positions are told by. Rates v are those of the joints in the order of `JointSpace.rates`; they are called
+Natural coordinates stay what positions are described by. Rates v are those of the joints in the order of `JointSpace.rates`; they are
+called
 like the coordinate that follows them (a hinge's angle, a slider's distance), else like the body that the joint carries. A body that moves
 freely has the velocity of its first point and its angular velocity, in global axes. Where loops are closed the rates are as many as the
-mechanism has freedoms, and all others follow (`ncgen.solver.joints.joint_loops`).
+mechanism has degrees of freedom, and all others follow (`ncgen.solver.joints.joint_loops`).
 Source: Featherstone, Rigid Body Dynamics Algorithms (2008); natural coordinates give a joint's screw as (u, r × u) at once.
 """
 
@@ -57,7 +58,7 @@ def _made(kernels: Kernels) -> JointSpace:
     from ncgen.solver.joints.joint_loops import JointsInLoops
 
     tree = spanning_tree(kernels.model)
-    if not tree.freedoms:
+    if not tree.dof:
         raise ModelError(f"{kernels.name}: no body defines an orientation, which takes 2 directions in space; joint space is undefined")
     try:
         if tree.loose:
@@ -91,6 +92,18 @@ class JointsOfTree(JointSpace):
         super().__init__(kernels, tree, names_of(kernels, tree, followed))
 
     def placed(self, x: np.ndarray) -> np.ndarray:
+        """Compute natural coordinates from values of all joints.
+
+        Parameters
+        ----------
+        x : numpy.ndarray
+            Values of all joints in their order, shape (…, n).
+
+        Returns
+        -------
+        numpy.ndarray
+            Natural coordinates, shape (…, n_q).
+        """
         return self._functions("joint_position", 0.0, self._over_rates(x, "x"), self.p)
 
     def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,4 +116,16 @@ class JointsOfTree(JointSpace):
         return {c: k for c, (k, _) in self.followed.items()}
 
     def made(self, what: Made) -> dict[str, Program]:
+        """Assemble the programs.
+
+        Parameters
+        ----------
+        what : str
+            Which group of programs.
+
+        Returns
+        -------
+        dict of str to Program
+            The programs by name.
+        """
         return assemble_joint_space(self.kernels.programs.equations, self.followed, what)

@@ -1,6 +1,6 @@
 """Frames of a robot's links: pose, velocity, Jacobian and its derivative in joint space.
 
-Jacobians have the velocity of the frame's origin above the angular velocity, and are told in one of three ways, as in Pinocchio:
+Jacobians have the velocity of the frame's origin above the angular velocity, and are expressed in one of three ways, as in Pinocchio:
 "world-aligned" (along the global axes), "local" (along the frame's own axes), "world" (the velocity of what of the body is at the global
 origin, along the global axes).
 """
@@ -119,5 +119,5 @@ class LinkFrame:
     @staticmethod
     def _checked(reference: Reference) -> Reference:
         if reference not in REFERENCES:
-            raise ModelError(f"reference: {given.echo(reference)} is none of {', '.join(REFERENCES)}")
+            raise ModelError(f"reference: {given.echo(reference)} is not one of {', '.join(REFERENCES)}")
         return reference

@@ -1,1 +1,1 @@
-"""Equilibria, small motions beside steady ones, and linear systems for control."""
+"""Equilibria, small motions near steady ones, and linear systems for control."""

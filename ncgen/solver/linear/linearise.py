@@ -1,4 +1,4 @@
-"""Small motions beside a motion: the state matrix on independent coordinates, its eigenvalues and mode shapes; what inputs do to them and
+"""Small motions near a motion: the state matrix on independent coordinates, its eigenvalues and mode shapes; what inputs do to them and
 outputs see of them."""
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ UNSTEADY = (
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """ẋ = A x + B δu, δy = C x + D δu for x = [δz; δż], beside a position and velocity.
+    """ẋ = A x + B δu, δy = C x + D δu for x = [δz; δż], near a position and velocity.
 
     matrix: A (positions + velocities)²; positions, velocities: names of the independent coordinates and velocities
     B, C, D: by the model's inputs u and its outputs y, whose names are `inputs` and `outputs`
     shapes: δq = shapes δx (n, len(x)), over all `coordinates`
-    steady: True beside an equilibrium, or a motion that a symmetry of the mechanism carries along (a wheel that rolls, a top that
+    steady: True near an equilibrium, or a motion that a symmetry of the mechanism carries along (a wheel that rolls, a top that
         precesses): A is then that of a frame that moves along, in which nothing but small motions is left, and constant. Else A is
         that of one instant, and its eigenvalues depend on the independent coordinates
     """
@@ -94,15 +94,41 @@ class Linearisation:
         return poles_of(self.matrix, self.eigenvalues, (*self.positions, *self.velocities))
 
     def frequency_response(self, w: ArrayLike) -> np.ndarray:
-        """Amplitudes of the outputs, complex, for inputs of amplitude 1 at angular frequencies w (K,) in rad/s: (K, outputs, inputs).
+        """Compute the frequency response of the outputs.
 
-        Raises ModelError without inputs or outputs, for what are no frequencies, and at a pole.
+        Parameters
+        ----------
+        w : array_like
+            Angular frequencies (rad/s), shape (K,).
+
+        Returns
+        -------
+        numpy.ndarray
+            Complex amplitudes for inputs of amplitude 1, shape (K, outputs, inputs).
+
+        Raises
+        ------
+        ModelError
+            Without inputs or outputs, for anything but frequencies, and at a pole.
         """
         self._check_ports()
         return response_of(self.matrix, self.B, self.C, self.D, several(w, "w"))
 
     def zeros(self, output: str | None = None, input: str | None = None) -> np.ndarray:
-        """Zeros (1/s) of an output by an input, by their names; those of the first ones where none is named."""
+        """Compute the zeros of a transfer function.
+
+        Parameters
+        ----------
+        output : str, optional
+            Label of the output; None for the first one.
+        input : str, optional
+            Name of the input; None for the first one.
+
+        Returns
+        -------
+        numpy.ndarray
+            Zeros (1/s), complex.
+        """
         self._check_ports()
         for name, known, what in ((output, self.outputs, "output"), (input, self.inputs, "input")):
             if name is not None:
@@ -111,8 +137,18 @@ class Linearisation:
         return zeros_of(self.matrix, self.B[:, j], self.C[i], float(self.D[i, j]))
 
     def state_space(self) -> StateSpace:
-        """As scipy.signal takes it: `scipy.signal.bode(found.state_space())`, poles, zeros, steps. Raises ModelError without inputs or
-        outputs."""
+        """Return the system for scipy.signal, such as `scipy.signal.bode(near.state_space())`.
+
+        Returns
+        -------
+        scipy.signal.StateSpace
+            The matrices A, B, C and D.
+
+        Raises
+        ------
+        ModelError
+            Without inputs or outputs.
+        """
         self._check_ports()
         from scipy.signal import StateSpace
 
@@ -182,7 +218,23 @@ class Linearisation:
         return -np.real(values) / np.abs(values)
 
     def mode(self, k: int) -> dict[str, complex]:
-        """{coordinate: amplitude} of the k-th mode that swings, the largest amplitude being 1."""
+        """Return the shape of an oscillating mode.
+
+        Parameters
+        ----------
+        k : int
+            Number of the mode, from 0.
+
+        Returns
+        -------
+        dict of str to complex
+            Amplitudes by coordinate, the largest being 1.
+
+        Raises
+        ------
+        ModelError
+            If there is no oscillating mode of this number.
+        """
         if not 0 <= k < len(self._swinging):
             raise ModelError(f"mode {k}: there are {len(self._swinging)} modes that swing, numbered from 0")
         shape = self.shapes @ self._pairs[1][:, self._swinging[k]]

@@ -1,6 +1,6 @@
 """Steady motions: those that a symmetry of the mechanism carries along, as a wheel that rolls or a top that precesses.
 
-Beside such a motion y(t) the derivative f_y of the state changes with time in coordinates that take part in the motion, and its
+Near such a motion y(t) the derivative f_y of the state changes with time in coordinates that take part in the motion, and its
 eigenvalues mean nothing. But let X be the field of velocities of a symmetry (y moves along X to a state that behaves alike) that
 agrees with f at y. In a frame that moves along X the state stands still, and small motions there obey the constant matrix
 (f − X)_y, whose eigenvalues are the same in any coordinates, since f − X vanishes.
@@ -102,7 +102,7 @@ def _is_balanced(kernels: Kernels, now: Motion, stiffness: float, p: np.ndarray 
 class _Search:
     """Fields as arrays over all components: free ones first, in the order of q, then fixed ones, which must stand still.
 
-    Beside the fields there is time, as the last column: it goes on at its own rate, and with it what drivers prescribe.
+    In addition to the fields there is time, as the last column: it continues at its own rate, and with it what drivers prescribe.
     """
 
     def __init__(self, kernels: Kernels, partitions: Partitions, now: Motion, rate: float, p: np.ndarray | None) -> None:

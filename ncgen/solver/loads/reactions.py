@@ -73,11 +73,37 @@ class Reactions:
         return np.hstack([np.zeros((len(self.run.t), 0)), *parts])
 
     def force(self, body: str, point: str) -> np.ndarray:
-        """Joint force (N) on a body at one of its points, global axes, shape (K, 3); at a fixed point, that of the ground."""
+        """Return the joint force on a body at one of its points.
+
+        Parameters
+        ----------
+        body : str
+            Name of the body.
+        point : str
+            Name of one of its points.
+
+        Returns
+        -------
+        numpy.ndarray
+            Global components (N), shape (K, 3); at a fixed point, those of the ground.
+        """
         return self._load(body, self._element(body, point))
 
     def moment(self, body: str, vector: str) -> np.ndarray:
-        """Joint moment (N m) on a body through one of its unit vectors, shape (K, 3)."""
+        """Return the joint moment on a body through one of its unit vectors.
+
+        Parameters
+        ----------
+        body : str
+            Name of the body.
+        vector : str
+            Name of one of its vectors.
+
+        Returns
+        -------
+        numpy.ndarray
+            Global components (N m), shape (K, 3).
+        """
         thing = self._element(body, vector)
         return np.cross(geometry.element(self.run.kernels, thing, self.run.q, self.run.p), self._load(body, thing))
 

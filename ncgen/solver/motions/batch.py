@@ -355,7 +355,7 @@ class _Batch:
         return BatchTrajectory(self.kernels, self.grid, done.q, done.qd, done.work, names, status, done.steps, self.alone, events)
 
     def go_on_alone(self, duration: float, options: dict[str, Any]) -> None:
-        """Simulate those that could not go on with the others; what they warn of is said once."""
+        """Simulate those that could not go on with the others; what they warn of is reported once."""
         done, left = self.done, np.flatnonzero(self.alone).tolist()
         for i in left:
             done.status[i] = INTERRUPTED  # until it is done

@@ -22,7 +22,7 @@ from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
-from ncgen.solver.positions.rank import freedom_at
+from ncgen.solver.positions.rank import freedom_at, rank_at
 from ncgen.solver.runs.alarms import doubts, looks
 from ncgen.solver.runs.choice import IMPLICIT, Choice, choose, stiff_choice
 from ncgen.solver.runs.divergence import divergence
@@ -118,6 +118,16 @@ def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **op
     return _carry_out(kernels, run, choice, start, None, breaks)
 
 
+def simulate_events(kernels: Kernels, times: np.ndarray, **options: Any) -> Passage:
+    """As `simulate` over times (K,), s, from the first of them on: what a run with events meets on its way."""
+    run = Run.from_arguments(checked_kernels(kernels), float(times[-1] - times[0]), points=times, **options)
+    kernels, choice = kernels.driven_by(run.signals), choose(run)
+    start = begin(kernels, run.initial, partitioned=False)
+    motion = _Motion(kernels, run, choice, start, run.times, np.zeros(len(run.times), dtype=bool), None)
+    motion.advance()
+    return motion.passage
+
+
 def _carry_out(
     kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None, breaks: np.ndarray | None = None
 ) -> Trajectory:
@@ -142,8 +152,9 @@ def _carry_out(
     trajectory = motion.trajectory(clock)
     if motion.passage.rests:
         warn(f"{kernels.name}: {motion.passage.rests}")
-    if choice.method.is_constrained and (freedoms := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
-        warn(singular_message(kernels, freedoms))
+    here = kernels, start.q, run.initial.t, start.p
+    if choice.method.is_constrained and rank_at(*here)[1]:
+        warn(singular_message(kernels, freedom_at(*here)))
     if negative := negative_instant(kernels, trajectory.t, trajectory.q, start.p):
         warn(f"{kernels.name}: {negative}")
     for doubt in doubts(motion.inspected(trajectory), motion.tolerances.rtol, choice.method):
@@ -257,7 +268,7 @@ class _Motion:
             refuse_negative_ahead(self.kernels, self.path.q[-1], self.path.qd[-1], float(t[0]), float(t[-1] - t[0]), self.start.p)
 
     def _form(self) -> Form:
-        """What state derivative C is given: as named, else one that is written out where there is one over all coordinates."""
+        """What state derivative C is given: as named, else one that is emitted where there is one over all coordinates."""
         if self.run.engine in EMITTED:
             return self.run.engine
         is_open = self.run.engine in (AUTO, COMPILED) and self.run.number == "double"

@@ -1,4 +1,4 @@
-"""A motion that goes on step by step, driven from outside: by a controller, in a game, beside another simulation.
+"""A motion that is advanced step by step, driven from outside: by a controller, in a game, next to another simulation.
 
     sim = ncgen.start(kernels)
     for k in range(1000):
@@ -28,7 +28,7 @@ from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments, takes
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.parameter_checks import check_parameters
 from ncgen.solver.positions.massless import check_mass
-from ncgen.solver.positions.rank import freedom_at
+from ncgen.solver.positions.rank import rank_at
 from ncgen.solver.runs.choice import ALL, EXPLICIT
 from ncgen.solver.runs.run import Initial, relative_tolerance
 from ncgen.solver.runs.start import Start, begin
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 
 
 REPLACED = {
-    "q": "sim.q[:] = array and then sim.settle(), or sim.reset(state)",
-    "qd": "sim.qd[:] = array and then sim.settle(), or sim.reset(state)",
+    "q": "sim.q[:] = array and then sim.project_state(), or sim.reset(state)",
+    "qd": "sim.qd[:] = array and then sim.project_state(), or sim.reset(state)",
     "p": "sim.drive(name=value) for an input, or start again with p={name: value} for a parameter",
     "t": "sim.reset(dataclasses.replace(sim.state, t=seconds))",
     "work": "sim.reset(dataclasses.replace(sim.state, work=joules))",
@@ -116,7 +116,7 @@ def stepped(kernels: Kernels, arguments: MotionArguments) -> tuple[str, float, f
 
 
 class Simulation:
-    """A mechanism at an instant, which goes on as it is told; `start` makes one.
+    """A mechanism at an instant, which moves as its methods say; `start` makes one.
 
     t: s; q, qd (n,): position and velocities, in the order of `kernels.coordinates`; work: J of drivers, inputs and other forces without
     a potential. q and qd are what C works on: `sim.q[:] = array` moves the mechanism, copy them to keep them, or take `state`.
@@ -159,7 +159,7 @@ class Simulation:
 
     @property
     def q(self) -> np.ndarray:
-        """Position (n,) in m and rad: the array that C works on. After writing to it call `settle`."""
+        """Position (n,) in m and rad: the array that C works on. After writing to it call `project_state`."""
         return self._now.q
 
     @property
@@ -169,12 +169,24 @@ class Simulation:
 
     @property
     def t(self) -> float:
-        """s"""
+        """Return the time.
+
+        Returns
+        -------
+        float
+            Time (s).
+        """
         return self._now.t
 
     @property
     def work(self) -> float:
-        """J"""
+        """Return the work of drivers, inputs and other forces without a potential.
+
+        Returns
+        -------
+        float
+            Work (J).
+        """
         return self._now.work
 
     @property
@@ -203,7 +215,23 @@ class Simulation:
         return self._steps is not None and self._steps.stopped
 
     def drive(self, /, **inputs: float) -> Simulation:
-        """Give inputs by their names; each keeps its value until it is given again. Raises ModelError for an unknown name and no number."""
+        """Set inputs by name; each keeps its value until it is set again.
+
+        Parameters
+        ----------
+        **inputs : float
+            Values by name.
+
+        Returns
+        -------
+        Simulation
+            The simulation itself.
+
+        Raises
+        ------
+        ModelError
+            For an unknown name, or a value that is not a number.
+        """
         with self._alone:
             self._drive(inputs)
         return self
@@ -216,10 +244,30 @@ class Simulation:
             p[places[name]] = value
 
     def step(self, h: float, /, **inputs: float) -> Simulation:
-        """On by h seconds, with inputs that keep their values meanwhile. Returns the simulation itself.
+        """Advance the motion.
 
-        An event that ends the motion ends the step. Raises ConvergenceError or DomainError where it cannot go on, ModelError where an event
-        has ended the motion before; then it stays where it was.
+        An event that ends the motion ends the step. After an error the simulation is where it was before.
+
+        Parameters
+        ----------
+        h : float
+            Time to advance (s).
+        **inputs : float
+            Values of inputs by name; they are constant during the step and afterwards.
+
+        Returns
+        -------
+        Simulation
+            The simulation itself.
+
+        Raises
+        ------
+        ConvergenceError
+            If the motion cannot continue.
+        DomainError
+            If a kernel returns NaN or infinity.
+        ModelError
+            If an event has ended the motion before.
         """
         if not isinstance(h, float):
             h = positive(h, "h")
@@ -257,9 +305,24 @@ class Simulation:
         return SimulationState(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step, self._mechanism, past)
 
     def reset(self, state: SimulationState) -> Simulation:
-        """Back to a state. From there the same steps give the same bits.
+        """Return to a state.
 
-        Raises ModelError for what is no state, a state of another mechanism, and numbers that are not finite; then nothing has changed.
+        From there the same steps give the same bits. After an error nothing has changed.
+
+        Parameters
+        ----------
+        state : SimulationState
+            A state that `state` returned.
+
+        Returns
+        -------
+        Simulation
+            The simulation itself.
+
+        Raises
+        ------
+        ModelError
+            For anything but a state of this mechanism, and for numbers that are not finite.
         """
         if not isinstance(state, SimulationState):
             raise ModelError(f"reset: {echo(state)} given; give a state that was kept, such as kept = sim.state")
@@ -278,10 +341,21 @@ class Simulation:
                 self._steps.go_back(state.past)
         return self
 
-    def settle(self) -> Simulation:
-        """Close the loops after q or qd were written to. Raises ConvergenceError where they do not close; then nothing moves."""
+    def project_state(self) -> Simulation:
+        """Project q and qd onto the constraints after you wrote to them.
+
+        Returns
+        -------
+        Simulation
+            The simulation itself.
+
+        Raises
+        ------
+        ConvergenceError
+            If the loops cannot be closed; then nothing moves.
+        """
         with self._alone:
-            status = self._now.settle()
+            status = self._now.project_state()
         if status != "ok":
             problem = f"at t = {self.t:.6g} s the loops do not close ({status})"
             raise ConvergenceError(f"{self.kernels.name}: {problem}; start nearer to a closed position")
@@ -308,7 +382,13 @@ class Simulation:
         return dict(zip(self.kernels.model.outputs, values.tolist(), strict=True))
 
     def energy(self) -> np.ndarray:
-        """Kinetic and potential energy (J), and the power (W) of forces without a potential, with the present inputs."""
+        """Return energies and the power of forces without a potential, with the present inputs.
+
+        Returns
+        -------
+        numpy.ndarray
+            Kinetic and potential energy (J) and power (W), shape (3,).
+        """
         return self.kernels.energy(self.q, self.qd, self.t, self._now.p)
 
     def __getitem__(self, name: str) -> float:
@@ -349,7 +429,7 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
     form = compiled.form_of(kernels, method)
     start = begin(kernels, at, partitioned=False)
     check_mass(kernels, start.q, at.t, start.p)
-    rank = freedom_at(kernels, start.q, at.t, start.p).rank
+    rank, _ = rank_at(kernels, start.q, at.t, start.p)
     least = absolute(rtol, atol)
     sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
     from ncgen.mechanism.moving import Stepping

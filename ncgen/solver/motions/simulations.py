@@ -109,7 +109,7 @@ class Simulations:
     """Rows of one mechanism at their instants; `start_batch` makes them.
 
     t, work (N,); q, qd (N, n), in the order of `kernels.coordinates`; p (N, n_p): parameters and inputs, a row each. They are what C works
-    on and may be written to: copy them to keep them, or take `states`; after writing to q or qd call `settle`.
+    on and may be written to: copy them to keep them, or take `states`; after writing to q or qd call `project_state`.
     stuck (N,): who could not go on in the last step.
     `sims["psi"]` is a coordinate of all, `sims["rate(psi)"]` its velocity, `sims["tip height"]` an output, `sims["tau"]` an input, (N,).
     With a model that has events, `events` lists those of each, and `stopped` says which an event has ended: these stay where they are.
@@ -170,6 +170,13 @@ class Simulations:
 
     @property
     def stuck(self) -> np.ndarray:
+        """Return which simulations could not continue in the last step.
+
+        Returns
+        -------
+        numpy.ndarray
+            Mask, shape (N,): True for a simulation that could not.
+        """
         return self._now.statuses != 0
 
     @property
@@ -183,8 +190,23 @@ class Simulations:
         return np.array([each.stopped for each in self._steps] or [False] * self.size)
 
     def drive(self, /, **inputs: ArrayLike) -> Simulations:
-        """Give inputs by their names, one value or (N,); each keeps its value until it is given again. Raises ModelError for an unknown
-        name and for what are no numbers; then none is changed."""
+        """Set inputs by name; each keeps its value until it is set again.
+
+        Parameters
+        ----------
+        **inputs : array_like
+            One value or N values by name.
+
+        Returns
+        -------
+        Simulations
+            The simulations themselves.
+
+        Raises
+        ------
+        ModelError
+            For an unknown name, or values that are not numbers; then nothing is changed.
+        """
         with self._alone:
             self._drive(inputs)
         return self
@@ -208,10 +230,28 @@ class Simulations:
         return array
 
     def step(self, h: float, /, **inputs: ArrayLike) -> Simulations:
-        """All on by h seconds, with inputs that keep their values meanwhile. Returns the simulations themselves.
+        """Advance all motions.
 
-        Raises ConvergenceError or DomainError where one of them cannot go on: it stays where it was, `stuck` tells all such, and the
-        others have moved.
+        If one cannot continue, it stays where it was, `stuck` lists it, and the others have moved.
+
+        Parameters
+        ----------
+        h : float
+            Time to advance (s).
+        **inputs : array_like
+            One value or N values by name.
+
+        Returns
+        -------
+        Simulations
+            The simulations themselves.
+
+        Raises
+        ------
+        ConvergenceError
+            If a motion cannot continue.
+        DomainError
+            If a kernel returns NaN or infinity.
         """
         h = positive(h, "h")
         with self._alone:
@@ -256,10 +296,26 @@ class Simulations:
         return SimulationStates(t, q, qd, work, p, next_step, self._mechanism, tuple(each.past for each in self._steps))
 
     def reset(self, rows: ArrayLike | None = None, states: SimulationStates | None = None) -> Simulations:
-        """Some of them back to their start, or to those rows of `states`. From there the same steps give the same bits.
+        """Return simulations to their start, or to given states.
 
-        rows: numbers, or a mask (N,); None for all. Raises ModelError for rows that there are not, and for states of another mechanism, of
-        another number of simulations or with numbers that are not finite; then nothing has changed.
+        From there the same steps give the same bits. After an error nothing has changed.
+
+        Parameters
+        ----------
+        rows : array_like, optional
+            Numbers of simulations, or a mask (N,); None for all.
+        states : SimulationStates, optional
+            States that `states` returned; None for the start.
+
+        Returns
+        -------
+        Simulations
+            The simulations themselves.
+
+        Raises
+        ------
+        ModelError
+            For rows that do not exist, for states of another mechanism or number of simulations, and for numbers that are not finite.
         """
         chosen, source, now = self._rows(rows), self._began if states is None else states, self._now
         if not isinstance(source, SimulationStates):
@@ -279,11 +335,27 @@ class Simulations:
                 self._steps[row].go_back(source.pasts[row])
         return self
 
-    def settle(self, rows: ArrayLike | None = None) -> Simulations:
-        """Close the loops of some after q or qd were written to; None for all. Raises ConvergenceError for the first that cannot."""
+    def project_state(self, rows: ArrayLike | None = None) -> Simulations:
+        """Project q and qd onto the constraints after you wrote to them.
+
+        Parameters
+        ----------
+        rows : array_like, optional
+            Numbers of simulations, or a mask (N,); None for all.
+
+        Returns
+        -------
+        Simulations
+            The simulations themselves.
+
+        Raises
+        ------
+        ConvergenceError
+            For the first simulation whose loops cannot be closed.
+        """
         with self._alone:
             for row in self._rows(rows).tolist():
-                if (status := self._now.settle(row)) != "ok":
+                if (status := self._now.project_state(row)) != "ok":
                     problem = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
                     raise ConvergenceError(f"{self.kernels.name}: {problem}; start nearer to a closed position")
                 self._now.next_step[row] = 0.0

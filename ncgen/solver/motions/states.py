@@ -52,7 +52,7 @@ class CommonCoordinates:
 
     @cached_property
     def lanes(self) -> LaneDynamics:
-        """The state derivative for them in lanes. Raises ModelError where it cannot be written out."""
+        """The state derivative for them in lanes. Raises ModelError where it cannot be emitted."""
         return dynamics(checked_compiled(self.kernels), self.partitions, "lanes", *self.typical)
 
     @classmethod

@@ -64,7 +64,7 @@ class DrivenPositions:
     def foreseen(self, p: Given) -> np.ndarray:
         """The positions with other parameters to first order, (K, n): what those are near, as far as derivatives tell.
 
-        p: numbers (n_p,) or {name: number}. Raises ModelError for what is none, and as `q_by` does.
+        p: numbers (n_p,) or {name: number}. Raises ModelError for what is not one, and as `q_by` does.
         """
         return self.q + self.q_by @ (given.parameters(self.kernels, p) - self.p)
 

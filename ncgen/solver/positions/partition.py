@@ -145,13 +145,13 @@ def choose_partition(
 
 
 def _measured(kernels: Kernels, wanted: list[int]) -> list[int]:
-    """Coordinates that measure the joints of a large open tree, one each, those that are wanted first; [] where they are none of these."""
+    """Coordinates that measure the joints of a large open tree, one each, wanted ones first; [] where they are not among these."""
     tree = open_tree(kernels)
     if tree is None:
         return []
     free = set(range(len(tree.screws))) - set(tree.coupled.leaders)
     measuring = set({screw: c for c, (screw, _) in tree.measured.items() if screw in free}.values())
-    return wanted + sorted(measuring - set(wanted)) if len(measuring) == len(free) and set(wanted) <= measuring else []
+    return wanted + sorted(measuring - set(wanted)) if len(measuring) == tree.freedoms and set(wanted) <= measuring else []
 
 
 def _position(kernels: Kernels, name: str) -> int:

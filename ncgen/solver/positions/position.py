@@ -174,7 +174,7 @@ def check_mirror_roots(kernels: Kernels, q: np.ndarray, p: np.ndarray | None = N
 
 
 def check_finite(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> None:
-    """Raise DomainError naming the first row or mass that is not a number at q, or the coordinate of q that is none."""
+    """Raise DomainError naming the first row or mass that is not a number at q, or the coordinate of q that is not a number."""
     check_instant(kernels, q, None, t, p)
 
 

@@ -19,7 +19,7 @@ from ncgen.mechanism.recall import derived
 from ncgen.program.algebra.pivoting import column_order
 from ncgen.solver import given
 from ncgen.solver.given import Given
-from ncgen.solver.positions.open_tree import is_open_tree
+from ncgen.solver.positions.open_tree import is_open_tree, open_tree
 from ncgen.solver.positions.position import TOLERANCE, check_finite, solve_position
 from ncgen.solver.positions.sparse_rows import DENSE, independent_rows, scaled
 
@@ -139,6 +139,13 @@ class Freedom:
 
     @property
     def is_singular(self) -> bool:
+        """Return whether the position is singular.
+
+        Returns
+        -------
+        bool
+            True if the rank at the position is less than the general rank.
+        """
         return self.rank_here < self.rank
 
 
@@ -177,6 +184,15 @@ def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Free
         return (_freedom_from_cache if _is_described(kernels, q, t, p) else _freedom)(kernels, q, t, p)
 
     return kernels.remember("freedom", (q.tobytes(), float(t), kernels.of_rows(p).tobytes()), find, REMEMBERED)
+
+
+def rank_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[int, bool]:
+    """The rank of Φ_q, and whether q is a singular position. A large open tree has none of these, and its joints tell the rank; which rows
+    others imply is not looked for."""
+    if kernels.m >= DENSE and (tree := open_tree(kernels)):
+        return kernels.n - tree.freedoms, False
+    mobility = freedom_at(kernels, q, t, p)
+    return mobility.rank, mobility.is_singular
 
 
 def _is_described(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
@@ -278,9 +294,9 @@ def _implication(jacobian: np.ndarray, row: int, kept: list[int], scale: np.ndar
 
 
 def _extra_motions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rank: int, largest: np.ndarray) -> np.ndarray:
-    """Motions that are free at q and not just beside it, in natural units, columns over the free coordinates.
+    """Motions that are free at q and not just near it, in natural units, columns over the free coordinates.
 
-    They are what is left of the null space at q beside that of a neighbouring position in general position.
+    They are what is left of the null space at q without that of a neighbouring position in general position.
     """
     null_here = null_space(scaled_jacobian(kernels, q, t, p) / largest)
     neighbours = trial_positions(kernels, q, t, p, distance=NEIGHBOUR)[1:]

@@ -77,7 +77,7 @@ def doubts(run: Trajectory, rtol: float, method: Method) -> list[str]:
 
 def _contradiction(run: Trajectory) -> list[str]:
     """What drivers and velocity rows demand that no velocity can do: projections then leave a remainder in Φ_q q̇ = ν. Velocities of rest
-    always satisfy rows without either. A remainder is set beside the velocities; where a driver comes to rest these are rounding, and
+    always satisfy rows without either. A remainder is compared with the velocities; where a driver comes to rest these are rounding, and
     count as what would move nothing by a share of its size in the whole run."""
     kernels, p = run.kernels, run.p
     if len(kernels.holonomic) == kernels.m and "nu" not in kernels.programs.programs:

@@ -1,9 +1,9 @@
 """Which method carries a run out, where the caller leaves it open, and what comes next where it cannot go on.
 
 All coordinates with Lagrange's multipliers and DOP853 are the first choice. Accelerations come from a recursion over the tree of bodies
-that is written out, or from the matrix of the equations, which is sparse and is factored by a plan made once, so that the cost grows
-with the mechanism and not with the square of its freedoms; redundant rows, rolling and singular positions need no special case.
-`ncgen hard` and `ncgen bench --precision` show it beside the others. Coordinate partitioning is taken where all coordinates cannot
+that is emitted, or from the matrix of the equations, which is sparse and is factored by a plan made once, so that the cost grows
+with the mechanism and not with the square of its degrees of freedom; redundant rows, rolling and singular positions need no special case.
+`ncgen hard` and `ncgen bench --precision` compare it with the others. Coordinate partitioning is taken where all coordinates cannot
 serve: for a state derivative that is asked for by name, and in number types with few digits, in which redundant rows cannot be told from
 others. Stiff mechanisms go on with Radau IIA: over all coordinates where a recursion gives the accelerations, since its Newton steps then
 take place in the degrees of freedom, else on independent coordinates.
@@ -64,7 +64,7 @@ def _method(formalism: Formalism, integrator: str, run: Run) -> Method:
 
 
 def stiff_choice(run: Run, present: Choice, recurs: bool) -> Choice | None:
-    """What goes on where an explicit method takes small steps for stability alone; None where the integrator was named.
+    """What continues where an explicit method takes small steps for stability alone; None where the integrator was named.
 
     recurs: whether a recursion over a tree of bodies gives the accelerations. Then Newton's steps of Radau IIA take place in its degrees
         of freedom, at the cost of a few evaluations; else on independent coordinates, since over all of them the linear systems are large.

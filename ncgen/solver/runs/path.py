@@ -85,7 +85,7 @@ class Path:
         self.counts[2] += steps
 
     def take_last(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Remove the last row and return it: where another engine goes on."""
+        """Remove the last row and return it: where another engine continues."""
         last = self.q[-1], self.qd[-1], float(self.work[-1])
         self.q, self.qd, self.work = self.q[:-1], self.qd[:-1], self.work[:-1]
         return last

@@ -52,7 +52,7 @@ class Signals:
     """The inputs of one run.
 
     laws: one an input in their order, None for one that keeps its value
-    begun: of tables the piece of this time (s) goes on, whatever time is asked for; None for the piece of the time itself
+    begun: of tables the piece of this time (s) continues, whatever time is asked for; None for the piece of the time itself
     """
 
     name: str

@@ -27,6 +27,9 @@ from ncgen.solver.runs.run import Initial
 NOTICEABLE = 1e-9
 """Changes of a given velocity up to this, relative to the largest velocity, are rounding and not reported."""
 
+STANDSTILL = 1e-140
+"""Velocities (sizes of the mechanism per second) below this are what projections leave of 0: their squares are no normal numbers."""
+
 
 @dataclass(frozen=True, eq=False)
 class Start:
@@ -47,7 +50,7 @@ class Start:
 
 
 def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
-    """Where a run starts, closed and with velocities; partitioned: whether it goes on with independent coordinates alone.
+    """Where a run starts, closed and with velocities; partitioned: whether it continues with independent coordinates alone.
 
     Raises ConvergenceError naming the rows that do not close, SingularError at a singular position that the method or the given
     velocities cannot do with, ModelError for independent coordinates that do not determine the motion.
@@ -161,7 +164,7 @@ def given_velocity(kernels: Kernels, qd0: dict[str, float] | np.ndarray, q: np.n
     qd = _least_energy(kernels, where, rates, q, t, p) if isinstance(qd0, dict) else rates
     allowed = project_velocity(kernels, q, qd, t, p)
     changed = np.abs(allowed[where] - rates) / kernels.column_sizes[where]
-    if np.max(changed, initial=0.0) > NOTICEABLE * np.max(np.abs(allowed / kernels.column_sizes), initial=0.0):
+    if np.max(changed, initial=0.0) > NOTICEABLE * np.max(np.abs(allowed / kernels.column_sizes), initial=STANDSTILL):
         most = where[int(np.argmax(changed))]
         warn(
             f"{kernels.name}: the initial velocities contradict the constraints and have been projected; "

@@ -43,7 +43,7 @@ class StopCondition:
         return Conditions(np.array([self.coordinate]), np.array([self.value]), np.array([self.direction]), np.array([0]))
 
     def find(self, t0: float, t1: float, before: State, after: State, state: Callable[[float], State]) -> tuple[float, State] | None:
-        """(time, state) at which it happens for the first time between two states, or None; a run that starts there goes on.
+        """(time, state) at which it happens for the first time between two states, or None; a run that starts there continues.
 
         state(t) -> a state inside the step, whose first two members are q and q̇
         """

@@ -13,7 +13,7 @@ from ncgen.mechanism.conditions import Conditions
 from ncgen.mechanism.driving import Function, InputPieces
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.solver.positions.rank import freedom_at
+from ncgen.solver.positions.rank import rank_at
 from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.stop import StopCondition
 from ncgen.solver.runs.tolerances import Tolerances
@@ -68,7 +68,7 @@ class Task:
 
     def rank_at(self, kernels: Kernels, q: np.ndarray, t: float) -> int:
         """The rank of Φ_q where the run, or what is left of it, begins: at q (n,) and t (s), unless it is known already."""
-        return freedom_at(kernels, q, t, self.p).rank if self.rank is None else self.rank
+        return rank_at(kernels, q, t, self.p)[0] if self.rank is None else self.rank
 
     def looks_from(self, row: int) -> np.ndarray:
         """The mask from a row on."""

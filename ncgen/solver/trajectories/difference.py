@@ -1,4 +1,4 @@
-"""Two motions beside each other: how far they are apart, where, and when."""
+"""Two motions compared with each other: how far they are apart, where, and when."""
 
 from __future__ import annotations
 

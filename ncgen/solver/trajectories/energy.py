@@ -1,4 +1,4 @@
-"""How well a motion keeps its energy, T + V − W, and what may be said against it."""
+"""How well a motion keeps its energy, T + V − W, and what speaks against it."""
 
 from __future__ import annotations
 

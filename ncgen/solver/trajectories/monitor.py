@@ -60,7 +60,7 @@ class Health:
         return ~self.bifurcates & (self.quality < BAD * self.best)
 
     def findings(self) -> list[str]:
-        """What is to be said about the motion, a line each."""
+        """Messages about the motion, a line each."""
         lines = []
         if self.bifurcates.any():
             k = int(np.argmin(self.sigma))

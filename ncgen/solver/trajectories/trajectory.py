@@ -163,14 +163,35 @@ class Trajectory:
 
     @property
     def model(self) -> Model:
+        """Return the model.
+
+        Returns
+        -------
+        Model
+            The model of the kernels.
+        """
         return self.kernels.model
 
     @property
     def name(self) -> str:
+        """Return the name of the model.
+
+        Returns
+        -------
+        str
+            The name.
+        """
         return self.kernels.name
 
     @property
     def coordinates(self) -> tuple[str, ...]:
+        """Return the names of the free coordinates.
+
+        Returns
+        -------
+        tuple of str
+            The names, in the order of q.
+        """
         return self.kernels.coordinates
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -209,7 +230,13 @@ class Trajectory:
         return len(self.coordinates)
 
     def keys(self) -> tuple[str, ...]:
-        """The names of the free coordinates, so that `dict(run)` has all histories by name."""
+        """Return the names of the free coordinates, so that `dict(run)` has all histories by name.
+
+        Returns
+        -------
+        tuple of str
+            The names, in the order of q.
+        """
         return self.coordinates
 
     @cached_property
@@ -232,32 +259,110 @@ class Trajectory:
         return {name: p[:, self.kernels.parameters.index(name)] for name in self.kernels.inputs}
 
     def point(self, name: str) -> np.ndarray:
-        """Positions (m) of a point, shape (K, 3). Raises ModelError where there is no such point."""
+        """Return the positions of a point.
+
+        Parameters
+        ----------
+        name : str
+            Name of a point.
+
+        Returns
+        -------
+        numpy.ndarray
+            Global coordinates (m), shape (K, 3).
+
+        Raises
+        ------
+        ModelError
+            If there is no such point.
+        """
         return geometry.element(self.kernels, self._named(name, Point), self.q, self.p)
 
     def vector(self, name: str) -> np.ndarray:
-        """Components of a unit vector, shape (K, 3). Raises ModelError where there is no such vector."""
+        """Return the components of a unit vector.
+
+        Parameters
+        ----------
+        name : str
+            Name of a vector.
+
+        Returns
+        -------
+        numpy.ndarray
+            Global components, shape (K, 3).
+
+        Raises
+        ------
+        ModelError
+            If there is no such vector.
+        """
         return geometry.element(self.kernels, self._named(name, Vector), self.q, self.p)
 
     def velocity(self, name: str) -> np.ndarray:
-        """Velocity (m/s) of a point, or rate (1/s) of a unit vector, in global axes, shape (K, 3). Raises ModelError for another name."""
+        """Return the velocity of a point, or the rate of a unit vector.
+
+        Parameters
+        ----------
+        name : str
+            Name of a point or of a vector.
+
+        Returns
+        -------
+        numpy.ndarray
+            Global components (m/s, or 1/s), shape (K, 3).
+
+        Raises
+        ------
+        ModelError
+            If the model has no such point or vector.
+        """
         return geometry.element_rate(self.kernels, self._named(name, Point, Vector), self.qd)
 
     def acceleration(self, name: str) -> np.ndarray:
-        """Acceleration (m/s²) of a point, or second derivative (1/s²) of a unit vector, in global axes, shape (K, 3).
+        """Return the acceleration of a point, or the second derivative of a unit vector.
 
-        Raises ModelError for another name.
+        Parameters
+        ----------
+        name : str
+            Name of a point or of a vector.
+
+        Returns
+        -------
+        numpy.ndarray
+            Global components (m/s², or 1/s²), shape (K, 3).
+
+        Raises
+        ------
+        ModelError
+            If the model has no such point or vector.
         """
         return geometry.element_rate(self.kernels, self._named(name, Point, Vector), self.qdd)
 
     def table(self) -> dict[str, np.ndarray]:
-        """{column: (K,)}: t, coordinates, their velocities and accelerations, inputs and outputs."""
+        """Return all histories by column.
+
+        Returns
+        -------
+        dict of str to numpy.ndarray
+            The columns, shape (K,) each: t, coordinates, their velocities and accelerations, inputs and outputs.
+        """
         from ncgen.solver.trajectories.trajectory_files import histories
 
         return histories(self) | {f"rate(rate({name}))": column for name, column in zip(self.coordinates, self.qdd.T, strict=True)}
 
     def dataframe(self) -> Any:
-        """The columns of `table` as a pandas DataFrame whose index is the time. Raises NcgenError where pandas is not installed."""
+        """Return the columns of `table` as a pandas DataFrame.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The histories; its index is the time (s).
+
+        Raises
+        ------
+        NcgenError
+            If pandas is not installed.
+        """
         try:
             pandas = import_module("pandas")
         except ImportError as error:
@@ -272,19 +377,46 @@ class Trajectory:
         return known[name]
 
     def rotation(self, body: str) -> Rotation:
-        """Orientation of a body relative to the initial position, a scipy Rotation of K instants.
+        """Return the orientation of a body relative to the initial position.
 
-        Euler angles, Bryant angles and Euler parameters (the paper's eqs 1-5) are its views:
-        `.as_euler("ZXZ")`, `.as_euler("XYZ")`, `.as_quat(scalar_first=True)`.
+        Euler angles, Bryant angles and Euler parameters (the paper's eqs 1-5) are its views: `.as_euler("ZXZ")`, `.as_euler("XYZ")`,
+        `.as_quat(scalar_first=True)`.
+
+        Parameters
+        ----------
+        body : str
+            Name of a body.
+
+        Returns
+        -------
+        scipy.spatial.transform.Rotation
+            Rotations at K times.
         """
         return frames.rotation(self.kernels, body, self.q, self.p)
 
     def angular_velocity(self, body: str) -> np.ndarray:
-        """Angular velocity (rad/s) of a body in global axes, shape (K, 3)."""
+        """Return the angular velocity of a body.
+
+        Parameters
+        ----------
+        body : str
+            Name of a body.
+
+        Returns
+        -------
+        numpy.ndarray
+            Global components (rad/s), shape (K, 3).
+        """
         return frames.angular_velocity(self.kernels, body, self.q, self.qd, self.p)
 
     def energy(self) -> np.ndarray:
-        """Kinetic and potential energy (J) and power (W) of forces without a potential, shape (K, 3)."""
+        """Return energies and the power of forces without a potential.
+
+        Returns
+        -------
+        numpy.ndarray
+            Kinetic and potential energy (J) and power (W), shape (K, 3).
+        """
         return energies(self.kernels, self.t, self.q, self.qd, self.p)
 
     @cached_property
@@ -293,13 +425,31 @@ class Trajectory:
         return drift(self.kernels, self.t, self.q, self.qd, self.work, self.p)
 
     def thinned(self, count: int) -> Trajectory:
-        """The same motion at `count` of its instants, or all if they are fewer."""
+        """Return the same motion at fewer times.
+
+        Parameters
+        ----------
+        count : int
+            How many times to keep.
+
+        Returns
+        -------
+        Trajectory
+            The motion at `count` of its times, or at all if it has fewer.
+        """
         kept = np.unique(np.linspace(0, len(self.t) - 1, count).round().astype(int))
         return replace(self, t=self.t[kept], q=self.q[kept], qd=self.qd[kept], work=self.work[kept])
 
     def violation(self) -> np.ndarray:
-        """The largest |Φ| relative to the rows' natural sizes at every instant, shape (K,); of angles in the paper's form the equation
-        in force there."""
+        """Return the largest constraint violation at every time.
+
+        Of an angle in the paper's form only the equation that is in force counts.
+
+        Returns
+        -------
+        numpy.ndarray
+            Largest |Φ| relative to the natural sizes of the constraints, shape (K,).
+        """
         from ncgen.solver.positions.branches import refresh_branches
         from ncgen.solver.positions.position import residual
 
@@ -308,14 +458,34 @@ class Trajectory:
         )
 
     def reactions(self, pressure_angle: float = np.pi / 9) -> Reactions:
-        """Loads between bodies, see `ncgen.solver.loads.reactions.reactions`; pressure_angle: of gears and racks (rad,
-        default 20 degrees)."""
+        """Compute the loads between bodies.
+
+        See `ncgen.solver.loads.reactions.reactions`.
+
+        Parameters
+        ----------
+        pressure_angle : float, optional
+            Pressure angle of gears and racks (rad); 20 degrees by default.
+
+        Returns
+        -------
+        Reactions
+            Forces and moments in the joints.
+        """
         from ncgen.solver.loads.reactions import reactions
 
         return reactions(self, pressure_angle)
 
     def driver_forces(self) -> dict[str, np.ndarray]:
-        """Forces and couples of the model's drivers by coordinate, see `ncgen.solver.loads.inverse_dynamics.driver_forces`."""
+        """Return forces and couples of the drivers.
+
+        See `ncgen.solver.loads.inverse_dynamics.driver_forces`.
+
+        Returns
+        -------
+        dict of str to numpy.ndarray
+            Force (N) or couple (N m) by coordinate, shape (K,) each.
+        """
         from ncgen.solver.loads.inverse_dynamics import driver_forces
 
         return driver_forces(self)
@@ -397,7 +567,20 @@ class Trajectory:
         return write_parquet(self, path_of(output))
 
     def compared(self, other: Trajectory) -> Difference:
-        """How far this motion is from another of the same coordinates, see `ncgen.solver.trajectories.difference.difference`."""
+        """Compare this motion with another one of the same coordinates.
+
+        See `ncgen.solver.trajectories.difference.difference`.
+
+        Parameters
+        ----------
+        other : Trajectory
+            The motion to compare with.
+
+        Returns
+        -------
+        Difference
+            Largest differences by coordinate, with their times.
+        """
         from ncgen.solver.trajectories.difference import difference
 
         return difference(self, other)

@@ -1,0 +1,94 @@
+"""Derivatives of what happens at events along a direction, as programs; seed: the changes of t, q, q̇ and p.
+
+condition_tangent(t, q, qd, p, seed)                  -> of the conditions, and in a mode of those of loads behind them
+value_tangent(t, q, qd, p, seed)                      -> of what actions set, and of the values of elements
+impact_tangent(t, q, qd, p, after, mu, push, seed)    -> of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n), of Φ_q (q̇⁺ − q̇) (m), and of every gap, W being
+    the gradients of the gaps, of its velocities W q̇ + ∂g/∂t before and W q̇⁺ + ∂g/∂t after; q̇⁺, μ and Λ are held
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ncgen.program.assemble import input_lengths
+from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.derivatives import gradient, tangent
+from ncgen.program.ir.verify import verify
+from ncgen.program.kernel_table import KERNELS
+from ncgen.program.lines import Lines
+from ncgen.program.motions.conditions import HeldLoad, Named, load_conditions
+from ncgen.program.motions.expression_nodes import expression_node
+from ncgen.program.motions.full_motion import MotionSizes, directions
+from ncgen.program.motions.multipliers import AccelerationNodes
+from ncgen.symbolic.numbering import Terms
+
+STATE = ("t", "q", "qd", "p")
+INPUTS = {
+    "condition_tangent": (*STATE, "seed"),
+    "value_tangent": (*STATE, "seed"),
+    "impact_tangent": (*STATE, "after", "mu", "push", "seed"),
+}
+
+
+def assemble_condition_tangent(
+    equations: Terms, conditions: Sequence[Named], held: Sequence[HeldLoad], sizes: MotionSizes, rows: np.ndarray
+) -> dict[str, Program]:
+    """Of a mode, or of the mechanism itself where nothing is held; arguments as of `assemble_mode_conditions`."""
+    lines = Lines(equations)
+    nodes = [expression_node(lines, *each) for each in conditions]
+    along = directions(lines)
+    if held:
+        motion = AccelerationNodes(lines, sizes)
+        nodes += load_conditions(lines, motion.lam, held, rows)[::2]
+        changes = motion.along(dict(along))[1]
+        along |= {node: change for node, change in zip(motion.lam, changes, strict=True) if lines.graph.value(node) is None}
+    return {"condition_tangent": _program(lines, "condition_tangent", nodes, along)}
+
+
+def assemble_action_tangents(equations: Terms, values: Sequence[Named], gaps: Sequence[Named]) -> dict[str, Program]:
+    """Of actions, elements and impacts, of those that there are."""
+    lines = Lines(equations)
+    programs = {}
+    if values:
+        nodes = [expression_node(lines, *each) for each in values]
+        programs["value_tangent"] = _program(lines, "value_tangent", nodes, directions(lines))
+    lines = Lines(equations)
+    programs["impact_tangent"] = _program(lines, "impact_tangent", _impact(lines, gaps), directions(lines))
+    return programs
+
+
+def _impact(lines: Lines, gaps: Sequence[Named]) -> list[int]:
+    """The equations of an impact, as in this module's text."""
+    graph, n, m = lines.graph, len(lines.equations.free), len(lines.equations.rows)
+    q = [graph.load("q", i) for i in range(n)]
+    before, after = ([graph.load(name, i) for i in range(n)] for name in ("qd", "after"))
+    change = [graph.sub(b, a) for a, b in zip(before, after, strict=True)]
+    balance: list[list[int]] = [[] for _ in range(n)]
+    rows: list[list[int]] = [[] for _ in range(m)]
+    for (i, j), node in sorted(lines.matrix(KERNELS["mass"]).items()):
+        balance[i].append(graph.mul(node, change[j]))
+    for (r, i), node in sorted(lines.matrix(KERNELS["phi_q"]).items()):
+        balance[i].append(graph.mul(node, graph.load("mu", r)))
+        rows[r].append(graph.mul(node, change[i]))
+    velocities = []
+    for k, gap in enumerate(gaps):
+        slopes = gradient(graph, expression_node(lines, *gap), [*q, graph.load("t", 0)])
+        for i, variable in enumerate(q):
+            if variable in slopes:
+                balance[i].append(graph.neg(graph.mul(slopes[variable], graph.load("push", k))))
+        drift = [slopes[graph.load("t", 0)]] if graph.load("t", 0) in slopes else []
+        for velocity in (before, after):
+            velocities.append(graph.sum([*(graph.mul(slopes[x], v) for x, v in zip(q, velocity, strict=True) if x in slopes), *drift]))
+    return [*(graph.sum(nodes) for nodes in (*balance, *rows)), *velocities]
+
+
+def _program(lines: Lines, name: str, nodes: Sequence[int], along: dict[int, int]) -> Program:
+    """How nodes change along a direction."""
+    equations, graph = lines.equations, lines.graph
+    changes, n = tangent(graph, nodes, along), len(equations.free)
+    program = lines.program(name, INPUTS[name], [changes.get(node, graph.const(0.0)) for node in nodes])
+    more = {"after": n, "mu": len(equations.rows), "push": len(nodes), "seed": 1 + 2 * n + len(equations.parameters)}
+    verify(program, input_lengths(equations) | more)
+    return program

@@ -1,0 +1,62 @@
+/* ncgen_event_table.h: the events of a mechanism as a table, and what is known of them on the way of a motion. */
+#ifndef NCGEN_EVENT_TABLE_H
+#define NCGEN_EVENT_TABLE_H
+
+#include "ncgen_driven.h"
+
+/* What the functions of ncgen_events.h return besides: bounces accumulate at a gap that is to be held closed, which nobody does here; events bring about
+ * each other without end; there are several impacts at one instant without a law; a gap is below zero at the start; an event has ended the
+ * motion before. */
+enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED };
+
+/* As much workspace as the functions of ncgen_events.h need for `count` events, at most `most` velocities that one of them sets, or count if that is
+ * more, n coordinates and the numbers that actions set. */
+#define NCGEN_EVENTS_WORKSPACE(count, most, n, values) ((count) * (2 * (n) + (count) + 11) + (most) * ((n) + 1) + (n) + (values))
+
+/* What an event does: p[place] or qd[place] becomes the value; an impact along the gradient of the condition, whose restitution is the
+ * value, place being 1 where the motion ends at a gap in which bounces accumulate; the end of the motion. */
+enum { NCGEN_SET, NCGEN_SET_VELOCITY, NCGEN_IMPACT, NCGEN_STOP };
+
+/* Laws of several impacts at one instant; without one they are refused. */
+enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
+
+typedef struct ncgen_action {
+    int event, kind, place, value; /* value: its number among those of `values` */
+} ncgen_action;
+
+/* A set of gaps that are held closed: a mechanism with their conditions as more constraints, as long as these push. */
+typedef struct ncgen_mode {
+    int count;
+    const int *held;                   /* the events whose gaps they are, ascending */
+    const ncgen_model *model;          /* coordinates and parameters are those of the mechanism itself */
+    const ncgen_dynamics *dynamics;
+    ncgen_velocity_kernel *conditions; /* those of the mechanism, and behind them of each its load, and what that is compared with */
+} ncgen_mode;
+
+typedef struct ncgen_events {
+    int count, most, n_actions, law; /* most: as above */
+    const int *directions;        /* of each: 1 rising, -1 falling, 0 either */
+    const ncgen_action *actions;  /* in the order of the events, all velocities that one sets together */
+    ncgen_velocity_kernel *conditions; /* of each its value, and the size of the terms that it is a sum of */
+    ncgen_velocity_kernel *slopes;     /* of each its derivatives by q, qd (n_coordinates each) and t */
+    ncgen_forced_kernel *rates;        /* of q, qd, qdd, p: all first derivatives along the motion, then all second ones */
+    ncgen_velocity_kernel *values;     /* what actions set; NULL: nothing */
+    ncgen_scalar noise;           /* what is smaller than this share of a condition's terms has no sign */
+    int n_modes;                  /* 0: no gap is held closed, and the motion ends with NCGEN_AT_REST where bounces accumulate */
+    const ncgen_mode *modes;      /* from number 1 on */
+} ncgen_events;
+
+/* What is known of the events besides the state. */
+typedef struct ncgen_passage {
+    int *signs;    /* of each: the side on which it is, 0 for that of its value; with modes as many more as the largest holds gaps */
+    int *happened; /* how often each has happened */
+    int *due;      /* 1 for those that are to happen at this instant, 0 afterwards; 4 count numbers, of which these are the first */
+    int *stopped;  /* 1: an event has ended the motion */
+    ncgen_real *workspace;
+    int *mode;        /* with modes: the number of the present one, 0 where no gap is held */
+    int *directions;  /* with modes: as many numbers as signs */
+    int *wanted;      /* with modes: 2 count numbers */
+    ncgen_real *room; /* with modes: 2 n_coordinates and twice as many numbers as signs */
+} ncgen_passage;
+
+#endif

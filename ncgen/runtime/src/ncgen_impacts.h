@@ -1,0 +1,47 @@
+/* ncgen_impacts.h: an instant of events, and what impulses change in it. */
+#ifndef NCGEN_IMPACTS_H
+#define NCGEN_IMPACTS_H
+
+#include "ncgen_event_table.h"
+#include "ncgen_vectors.h"
+
+/* An instant on its way; its arrays are in the workspace of the passage. */
+typedef struct ncgen_instant {
+    const ncgen_driven *d;
+    const ncgen_events *events;
+    ncgen_real *p;
+    ncgen_moment *moment;
+    ncgen_passage *passage;
+    int n, count;
+    ncgen_real *values, *before, *scales;        /* pairs (value, size) of each condition, now and before; scales (count) */
+    ncgen_real *slopes;                          /* count x (2 n + 1) */
+    ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
+    ncgen_real *velocities, *impulses, *numbers; /* count, count, what actions set */
+    ncgen_real *restitution, *needed, *kept;     /* count, count, n */
+} ncgen_instant;
+
+/* A gap is closed where it is smaller than `closed` times its scale; a velocity above minus `opening` times its terms does not close it. */
+#define NCGEN_CLOSED R(1.0e-10)
+#define NCGEN_OPENING R(1.0e-12)
+
+static inline int ncgen_is_closed(const ncgen_instant *i, int k)
+{
+    return NCGEN_ABS(i->values[2 * k]) <= NCGEN_CLOSED * i->scales[k];
+}
+
+/* The derivatives of a condition by q and qd (n each) and t. */
+static inline const ncgen_real *ncgen_gradient(const ncgen_instant *i, int k)
+{
+    return i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
+}
+
+const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event); /* NULL: it has none */
+
+/* The impacts of events that are due, with the gaps that are closed already; *hit: whether a gap closes. Numbers that actions set are those
+ * of the state before. */
+int ncgen_hit(ncgen_instant *i, int *hit);
+
+/* The velocities that an event sets, with those of all other coordinates. */
+int ncgen_set_velocities(ncgen_instant *i, int event);
+
+#endif

@@ -1,0 +1,26 @@
+/* ncgen_modes.h: which gaps are held closed, and the mechanism that they make. */
+#ifndef NCGEN_MODES_H
+#define NCGEN_MODES_H
+
+#include "ncgen_event_table.h"
+
+/* The mechanism of the present mode, with what is watched in it. */
+typedef struct ncgen_entered {
+    ncgen_driven driven;
+    ncgen_options options;
+    ncgen_event watched;
+} ncgen_entered;
+
+void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_passage *passage, ncgen_entered *in);
+
+/* Does the present mode hold the gap of an event? */
+int ncgen_holds(const ncgen_events *events, const ncgen_passage *passage, int event);
+
+/* Mark gaps that no longer push as released, in the second half of passage->wanted; how many, or a negative status. */
+int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, ncgen_passage *passage);
+
+/* The largest part of the gaps in the first half of passage->wanted that all push, held from here on, with the moment on its constraints.
+ * NCGEN_AT_REST where no mode holds these gaps. */
+int ncgen_choose_mode(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage);
+
+#endif

@@ -1,0 +1,225 @@
+"""A motion with events and its derivatives: motions of the modes between events, joined by the Jacobians of their instants.
+
+The motion is simulated first, which finds the events. Then every part between two of them is a motion of its own that can be
+differentiated, by steps over the times of the grid, from the state in which the simulation left the event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.taped import Driven
+from ncgen.solver.derivatives.event_jacobians import EventJacobian, EventJacobians
+from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion
+from ncgen.solver.derivatives.taped_motion import TapedMotion
+from ncgen.solver.events.state import Occurrence, State
+from ncgen.solver.motions.simulate import simulate_events
+from ncgen.solver.runs.run import Initial
+from ncgen.solver.runs.signals import Signals
+
+FINE = 1e-11
+"""rtol of the simulation that finds events."""
+
+SAME_INSTANT = 1e-13
+"""Events nearer than this fraction of the motion's length happen at one instant."""
+
+Smooth: TypeAlias = TapedMotion | PartitionedMotion
+
+MakeSmooth: TypeAlias = Callable[[Kernels, Initial, np.ndarray, bool], Smooth]
+"""From kernels, a start, times of a grid (s), and whether the position at the start is the model's own."""
+
+
+@dataclass(frozen=True, eq=False)
+class EventSensitivity:
+    """How an event changes, columns in the order of `Sensitivities.names`.
+
+    t: s; name: of the event; what: of modes, as in `run.events`
+    t_by (columns,): derivatives of its time; q_by, before_by, after_by (n, columns): of the position, and of the velocities before and
+        after it, at the event itself, which moves
+    """
+
+    t: float
+    name: str
+    what: str
+    t_by: np.ndarray
+    q_by: np.ndarray
+    before_by: np.ndarray
+    after_by: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"<{f'{self.name} {self.what}'.strip()} at {self.t:.9g} s, moved by {np.max(np.abs(self.t_by), initial=0.0):.6g} at most>"
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A motion between events: rows: numbers of the instants of the grid in it; places: where they are among its own."""
+
+    motion: Smooth
+    rows: np.ndarray
+    places: np.ndarray
+
+    def seeds(self, change: np.ndarray) -> np.ndarray:
+        """Changes of parameters, z and rates at its start, of those of [q; q̇; p]."""
+        n, columns = self.motion.kernels.n, self._independent
+        return np.vstack([change[2 * n :], change[columns[0]], change[n + columns[1]]])
+
+    def weights(self, slopes: np.ndarray) -> np.ndarray:
+        """Derivatives by [q; q̇; p] at its start, of those by parameters, z and rates."""
+        n, count, (z, rates) = self.motion.kernels.n, len(self.motion.p), self._independent
+        found = np.zeros(2 * n + count)
+        found[2 * n :], found[z], found[n + rates] = np.split(slopes, [count, count + len(z)])
+        return found
+
+    @property
+    def _independent(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of the coordinates z, and of those whose rates are independent."""
+        index, names = self.motion.kernels.index, self.motion.names[len(self.motion.p) :]
+        z = [name for name in names if name in index]
+        rates = [name[len("rate(") : -1] for name in names[len(z) :]]
+        return np.array([index[name] for name in z], dtype=int), np.array([index[name] for name in rates], dtype=int)
+
+
+class EventMotion:
+    """A motion through events, seen at the instants of a grid; members as of `TapedMotion`."""
+
+    def __init__(
+        self, kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, signals: Signals | None, make: MakeSmooth,
+        given: dict[str, Any],
+    ) -> None:  # fmt: skip
+        """make: makes the motion between two events; given: arguments of the simulation"""
+        self.kernels, self.t, self.signals = kernels, times, signals
+        if len(kernels.holonomic) != kernels.m:
+            raise ModelError(f"{kernels.name}: motions with events and rolling conditions are not differentiated")
+        told = signals.told if signals else ()
+        first = len(kernels.p0) - len(told)
+        driven = [first + i for i, signal in enumerate(told) if signal is not None]
+        self._jacobians = EventJacobians(kernels.driven_by(signals), driven, float(times[-1] - times[0]))
+        passage = simulate_events(kernels, times, rtol=FINE, **given)
+        self.instants, begun = passage.instants, passage.begun
+        assert begun is not None, "a run with events has begun"
+        self._check()
+        self._through: list[EventJacobian] = [self._jacobians(o) for o in self.instants]
+        self._begun = make(kernels, initial, times[:2], follows)
+        self.p, self.names, self._first = self._begun.p, self._begun.names, self._jacobians.begun(begun)
+        self._parts = list(self._split(make, replace(initial, p=begun.p), follows))
+        self.q, self.qd = (self._on_the_grid([rows(part.motion) for part in self._moving]) for rows in (lambda m: m.q, lambda m: m.qd))
+
+    def _check(self) -> None:
+        """Raise ModelError where events end the motion, or coincide."""
+        length = float(self.t[-1] - self.t[0])
+        for k, o in enumerate(self.instants):
+            names, t = o.names, o.before.t
+            if o.stops:
+                raise ModelError(f"{self.kernels.name}: the event {names} ends the motion at t = {t:.9g} s; take a shorter motion")
+            if k and o.crossed and t - self.instants[k - 1].before.t <= SAME_INSTANT * length and self.instants[k - 1].crossed:
+                before = self.instants[k - 1].names
+                raise ModelError(
+                    f"{self.kernels.name}: there is no derivative through the events {before} and {names}, which happen at one instant, "
+                    f"t = {t:.9g} s; move one of them"
+                )
+
+    @property
+    def _moving(self) -> list[_Part]:
+        """Parts in which time passes."""
+        return [part for part in self._parts if part is not None]
+
+    def _split(self, make: MakeSmooth, initial: Initial, follows: bool) -> Iterator[_Part | None]:
+        """The part before each of the instants, and the one after the last; None where no time passes."""
+        ends = [*(o.before.t for o in self.instants), float(self.t[-1])]
+        begun, at, held = float(self.t[0]), None, ()
+        for k, end in enumerate(ends):
+            is_last = k == len(self.instants)
+            rows = np.flatnonzero((self.t >= begun) & ((self.t <= end) if is_last else (self.t < end)))
+            yield self._part(make, (begun, end), rows, self._start_of(at, begun, initial), follows and at is None, held)
+            if not is_last:
+                at, held = self.instants[k].after, self.instants[k].held
+                begun = at.t
+
+    def _start_of(self, at: State | None, t: float, initial: Initial) -> Initial:
+        return initial if at is None else Initial(p=at.p, q=at.q, t=t, qd=at.qd)
+
+    def _part(
+        self, make: MakeSmooth, ends: tuple[float, float], rows: np.ndarray, initial: Initial, follows: bool, held: tuple[int, ...]
+    ) -> _Part | None:
+        if not ends[0] < ends[1]:
+            return None if not len(rows) else _Part(make(self._jacobians.mode(held), initial, self._after(ends[1]), False), rows, rows * 0)
+        times = np.unique(np.concatenate([[ends[0]], self.t[rows], [ends[1]]]))
+        return _Part(make(self._jacobians.mode(held), initial, times, follows), rows, np.searchsorted(times, self.t[rows]))
+
+    def _after(self, t: float) -> np.ndarray:
+        """A short step beyond the end of the motion, where an event happens there."""
+        return np.array([t, t + float(np.min(np.diff(self.t))) / 1000])
+
+    def _on_the_grid(self, of_parts: Sequence[np.ndarray]) -> np.ndarray:
+        """Rows at the instants of the grid, of those of all parts."""
+        found = np.empty((len(self.t), *of_parts[0].shape[1:]))
+        for part, rows in zip(self._moving, of_parts, strict=True):
+            found[part.rows] = rows[part.places]
+        return found
+
+    # -- derivatives ---------------------------------------------------------------------------
+
+    def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As of `TapedMotion`."""
+        found: list[tuple[np.ndarray, np.ndarray]] = []
+        for part, change in self._walk(directions):
+            if isinstance(part, _Part):
+                found.append(change)
+        first, second = (self._on_the_grid([rows[i] for rows in found]) for i in (0, 1))
+        return first, second
+
+    def events_along(self, directions: np.ndarray) -> tuple[EventSensitivity, ...]:
+        """How all that happened changes along directions (columns, D)."""
+        n, found = self.kernels.n, list[EventSensitivity]()
+        for o, change in self._walk(directions):
+            if not isinstance(o, Occurrence):
+                continue
+            jacobian = self._through[self.instants.index(o)]
+            time, before, after = jacobian.time @ change, jacobian.before @ change, jacobian.after @ change
+            for each in o.happened:
+                found.append(EventSensitivity(each.t, each.name, each.what, time, before[:n], before[n : 2 * n], after[n : 2 * n]))
+        return tuple(found)
+
+    def _walk(self, directions: np.ndarray) -> Iterator[tuple[Any, Any]]:
+        """Every part with changes of q and q̇ at all its times, and every instant with the changes of [q; q̇; p] before it."""
+        n, count = self.kernels.n, len(self.p)
+        dq, dqd = self._begun.along(directions)
+        change = self._first @ np.vstack([dq[0], dqd[0], np.vstack([directions, np.zeros((count, directions.shape[1]))])[:count]])
+        for k, part in enumerate(self._parts):
+            if part is not None:
+                rows = part.motion.along(part.seeds(change))
+                yield part, rows
+                change = np.vstack([rows[0][-1], rows[1][-1], change[2 * n :]])
+            if k < len(self.instants):
+                yield self.instants[k], change
+                change = self._through[k].through @ change
+
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray, by: Iterable[str] | None = None) -> tuple[np.ndarray, Driven]:
+        """As of `TapedMotion`."""
+        n, names = self.kernels.n, None if by is None else list(by)
+        weights, driven = np.zeros(2 * n + len(self.p)), list[Driven]()
+        for k in reversed(range(len(self._parts))):
+            if k < len(self.instants):
+                weights = self._through[k].through.T @ weights
+            part = self._parts[k]
+            if part is None:
+                continue
+            own = np.zeros((2, len(part.motion.t), n))
+            own[0, -1], own[1, -1] = weights[:n], weights[n : 2 * n]
+            own[0, part.places] += by_q[part.rows]
+            own[1, part.places] += by_qd[part.rows]
+            slopes, felt = part.motion.backward(*own, names)
+            more, driven = part.weights(slopes), [felt, *driven]
+            more[2 * n :] += weights[2 * n :]
+            weights = more
+        own, weights = np.zeros((2, len(self._begun.t), n)), self._first.T @ weights
+        own[0, 0], own[1, 0] = weights[:n], weights[n : 2 * n]
+        slopes, _ = self._begun.backward(*own, names)
+        slopes[: len(self.p)] += weights[2 * n :]
+        return slopes, Driven.joined(driven)
