@@ -19,6 +19,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.ir.blocks import Program
 from ncgen.toolchain.abi import InC, abi
+from ncgen.toolchain.compilers import flags_for
 from ncgen.toolchain.loader import executed, load
 
 Made = Callable[[], Mapping[str, Program]]
@@ -88,7 +89,7 @@ class CompiledFunctions(ProgramFunctions):
             f"int {prefix}_{name}({heads(['double'] * ('t' in taken) + ['const double *'] * (len(taken) - ('t' in taken)))}, double *);"
             for name, taken in inputs.items()
         ]
-        self._ffi, self._library = load(files | runtime_files(*HEADERS), "\n".join(declared), abi())
+        self._ffi, self._library = load(files | runtime_files(*HEADERS), "\n".join(declared), abi(), flags_for(files))
         self._functions = {name: getattr(self._library, f"{prefix}_{name}") for name in inputs}
 
     def address(self, name: str) -> int:

@@ -28,12 +28,14 @@ def tables_of(tree: OpenTree) -> TreeTables:
     for unknowns in tree.unknowns:
         for k, c in enumerate(unknowns):
             place[c] = k
+    members = [sorted({e for pair in tree.pairs if pair[0] == link for e in pair[1:3]}) for link in links]
     meters = {k: number for number, (k, _) in enumerate(tree.measured.values())}
     counts = {
         "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
         "n_measured": len(tree.measured), "n_rotors": len(tree.rotors),
         "n_groups": len(tree.coupled.carriers),
         "most_rows": max(map(len, tree.closes)), "most_unknowns": max(map(len, tree.unknowns)),
+        "most_members": max(map(len, members)),
     }  # fmt: skip
     indices = {
         "parent": [-1 if link.parent is None else link.parent for link in tree.tree.links],
@@ -47,7 +49,10 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "elements": _flat(tree.components),
         "is_point": [int(isinstance(element, Point)) for element in tree.elements],
         "pair_start": _starts(_count(len(links), [pair[0] for pair in tree.pairs])),
-        "pairs": _flat([pair[1:] for pair in tree.pairs]),
+        "member_start": _starts([len(each) for each in members]),
+        "members": _flat(members),
+        "square_start": _starts([len(each) ** 2 for each in members]),
+        "pairs": _flat([(members[link].index(a), members[link].index(b), value) for link, a, b, value in tree.pairs]),
         "single_start": _starts(_count(len(links), [single[0] for single in tree.singles])),
         "singles": _flat([single[1:] for single in tree.singles]),
         "measured": _flat([(c, k) for c, (k, _) in tree.measured.items()]),

@@ -79,7 +79,7 @@ typedef struct ncgen_motion {
  * the position link by link: none of them has coordinates of later links. */
 typedef struct ncgen_tree {
     int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors, n_groups;
-    int most_rows, most_unknowns;  /* of a link */
+    int most_rows, most_unknowns, most_members; /* of a link */
     const int *parent;             /* of a link; -1: the ground */
     const int *reference;          /* 3 components of a point of each link */
     const int *screw_start;        /* n_links + 1 */
@@ -91,8 +91,11 @@ typedef struct ncgen_tree {
     const int *elements;           /* 3 components of each */
     const int *is_point;
     const ncgen_scalar *heaviness; /* of an element: how much its velocity counts where a joint's rates are found */
+    const int *member_start;       /* n_links + 1 */
+    const int *members;            /* elements between which a body has mass that is the same along all axes */
+    const int *square_start;       /* n_links + 1: where a link's matrix of these masses begins */
     const int *pair_start;         /* n_links + 1 */
-    const int *pairs;              /* 3 of each pair: two elements, number of its value in the mass matrix */
+    const int *pairs;              /* 3 of each pair: two members of its link, number of its value in the mass matrix */
     const int *single_start;       /* n_links + 1 */
     const int *singles;            /* 5 of each entry: element and axis, element and axis, number of its value */
     const int *measured;           /* 2 of each measured coordinate: itself, its screw */

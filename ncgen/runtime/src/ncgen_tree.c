@@ -19,6 +19,9 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->mass_is_there = 0;
     w->values = ncgen_take(space, r->n + tree->n_fixed);
     w->mass = ncgen_take(space, ncgen_nonzeros(&r->model->mass_pattern));
+    w->square = ncgen_take(space, tree->square_start[tree->n_links]);
+    w->total = ncgen_take(space, tree->n_links);
+    w->member = ncgen_take(space, 3 * tree->most_members);
     w->lever = ncgen_take(space, 3 * tree->n_elements);
     w->axis = ncgen_take(space, 3 * tree->n_screws);
     w->twist = ncgen_take(space, 6 * tree->n_links);
@@ -34,9 +37,10 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->force = ncgen_take(space, r->n);
     w->bias = ncgen_take(space, r->n);
     w->inertial = ncgen_take(space, r->n);
-    w->square = ncgen_take(space, tree->most_rows * tree->most_rows);
+    w->gram = ncgen_take(space, tree->most_rows * tree->most_rows);
     w->right = ncgen_take(space, 2 * tree->most_rows);
     w->jacobian = ncgen_take(space, ncgen_nonzeros(&r->model->phi_q_pattern));
+    w->unknown = ncgen_take(space, tree->most_unknowns);
     w->dense = ncgen_take(space, tree->most_rows * tree->most_unknowns);
 }
 
@@ -233,8 +237,11 @@ static void find_wrenches(const ncgen_run *r, ncgen_tree_work *w, const ncgen_re
 /* M at a position, unless it is constant and known. */
 static void mass_at(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q)
 {
-    if (r->model->mass && !(w->mass_is_there && r->model->mass_is_constant))
+    if (w->mass_is_there && (!r->model->mass || r->model->mass_is_constant))
+        return;
+    if (r->model->mass)
         r->model->mass(t, q, r->p, w->mass);
+    ncgen_tree_weigh(w);
     w->mass_is_there = 1;
 }
 

@@ -15,26 +15,60 @@ static void lever_of(const ncgen_tree_work *w, int link, int element, ncgen_real
         lever[i] = w->values[tree->elements[3 * element + i]] - (tree->is_point[element] ? w->values[tree->reference[3 * link + i]] : 0);
 }
 
-/* The inertia of pairs, whose mass is the same in all directions: I = tr(P) 1 - P, B = h x. */
-static void add_pairs(const ncgen_tree_work *w, int link, ncgen_real *inertia)
+/* The masses between the members of a link as a matrix. */
+static void weigh(ncgen_tree_work *w, int link)
 {
     const ncgen_tree *tree = w->tree;
-    ncgen_real second[6] = {0}, first[3] = {0}, mass = 0;
+    const int count = tree->member_start[link + 1] - tree->member_start[link];
+    const int *members = tree->members + tree->member_start[link];
+    ncgen_real *square = w->square + tree->square_start[link];
+    for (int i = 0; i < count * count; ++i)
+        square[i] = 0;
+    w->total[link] = 0;
     for (int s = tree->pair_start[link]; s < tree->pair_start[link + 1]; ++s) {
-        const int a = tree->pairs[3 * s], b = tree->pairs[3 * s + 1];
-        ncgen_real x[3], y[3];
-        lever_of(w, link, a, x);
-        lever_of(w, link, b, y);
-        const ncgen_real m = w->mass[tree->pairs[3 * s + 2]] * (a == b ? R(0.5) : 1);
-        for (int i = 0; i < 3; ++i) {
-            second[i] += 2 * m * x[i] * y[i];
-            first[i] += m * ((tree->is_point[a] ? y[i] : 0) + (tree->is_point[b] ? x[i] : 0));
+        const int *pair = tree->pairs + 3 * s;
+        const ncgen_real mass = w->mass[pair[2]];
+        square[pair[0] * count + pair[1]] = square[pair[1] * count + pair[0]] = mass;
+        if (tree->is_point[members[pair[0]]] && tree->is_point[members[pair[1]]])
+            w->total[link] += pair[0] == pair[1] ? mass : 2 * mass;
+    }
+}
+
+void ncgen_tree_weigh(ncgen_tree_work *w)
+{
+    for (int link = 0; link < w->tree->n_links; ++link)
+        weigh(w, link);
+}
+
+/* The inertia of members, whose mass is the same in all directions: I = tr(P) 1 - P with P = sum of m x y', B = h x. */
+static void add_members(const ncgen_tree_work *w, int link, ncgen_real *inertia)
+{
+    const ncgen_tree *tree = w->tree;
+    const int count = tree->member_start[link + 1] - tree->member_start[link];
+    const int *members = tree->members + tree->member_start[link];
+    const ncgen_real *square = w->square + tree->square_start[link];
+    ncgen_real second[6] = {0}, first[3] = {0};
+    for (int a = 0; a < count; ++a)
+        lever_of(w, link, members[a], w->member + 3 * a);
+    for (int a = 0; a < count; ++a) {
+        const ncgen_real *x = w->member + 3 * a, *masses = square + a * count;
+        ncgen_real u = 0, v = 0, z = 0;
+        for (int b = 0; b < count; ++b) {
+            u += masses[b] * w->member[3 * b];
+            v += masses[b] * w->member[3 * b + 1];
+            z += masses[b] * w->member[3 * b + 2];
         }
-        second[3] += m * (x[0] * y[1] + x[1] * y[0]);
-        second[4] += m * (x[0] * y[2] + x[2] * y[0]);
-        second[5] += m * (x[1] * y[2] + x[2] * y[1]);
-        if (tree->is_point[a] && tree->is_point[b])
-            mass += 2 * m;
+        second[0] += x[0] * u;
+        second[1] += x[1] * v;
+        second[2] += x[2] * z;
+        second[3] += x[0] * v;
+        second[4] += x[0] * z;
+        second[5] += x[1] * z;
+        if (tree->is_point[members[a]]) {
+            first[0] += u;
+            first[1] += v;
+            first[2] += z;
+        }
     }
     inertia[TURNING] += second[1] + second[2];
     inertia[TURNING + 1] += second[0] + second[2];
@@ -48,7 +82,7 @@ static void add_pairs(const ncgen_tree_work *w, int link, ncgen_real *inertia)
     inertia[MIXED + 6] -= first[1];
     inertia[MIXED + 7] += first[0];
     for (int i = 0; i < 3; ++i)
-        inertia[ALONG + i] += mass;
+        inertia[ALONG + i] += w->total[link];
 }
 
 /* The velocity of one coordinate of an element over a twist: six numbers. */
@@ -159,7 +193,7 @@ int ncgen_tree_factor(ncgen_tree_work *w)
         w->pivot[tree->rotors[2 * i]] += tree->gears[i] * w->mass[tree->rotors[2 * i + 1]];
     for (int link = tree->n_links - 1; link >= 0; --link) {
         ncgen_real *inertia = w->inertia + INERTIA * link, d[3];
-        add_pairs(w, link, inertia);
+        add_members(w, link, inertia);
         add_singles(w, link, inertia);
         is_regular &= close_groups(w, link);
         if (tree->coupling[link] >= 0)

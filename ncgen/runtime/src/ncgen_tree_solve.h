@@ -4,6 +4,9 @@
 
 #include "ncgen_tree_work.h"
 
+/* What factors need of a new w->mass. */
+void ncgen_tree_weigh(ncgen_tree_work *w);
+
 /* Momenta and pivots of all screws and groups, from w->mass; 0 where one of them moves nothing. */
 int ncgen_tree_factor(ncgen_tree_work *w);
 

@@ -10,6 +10,9 @@ typedef struct ncgen_tree_work {
     int mass_is_there;
     ncgen_real *values;   /* coordinates, then fixed components */
     ncgen_real *mass;     /* values of M */
+    ncgen_real *square;   /* of every link: masses between its members, symmetric */
+    ncgen_real *total;    /* of a link: the mass of its members */
+    ncgen_real *member;   /* 3 a member of a link */
     ncgen_real *lever;    /* 3 an element: from its link's reference point, of a vector itself */
     ncgen_real *axis;     /* 3 a screw */
     ncgen_real *twist;    /* 6 a link: angular velocity, velocity of its reference point */
@@ -23,8 +26,9 @@ typedef struct ncgen_tree_work {
     ncgen_real *joined;   /* 6 a link of a group, then 6 a group for its carrier: momentum at rate 1 of the group's first screw */
     ncgen_real *group;    /* 2 a group: its pivot, and its push, then what is left for it */
     ncgen_real *force, *bias, *inertial; /* n */
-    ncgen_real *square, *right;          /* of the rows that close a link */
+    ncgen_real *gram, *right;            /* of the rows that close a link */
     ncgen_real *jacobian;                /* values of Phi_q */
+    ncgen_real *unknown;                 /* of a link */
     ncgen_real *dense;                   /* the part of a link */
 } ncgen_tree_work;
 
