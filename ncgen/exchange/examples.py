@@ -13,7 +13,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, TypedDict, TypeVar, Unpack
 
-from ncgen.errors import SHOWN, ModelError, NcgenError, shortened
+from ncgen.errors import MAX_ECHO, ModelError, NcgenError, shortened
 from ncgen.exchange import robots
 from ncgen.exchange.text import as_path, why_no_file
 from ncgen.exchange.toml_reader import load_toml
@@ -172,7 +172,7 @@ def _no_such(name: str | Path, path: Path) -> ModelError:
     near = get_close_matches(str(name), example_names(), n=1)
     advice = f"did you mean {near[0]}? `ncgen list` shows all examples" if near else f"the examples are {', '.join(example_names())}"
     missing = f"there is no such file or example; {advice}"
-    return ModelError(f"{shortened(str(name), SHOWN) or repr('')}: {why_no_file(path, missing) if str(name) else missing}")
+    return ModelError(f"{shortened(str(name), MAX_ECHO) or repr('')}: {why_no_file(path, missing) if str(name) else missing}")
 
 
 def _import(path: Path) -> ModuleType:
@@ -214,7 +214,7 @@ def _guarded(path: Path, run: Callable[[], Result]) -> Result:
         error.args = (shortened(f"{_place(error, path)}: {error}"), *error.args[1:])
         raise
     except SyntaxError as error:
-        place = f"{shortened(Path(error.filename or path).name, SHOWN)}{f', line {error.lineno}' if error.lineno else ''}"
+        place = f"{shortened(Path(error.filename or path).name, MAX_ECHO)}{f', line {error.lineno}' if error.lineno else ''}"
         raise ModelError(f"{place}: {error.msg}") from error
     except SystemExit as error:
         raise ModelError(
@@ -227,5 +227,5 @@ def _guarded(path: Path, run: Callable[[], Result]) -> Result:
 def _place(error: BaseException, path: Path) -> str:
     """The file, and the last of its lines that was being run."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
-    name = shortened(path.name, SHOWN)
+    name = shortened(path.name, MAX_ECHO)
     return f"{name}, line {lines[-1]}" if lines else name

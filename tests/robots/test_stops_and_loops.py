@@ -8,7 +8,7 @@ import pytest
 import ncgen
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.robot import Joint
-from ncgen.exchange.robots.stops import CREEP, LOSS, STIFFNESS
+from ncgen.exchange.robots.stops import FRICTION_RATE, LOSS, STIFFNESS
 
 HERE = Path(__file__).parent
 
@@ -49,7 +49,7 @@ def test_friction_is_dry_but_near_rest(bar):
     space = ncgen.joint_space(ncgen.compile(ncgen.load(bar, friction=True), "numpy"))
     assert space.kernels.model.left_out == ("limits of joints (1)", "effort limits (1)", "velocity limits (1)")
     q = space.position({"hinge": 0.3})
-    for rate, expected in ((2.0, -1.5), (-0.5, 1.5), (0.0, 0.0), (CREEP, -1.5 * np.tanh(1.0))):
+    for rate, expected in ((2.0, -1.5), (-0.5, 1.5), (0.0, 0.0), (FRICTION_RATE, -1.5 * np.tanh(1.0))):
         assert space.loads(q, [rate]) == pytest.approx([expected], abs=1e-12)
 
 

@@ -135,8 +135,8 @@ def _groups(package: Package) -> list[Group]:
 
     events, changed = kernels.model.events, package.events.changed if package.events else frozenset()
     conditions = [Variable(f"condition({name})", "", f"condition of event {name}", "local") for name in events]
-    said = ("output", "discrete", "exact", 0.0)
-    counts = [Variable(f"count({name})", "", f"how often event {name} has happened", *said) for name in events]
+    attributes = ("output", "discrete", "exact", 0.0)
+    counts = [Variable(f"count({name})", "", f"how often event {name} has happened", *attributes) for name in events]
 
     def state(name: str, unit: str, what: str, start: float) -> Variable:
         return Variable(name, unit, what, initial="approx", start=float(start))

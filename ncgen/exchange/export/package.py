@@ -157,11 +157,11 @@ class Package:
     @property
     def _described_modes(self) -> dict[str, object]:
         """The same of them, and the largest numbers of all: rows, numbers in matrices and factors."""
-        found = [(mode, replace(self, sources=mode.sources, kernels=mode.kernels)) for mode in self._modes]
-        described = [{"prefix": each.prefix, "held": mode.held, **each._described} for mode, each in found]
+        packages_of_modes = [(mode, replace(self, sources=mode.sources, kernels=mode.kernels)) for mode in self._modes]
+        described = [{"prefix": each.prefix, "held": mode.held, **each._described} for mode, each in packages_of_modes]
         own = [self._described, *described]
         room = {
-            "rows": max([self.kernels.m, *(mode.kernels.m for mode, _ in found)]),
+            "rows": max([self.kernels.m, *(mode.kernels.m for mode, _ in packages_of_modes)]),
             "nonzeros": max(int(each["nonzeros"]) for each in own),  # type: ignore[call-overload]
             "factor": max(each["elimination"]["nonzeros"] for each in own),  # type: ignore[index]
             "redundant": any(each["redundant"] for each in own),

@@ -21,13 +21,13 @@ SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf", XACRO)
 FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 """{tag of the root element: module}."""
 
-TOLD = ("robot", "sdf")
+TAGS_WITH_ALL_PROBLEMS = ("robot", "sdf")
 """Tags of formats that tell all problems of links and joints; MuJoCo tells the first one."""
 
-WRITTEN = {".urdf": "urdf", ".sdf": "sdf_written", ".xml": "mjcf_written", ".mjcf": "mjcf_written"}
+WRITERS = {".urdf": "urdf", ".sdf": "sdf_written", ".xml": "mjcf_written", ".mjcf": "mjcf_written"}
 """{how a file's name ends: module} of formats that are written, too."""
 
-CLOSED = ("sdf_written", "mjcf_written")
+WRITERS_WITH_LOOPS = ("sdf_written", "mjcf_written")
 """Modules of formats that say loops."""
 
 
@@ -42,7 +42,7 @@ def read_robot(path: Path) -> Robot:
 def problems_of(path: Path) -> list[str]:
     """All that is wrong with links and joints of a robot's file, one line each: of URDF and SDF; else the first problem is raised."""
     root = read_markup(path)
-    if root.tag in TOLD:
+    if root.tag in TAGS_WITH_ALL_PROBLEMS:
         problems = import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").problems_of(root, path)
         if problems:
             return problems
@@ -123,12 +123,12 @@ def with_frame_outputs(model: Model, names: Sequence[str]) -> Model:
 
 
 def robot_text(model: Model, suffix: str) -> str:
-    """A model as a robot's file; where its bodies are no open tree, as SDF or MJCF. suffix: one of `WRITTEN`.
+    """A model as a robot's file; where its bodies are no open tree, as SDF or MJCF. suffix: one of `WRITERS`.
 
     Raises ModelError naming what the format cannot say: a loop, a row or a load that belongs to no joint, a joint that it does not have.
     """
     from ncgen.exchange.robots.outward import robot_of
 
-    if suffix not in WRITTEN:
-        raise ModelError(f"{model.name}: files of links and joints end with {', '.join(WRITTEN)}; {shown(suffix)} is not one of them")
-    return import_module(f"ncgen.exchange.robots.{WRITTEN[suffix]}").text_of(robot_of(model, loops=WRITTEN[suffix] in CLOSED))
+    if suffix not in WRITERS:
+        raise ModelError(f"{model.name}: files of links and joints end with {', '.join(WRITERS)}; {shown(suffix)} is not one of them")
+    return import_module(f"ncgen.exchange.robots.{WRITERS[suffix]}").text_of(robot_of(model, loops=WRITERS[suffix] in WRITERS_WITH_LOOPS))

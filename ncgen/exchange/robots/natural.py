@@ -23,7 +23,7 @@ from ncgen.model.names import numbered, word
 DURATION = 1.0
 """Of a run that says nothing else (s)."""
 
-NOTHING = 1e-15
+INERTIA_ROUNDING = 1e-15
 """Entries of a tensor below this, over mass · size² of the robot, are rounding of whoever wrote the file."""
 
 
@@ -360,7 +360,7 @@ def _labelled_errors(where: str) -> Iterator[None]:
 def _tensor(mass: Mass, size: float) -> np.ndarray:
     """The tensor about the centre of mass without what is rounding; size: of the robot (m)."""
     tensor = (mass.tensor + mass.tensor.T) / 2
-    return np.where(np.abs(tensor) < NOTHING * mass.mass * size**2, 0.0, tensor)
+    return np.where(np.abs(tensor) < INERTIA_ROUNDING * mass.mass * size**2, 0.0, tensor)
 
 
 def _across(axis: np.ndarray, known: list[np.ndarray]) -> np.ndarray:

@@ -32,7 +32,7 @@ STIFFNESS, LOSS = 1e4, 0.5
 UNLIMITED = 1e6
 """Limits beyond this (rad or m) are no stops: files write large numbers for joints that turn without end."""
 
-CREEP = 1e-2
+FRICTION_RATE = 1e-2
 """The rate up to which dry friction is a damper (rad/s or m/s)."""
 
 RIGID, EXACT = "rigid", "exact"
@@ -115,7 +115,7 @@ def add_friction(model: Model, joints: Iterable[tuple[Joint, Relative]], wanted:
         for joint, coordinate in rough:
             model.friction(coordinate, joint.friction)
         return len(rough)
-    creep = model.parameter("friction_creep", CREEP, "m/s or rad/s")
+    creep = model.parameter("friction_creep", FRICTION_RATE, "m/s or rad/s")
     for joint, coordinate in rough:
         model.torsion_spring(coordinate, law=_rough(joint.friction, creep.symbol), label=f"friction of {coordinate.name}")
     return len(rough)

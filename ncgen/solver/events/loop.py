@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.conditions import OFF, Conditions
+from ncgen.mechanism.conditions import UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.actions import CLOSED, Instant
 from ncgen.solver.events.conditions import NOISE, EventFunctions
@@ -230,7 +230,7 @@ class Loop:
                 self.signs[k] = int(way) if way else (int(np.sign(now[k])) if clear[k] else 0)
         ways = self.settling.directions(self.held, self.at.p)
         for k in range(len(functions.events), functions.count):
-            self.signs[k] = 0 if ways[k] == OFF else -int(ways[k])
+            self.signs[k] = 0 if ways[k] == UNWATCHED else -int(ways[k])
         for k in self.settling.left:
             if k < len(functions.events):
                 self.signs[k] = 1

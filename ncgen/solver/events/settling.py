@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ConvergenceError
-from ncgen.mechanism.conditions import OFF
+from ncgen.mechanism.conditions import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
@@ -60,12 +60,12 @@ class Settling:
         """Of the mechanism's conditions (C,): a held gap is not watched, nor the velocity of what sticks or does not touch."""
         ways = self.functions.directions.copy()
         for k, friction in self.functions.frictions.items():
-            ways[k] = -int(p[self._place(friction.slip)]) or OFF
+            ways[k] = -int(p[self._place(friction.slip)]) or UNWATCHED
         for k, gap in self.functions.gaps.items():
-            ways[k] = -1 if gap in held and k not in held else OFF
+            ways[k] = -1 if gap in held and k not in held else UNWATCHED
         for number, k in self.functions.turns.items():
             ways[number] = ways[k]
-        ways[[*held, *self.blocked]] = OFF
+        ways[[*held, *self.blocked]] = UNWATCHED
         return ways
 
     def look(self, at: State, held: tuple[int, ...]) -> None:
