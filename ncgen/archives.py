@@ -19,7 +19,7 @@ from ncgen.files import opened
 MOST_TIMES = 100
 """An archive that unpacks to more than so many times its size is none of ours, which are not packed."""
 
-BROKEN = (
+UNREADABLE_ERRORS = (
     ValueError, EOFError, MemoryError, OverflowError, RecursionError, KeyError, RuntimeError, NotImplementedError, struct.error,
     zipfile.BadZipFile, zlib.error, lzma.LZMAError,
 )  # fmt: skip
@@ -45,7 +45,7 @@ def arrays(path: Path, names: Collection[str] | None = None) -> dict[str, np.nda
                     raise ValueError("a member is no array, or there twice")
                 wanted = [name for name in stored if names is None or name in names]
                 return {name: _array(archive.read(stored[name]), name) for name in wanted}
-        except BROKEN as error:
+        except UNREADABLE_ERRORS as error:
             raise ValueError(" ".join(str(error).split()) or type(error).__name__) from error
 
 

@@ -15,7 +15,7 @@ from typing import Any
 LONGEST_LINE = 300
 """Characters of a message: one line that can be read."""
 
-SHOWN = 60
+MAX_ECHO = 60
 """Characters of a value that a message repeats."""
 
 
@@ -30,12 +30,12 @@ def shortened(text: str, limit: int = LONGEST_LINE) -> str:
 
 def shown(value: object) -> str:
     """Anything in a message: one line, and not more of it than helps."""
-    return shortened(written(value), SHOWN)
+    return shortened(written(value), MAX_ECHO)
 
 
 def written(value: object) -> str:
     """Anything in one line, whatever it is; of numbers of more than 60 digits how many these are."""
-    if isinstance(value, int) and abs(value) >= 10**SHOWN:
+    if isinstance(value, int) and abs(value) >= 10**MAX_ECHO:
         return f"a number of {int(math.log10(abs(value))) + 1} digits"
     try:
         text = (str if hasattr(type(value), "free_symbols") else repr)(value)

@@ -17,8 +17,8 @@ def folder(name: str) -> Path:
 
 def package_files(*names: str) -> list[Path]:
     """The files below folders of the package, or next to it, in a fixed order."""
-    found = []
+    files = []
     for name in names:
         root = _PACKAGE / name if (_PACKAGE / name).is_dir() else folder(name)
-        found += sorted(p for p in root.rglob("*") if p.is_file() and p.suffix != ".pyc")
-    return found
+        files += sorted(p for p in root.rglob("*") if p.is_file() and p.suffix != ".pyc")
+    return files

@@ -14,7 +14,7 @@ from ncgen.mechanism.program_functions import functions
 from ncgen.methods.newmark import newmark
 from ncgen.program.ir.derivatives import gradient
 from ncgen.program.lines import line
-from ncgen.program.motions.step_equations import INPUTS, INSTANTS, METHODS, STILL, StepLayout, _Step, extra
+from ncgen.program.motions.step_equations import INPUTS, INSTANTS, METHODS, MIN_STEP, StepLayout, _Step, extra
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.positions.rank import best_rows, freedom_at, scaled_jacobian
 
@@ -102,7 +102,7 @@ def motion(kernels, integrator, q, qd, step, count, formalism="lagrange", option
         else:
             guess = np.concatenate([rates + step * qdd, lam, rates + step * qdd, np.zeros(2 * m + 1)])
             moved = np.linalg.norm(step * (rates + step / 2 * qdd) / kernels.column_sizes)  # a step that stands still has no direction
-            h = np.array([step, float(moved > STILL), float(options.get("project_velocities", False)), *kernels.column_sizes])
+            h = np.array([step, float(moved > MIN_STEP), float(options.get("project_velocities", False)), *kernels.column_sizes])
         state, u = equations.solve(t, h, state, guess)
         if integrator == "generalized-alpha":
             qdd, lam = u[:n], u[n : n + m]

@@ -27,12 +27,12 @@ from ncgen.errors import CompileError, NcgenError  # noqa: E402
 UsageProblem: type[Exception] = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")
 """What typer raises for a wrong command line; versions of typer differ in the module that it is from."""
 
-NARROW = 70
+MIN_TABLE_COLUMNS = 70
 """Columns of a terminal below which help is plain text: a table of four columns would cut the names of options."""
 
 app = typer.Typer(
     no_args_is_help=True,
-    rich_markup_mode="markdown" if get_terminal_size().columns >= NARROW else None,
+    rich_markup_mode="markdown" if get_terminal_size().columns >= MIN_TABLE_COLUMNS else None,
     pretty_exceptions_enable=False,
     help="Generate code for multibody systems in natural coordinates, and simulate them.",
 )

@@ -51,14 +51,14 @@ def convert(
 ) -> None:
     """Write a model as TOML; with an output that ends in .sdf, .xml (MJCF) or .urdf (open trees only) as a robot's file."""
     from ncgen.exchange.examples import load
-    from ncgen.exchange.robots import WRITTEN, robot_text
+    from ncgen.exchange.robots import WRITERS, robot_text
     from ncgen.exchange.toml_writer import to_toml
     from ncgen.files import write_text
 
-    writable("--output", output, (".toml", *WRITTEN), new_folder=True)
+    writable("--output", output, (".toml", *WRITERS), new_folder=True)
     loaded = load(model, **robot)
     suffix = output.suffix.lower() if output else ""
-    text = robot_text(loaded, suffix) if suffix in WRITTEN else to_toml(loaded)
+    text = robot_text(loaded, suffix) if suffix in WRITERS else to_toml(loaded)
     if output is None:
         print(text, end="")
     else:

@@ -14,7 +14,7 @@ from ncgen.errors import counted
 PROCESSORS = "Processors"
 """Panel of `--help`."""
 
-SHOWN = 3
+MAX_PRINTED_FAILURES = 3
 """Failures that are printed; the table has all."""
 
 
@@ -75,8 +75,8 @@ def study(
         return
     out.print(f"{result.about['model']}: {result.ok.sum()} of {len(result)} variants completed, in {folder}", markup=False)
     out.print(f"  {result.about['made_with']}", markup=False)
-    show(f"  variant {variant}: {sentence}" for variant, sentence in list(failures.items())[:SHOWN])
-    if len(failures) > SHOWN:
-        out.print(f"  and {len(failures) - SHOWN} more", markup=False)
+    show(f"  variant {variant}: {sentence}" for variant, sentence in list(failures.items())[:MAX_PRINTED_FAILURES])
+    if len(failures) > MAX_PRINTED_FAILURES:
+        out.print(f"  and {len(failures) - MAX_PRINTED_FAILURES} more", markup=False)
     if sobol is not None:
         out.print(str(result.sobol(sobol)), markup=False)

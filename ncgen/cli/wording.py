@@ -18,7 +18,7 @@ ARGUMENTS = {
 }
 """What a message calls the value of an option whose name is another, as a regular expression."""
 
-WANTED = ("max_step",)
+MISSING_ARGUMENTS = ("max_step",)
 """Arguments that a message asks for when they were not given."""
 
 
@@ -59,7 +59,7 @@ def _typed(message: str, options: Mapping[str, Any]) -> Iterator[tuple[str, str]
             yield from ((word, f"--with {word}") for word in value or ())
         elif name == "floating" and value is not None:
             yield name, "--floating" if value else "--fixed"
-        elif value or name in WANTED:
+        elif value or name in MISSING_ARGUMENTS:
             yield ARGUMENTS.get(name, name), f"{option} {_meant(message, value)}" if name in ARGUMENTS else option
 
 

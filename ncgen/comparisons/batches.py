@@ -25,14 +25,14 @@ RUNS = 2_000
 """Simulations in a batch: enough to fill lanes and threads many times over."""
 
 MEASURED = (*KERNELS, "constraints", "mass")
-ALONE = 5
+N_SINGLE_SIMULATIONS = 5
 """Simulations one at a time in a sample."""
 
 ROUNDS = 9
 ALONE_IN_C = "one at a time in C"
 BATCH = "batch, threads: {}"
 WAYS = {False: "batch, one after the other", True: "batch in lanes"}
-WRITTEN = "copying the results alone"
+COPY_CASE = "copying the results alone"
 """What memory allows: results of so many states pass through no cache."""
 
 TOLERANCES: ToleranceArguments = {"rtol": 1e-6, "atol": 1e-8}
@@ -72,9 +72,9 @@ def _kernel_records(kernels: CompiledKernels) -> Iterator[dict]:
             runs[way] = repeated(lambda batch=batch, name=name, out=out[way]: batch.values(name, 0.0, q, qd, None, out))
         # Last, since wide vectors lower the clock of some processors for a while, which copying does not mind.
         spare = np.empty_like(picked)
-        runs[WRITTEN] = repeated(lambda spare=spare, picked=picked: np.copyto(spare, picked))
-        counts = dict.fromkeys((ALONE_IN_C, WRITTEN, *ways), STATES)
-        error = max(_difference(found[-1], own) for found in out.values())
+        runs[COPY_CASE] = repeated(lambda spare=spare, picked=picked: np.copyto(spare, picked))
+        counts = dict.fromkeys((ALONE_IN_C, COPY_CASE, *ways), STATES)
+        error = max(_difference(result[-1], own) for result in out.values())
         for record in _records(name, measure(runs, ROUNDS), error, counts):
             yield record | ({"chosen": record["tool"] == chosen} if record["tool"] in ways else {})
 
@@ -104,7 +104,8 @@ def _simulation_records(kernels: CompiledKernels) -> Iterator[dict]:
 
     def alone() -> list[Outcome]:
         return [
-            single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES).completed() for zd in zd0[:ALONE]
+            single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES).completed()
+            for zd in zd0[:N_SINGLE_SIMULATIONS]
         ]
 
     def together(count: int) -> Callable[[], BatchTrajectory]:
@@ -115,7 +116,7 @@ def _simulation_records(kernels: CompiledKernels) -> Iterator[dict]:
     arrived = [i for i, run in enumerate(runs) if run.status == "ok"]
     error = max((_difference(batch.q[i, -1], runs[i].q[-1]) for i in arrived), default=None)
     spent = measure({ALONE_IN_C: repeated(alone)} | {BATCH.format(k): repeated(together(k)) for k in threads}, ROUNDS)
-    counts = {ALONE_IN_C: ALONE} | {BATCH.format(k): RUNS for k in threads}
+    counts = {ALONE_IN_C: N_SINGLE_SIMULATIONS} | {BATCH.format(k): RUNS for k in threads}
     yield from _records("simulation", spent, error, counts)
 
 

@@ -26,7 +26,7 @@ TITLES = {
     "mass": "M, the mass matrix",
     "all": "Φ, Φ_q and γ together",
 }
-NOISY = 0.3
+NOISE_MARK = 0.3
 """Distance of the quartiles, relative to the median, from which a time is marked."""
 
 
@@ -81,7 +81,7 @@ def record_of(rival: Rival, kernel: str, spread: Spread, errors: Sequence[tuple[
         "tool": rival.name,
         "place": rival.place,
         **spread.seconds(rival.calls),
-        "noisy": spread.high - spread.low > NOISY * spread.median,
+        "noisy": spread.high - spread.low > NOISE_MARK * spread.median,
         "error": error,
         "ulps_max": largest,
         "ulps_rms": rms,
@@ -103,7 +103,7 @@ def as_csv(records: list[dict]) -> str:
 
 # -- for people --------------------------------------------------------------------------------------------------------
 
-LEAST = 1e-20
+MIN_DRAWN_ERROR = 1e-20
 """The least error that is drawn: numbers without one have a place, too."""
 
 HEAD = (
@@ -149,13 +149,13 @@ def figure(drawn: dict[str, list[dict]]) -> Figure:
         axes.grid(**GRID)
         axes.set_axisbelow(True)
         for number, r in enumerate(records, 1):
-            x, y = r["seconds"], max(r["error"], LEAST)
+            x, y = r["seconds"], max(r["error"], MIN_DRAWN_ERROR)
             generated = r["tool"].startswith("generated")
             axes.plot(x, y, "o" if r["place"] == "C" else "s", color="#c8102e" if generated else "#30506b", markersize=5)
             axes.annotate(str(number), (x, y), xytext=(0, 5 + 8 * (number % 2)), textcoords="offset points", fontsize=7, ha="center")
         names = "\n".join(f"{n}  {r['tool']}" for n, r in enumerate(records, 1))
         axes.text(1.02, 1.0, names, transform=axes.transAxes, fontsize=7, va="top")
         axes.margins(0.1)
-        errors = [max(r["error"], LEAST) for r in records]
+        errors = [max(r["error"], MIN_DRAWN_ERROR) for r in records]
         axes.set_ylim(min(errors) / 30, max(errors) * 30)
     return chart

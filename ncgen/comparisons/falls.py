@@ -21,15 +21,15 @@ from ncgen.solver.runs.simulation_options import simulation_of
 from ncgen.solver.trajectories.trajectory import Trajectory
 
 TOLERANCES = (1e-5, 1e-6, 1e-7, 1e-8, 1e-10)
-ABSOLUTE = 1e-2
+ATOL_OVER_RTOL = 1e-2
 """Absolute tolerance as a share of the relative one."""
 
 STEPS = (50, 100, 200)
 REPEATS = 9
-LONGEST = 2.0
+MAX_REPEATED_SECONDS = 2.0
 """Seconds after which a run in C is not repeated any more."""
 
-TIGHT = 1e-13
+REFERENCE_RTOL = 1e-13
 
 PARTITIONED = "coordinate-partitioning"
 
@@ -84,7 +84,7 @@ def _settings(duration: float) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
 
 
 def tolerances(rtol: float) -> ToleranceArguments:
-    return {"rtol": rtol, "atol": ABSOLUTE * rtol}
+    return {"rtol": rtol, "atol": ATOL_OVER_RTOL * rtol}
 
 
 def end_state(kernels: Kernels, duration: float) -> dict[str, float] | None:
@@ -93,7 +93,7 @@ def end_state(kernels: Kernels, duration: float) -> dict[str, float] | None:
     if module is not None:
         return module.END
     try:
-        tight = {"rtol": TIGHT, "atol": ABSOLUTE * TIGHT}
+        tight = {"rtol": REFERENCE_RTOL, "atol": ATOL_OVER_RTOL * REFERENCE_RTOL}
         run = simulate(
             kernels, duration, formalism=PARTITIONED, integrator="dopri5", points=2, engine="emitted", **tight, **own_run(kernels)[1]
         )
@@ -146,5 +146,5 @@ def _repeated(
         run = call()
         totals.append(time.perf_counter() - start)
         seconds.append(run.statistics.seconds)
-        if len(seconds) >= repeats or sum(totals) >= LONGEST:
+        if len(seconds) >= repeats or sum(totals) >= MAX_REPEATED_SECONDS:
             return run, seconds, totals

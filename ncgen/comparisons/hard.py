@@ -17,7 +17,7 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.motions.simulate import simulate
 
-ABSOLUTE = 1e-2
+ATOL_OVER_RTOL = 1e-2
 """Absolute tolerance as a share of the relative one, for a mechanism of one metre."""
 
 LIMIT = 20.0
@@ -41,7 +41,7 @@ def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: s
     """One run as a record."""
     record = {"case": case.name, "formalism": formalism, "integrator": integrator, "engine": None, "error": None, "drift": None}
     record |= {"against": case.against, "seconds": None, "reason": None, "said": None}
-    steps = {"max_step": case.step} if integrator in FIXED else {"rtol": case.rtol, "atol": ABSOLUTE * case.rtol * kernels.length}
+    steps = {"max_step": case.step} if integrator in FIXED else {"rtol": case.rtol, "atol": ATOL_OVER_RTOL * case.rtol * kernels.length}
     options = {**case.options, **steps, "points": case.points}
     if case.violated:
         noise = np.random.default_rng(1).uniform(-1, 1, kernels.n)

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from ncgen import __version__
-from ncgen.comparisons.compare import NOISY
+from ncgen.comparisons.compare import NOISE_MARK
 from ncgen.comparisons.falls import own_run
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
@@ -36,13 +36,13 @@ from ncgen.toolchain.cache_location import keep, kept
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-TIGHT = 1e-13
+REFERENCE_RTOL = 1e-13
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
 STEPS = tuple(50 * 2**k for k in range(14))
 LIMIT = 1.0
 """Seconds after which a run is stopped; the method is not asked for more accuracy then."""
 
-SHORT = 0.1
+MIN_SECONDS = 0.1
 """Runs shorter than this (s) are repeated."""
 
 ROUNDS = 7
@@ -53,7 +53,7 @@ WRITTEN_OUT = ("rk4", "dopri5", "dop853")
 TARGETS = (1e-3, 1e-6, 1e-9)
 """Errors for which every method's time is shown."""
 
-LEVELS = tuple(10.0**-k for k in range(2, 13))
+ERROR_LEVELS = tuple(10.0**-k for k in range(2, 13))
 """Errors for which the quickest method is named."""
 
 ENGINES = {"emitted": "emitted C", "c": "C", "python": "Python"}
@@ -69,14 +69,14 @@ class PrecisionReference:
 
 def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) -> PrecisionReference:
     """The end of a run, found by two methods and kept in the cache folder. Raises NcgenError where neither succeeds."""
-    facts = (kernels.fingerprint, duration, sorted(start.items()), TIGHT, __version__, np.__version__, scipy.__version__)
+    facts = (kernels.fingerprint, duration, sorted(start.items()), REFERENCE_RTOL, __version__, np.__version__, scipy.__version__)
     key = hashlib.sha256(repr(facts).encode()).hexdigest()[:40]
     if entry := kept("references", key):
         return PrecisionReference(np.array(entry["q"]), entry["doubt"])
     ends = []
     for method in (("lagrange", "dop853"), ("coordinate-partitioning", "dop853"), ("lagrange", "dopri5")):
         try:
-            tight: dict[str, Any] = {"rtol": TIGHT, "atol": 1e-2 * TIGHT * kernels.length, "points": 2}
+            tight: dict[str, Any] = {"rtol": REFERENCE_RTOL, "atol": 1e-2 * REFERENCE_RTOL * kernels.length, "points": 2}
             ends.append(simulate(kernels, duration, formalism=method[0], integrator=method[1], **tight, **start).q[-1])
         except NcgenError:
             if len(ends) < 1 and method[1] == "dopri5":
@@ -115,7 +115,7 @@ def precision_records(model: Model, limit: float = LIMIT) -> list[dict]:
     for formalism, integrator in tried():
         for engine, used, number in _ways(formalism, integrator, kernels, numpy):
             measured += _ladder(used, known, duration, start, formalism, integrator, engine, number, limit)
-    _repeat([(record, again) for record, again in measured if record["seconds"] is not None and record["seconds"] < SHORT])
+    _repeat([(record, again) for record, again in measured if record["seconds"] is not None and record["seconds"] < MIN_SECONDS])
     return [record for record, _ in measured]
 
 
@@ -124,7 +124,7 @@ def _repeat(runs: list[tuple[dict, Callable[[], float]]]) -> None:
     samples = [[again() for _, again in runs] for _ in range(ROUNDS)]
     for (record, _), own in zip(runs, zip(*samples, strict=True), strict=True):
         low, middle, high = map(float, np.quantile(own, (0.25, 0.5, 0.75)))
-        record |= {"seconds": middle, "low": low, "high": high, "noisy": high - low > NOISY * middle}
+        record |= {"seconds": middle, "low": low, "high": high, "noisy": high - low > NOISE_MARK * middle}
 
 
 def _ways(formalism: str, integrator: str, kernels: Kernels, numpy: Kernels) -> list[tuple[str, Kernels, str]]:
@@ -232,7 +232,7 @@ def front(records: list[dict]) -> list[str]:
     """The quickest method for every error that the reference can tell, in words."""
     lines = []
     done = [r for r in records if r["error"] is not None]
-    for level in (level for level in LEVELS if all(level > r["doubt"] for r in done)):
+    for level in (level for level in ERROR_LEVELS if all(level > r["doubt"] for r in done)):
         enough = [r for r in done if r["error"] <= level]
         if enough:
             best = min(enough, key=lambda r: r["seconds"])
@@ -273,7 +273,7 @@ def figure(records: list[dict], title: str) -> Figure:
     return chart
 
 
-LEAST, MOST = 1e-16, 1.0
+MIN_DRAWN_ERROR, MAX_DRAWN_ERROR = 1e-16, 1.0
 """Errors that are drawn: a run that ends a whole size away has gone somewhere else."""
 
 COLORS = (
@@ -298,8 +298,8 @@ def _place(record: dict) -> tuple[str, str, str]:
 
 
 def _points(runs: list[dict]) -> tuple[list[float], list[float]]:
-    drawn = [r for r in runs if r["error"] <= MOST]
-    return [max(r["error"], LEAST) for r in drawn], [r["seconds"] for r in drawn]
+    drawn = [r for r in runs if r["error"] <= MAX_DRAWN_ERROR]
+    return [max(r["error"], MIN_DRAWN_ERROR) for r in drawn], [r["seconds"] for r in drawn]
 
 
 def _unbeaten(done: list[dict]) -> list[dict]:

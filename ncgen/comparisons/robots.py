@@ -38,7 +38,7 @@ RATE = 0.5
 DURATIONS = (0.01, 0.1, 1.0)
 """Of runs (s), the next one after the one before has ended; the last one that ended is reported."""
 
-RTOL, TIGHT = 1e-6, 1e-11
+RTOL, REFERENCE_RTOL = 1e-6, 1e-11
 REPEATS = 5
 STEP, SMALL_STEP = 1e-3, 2e-5
 """MuJoCo's (s), and the one that its error is measured with."""
@@ -162,7 +162,7 @@ def motion() -> None:
     assert run is not None
     places = [kernels.coordinates.index(name) for name in names] or list(range(kernels.n))
     with suppress(NcgenError):  # then the error is unknown, and the run counts all the same
-        tight = simulate(kernels, duration, rtol=TIGHT, zd0=zd0 or None, points=2)
+        tight = simulate(kernels, duration, rtol=REFERENCE_RTOL, zd0=zd0 or None, points=2)
         _print_results(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[places])))
     _print_results(drift=float(run.energy_drift))
 

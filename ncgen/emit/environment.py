@@ -16,7 +16,7 @@ from ncgen.resources import folder
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-EXACT = 2**53
+MAX_EXACT_INTEGER = 2**53
 """Whole numbers below this are doubles."""
 
 
@@ -49,7 +49,7 @@ def c_literal(number: Fraction | int) -> str:
     """An exact number (a Fraction) as C sees it: a quotient of whole numbers, or a decimal with all its digits."""
     number = Fraction(number)
     above, below, sign = abs(number.numerator), number.denominator, "-" if number < 0 else ""
-    if max(above, below) < EXACT:
+    if max(above, below) < MAX_EXACT_INTEGER:
         return f"{sign}R({above}.0)" if below == 1 else f"{sign}Q({above}, {below})"
     digits = next(k for k in range(1, 60) if 10**k % below == 0)
     return f"{sign}R({above * 10**digits // below}e-{digits})"

@@ -14,7 +14,7 @@ from ncgen.program.ir.blocks import Block
 from ncgen.program.ir.graph import ARITHMETIC, PIECES, Op
 from ncgen.program.ir.passes import uses
 
-LONGEST = 56
+MAX_INLINED_CHARACTERS = 56
 """Characters of a value that may still be written inside another."""
 
 ATOM, UNARY, PRODUCT, SUM = 4, 3, 2, 1
@@ -60,7 +60,7 @@ def write(block: Block, dialect: Dialect, names: Names) -> WrittenExpression:
             op = block.ops[node]
             value, strength = _value(op, block, dialect, text)
             named_leaf = op.code in ("load", "slot")
-            if op.code == "const" or (not named_leaf and count[node] == 1 and len(value) <= LONGEST):
+            if op.code == "const" or (not named_leaf and count[node] == 1 and len(value) <= MAX_INLINED_CHARACTERS):
                 text[node] = (value, strength)
                 continue
             if node not in block.names:

@@ -53,13 +53,13 @@ WITHOUT_STEPPERS = "NCGEN_WITHOUT_STEPPERS"
 ORDINARY_TREE = (EXPLICIT_ONLY, WITHOUT_PARTITIONING)
 """What a run by an explicit method does without where a tree moves in loops over tables."""
 
-ORDINARY = (*ORDINARY_TREE, WITHOUT_TABLES)
+OMITTED_FOR_EXPLICIT = (*ORDINARY_TREE, WITHOUT_TABLES)
 """What a run by an explicit method and emitted accelerations does without."""
 
 STIFF_TREE = (WITHOUT_PARTITIONING, WITHOUT_STEPPERS)
 """What a run by Radau's method does without where a tree moves in loops over tables."""
 
-STIFF = (*STIFF_TREE, WITHOUT_TABLES)
+OMITTED_FOR_RADAU = (*STIFF_TREE, WITHOUT_TABLES)
 """What a run by Radau's method and emitted accelerations does without."""
 
 
@@ -74,13 +74,13 @@ def explicit_names() -> tuple[str, ...]:
     return _part("ncgen_run.c", "ncgen_driven.c", "ncgen_piecewise.c", defined=(EXPLICIT_ONLY,))
 
 
-def ordinary_names(defined: Sequence[str] = ORDINARY) -> tuple[str, ...]:
-    """The files of the library where ORDINARY, or ORDINARY_TREE, is defined."""
+def ordinary_names(defined: Sequence[str] = OMITTED_FOR_EXPLICIT) -> tuple[str, ...]:
+    """The files of the library where OMITTED_FOR_EXPLICIT, or ORDINARY_TREE, is defined."""
     return _part("ncgen_run.c", "ncgen_piecewise.c", defined=defined)
 
 
-def stiff_names(defined: Sequence[str] = STIFF) -> tuple[str, ...]:
-    """The files of the library where STIFF, or STIFF_TREE, is defined."""
+def stiff_names(defined: Sequence[str] = OMITTED_FOR_RADAU) -> tuple[str, ...]:
+    """The files of the library where OMITTED_FOR_RADAU, or STIFF_TREE, is defined."""
     return _part("ncgen_run.c", "ncgen_piecewise.c", "ncgen_radau.c", "ncgen_trapezoidal.c", defined=defined)
 
 
@@ -92,7 +92,7 @@ def indifferent(names: Iterable[str], macros: Collection[str]) -> tuple[str, ...
 @cache
 def _mentioned(source: str) -> frozenset[str]:
     """The macros that leave parts of the library out and that a source, or a header that it includes, asks for."""
-    known = {*ORDINARY, *STIFF}
+    known = {*OMITTED_FOR_EXPLICIT, *OMITTED_FOR_RADAU}
     return frozenset(macro for macro in known if any(macro in runtime_text(name) for name in (source, *_headers(source))))
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, TypedDict, TypeVar, Unpack
 
-from ncgen.errors import SHOWN, ModelError, NcgenError, shortened
+from ncgen.errors import MAX_ECHO, ModelError, NcgenError, shortened
 from ncgen.exchange import robots
 from ncgen.exchange.text import as_path, why_no_file
 from ncgen.exchange.toml_reader import load_toml
@@ -37,10 +37,10 @@ class RobotArguments(TypedDict, total=False):
     ----------
     floating : bool, optional
         Whether the robot's root is a free body or part of the ground. Default: as the file says.
-    limits : bool
-        Whether joints have the stops of the file, as springs.
-    friction : bool
-        Whether joints have the dry friction of the file, as smooth couples.
+    limits : bool or str
+        Whether joints have the stops of the file: True as springs, "rigid" as stops with restitution, whose parameter is stop_restitution.
+    friction : bool or str
+        Whether joints have the dry friction of the file: True as smooth couples, which creep, "exact" as friction that sticks.
     motors : bool
         Whether actuators, or joints where the file has no actuators, have inputs, with gears, servos and limits of the file.
     sensors : bool
@@ -59,8 +59,8 @@ class RobotArguments(TypedDict, total=False):
     """
 
     floating: bool | None
-    limits: bool
-    friction: bool
+    limits: bool | str
+    friction: bool | str
     motors: bool
     sensors: bool
     loops: str | Path | None
@@ -102,12 +102,17 @@ def load(path: str | Path, **robot: Unpack[RobotArguments]) -> Model:
     UserWarning
         Once, with the number of things in a robot's file that change the motion and are not modelled.
     """
+    from ncgen.exchange.robots.stops import SMOOTH_OR, check_smooth
+
     options = {**ROBOT_DEFAULTS, **robot}
     having = {word: options[word] for word in ("limits", "friction", "motors", "sensors")}
     floating, loops, inertias, parameters, frames = (options[word] for word in ("floating", "loops", "inertias", "parameters", "frames"))
     file = as_path(path, "the name of an example or the path of a file")
     for word, given in (("floating", False if floating is None else floating), *having.items()):
-        truth(given, word)
+        if word in SMOOTH_OR:
+            check_smooth(given, word)
+        else:
+            truth(given, word)
     suffix = file.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(file):
         model = robots.load_robot(file, floating, loops=loops, inertias=inertias, parameters=parameters, stacklevel=3, **having)
@@ -167,7 +172,7 @@ def _no_such(name: str | Path, path: Path) -> ModelError:
     near = get_close_matches(str(name), example_names(), n=1)
     advice = f"did you mean {near[0]}? `ncgen list` shows all examples" if near else f"the examples are {', '.join(example_names())}"
     missing = f"there is no such file or example; {advice}"
-    return ModelError(f"{shortened(str(name), SHOWN) or repr('')}: {why_no_file(path, missing) if str(name) else missing}")
+    return ModelError(f"{shortened(str(name), MAX_ECHO) or repr('')}: {why_no_file(path, missing) if str(name) else missing}")
 
 
 def _import(path: Path) -> ModuleType:
@@ -209,7 +214,7 @@ def _guarded(path: Path, run: Callable[[], Result]) -> Result:
         error.args = (shortened(f"{_place(error, path)}: {error}"), *error.args[1:])
         raise
     except SyntaxError as error:
-        place = f"{shortened(Path(error.filename or path).name, SHOWN)}{f', line {error.lineno}' if error.lineno else ''}"
+        place = f"{shortened(Path(error.filename or path).name, MAX_ECHO)}{f', line {error.lineno}' if error.lineno else ''}"
         raise ModelError(f"{place}: {error.msg}") from error
     except SystemExit as error:
         raise ModelError(
@@ -222,5 +227,5 @@ def _guarded(path: Path, run: Callable[[], Result]) -> Result:
 def _place(error: BaseException, path: Path) -> str:
     """The file, and the last of its lines that was being run."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
-    name = shortened(path.name, SHOWN)
+    name = shortened(path.name, MAX_ECHO)
     return f"{name}, line {lines[-1]}" if lines else name

@@ -14,20 +14,20 @@ from functools import partial
 from ncgen.errors import ModelError
 from ncgen.exchange.choices import PIECEWISE, compared
 from ncgen.exchange.syntax import CONSTANTS, PRODUCTS, SUMS, chain, dotted, number_of, quoted
-from ncgen.model.expressions import DEEPEST, MOST_DIGITS, MOST_FACTORS
+from ncgen.model.expressions import MAX_DEPTH, MOST_DIGITS, MOST_FACTORS
 from ncgen.model.kinks import CHOICES
 from ncgen.program.ir.functions import FUNCTIONS
 
-MOST_LEVELS = 3 * DEEPEST
+MOST_LEVELS = 3 * MAX_DEPTH
 """Levels of a text: a level of sympy, such as 1/sqrt(-x), may be written with three."""
 
 LARGEST_EXPONENT = 64
 
-HEAVIEST = 2**16
+MAX_BITS = 2**16
 """Binary digits of the exact numbers that may come together in an expression."""
 
 _INVERSE = frozenset({"asin", "acos", "atan", "atan2"})
-UNDONE = {"exp": frozenset({"log"}), "log": frozenset({"exp"}), "sin": _INVERSE, "cos": _INVERSE, "tan": _INVERSE}
+INVERSES = {"exp": frozenset({"log"}), "log": frozenset({"exp"}), "sin": _INVERSE, "cos": _INVERSE, "tan": _INVERSE}
 """{function: those that it undoes}: what stands within both comes out again."""
 
 
@@ -53,7 +53,7 @@ def _functions(sizes: list[Size]) -> frozenset[str]:
 
 def _largest(growth: int) -> int:
     """The largest number of so many binary digits, or one that is too large for anything."""
-    return 2 ** min(growth, HEAVIEST.bit_length())
+    return 2 ** min(growth, MAX_BITS.bit_length())
 
 
 class Measure:
@@ -66,7 +66,7 @@ class Measure:
         if level > MOST_LEVELS:
             raise ModelError(f"{quoted(self.text)} has more than {MOST_LEVELS} levels; write it with fewer parentheses, or in parts")
         size_of_node = self._size(node, level)
-        if size_of_node.digits > (HEAVIEST if size_of_node.value is None else 2 * MOST_DIGITS):
+        if size_of_node.digits > (MAX_BITS if size_of_node.value is None else 2 * MOST_DIGITS):
             raise ModelError(f"{quoted(self.text)}: the exact numbers in it have too many digits; write numbers with a decimal point")
         if size_of_node.value is not None and not math.isfinite(size_of_node.value):
             raise self._not_finite(node)
@@ -118,7 +118,7 @@ class Measure:
                 raise ModelError(f"{quoted(self.text)}: the exponent {exponent.value:.6g} is too large; {LARGEST_EXPONENT} is the limit")
             factor = max(1, math.ceil(abs(exponent.value)))
             if exponent.value != int(exponent.value) and base.digits > 2 * MOST_DIGITS:
-                factor = HEAVIEST  # a root of an exact number looks for its factors
+                factor = MAX_BITS  # a root of an exact number looks for its factors
         value = None
         if base.value is not None and exponent.value is not None:
             value = self._number(node, partial(math.pow, base.value, exponent.value))
@@ -134,12 +134,12 @@ class Measure:
         if name == "exp" and "log" in inside:
             digits *= _largest(growth)  # exp(9*log(x)) is x**9
         if name == "sqrt" and digits > 2 * MOST_DIGITS:
-            digits = HEAVIEST + 1
-        if inside & UNDONE.get(name, frozenset()):
+            digits = MAX_BITS + 1
+        if inside & INVERSES.get(name, frozenset()):
             growth = digits
         elif name not in ("sqrt", "abs"):  # what stands within stays there, at most for the function that undoes this one
             growth = digits.bit_length() if name == "log" else 1
-            inside = inside if any(name in undone for undone in UNDONE.values()) else frozenset()
+            inside = inside if any(name in undone for undone in INVERSES.values()) else frozenset()
         value = None
         if all(a.value is not None for a in arguments):
             value = self._number(node, lambda: float(FUNCTIONS[name].python(*(a.value for a in arguments))))

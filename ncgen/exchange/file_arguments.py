@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from ncgen import errors
-from ncgen.errors import SHOWN, ModelError, shortened
+from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.exchange.grammar import parse_direction, parse_expression
 from ncgen.exchange.words import kind_of
 from ncgen.model import Model
@@ -218,7 +218,7 @@ def shown(raw: object) -> str:
     if isinstance(raw, (list, dict)):
         return "a list" if isinstance(raw, list) else "a table"
     if isinstance(raw, str):
-        return f'"{shortened(raw, SHOWN)}"'
+        return f'"{shortened(raw, MAX_ECHO)}"'
     return errors.shown(raw) if isinstance(raw, (int, float)) else str(raw)
 
 

@@ -16,7 +16,7 @@ import ast
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
-from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
+from ncgen.errors import MAX_ECHO, ModelError, UnknownName, shortened
 from ncgen.exchange.choices import PIECEWISE, piecewise
 from ncgen.exchange.expression_size import Measure
 from ncgen.exchange.slips import has_unit, repaired
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from ncgen.model.elements import Combination, Spatial
 
-LONGEST = 20_000
+MAX_CHARACTERS = 20_000
 """Characters of an expression."""
 
 RATE = "rate"
@@ -66,8 +66,8 @@ def parse_direction(text: str, elements: Mapping[str, Spatial]) -> Spatial | Com
 
 
 def _tree(text: str, known: Collection[str] = ()) -> ast.expr:
-    if len(text) > LONGEST:
-        raise ModelError(f"an expression of {len(text)} characters is too long; {LONGEST} are allowed")
+    if len(text) > MAX_CHARACTERS:
+        raise ModelError(f"an expression of {len(text)} characters is too long; {MAX_CHARACTERS} are allowed")
     if has_unit(text, known):
         raise ModelError(f"{quoted(text)} has a unit; give the bare number in m, kg, s, N, rad")
     try:
@@ -79,7 +79,7 @@ def _tree(text: str, known: Collection[str] = ()) -> ast.expr:
             raise ModelError(f"{quoted(text)} has too many parentheses within each other; write it in parts") from None
         meant = repaired(text)
         raise ModelError(
-            f"{quoted(text)} is not an expression; write {shortened(meant, SHOWN) if meant else 'for example 2*L + sin(t)'}"
+            f"{quoted(text)} is not an expression; write {shortened(meant, MAX_ECHO) if meant else 'for example 2*L + sin(t)'}"
         ) from None
 
 
@@ -111,7 +111,7 @@ class _Reader:
         name = dotted(node)
         if name is None:
             meant = repaired(self.text)
-            advice = f"; write {shortened(meant, SHOWN)}" if meant else ""
+            advice = f"; write {shortened(meant, MAX_ECHO)}" if meant else ""
             raise ModelError(f"{quoted(self.text)}: {quoted(_source(node, self.text))} is not allowed in an expression{advice}")
         return self._name(name)
 
@@ -119,7 +119,7 @@ class _Reader:
         import sympy
 
         if name not in self.known:
-            part = shortened(_source(node, self.text), SHOWN)
+            part = shortened(_source(node, self.text), MAX_ECHO)
             words = "outputs have force(body, point).x, moment(body, vector).x and driver(coordinate), with axes x, y and z"
             raise UnknownName(f"{quoted(self.text)}: {part}: there is no such load here; {words}", "")
         return sympy.Symbol(name, real=True)
@@ -139,13 +139,13 @@ class _Reader:
 
         function = dotted(node.func)
         if function is None and (meant := repaired(self.text)):
-            raise ModelError(f"{quoted(self.text)} calls what is no function; write {shortened(meant, SHOWN)}")
+            raise ModelError(f"{quoted(self.text)} calls what is no function; write {shortened(meant, MAX_ECHO)}")
         if function == RATE and len(node.args) == 1:
             inner = dotted(node.args[0])
             if isinstance(node.args[0], ast.Call) and dotted(node.args[0].func) == RATE:  # of a rate: an acceleration
                 return sympy.Symbol(rate_name(str(self._call(node.args[0]))), real=True)
             if inner is None or inner not in self.known:
-                part = shortened(_source(node, self.text), SHOWN)
+                part = shortened(_source(node, self.text), MAX_ECHO)
                 raise UnknownName(f"{quoted(self.text)}: {part}: there is no coordinate of that name", inner or "")
             return sympy.Symbol(rate_name(inner), real=True)
         if function in CHOICES and len(node.args) == 2:
@@ -155,7 +155,10 @@ class _Reader:
         if function is not None and function in self.curves:
             return self._curve(self.curves[function], node.args)
         if function not in FUNCTIONS or len(node.args) != FUNCTIONS[function].arity:
-            part, known = shortened(_source(node.func, self.text), SHOWN), ", ".join((*FUNCTIONS, *CHOICES, PIECEWISE, *self.curves, RATE))
+            part, known = (
+                shortened(_source(node.func, self.text), MAX_ECHO),
+                ", ".join((*FUNCTIONS, *CHOICES, PIECEWISE, *self.curves, RATE)),
+            )
             raise ModelError(f"{quoted(self.text)}: {part} of {len(node.args)} is unknown; the functions are {known}")
         return getattr(sympy, FUNCTIONS[function].sympy)(*map(self.read, node.args))
 
@@ -176,7 +179,7 @@ class _Reader:
             return sympy.Symbol(name, real=True)
         if name in CONSTANTS:
             return sympy.pi if name == "pi" else sympy.E
-        raise UnknownName(f"{quoted(self.text)}: {shortened(name, SHOWN)} is no coordinate, parameter or t; define it first", name)
+        raise UnknownName(f"{quoted(self.text)}: {shortened(name, MAX_ECHO)} is no coordinate, parameter or t; define it first", name)
 
 
 def _load_of(node: ast.expr) -> str | None:
@@ -207,7 +210,7 @@ def _direction(node: ast.expr, elements: Mapping[str, Spatial], text: str) -> Sp
         return -_direction(node.operand, elements, text)
     name = dotted(node)
     if name is None or name not in elements:
-        shown = shortened(name or _source(node, text), SHOWN)
+        shown = shortened(name or _source(node, text), MAX_ECHO)
         place = "" if shown == text.strip() else f"{quoted(text)}: "
         raise UnknownName(f"{place}there is no point or vector {shown}; define it first", name or "")
     return elements[name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 
-from ncgen.errors import SHOWN, shortened
+from ncgen.errors import MAX_ECHO, shortened
 
 CONSTANTS = {"pi": math.pi, "e": math.e}
 SUMS, PRODUCTS = (ast.Add, ast.Sub), (ast.Mult, ast.Div)
@@ -13,7 +13,7 @@ SUMS, PRODUCTS = (ast.Add, ast.Sub), (ast.Mult, ast.Div)
 
 def quoted(text: str) -> str:
     """A user's text within a message."""
-    return f"“{shortened(text, SHOWN)}”"
+    return f"“{shortened(text, MAX_ECHO)}”"
 
 
 def chain(node: ast.expr, operators: tuple[type[ast.operator], ...]) -> list[tuple[ast.operator | None, ast.expr]]:

@@ -9,16 +9,16 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from ncgen.errors import LONGEST_LINE, SHOWN, ModelError, shortened, shown
+from ncgen.errors import LONGEST_LINE, MAX_ECHO, ModelError, shortened, shown
 from ncgen.files import contents, is_file, is_there
 
-LARGEST = 4_000_000
+MAX_FILE_BYTES = 4_000_000
 """Bytes of a model file."""
 
 
 def placed(name: str, line: int | None, message: str) -> str:
     """What is wrong with a file, in one line, with its name and where it has one the line."""
-    place = shortened(name, SHOWN) + (": " if line is None else f", line {line}: ")
+    place = shortened(name, MAX_ECHO) + (": " if line is None else f", line {line}: ")
     return place + shortened(message, LONGEST_LINE - len(place))
 
 
@@ -42,9 +42,9 @@ def text_of(path: Path) -> str:
     if not is_file(path):
         raise ModelError(f"{path}: {why_no_file(path, 'there is no such file')}")
     try:
-        data = contents(path, LARGEST)
+        data = contents(path, MAX_FILE_BYTES)
     except OSError as error:
-        why = f"a model file has at most {LARGEST} bytes" if error.errno == errno.EFBIG else error.strerror
+        why = f"a model file has at most {MAX_FILE_BYTES} bytes" if error.errno == errno.EFBIG else error.strerror
         raise ModelError(f"{path}: {why}") from None
     try:
         return data.decode("utf-8-sig")

@@ -18,7 +18,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
+from ncgen.errors import MAX_ECHO, ModelError, UnknownName, shortened
 from ncgen.exchange.file_arguments import convert, shown
 from ncgen.exchange.text import NotToml, placed, text_of, toml
 from ncgen.exchange.toml_layout import FileTable, layout
@@ -191,4 +191,4 @@ class _Reading:
 
 def shown_key(key: str) -> str:
     """A key of a file within a message."""
-    return shortened(key, SHOWN)
+    return shortened(key, MAX_ECHO)

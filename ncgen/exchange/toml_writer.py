@@ -23,7 +23,7 @@ from ncgen.model.names import LAW, TIME, normal
 from ncgen.model.outputs import observable_loads
 from ncgen.model.values import Parameter, is_number
 
-ONCE = ("gravity", "simulation")
+SINGLE_TABLES = ("gravity", "simulation")
 """Facts that a model has one of: a single table says so."""
 
 
@@ -42,7 +42,7 @@ def to_toml(model: Model, facts: Sequence[Fact] | None = None) -> str:
     facts_told = model.facts if facts is None else facts
     counts = Counter(fact.word for fact in facts_told)
     writer = _Writer(model)
-    tables = [writer.table(fact.word, fact.arguments, fact.word in ONCE and counts[fact.word] == 1) for fact in facts_told]
+    tables = [writer.table(fact.word, fact.arguments, fact.word in SINGLE_TABLES and counts[fact.word] == 1) for fact in facts_told]
     return "\n".join(head) + "\n\n" + "\n".join(tables)
 
 

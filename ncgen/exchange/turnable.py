@@ -31,7 +31,7 @@ NUMBERS = {
 }
 """{fact: {argument: unit}} of numbers that a reader may turn."""
 
-MOST = 60
+MAX_PARAMETERS = 60
 """Parameters that a model is given at most: beyond it positions stay as they are, then everything does."""
 
 
@@ -45,7 +45,7 @@ def turnable(model: Model) -> Model:
         return model
     for words in (NUMBERS, {name: numbers for name, numbers in NUMBERS.items() if name != "point"}):
         facts = list(_turned(model, words))
-        if sum(fact.word == "parameter" for fact in facts) <= MOST:
+        if sum(fact.word == "parameter" for fact in facts) <= MAX_PARAMETERS:
             return _read_again(model, facts)
     return model
 

@@ -21,7 +21,7 @@ NOT_IN_FILES = ("callback",)
 INTERNAL = ("Owner", "Owner | None")
 """Annotations of arguments that only the builder itself gives."""
 
-MEANT = {
+SYNONYMS = {
     "joint": tuple(name for name, member in vars(Joints).items() if getattr(member, "is_fact", False)),
     "constraint": ("distance", "angle", "constrain"),
     **dict.fromkeys(("hinge", "pin"), ("revolute",)),
@@ -65,7 +65,7 @@ def _run_options() -> inspect.Signature:
 
 def suggestion(word: str, known: Collection[str]) -> str:
     """The known word that looks like a mistyped one or means the same elsewhere, or all of them."""
-    if meant := [each for each in MEANT.get(word.lower(), ()) if each in known]:
+    if meant := [each for each in SYNONYMS.get(word.lower(), ()) if each in known]:
         return f"did you mean {'one of ' if len(meant) > 1 else ''}{', '.join(meant)}?"
     near = difflib.get_close_matches(word, known, n=1) if len(word) <= LONGEST_NAME else []
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"

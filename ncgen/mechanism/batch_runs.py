@@ -29,7 +29,7 @@ SOURCES = (
 )  # fmt: skip
 
 
-QUICKEST = 1e-7
+MIN_STEP_SECONDS = 1e-7
 """Seconds that a step of a block takes at least: who is asked again sooner is asked by a thread that waits."""
 
 PAUSE = 2e-3
@@ -56,7 +56,7 @@ class _BatchListener(Listener):
     """Who listens to many runs: its progress is called with the share of them that have arrived."""
 
     def hear(self, t: float) -> int:
-        if time.perf_counter() - self._clock < QUICKEST * self.patience:
+        if time.perf_counter() - self._clock < MIN_STEP_SECONDS * self.patience:
             time.sleep(PAUSE)
         return super().hear(t)
 

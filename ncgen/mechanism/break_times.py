@@ -35,13 +35,13 @@ the break to that long after it, so that no other step sees both sides."""
 DOUBLE = float(np.finfo(float).eps)
 """The relative rounding of double precision."""
 
-NARROWEST = 16.0
+MIN_INTERVAL_ROUNDINGS = 16.0
 """Rounding errors of the run's largest time that an interval is wide at least where neither its range nor its slope tells anything."""
 
-NEAREST = 16.0
+MIN_GAP_ROUNDINGS = 16.0
 """Breaks are one that are no farther apart than this many times what one of them may be misplaced by: no step would fit between."""
 
-KEPT = 64
+MAX_CACHED_RUNS = 64
 """Runs whose breaks are kept for when they come again."""
 
 NO_BREAKS = np.empty((0, 2))
@@ -73,7 +73,7 @@ def break_times(
     if laws.has_breaks:
         driven = tuple(len(p) - len(signals) + i for i, signal in enumerate(signals) if signal is not None)
         key = p[list(laws.parameters)].tobytes(), start, end, gap, driven
-        breaks.append(kernels.remember("breaks in time", key, lambda: _of_laws(laws, p, start, end, gap, driven), KEPT))
+        breaks.append(kernels.remember("breaks in time", key, lambda: _of_laws(laws, p, start, end, gap, driven), MAX_CACHED_RUNS))
     for signal in signals:
         if signal is not None:
             times = signal.knots if isinstance(signal, InputPieces) else quick_changes_of(signal, start, end)
@@ -127,7 +127,7 @@ def merged(rows: np.ndarray, start: float, end: float, gap: float) -> np.ndarray
     if not len(rows):
         return NO_BREAKS
     last = np.maximum.accumulate(rows[:, 1])
-    begins = np.concatenate([[True], rows[1:, 0] > last[:-1] + NEAREST * gap])
+    begins = np.concatenate([[True], rows[1:, 0] > last[:-1] + MIN_GAP_ROUNDINGS * gap])
     ends = np.append(np.flatnonzero(begins)[1:] - 1, len(rows) - 1)
     return np.column_stack([rows[begins, 0], last[ends]])
 
@@ -253,7 +253,7 @@ def _on_a_curve(
         slack = 1e-14 * np.maximum(np.abs(least), np.abs(most))
         inside = levels_below(switch.pieces, most + slack, "right") > levels_below(switch.pieces, least - slack, "left")
         inside = (least < most) & (inside | ~np.isfinite(slack))
-        narrow = high - low <= NARROWEST * rounding
+        narrow = high - low <= MIN_INTERVAL_ROUNDINGS * rounding
         decided = (falls > 0) | (rises < 0) | narrow | (np.count_nonzero(inside) > MOST_INTERVALS)
         times = _between(ops, switch, given, low[inside & decided], high[inside & decided], rounding)
         if times is None or sum(map(len, parts)) + len(times) > MOST_BREAKS:

@@ -15,7 +15,7 @@ from ncgen.toolchain.abi import InC, Interface, Number
 LINEAR, QUADRATIC = 8, 14
 """Degrees of the polynomials in time that conditions are within a step: interpolants have degree 7 at most, products of two of them 14."""
 
-OFF = 2
+UNWATCHED = 2
 """The direction of a condition that is not asked for."""
 
 
@@ -24,7 +24,7 @@ class Conditions:
     """C conditions, the first of which that is fulfilled ends a run.
 
     coordinates (C,): position in q, or n + position in q̇, −1 for one of the function; values (C,): what coordinates pass (m, rad, and per
-    second); directions (C,): 1 rising, −1 falling, 0 either, OFF
+    second); directions (C,): 1 rising, −1 falling, 0 either, UNWATCHED
     signs (C,): the side on which each begins, 0 for that of its value
     function: the address of an `ncgen_velocity_kernel` that gives of every condition its value and the size of its terms; None where all
         are coordinates

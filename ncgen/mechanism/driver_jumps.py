@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, UNCERTAINTY, break_times
+from ncgen.mechanism.break_times import DOUBLE, MIN_GAP_ROUNDINGS, NO_BREAKS, UNCERTAINTY, break_times
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.time_laws import may_switch
 
@@ -53,7 +53,7 @@ def has_driver_jumps(kernels: Kernels, p: np.ndarray, q: np.ndarray, breaks: np.
 def after_jump(kernels: Kernels, p: np.ndarray, q: np.ndarray, t: float) -> float:
     """Return the time (s) just after the jump of a driver's velocity at t, or t itself where there is none: a run that begins at a jump
     begins with the velocities after it."""
-    margin = NEAREST * DOUBLE * max(abs(t), 1.0)
+    margin = MIN_GAP_ROUNDINGS * DOUBLE * max(abs(t), 1.0)
     jumps = driver_jumps(kernels, p, q, break_times(kernels, p, t - margin, t + margin)) if may_jump(kernels) else NO_BREAKS
     gap = UNCERTAINTY * DOUBLE * abs(t)
     return float(jumps[-1, 1]) if len(jumps) and jumps[0, 0] - gap <= t else t

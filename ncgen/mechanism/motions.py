@@ -26,10 +26,10 @@ SOURCES = ("ncgen_motions.h", "ncgen_motions.c", "ncgen_adjoint.c", "ncgen_space
 TAPED = 2**24
 """Bytes that the tapes of a part may take, so that parts that are run and swept by several threads stay in the caches."""
 
-UNTAPED = 32
+N_UNTAPED_BLOCKS = 32
 """Blocks of a part whose tapes are not kept."""
 
-LONGEST = 2**28
+MAX_TAPE_BYTES = 2**28
 """Bytes that the tape of one block may take."""
 
 
@@ -114,11 +114,11 @@ class Motions:
     @property
     def may_run(self) -> bool:
         """Whether a block's tape is short enough."""
-        return 8 * self._tape <= LONGEST
+        return 8 * self._tape <= MAX_TAPE_BYTES
 
     def part(self, back: bool) -> int:
         """States that are well run together by one thread; back: and gone back through, so that all of their tapes are kept meanwhile."""
-        return self.lanes * (max(1, TAPED // (8 * self._tape)) if back else UNTAPED)
+        return self.lanes * (max(1, TAPED // (8 * self._tape)) if back else N_UNTAPED_BLOCKS)
 
     def run(
         self, q: np.ndarray, qd: np.ndarray, p: np.ndarray, back: bool = True, rows: tuple[np.ndarray, np.ndarray] | None = None

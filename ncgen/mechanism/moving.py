@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 
 from ncgen.mechanism.arguments import laid, pointer
-from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, break_times
+from ncgen.mechanism.break_times import DOUBLE, MIN_GAP_ROUNDINGS, NO_BREAKS, break_times
 from ncgen.mechanism.conditions import Watched
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 from ncgen.mechanism.driver_jumps import driver_jumps
@@ -19,7 +19,7 @@ from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC
 
-AHEAD = 50
+N_STEPS_AHEAD = 50
 """Steps for which breaks are found at a time."""
 
 ANY_STEP = 1e30
@@ -116,8 +116,8 @@ class Stepping:
         first, last, known = self._known
         if first <= t and t_end <= last and known == reads:
             return
-        last = t + AHEAD * (t_end - t)
-        parameters, margin = np.asarray(p, dtype=float), 2 * NEAREST * DOUBLE * max(abs(t), abs(last))
+        last = t + N_STEPS_AHEAD * (t_end - t)
+        parameters, margin = np.asarray(p, dtype=float), 2 * MIN_GAP_ROUNDINGS * DOUBLE * max(abs(t), abs(last))
         breaks = break_times(self.kernels, parameters, t - margin, last)  # a step may have ended at the middle of one
         self._jumps = driver_jumps(self.kernels, parameters, np.asarray(q, dtype=float), breaks)
         self._breaks = breaks.ravel().astype(self.number.dtype)

@@ -20,7 +20,7 @@ from ncgen.program.ir.derivatives import tangent
 from ncgen.program.ir.graph import ArrayElement, Graph, Op
 from ncgen.program.ir.ranges import values
 
-SAME = 1e-9
+RATE_TOLERANCE = 1e-9
 """Relative difference up to which two rates of breaks are one."""
 
 
@@ -148,7 +148,7 @@ def _by_row(rows: np.ndarray, at: np.ndarray, rates: np.ndarray, start: float, e
     np.minimum.at(least, place, rates[inside])
     np.maximum.at(most, place, rates[inside])
     least, most = (np.where(np.isinf(each), 0.0, each) for each in (least, most))
-    moved = np.where(most - least <= SAME * np.maximum(np.abs(least), np.abs(most)), most, np.nan)
+    moved = np.where(most - least <= RATE_TOLERANCE * np.maximum(np.abs(least), np.abs(most)), most, np.nan)
     ends = (rows[:, 0] <= start) | (rows[:, 1] >= end)
     moved[ends] = np.where(moved[ends] == 0.0, 0.0, np.nan)
     return moved
@@ -158,4 +158,4 @@ def _jumps(signal: InputPieces) -> np.ndarray:
     """At which of its knots a table jumps, (K,)."""
     before = signal.at(signal.knots[1:], signal.knots[:-1])
     size = np.max(np.abs(signal.coefficients[:, 0]), initial=0.0)
-    return np.append(False, np.abs(before - signal.coefficients[1:, 0]) > SAME * size)
+    return np.append(False, np.abs(before - signal.coefficients[1:, 0]) > RATE_TOLERANCE * size)

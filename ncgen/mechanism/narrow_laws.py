@@ -43,7 +43,7 @@ RATIOS = ((4.0, 400), (16.0, 1000), (64.0, 100_000))
 """How many times faster than beside it a law has to change, and how many breaks that may give; with more of them the next one is taken.
 From place to place a sine's speed changes 3 times, so that none is broken."""
 
-PLACES = 8
+N_BREAKS_PER_CHANGE = 8
 """Places on the fast side of a change at which steps end: both flanks of a pulse."""
 
 DISTANCES = np.concatenate([2.0 ** np.arange(5), 16 * 4.0 ** np.arange(1, 16)])
@@ -150,7 +150,7 @@ def _flanks(t: np.ndarray, x: np.ndarray, jump: float = 0.0) -> np.ndarray:
         rises = np.flatnonzero(lengths[:-2] > ratio * lengths[1:-1])
         falls = np.flatnonzero(lengths[2:] > ratio * lengths[1:-1]) + 2
         last = np.append(-1, rises)[np.searchsorted(rises, falls)]  # before each fall; the start of the run where there is none
-        falls = falls[falls - last <= PLACES + 2]
+        falls = falls[falls - last <= N_BREAKS_PER_CHANGE + 2]
         backward = _breaks_next_to(-ends[::-1], ratio, len(lengths) - 1 - falls)
         breaks = np.unique(np.concatenate([_breaks_next_to(ends, ratio, rises), -backward]))
         if len(breaks) <= most:
@@ -170,7 +170,7 @@ def _breaks_next_to(ends: np.ndarray, ratio: float, slow: np.ndarray) -> np.ndar
     fast = lengths[slow + 1]
     outside = ends[slow + 1, None] - fast[:, None] * DISTANCES
     breaks = [outside[outside > ends[slow, None]], ends[slow + 1]]
-    for _ in range(PLACES):
+    for _ in range(N_BREAKS_PER_CHANGE):
         keep = slow + 2 < len(ends) - 1
         slow, fast = slow[keep] + 1, fast[keep]
         keep = lengths[slow] <= ratio * fast

@@ -32,7 +32,7 @@ Files: TypeAlias = dict[str, str]
 """{file name: text}."""
 
 KIND = "programs"
-LARGEST = 8_000_000
+MAX_ENTRY_BYTES = 8_000_000
 """Bytes up to which an entry is kept: larger models are seldom started again and again."""
 
 PACKAGES = ("jinja2", "mpmath", "numpy", "sympy")
@@ -42,7 +42,7 @@ PARTS = {kind.__name__: kind for kind in (Column, ArrayElement, Loop, Pattern, P
 """What programs are made of, besides operations."""
 
 OPERATIONS = "operations"
-PLAIN = (float, int, type(None))
+JSON_TYPES = (float, int, type(None))
 """What stands for an operation without arguments as JSON can say it."""
 
 
@@ -70,7 +70,7 @@ def recall(model: Model, emission: str, key: str) -> Sources | None:
 def remember(key: str, sources: Sources) -> None:
     """Keep the sources of a model."""
     programs = sources.programs
-    keep(KIND, key, _plain((programs.programs, programs.phi_q, programs.mass, programs.omitted, sources.c)), LARGEST)
+    keep(KIND, key, _plain((programs.programs, programs.phi_q, programs.mass, programs.omitted, sources.c)), MAX_ENTRY_BYTES)
 
 
 def derived(programs: Programs, description: str, make: Callable[[], Files]) -> Files:
@@ -94,7 +94,7 @@ def derived_tangents(programs: Programs, kind: str, make: Callable[[], TangentPr
         if entry is not None:
             return TangentPrograms(kind, *_restored(entry))
         made = make()
-        keep(KIND, named, _plain((made.programs, made.patterns)), LARGEST)
+        keep(KIND, named, _plain((made.programs, made.patterns)), MAX_ENTRY_BYTES)
     return made
 
 
@@ -113,7 +113,7 @@ def shared(description: str, make: Callable[[], Files]) -> Files:
     files = kept(KIND, named)
     if files is None:
         files = make()
-        keep(KIND, named, files, LARGEST)
+        keep(KIND, named, files, MAX_ENTRY_BYTES)
     return files
 
 
@@ -132,7 +132,7 @@ def _plain(value: Any) -> Json:
 
 def _columns(ops: Sequence[Op]) -> Any:
     """Operations as JSON can say them: they are nearly all that programs have, and a column is read and written in a third of the time."""
-    leaves = [op.leaf if op.leaf.__class__ in PLAIN else _plain(op.leaf) for op in ops]
+    leaves = [op.leaf if op.leaf.__class__ in JSON_TYPES else _plain(op.leaf) for op in ops]
     return {OPERATIONS: [[op.code for op in ops], [op.args for op in ops], leaves]}
 
 

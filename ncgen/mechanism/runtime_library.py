@@ -15,10 +15,10 @@ from ncgen.emit.naming import prefix_of
 from ncgen.emit.runtime_files import (
     EXPLICIT_ONLY,
     HEADERS,
-    ORDINARY,
+    OMITTED_FOR_EXPLICIT,
+    OMITTED_FOR_RADAU,
     ORDINARY_TREE,
     RUNTIME_HEADERS,
-    STIFF,
     STIFF_TREE,
     adjoint_names,
     explicit_names,
@@ -44,8 +44,8 @@ Part: TypeAlias = Literal["ordinary", "stiff", "ordinary tree", "stiff tree", "e
 need; all explicit methods, all of it, or what goes back over a run."""
 
 PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
-    "ordinary": (ordinary_names, ORDINARY),
-    "stiff": (stiff_names, STIFF),
+    "ordinary": (ordinary_names, OMITTED_FOR_EXPLICIT),
+    "stiff": (stiff_names, OMITTED_FOR_RADAU),
     "ordinary tree": (partial(ordinary_names, ORDINARY_TREE), ORDINARY_TREE),
     "stiff tree": (partial(stiff_names, STIFF_TREE), STIFF_TREE),
     "explicit": (explicit_names, (EXPLICIT_ONLY,)),

@@ -16,7 +16,7 @@ from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load
 from ncgen.toolchain.once import once
 
-SMALL = 2.0**-332
+DUAL_STEP = 2.0**-332
 """What changes are multiplied by in dual numbers: what is of second order in it vanishes, and nothing of first order does."""
 
 IN_DUAL_NUMBERS = ("ncgen_adjoint.c", "ncgen_space.c", "ncgen_vectors.h")

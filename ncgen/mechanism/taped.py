@@ -20,12 +20,12 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import ANY_STEP
 from ncgen.mechanism.moving_breaks import Jump, Jumping
 from ncgen.mechanism.runtime import Outcome
-from ncgen.mechanism.sweep import SMALL, Numbers, Sizes, Sweep, dual_numbers
+from ncgen.mechanism.sweep import DUAL_STEP, Numbers, Sizes, Sweep, dual_numbers
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, Integrator, number_in_c
 from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi
 from ncgen.toolchain.once import once
 
-ROOMY = 4
+STEPS_PER_INTERVAL = 4
 """Steps with error control from one time of a grid to the next for which there is room at first."""
 
 SWEEP = ("ncgen_directions.h", "ncgen_directions.c", "ncgen_vectors.h")
@@ -45,7 +45,7 @@ class Driven:
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("t", "begun", "values")))
 
 
-LONGEST = 2**31
+MAX_TAPE_BYTES = 2**31
 """Bytes that the states of a tape may take."""
 
 SEGMENT = 2**28
@@ -88,11 +88,11 @@ class Taped:
         options |= {"formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1}
         options |= tolerances if tolerances else {"rtol": 0.0, "atol": 0.0, "max_step": ANY_STEP}
         ends = np.union1d(breaks, times if tolerances else ())
-        steps = (len(times) - 1) * (ROOMY if tolerances else 1) + breaks.size
+        steps = (len(times) - 1) * (STEPS_PER_INTERVAL if tolerances else 1) + breaks.size
         while True:
             self._take_room(method, steps)
             self.outcome: Outcome = dynamics.simulate(method, times, q, qd, p, tape=self._tape, breaks=ends, inputs=inputs, **options)
-            if self.outcome.status != "full" or 2 * self._states.nbytes > LONGEST:
+            if self.outcome.status != "full" or 2 * self._states.nbytes > MAX_TAPE_BYTES:
                 break
             steps *= 2
         self._times = self._times[: self._tape.steps + 1]
@@ -195,10 +195,10 @@ class Taped:
         numbers = self._kernels.remember("dual numbers", (), self._dual_numbers)
         sweeps = []
         for k in range(columns):
-            states = self._states[:used] + SMALL * 1j * taped[:used, k]
-            p = self._p + SMALL * 1j * np.concatenate([dp[:, k], taped[used:, k]])
+            states = self._states[:used] + DUAL_STEP * 1j * taped[:used, k]
+            p = self._p + DUAL_STEP * 1j * np.concatenate([dp[:, k], taped[used:, k]])
             shifts = dp[len(dp) - sizes.n_inputs :, k]
-            sweeps.append(Sweep(numbers, sizes, self._times, states, p, self.driven.values + SMALL * 1j * shifts))
+            sweeps.append(Sweep(numbers, sizes, self._times, states, p, self.driven.values + DUAL_STEP * 1j * shifts))
         return changes[:, :n], changes[:, n:], sweeps
 
     def _along(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray, taped: np.ndarray | None) -> np.ndarray:

@@ -24,11 +24,11 @@ ZERO = Pieces((0.0,), ((0.0, -1.0), (0.0, 1.0)))
 SWITCHING = frozenset({"sign", "abs", PIECES})
 """Codes of operations that change their formula."""
 
-BREAKING = frozenset({"div", PIECES, *FUNCTIONS})
+CODES_WITH_BREAKS = frozenset({"div", PIECES, *FUNCTIONS})
 """Codes of operations that a law with breaks has."""
 
 
-SLOW = frozenset({"sin", "cos", "exp", "sinh", "cosh", "sqrt", "log", "asin", "acos"})
+SMOOTH_FUNCTIONS = frozenset({"sin", "cos", "exp", "sinh", "cosh", "sqrt", "log", "asin", "acos"})
 """Functions that have no pulse and no step where their argument rises evenly."""
 
 HIGHEST_DEGREE = 8.0
@@ -82,7 +82,7 @@ def _laws(kernels: Kernels, changing: Collection[ArrayElement]) -> TimeLaws:
     graph, known, outputs = Graph(), {}, []
     sizes = {"t": 1, "p": len(kernels.p0), "q": kernels.n, "qd": kernels.n}
     for program in kernels.programs.programs.values():
-        if _reads(program, BREAKING, changing):
+        if _reads(program, CODES_WITH_BREAKS, changing):
             arrays = {name: [graph.load(name, k) for k in range(sizes.get(name, 0))] for name in program.inputs}
             outputs += inlined(graph, program, arrays)
     over_time: dict[int, int] = {}  # node -> the same among the laws' own
@@ -137,7 +137,7 @@ def _narrow_nodes(graph: Graph, roots: Iterable[int]) -> tuple[int, ...]:
 
 def is_slow(op: Op, below: Sequence[float]) -> bool:
     """True for a function that has no pulse and no step; below: the degrees in time of its arguments."""
-    return not op.args or (op.code in SLOW and below[0] <= 1.0)
+    return not op.args or (op.code in SMOOTH_FUNCTIONS and below[0] <= 1.0)
 
 
 def degrees_in_time(graph: Graph, nodes: Iterable[int]) -> dict[int, float]:

@@ -14,7 +14,7 @@ from functools import cache, cached_property
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeGuard
 
-from ncgen.errors import SHOWN, ModelError, one_of, shortened, shown, unknown_word
+from ncgen.errors import MAX_ECHO, ModelError, one_of, shortened, shown, unknown_word
 from ncgen.methods.explicit import EXPLICIT, Published
 
 if TYPE_CHECKING:
@@ -275,4 +275,4 @@ def _check_option(name: str, value: object, default: object) -> None:
 
 def _text(value: object) -> str:
     """What was given, a text without its quotation marks."""
-    return shortened(value, SHOWN) if isinstance(value, str) else shown(value)
+    return shortened(value, MAX_ECHO) if isinstance(value, str) else shown(value)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
-from ncgen.errors import SHOWN, ModelError, UnknownName, foreign, shortened, shown
+from ncgen.errors import MAX_ECHO, ModelError, UnknownName, foreign, shortened, shown
 from ncgen.model.actions import actions_of
 from ncgen.model.bodies import Body
 from ncgen.model.elements import AXES, Combination, Component, Constant, Element, Point, Relative, Spatial, Vector, as_combination
@@ -20,7 +20,7 @@ from ncgen.model.expressions import check_expression, is_symbolic, symbols_in
 from ncgen.model.kinks import without_kinks
 from ncgen.model.names import LAW, check_name, normal
 from ncgen.model.rows import Owner
-from ncgen.model.values import LARGEST, Expression, Parameter, Scalar, Value, as_sympy, as_value, evaluate, is_number
+from ncgen.model.values import MAX_NUMBER, Expression, Parameter, Scalar, Value, as_sympy, as_value, evaluate, is_number
 
 if TYPE_CHECKING:
     from ncgen.model.contents import Contents
@@ -31,7 +31,7 @@ R = TypeVar("R")
 Reader: TypeAlias = "Callable[[Contents, object, str], R]"
 """(model, what was given, where) -> what the builder takes."""
 
-UNSAID = ("position", "direction", "field")
+UNNAMED_ARGUMENTS = ("position", "direction", "field")
 """Arguments that go without saying in messages: their axes are named."""
 
 
@@ -53,7 +53,7 @@ def read(model: Contents, word: str, bound: inspect.BoundArguments) -> None:
         if reader is None or (given is None and kind != parameter.annotation):
             continue
         where = label if isinstance(label, str) and label else " ".join([word, "-".join(subject)]).strip()
-        what = where if key in UNSAID else f"{where}, {key}"
+        what = where if key in UNNAMED_ARGUMENTS else f"{where}, {key}"
         many = parameter.kind is parameter.VAR_POSITIONAL
         result = tuple(reader(model, each, what) for each in bound.arguments[key]) if many else reader(model, given, what)
         if "name" not in bound.arguments and isinstance(result, (Spatial, Relative, Component, Body)):
@@ -75,7 +75,7 @@ def own(model: Contents, thing: object, kind: type[E], where: str) -> E:
 
 
 def _unknown(what: str, name: str, where: str) -> UnknownName:
-    return UnknownName(f"{where}: there is no {what} {shortened(name, SHOWN)}; define it first", normal(name))
+    return UnknownName(f"{where}: there is no {what} {shortened(name, MAX_ECHO)}; define it first", normal(name))
 
 
 def own_direction(model: Contents, thing: object, where: str) -> Combination:
@@ -87,8 +87,8 @@ def own_direction(model: Contents, thing: object, where: str) -> Combination:
             raise ModelError(f"{where}: the weight {shown(weight)} of {element.name} is not a number; directions are combined with numbers")
     if not direction.is_direction:
         raise ModelError(f"{where}: {direction} is not a direction; give a vector or a difference of points")
-    if np.max(np.abs(direction.initial)) > LARGEST:
-        raise ModelError(f"{where}: {direction} is longer than {LARGEST:g}; the weights of its elements are too large")
+    if np.max(np.abs(direction.initial)) > MAX_NUMBER:
+        raise ModelError(f"{where}: {direction} is longer than {MAX_NUMBER:g}; the weights of its elements are too large")
     return direction
 
 
@@ -144,10 +144,10 @@ def expression(given: object, where: str) -> Scalar:
 
 
 def _curve(model: Contents, given: object, where: str) -> object:
-    found = model.curves.get(normal(given)) if isinstance(given, str) else given
-    if found is None or all(each is not found for each in model.curves.values()):
+    curve = model.curves.get(normal(given)) if isinstance(given, str) else given
+    if curve is None or all(each is not curve for each in model.curves.values()):
         raise ModelError(f"{where}: {shown(given)} is not a spline or a table of this model; make one with m.spline first")
-    return found
+    return curve
 
 
 def _law(model: Contents, given: object, where: str) -> Expression:
@@ -169,7 +169,7 @@ def coordinate(model: Contents, thing: object, where: str) -> Component | Relati
         if thing is None:
             raise _unknown("coordinate", name, where)
     if isinstance(thing, Spatial):
-        raise ModelError(f"{where}: {thing!r} has three coordinates; name one, such as {shortened(thing.name, SHOWN)}.x")
+        raise ModelError(f"{where}: {thing!r} has three coordinates; name one, such as {shortened(thing.name, MAX_ECHO)}.x")
     if not isinstance(thing, (Component, Relative)):
         raise ModelError(f"{where}: {shown(thing)} is not a coordinate; give an angle, a length, or one such as B.x")
     bearer = model.bearer(thing.name)

@@ -82,14 +82,16 @@ def joints_of(model: Contents) -> tuple[ModelJoint, ...]:
         if row.owner.kind == "joint":
             owned.setdefault(row.owner.bodies or (row.label,), []).append(row)
     pairs = [*_to_ground(model, owned), *_among_bodies(model, owned)]
-    said = {frozenset(b for b in fact.arguments.values() if isinstance(b, Body)): fact.word for fact in model.facts if fact.word in WORDS}
-    order = sorted(range(len(pairs)), key=lambda k: (len(pairs[k].screws), frozenset(pairs[k].bodies) not in said, k))
+    words_by_pair = {
+        frozenset(b for b in fact.arguments.values() if isinstance(b, Body)): fact.word for fact in model.facts if fact.word in WORDS
+    }
+    order = sorted(range(len(pairs)), key=lambda k: (len(pairs[k].screws), frozenset(pairs[k].bodies) not in words_by_pair, k))
     kept: list[int] = []
     for k in order:
         if pairs[k].rows or not _is_implied(pairs[k], [pairs[i] for i in kept]):
             kept.append(k)
     rest = [ModelJoint(kind=rows[0].owner.joint, bodies=rows[0].owner.bodies, constraints=tuple(rows)) for rows in owned.values()]
-    return (*(_joint(pairs[k], said.get(frozenset(pairs[k].bodies), "")) for k in sorted(kept)), *rest)
+    return (*(_joint(pairs[k], words_by_pair.get(frozenset(pairs[k].bodies), "")) for k in sorted(kept)), *rest)
 
 
 def _to_ground(model: Contents, owned: dict[tuple[str, ...], list[Row]]) -> Iterator[_Shared]:
@@ -132,13 +134,13 @@ def _is_implied(pair: _Shared, others: list[_Shared]) -> bool:
     return pair.bodies[1] in reached
 
 
-def _joint(pair: _Shared, said: str) -> ModelJoint:
+def _joint(pair: _Shared, word: str) -> ModelJoint:
     """said: what the model's user called it, or nothing"""
     body = pair.bodies[1]
     moves = sum(screw.point is None for screw in pair.screws)
     turns = len(pair.screws) - moves
-    if said:
-        kind = said
+    if word:
+        kind = word
     elif pair.rows:
         kind = pair.rows[-1].owner.joint
     elif moves and not own_directions(body, body.elements):  # a single point

@@ -138,15 +138,15 @@ class Contacts(Frictions):
         tip = Tip(body, point, radius, edge)
         surface = ContactSurface(on, at, normal, axis, 0.0 if around is None else around, inside, curve, start, on is self.ground)
         numbers = {c.name: c.initial for c in self.components} | {p.name: p.default for p in self.parameters.values()}
-        found = touching(tip, surface, numbers, where)
+        contact_pair = touching(tip, surface, numbers, where)
         if stiffness is not None:
             given = {"friction": friction, "restitution": restitution, "tangential": tangential}
-            self._comply(name, found.gap, stiffness, damping, exponent, given)
+            self._comply(name, contact_pair.gap, stiffness, damping, exponent, given)
             return self.events[name]
         if not (is_number(damping) and damping == 0.0 and exponent == 1.0):
             raise ModelError(f"{where}: damping and exponent belong to a compliant contact; give its stiffness, or leave them out")
-        self._rub(name, found, friction, tangential, law)
-        return self.event(name, found.gap, "falling", impact(restitution, order, rest))
+        self._rub(name, contact_pair, friction, tangential, law)
+        return self.event(name, contact_pair.gap, "falling", impact(restitution, order, rest))
 
     @fact
     def gap_contact(
@@ -219,7 +219,7 @@ class Contacts(Frictions):
             if its not in each.elements and not (each is self.ground and its.fixed):
                 raise ModelError(f"{where}: {its.name} is not a point of {each.name}; give one of its points")
 
-    def _rub(self, name: str, found: Touching, friction: Value, tangential: Value, law: str) -> None:
+    def _rub(self, name: str, contact_pair: Touching, friction: Value, tangential: Value, law: str) -> None:
         """Keep the friction of a rigid contact, unless it has none."""
         where = f"contact {name}"
         one_of(law, f"{where}: law", LAWS)
@@ -232,9 +232,9 @@ class Contacts(Frictions):
                 return
         if law == "poisson" and not (is_number(tangential) and tangential == 0.0):
             raise ModelError(f'{where}: tangential restitution goes with law="newton" only; leave one of the two out')
-        marks = ("slip",) if len(found.sliding) == 1 else ("slip1", "slip2")
+        marks = ("slip",) if len(contact_pair.sliding) == 1 else ("slip1", "slip2")
         slip = tuple(self.parameter(f"{name}.{mark}", 0.0).name for mark in marks)
-        self.contacts[name] = Contact(name, found.place, found.sliding, friction, tangential, law, slip)
+        self.contacts[name] = Contact(name, contact_pair.place, contact_pair.sliding, friction, tangential, law, slip)
 
     def _comply(self, name: str, gap: Scalar, stiffness: Value, damping: Value, exponent: Number, given: dict[str, Value]) -> None:
         """A compliant contact: a force while it touches, with a break of the step where it does and where it no longer does."""

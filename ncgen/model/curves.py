@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 MOST_KNOTS = 10_000
 
-SAME = 1e-12
+PERIOD_TOLERANCE = 1e-12
 """How far the ends of what repeats itself may be apart, of the largest value."""
 
 
@@ -126,7 +126,7 @@ def _checked(what: str, knots: Numbers, values: Numbers, least: int, periodic: b
             raise ModelError(f"{what}: the knot {b:.12g} follows {a:.12g}; give knots that increase")
     if not periodic:
         return x, y
-    if abs(y[-1] - y[0]) > SAME * max(map(abs, y)):
+    if abs(y[-1] - y[0]) > PERIOD_TOLERANCE * max(map(abs, y)):
         raise ModelError(f"{what}: it begins with {y[0]:.12g} and ends with {y[-1]:.12g}; what repeats itself ends as it begins")
     return x, (*y[:-1], y[0])
 

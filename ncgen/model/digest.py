@@ -20,7 +20,7 @@ from ncgen.model.model import Model
 OF_EVENTS = ("events", "frictions", "contacts", "ratchets", "locks", "beginnings")
 """What a model holds of what happens on the way of its motions."""
 
-BESIDE = (
+NOT_IN_EQUATIONS = (
     *OF_EVENTS, "facts", "callbacks", "conditions", "drawing", "left_out", "assembled", "closing", "starts", "frames",
     "simulation_options", "_related", "_is_recording", "_box",
 )  # fmt: skip
@@ -30,7 +30,7 @@ what is done with it. All else counts."""
 
 def digest(model: Model) -> str | None:
     """The digest of a model, 64 hexadecimal digits; None if it holds something that has no name and no value."""
-    return _digest({key: value for key, value in vars(model).items() if key not in BESIDE})
+    return _digest({key: value for key, value in vars(model).items() if key not in NOT_IN_EQUATIONS})
 
 
 def digest_of_events(model: Model) -> str | None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import sympy
     from typing_extensions import TypeIs
 
-DEEPEST = 50
+MAX_DEPTH = 50
 """Levels of functions and operations within each other; sympy follows them by recursion."""
 
 MOST_DIGITS = 1023
@@ -56,8 +56,8 @@ def check_expression(expression: object, what: str) -> sympy.Expr:
             stack.extend((argument, False) for argument in node.args)
             continue
         depth[node] = 1 + max((depth[a] for a in node.args), default=0)
-        if depth[node] > DEEPEST:
-            raise ModelError(f"{what}: an expression of more than {DEEPEST} levels; write it with fewer parentheses, or in parts")
+        if depth[node] > MAX_DEPTH:
+            raise ModelError(f"{what}: an expression of more than {MAX_DEPTH} levels; write it with fewer parentheses, or in parts")
         if node.is_Mul and len(node.args) > MOST_FACTORS:
             raise ModelError(f"{what}: a product of {len(node.args)} factors; {MOST_FACTORS} are allowed")
         if isinstance(node, sympy.Expr) and node.is_number and all(a in values for a in node.args):

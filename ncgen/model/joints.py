@@ -27,7 +27,7 @@ from ncgen.model.values import Scalar, Value, Values, as_sympy, is_number
 if TYPE_CHECKING:
     import sympy
 
-FLAT = 1e-6
+MIN_TILT = 1e-6
 """A disc whose axle is nearer than this (sine of the angle) to the normal of the plane lies flat."""
 
 
@@ -112,7 +112,9 @@ class Joints(Structure):
         others = (
             [*segments, *map(as_combination, b.vectors)] if b is not self.ground else [as_combination(Constant.of("x", (1.0, 0.0, 0.0)))]
         )
-        if inclined := [other for other in others if np.linalg.norm(other.initial[:2]) > FLAT * max(1.0, np.linalg.norm(other.initial))]:
+        if inclined := [
+            other for other in others if np.linalg.norm(other.initial[:2]) > MIN_TILT * max(1.0, np.linalg.norm(other.initial))
+        ]:
             cosine, sine = _turned(along, inclined[0])
             now = _turned(along, inclined[0], at_start=True)
             turning, start_value = (sine, now[1]) if abs(self._number(now[1], "")) <= abs(self._number(now[0], "")) else (cosine, now[0])
@@ -309,7 +311,7 @@ class Joints(Structure):
         self._require(Bound(f"{where}: the radius is", radius, ">", "m", "give a positive one"))
         if abs(axle.initial @ across.initial) > 1e-9:
             raise ModelError(f"{where}: {across.name} must be perpendicular to the axle {axle.name}")
-        if np.linalg.norm(np.cross(np.asarray(normal), axle.initial)) < FLAT:
+        if np.linalg.norm(np.cross(np.asarray(normal), axle.initial)) < MIN_TILT:
             raise ModelError(
                 f"{where}: the disc lies flat, its axle {axle.name} is along the normal; a rim has no lowest point then, tilt it"
             )

@@ -20,7 +20,7 @@ from ncgen.model.values import Scalar, as_number_if_constant, is_number, total
 Scalars: TypeAlias = "Sequence[Scalar] | np.ndarray"
 """A vector of values."""
 
-NEAR = 1e-3
+MIN_RELATIVE_LENGTH = 1e-3
 """A segment shorter than this, over the model's extent, is no length to measure with: ends may coincide but for rounding."""
 
 
@@ -39,7 +39,7 @@ def length(direction: Combination) -> Scalar:
 def natural_length(segment: Combination, extent: float) -> float:
     """A length to divide by what happens along a segment (m): its own, or where it is short or 0 that of the whole model."""
     own = arithmetic.norm(segment.initial)
-    return own if own > NEAR * extent else extent or 1.0
+    return own if own > MIN_RELATIVE_LENGTH * extent else extent or 1.0
 
 
 def cosine(a: Combination, b: Combination) -> Scalar:

@@ -23,13 +23,13 @@ from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, 
 from ncgen.model.rows import Owner, Row
 from ncgen.model.values import Parameter, Scalar, as_number_if_constant, mentioned, vanishes
 
-WELL = 0.2
+PREFERRED_SINE = 0.2
 """A direction at least this far (sine of the angle) from the plane or line of the base is taken in the order given."""
 
-BARELY = 1e-3
-"""One nearer than WELL is taken only if nothing better comes; one nearer than this counts as dependent."""
+MIN_SINE = 1e-3
+"""One nearer than PREFERRED_SINE is taken only if nothing better comes; one nearer than this counts as dependent."""
 
-SAME = 1e-10
+WEIGHT_ROUNDING = 1e-10
 """Weights below this are rounding of the user's numbers."""
 
 ROUNDING = 1e-9
@@ -95,8 +95,8 @@ def include(
         _start(frame, elements)
     waiting = [e for e in elements if e is not frame.origin]
     made: list[Row] = []
-    for nearest in (measures.NEAR * extent, ROUNDING * extent):
-        for least in (WELL, BARELY):
+    for nearest in (measures.MIN_RELATIVE_LENGTH * extent, ROUNDING * extent):
+        for least in (PREFERRED_SINE, MIN_SINE):
             for element in list(waiting):
                 direction = _direction(frame, element)
                 if len(frame.matrix().T) == 3 or not _shows_direction(direction, nearest):
@@ -106,7 +106,7 @@ def include(
                     frame.directions.append(direction)
                     waiting.remove(element)
     frame.close_points += [
-        e for e in waiting if isinstance(e, Point) and not _shows_direction(_direction(frame, e), measures.NEAR * extent)
+        e for e in waiting if isinstance(e, Point) and not _shows_direction(_direction(frame, e), measures.MIN_RELATIVE_LENGTH * extent)
     ]
     for element in waiting:
         if len(frame.directions) == frame.planar and not arithmetic.norm(_direction(frame, element).initial) > 0:
@@ -222,7 +222,7 @@ def _weights(frame: Frame, direction: Combination, size: float) -> list[float]:
     if len(base) == 2:
         base = np.vstack([base, np.cross(*base)])
     weights = arithmetic.weights(base, direction.initial)
-    return [0.0 if abs(w) * arithmetic.norm(d) < SAME * size else w for w, d in zip(weights, base, strict=True)]
+    return [0.0 if abs(w) * arithmetic.norm(d) < WEIGHT_ROUNDING * size else w for w, d in zip(weights, base, strict=True)]
 
 
 def _parametric_weights(
@@ -232,11 +232,11 @@ def _parametric_weights(
     base = frame.given
     weights = measures.weights(base, direction.given)
     weights = [
-        0.0 if vanishes(w, parameters, float(SAME * size / np.linalg.norm(d))) else w
+        0.0 if vanishes(w, parameters, float(WEIGHT_ROUNDING * size / np.linalg.norm(d))) else w
         for w, d in zip(weights, frame.matrix().T, strict=True)
     ]
     rest = [x - measures.dot(weights, [d[k] for d in base]) for k, x in enumerate(direction.given)]
-    if len(base) < 3 and not all(vanishes(as_number_if_constant(x), parameters, BARELY * size) for x in rest):
+    if len(base) < 3 and not all(vanishes(as_number_if_constant(x), parameters, MIN_SINE * size) for x in rest):
         names = mentioned([*direction.given, *(x for d in base for x in d)], parameters)
         raise ModelError(
             f"{frame.owner}: {element!r} lies on the line or in the plane of the body's other elements only at the default of {names}; "

@@ -23,7 +23,7 @@ QUARTER = 3e-10
 """rad; an angle nearer to quarters of a turn is one, written with ten digits (1.570796327). Axes that are parallel but for the last digits
 of a file would be bound by rows that contradict each other by as much."""
 
-FLAT = 1e-6
+PLANE_TOLERANCE = 1e-6
 """How far, over its size, a corner of a polygon may be from its plane."""
 
 
@@ -83,11 +83,11 @@ def normal_of(corners: np.ndarray, where: str) -> np.ndarray:
     around = np.roll(corners, -1, axis=0)
     area = np.cross(corners - corners[0], around - corners[0]).sum(axis=0)
     size = float(np.ptp(corners, axis=0).max())
-    if not norm(area) > FLAT * size**2:
+    if not norm(area) > PLANE_TOLERANCE * size**2:
         raise ModelError(f"{where}: the corners enclose no area; give them in the order in which they stand around it")
     normal = unit(area)
     off = max(abs(dot(corner - corners[0], normal)) for corner in corners)
-    if off > FLAT * size:
+    if off > PLANE_TOLERANCE * size:
         raise ModelError(f"{where}: a corner is {off:.3g} m off the plane of the others; a polygon is flat")
     return normal
 

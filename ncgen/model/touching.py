@@ -164,11 +164,11 @@ def _tangents(normal: Three, surface: ContactSurface, initial: dict[str, float])
         return [axis, normal.cross(axis)]
     first = arithmetic.unit([float(as_sympy(x).subs({s: initial[s.name] for s in x.free_symbols})) for x in normal])
     one = arithmetic.across(first)
-    start, found = _vector(first), []
+    start, tangents = _vector(first), []
     for each in (one, np.cross(first, one)):
         tangent = _vector([0.0 if abs(x) < ROUNDING else float(x) for x in each])
-        found.append(tangent - (normal + start) * normal.dot(tangent) / (1 + normal.dot(start)) if normal.free_symbols else tangent)
-    return found
+        tangents.append(tangent - (normal + start) * normal.dot(tangent) / (1 + normal.dot(start)) if normal.free_symbols else tangent)
+    return tangents
 
 
 def _position(point: Point) -> Three:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import sympy
     from typing_extensions import TypeIs
 
-LARGEST = 1e100
+MAX_NUMBER = 1e100
 """The largest number that can be given: products of three are still doubles. A length, mass or stiffness beyond it is a slip."""
 
 Number: TypeAlias = "float | np.integer | np.floating | Fraction"
@@ -164,7 +164,7 @@ def as_value(value: object, what: str) -> float | Parameter | sympy.Expr:
     """Check one number as the user wrote it; `what` names it in the message.
 
     Returns a float, a `Parameter` or a sympy expression. Raises ModelError for NaN, infinity, numbers
-    beyond `LARGEST`, and things that are no numbers.
+    beyond `MAX_NUMBER`, and things that are no numbers.
     """
     if isinstance(value, Parameter):
         return value
@@ -180,8 +180,8 @@ def as_value(value: object, what: str) -> float | Parameter | sympy.Expr:
         raise ModelError(f"{what}: {shown(value)} is not a finite number; correct it") from None
     if not math.isfinite(number):
         raise ModelError(f"{what}: {number} is not a finite number; correct it")
-    if abs(number) > LARGEST:
-        raise ModelError(f"{what}: {number:g} is too large; the largest number is {LARGEST:g}, check the unit")
+    if abs(number) > MAX_NUMBER:
+        raise ModelError(f"{what}: {number:g} is too large; the largest number is {MAX_NUMBER:g}, check the unit")
     return number
 
 
@@ -219,7 +219,7 @@ def evaluate(value: Value, parameters: dict[str, Parameter], what: str) -> float
     return result
 
 
-NEARBY = (0.0847, -0.0613, 0.0391, -0.0957, 0.0719)
+PARAMETER_CHANGES = (0.0847, -0.0613, 0.0391, -0.0957, 0.0719)
 """By how much parameters are changed to see whether something holds for all of them: of their size, or of 1 where they are zero."""
 
 
@@ -227,7 +227,10 @@ def nearby(parameters: dict[str, Parameter]) -> list[dict[str, Parameter]]:
     """Two other sets of parameters: what holds for them and for the defaults is taken to hold always."""
     return [
         {
-            name: replace(parameter, default=parameter.default + sign * NEARBY[k % len(NEARBY)] * (abs(parameter.default) or 1.0))
+            name: replace(
+                parameter,
+                default=parameter.default + sign * PARAMETER_CHANGES[k % len(PARAMETER_CHANGES)] * (abs(parameter.default) or 1.0),
+            )
             for k, (name, parameter) in enumerate(parameters.items())
         }
         for sign in (1.0, -1.0)

@@ -65,7 +65,7 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     programs = {name: program for name, (program, _) in built.items() if program is not None}
     pattern = built["phi_q"].matrix
     if "phi_q" in programs:
-        length = sum(programs[name].length for name in ALWAYS)
+        length = sum(programs[name].length for name in CONSTRAINT_KERNELS)
         if length <= MOST_FUSED:
             programs["constraints"] = _constraints(programs, pattern, equations)
         else:
@@ -74,7 +74,7 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     return Programs(equations, programs, pattern, built["mass"].matrix, emission, tuple(omitted))
 
 
-ALWAYS = ("phi", "phi_q", "gamma")
+CONSTRAINT_KERNELS = ("phi", "phi_q", "gamma")
 """Kernels that are made for every mechanism that has rows; "constraints" is all of them at once."""
 
 MOST_FUSED = 4000
@@ -85,7 +85,7 @@ def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Term
     """Φ, the values of Φ_q, and γ, one after the other."""
     rows = range(pattern.shape[0])
     of_values = tuple(r for r in rows for _ in range(pattern.indptr[r], pattern.indptr[r + 1]))
-    parts = [FusedPart(programs[name], of_values if name == "phi_q" else tuple(rows)) for name in ALWAYS]
+    parts = [FusedPart(programs[name], of_values if name == "phi_q" else tuple(rows)) for name in CONSTRAINT_KERNELS]
     program = fuse("constraints", VELOCITY, parts)
     verify(program, input_lengths(equations))
     return program
@@ -117,7 +117,7 @@ def programs_of(kernels: Iterable[Kernel], equations: Terms, least: float) -> di
         index: dict[tuple[int, ...], int] = {**pattern.positions()} if pattern else {place: place[0] for place in places}
         size = pattern.nonzeros if pattern else shape[0]
         program = None
-        if size and (places or kernel.name in ALWAYS):
+        if size and (places or kernel.name in CONSTRAINT_KERNELS):
             program = _program(kernel, groups, index, size, equations, derived, least)
             verify(program, input_lengths(equations))
         built[kernel.name] = Built(program, pattern)

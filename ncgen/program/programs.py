@@ -18,7 +18,7 @@ EMISSIONS = {"unrolled": math.inf, "tabled": 2, "auto": 16}
 ENERGIES = ("kinetic", "potential", "power")
 """The numbers of the kernel "energy", in their order: J, J, and W of forces without a potential."""
 
-LARGEST = 24
+MAX_ELIMINATED_DOF = 24
 """Degrees of freedom up to which a mechanism without a tree of bodies has its mass matrix eliminated in straight-line code."""
 
 

@@ -30,10 +30,10 @@ NAMES = {"coordinates": "n", "parameters": "p", "rows": "m", "independent": "z"}
 TEXTS = {"about": "", "model": ""}
 """Single texts that it may have."""
 
-MORE = {"qdd": "Kn", "lam": "Km", "inputs": "Ki"}
+OPTIONAL_ARRAYS = {"qdd": "Kn", "lam": "Km", "inputs": "Ki"}
 """Numbers that it may have."""
 
-ABOUT: dict[str, type | tuple[type, ...]] = {
+ENTRY_TYPES: dict[str, type | tuple[type, ...]] = {
     "formalism": str, "integrator": str, "engine": str, "number": str, "stopped": bool, "made_with": str, "chosen": list, "options": dict,
     "statistics": dict,
 }  # fmt: skip
@@ -41,7 +41,7 @@ ABOUT: dict[str, type | tuple[type, ...]] = {
 
 UNKNOWN = Statistics(0, 0, 0, 0, 0, 0.0)
 
-BEFORE: dict[str, Any] = {
+FORMER_ENTRIES: dict[str, Any] = {
     "formalism": "lagrange", "integrator": "unknown", "engine": "unknown", "number": "double", "stopped": False, "made_with": "",
     "chosen": [], "options": {}, "statistics": asdict(UNKNOWN),
 }  # fmt: skip
@@ -65,7 +65,7 @@ class Recorded:
     def read(cls, path: Path) -> Recorded:
         """From a file written by `Trajectory.to_npz`. Raises NcgenError for a file of another kind, and for one that is broken."""
         try:
-            contents = arrays(path, (*ARRAYS, *NAMES, *MORE, *TEXTS))
+            contents = arrays(path, (*ARRAYS, *NAMES, *OPTIONAL_ARRAYS, *TEXTS))
         except OSError as error:
             raise NcgenError(
                 f"{path}: it cannot be read: {error.strerror or error}; give a trajectory.npz that `ncgen run` has written"
@@ -75,7 +75,7 @@ class Recorded:
         if missing := [name for name in (*ARRAYS, *NAMES) if name not in contents]:
             raise _no_trajectory(path, f"it has no {missing[0]}")
         _check_sizes(path, contents)
-        numbers = {name: contents[name].astype(float) for name in (*ARRAYS, *MORE) if name in contents}
+        numbers = {name: contents[name].astype(float) for name in (*ARRAYS, *OPTIONAL_ARRAYS) if name in contents}
         names = {name: tuple(map(str, contents[name])) for name in NAMES}
         return cls(path, numbers, names, _about(path, str(contents.get("about", ""))), str(contents.get("model", "")))
 
@@ -83,7 +83,7 @@ class Recorded:
         """The motion as it was when it was written; of files of before, which do not say how it was made, its numbers. Raises NcgenError
         where it is one of another model."""
         self._check_model(kernels)
-        a, about = self.arrays, self.about or BEFORE
+        a, about = self.arrays, self.about or FORMER_ENTRIES
         moved = kernels.driven_by(self._drive(kernels))
         try:
             partitions = None
@@ -91,7 +91,7 @@ class Recorded:
                 partitions = choose_partitions(moved, a["q"][-1], a["t"][-1], a["p"], self.names["independent"])
             counts = {name: type(getattr(UNKNOWN, name))(value) for name, value in about["statistics"].items() if hasattr(UNKNOWN, name)}
             statistics = replace(UNKNOWN, **counts)
-            made = {name: about[name] for name in ABOUT if name not in ("statistics", "chosen")}
+            made = {name: about[name] for name in ENTRY_TYPES if name not in ("statistics", "chosen")}
             chosen = tuple(map(str, about["chosen"]))
             made["impulses"] = tuple(Impulse(float(t), str(driver), float(size)) for t, driver, size in about.get("impulses", ()))
             made |= {"events": tuple(map(Happening.of, about.get("events", ()))), "changed": bool(about.get("changed", False))}
@@ -126,15 +126,15 @@ class Recorded:
 def _check_sizes(path: Path, arrays_of_file: dict[str, np.ndarray]) -> None:
     """Refuse arrays whose axes contradict each other, and NaN."""
     sizes: dict[str, int] = {}
-    for name, axes in (ARRAYS | NAMES | MORE | TEXTS).items():
+    for name, axes in (ARRAYS | NAMES | OPTIONAL_ARRAYS | TEXTS).items():
         if name not in arrays_of_file:
             continue
         array = arrays_of_file[name]
         if array.ndim != len(axes) or any(sizes.setdefault(axis, size) != size for axis, size in zip(axes, array.shape, strict=True)):
             raise _no_trajectory(path, f"{name} has shape {array.shape}, which does not fit the others")
-        if array.dtype.kind not in ("biuf" if name in ARRAYS | MORE else "U"):
+        if array.dtype.kind not in ("biuf" if name in ARRAYS | OPTIONAL_ARRAYS else "U"):
             raise _no_trajectory(path, f"{name} is made of {array.dtype}")
-        if name in ARRAYS | MORE and not np.all(np.isfinite(array)):
+        if name in ARRAYS | OPTIONAL_ARRAYS and not np.all(np.isfinite(array)):
             raise _no_trajectory(path, f"{name} has a number that is not finite")
     if not sizes["K"]:
         raise _no_trajectory(path, "it has no instant")
@@ -148,7 +148,7 @@ def _about(path: Path, text: str) -> dict[str, Any]:
         about = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise _no_trajectory(path, "what it says of how it was made is no JSON") from error
-    if not isinstance(about, dict) or any(not isinstance(about.get(key), kind) for key, kind in ABOUT.items()):
+    if not isinstance(about, dict) or any(not isinstance(about.get(key), kind) for key, kind in ENTRY_TYPES.items()):
         raise _no_trajectory(path, "what it says of how it was made is not what this ncgen knows")
     return about
 

@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 
-OFTEN = 0.1
+REFRESH_SECONDS = 0.1
 """Seconds between two pictures of a bar in a notebook."""
 
 
@@ -67,7 +67,7 @@ def _in_notebook(display: Callable[..., Any], what: str, total: float | None) ->
     def advance(done: float, left: str) -> None:
         nonlocal last
         now = time.perf_counter()
-        if now - last >= OFTEN:
+        if now - last >= REFRESH_SECONDS:
             last = now
             handle.update({"text/html": _html(what, done, total, left or _clock(now - begun))}, raw=True)
 

@@ -31,16 +31,16 @@ from ncgen.view.svg import SvgDrawing
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
 
-QUICK = 40
+MAX_UNCOMPILED_ROWS = 40
 """Rows up to which freedoms are found for a model's card where the model was not compiled before: it takes a second at most."""
 
 LISTED = 100
 """Rows of a table."""
 
-LONGEST = 80
+MAX_CELL_CHARACTERS = 80
 """Characters of a cell."""
 
-INSTANTS = 200
+MAX_TIMES = 200
 """Of a motion, that a card looks at."""
 
 LINES = 6
@@ -116,9 +116,9 @@ def of_kernels(kernels: Kernels) -> str:
 def of_trajectory(run: Trajectory) -> str:
     """Where a motion ended, how well it was kept, and its curves."""
     card = Card(run.name, "trajectory")
-    thinned = run.thinned(INSTANTS) if len(run.t) else run
+    thinned = run.thinned(MAX_TIMES) if len(run.t) else run
     card.add("time", lambda: [_time(run)])
-    card.add("energy error", lambda: [f"energy error {run.energy_drift if len(run.t) <= 10 * INSTANTS else thinned.energy_drift:.1e}"])
+    card.add("energy error", lambda: [f"energy error {run.energy_drift if len(run.t) <= 10 * MAX_TIMES else thinned.energy_drift:.1e}"])
     card.add("constraint error", lambda: [f"constraint error {thinned.violation().max():.1e}"])
     card.add("end", lambda: [_end(run)])
     card.add("drawing", lambda: [Picture(f"t = {run.t[-1]:.4g} s", sketch(scene_of(thinned), -1))])
@@ -136,7 +136,7 @@ def _free(model: Model) -> int:
 def _freedoms_of_model(model: Model) -> list[str]:
     """Degrees of freedom where they are known or quickly found, else how many there are at least."""
     sources = None
-    if len(model.rows) <= QUICK:
+    if len(model.rows) <= MAX_UNCOMPILED_ROWS:
         sources = sources_of(model, "auto", Timings())
     elif key := recall.key(model, "auto"):
         sources = recall.recall(model, "auto", key)
@@ -208,4 +208,4 @@ def _end(run: Trajectory) -> CardTable:
 
 
 def _cells(texts: Iterable[object]) -> tuple[str, ...]:
-    return tuple(shortened(str(text), LONGEST) for text in texts)
+    return tuple(shortened(str(text), MAX_CELL_CHARACTERS) for text in texts)

@@ -14,7 +14,7 @@ Run = Callable[[int], None]
 
 Name = TypeVar("Name", bound=Hashable)
 
-SHORTEST = 1e-3
+MIN_SAMPLE_SECONDS = 1e-3
 """Seconds that one sample should last at least: far above the clock's resolution, and above the tens of microseconds that a
 processor may take to change its own clock where wide vectors begin."""
 
@@ -65,6 +65,6 @@ def _enough(run: Run) -> int:
     """How many calls fill a sample; the first call only warms up."""
     run(1)
     times = 1
-    while (seconds := elapsed(run, times)) < SHORTEST:
-        times = max(2 * times, int(times * SHORTEST / max(seconds, 1e-9)))
+    while (seconds := elapsed(run, times)) < MIN_SAMPLE_SECONDS:
+        times = max(2 * times, int(times * MIN_SAMPLE_SECONDS / max(seconds, 1e-9)))
     return times

@@ -15,10 +15,10 @@ from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.positions.rank import freedom
 from ncgen.solver.runs.simulation_options import simulation_of
 
-SHOWN = 6
+MAX_LISTED = 6
 """Numbers that are told in one line, and problems."""
 
-ALIKE = 1e-9
+END_TOLERANCE = 1e-9
 """Relative difference up to which two ends are the same: less than a run promises."""
 
 
@@ -51,8 +51,8 @@ def check_and_run(path: Path, progress: Callable[[float], None] | None = None) -
 def summary_of(now: Round, before: Round | None) -> list[str]:
     """A round in a few lines; before: the last one that ran, if any."""
     if not now.record:
-        more = len(now.problems) - SHOWN
-        return [*now.problems[:SHOWN], *([f"and {more} more; `ncgen check` lists all"] if more > 0 else [])]
+        more = len(now.problems) - MAX_LISTED
+        return [*now.problems[:MAX_LISTED], *([f"and {more} more; `ncgen check` lists all"] if more > 0 else [])]
     record, ends = now.record, _ends(now.record)
     counts = [counted(record["dof"], "degree of freedom"), counted(record["rows"], "row"), f"{record['redundant']} redundant"]
     lines = [
@@ -71,7 +71,11 @@ def differences(before: dict, now: dict) -> list[str]:
     olds, news = (_counts(record) | {"seconds": record["time"]} | _ends(record) for record in (before, now))
     names = [("name", before["name"], now["name"])] if before["name"] != now["name"] else []
     pairs = [(name, olds.get(name), news.get(name)) for name in dict.fromkeys([*olds, *news])]
-    unlike = [(name, a, b) for name, a, b in pairs if a is None or b is None or not math.isclose(a, b, rel_tol=ALIKE, abs_tol=ALIKE)]
+    unlike = [
+        (name, a, b)
+        for name, a, b in pairs
+        if a is None or b is None or not math.isclose(a, b, rel_tol=END_TOLERANCE, abs_tol=END_TOLERANCE)
+    ]
     return [f"{name} {_written(old)} → {_written(new)}" for name, old, new in [*names, *unlike]]
 
 
@@ -90,5 +94,5 @@ def _ends(record: dict) -> dict[str, float]:
 
 def _some(texts: list[str]) -> str:
     """The first texts in one line, and how many more there are."""
-    more = len(texts) - SHOWN
-    return ", ".join(texts[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+    more = len(texts) - MAX_LISTED
+    return ", ".join(texts[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")

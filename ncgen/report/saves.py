@@ -12,10 +12,10 @@ from pathlib import Path
 
 from ncgen.files import opened
 
-EVERY = 0.2
+POLL_SECONDS = 0.2
 """Seconds between two looks."""
 
-GONE = 5
+MAX_MISSED_POLLS = 5
 """Looks in a row without a file before it counts as gone: editors that put another file in its place are quicker."""
 
 
@@ -29,11 +29,11 @@ def saves(path: Path, wait: Callable[[float], object] = time.sleep) -> Iterator[
         now = digest(path)
         alike = alike + 1 if now == before else 1
         before = now
-        if now != reported and alike >= (2 if now else GONE):
+        if now != reported and alike >= (2 if now else MAX_MISSED_POLLS):
             reported = now
             yield bool(now)
         else:
-            wait(EVERY)
+            wait(POLL_SECONDS)
 
 
 def digest(path: Path) -> bytes:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 POSITION, VELOCITY = ("q", "t", "p"), ("q", "qd", "t", "p")
 
-WATCHED = {
+CHECKED_KERNELS = {
     "phi": ("phi", POSITION),
     "phi_q": ("phi_q", POSITION),
     "jacobian": ("phi_q", POSITION),
@@ -56,16 +56,16 @@ DERIVED = {
 }
 """Words for what a kernel makes of a term; of the others it is the term itself."""
 
-INSTANT = ("phi", "phi_q", "nu", "mass", "gamma", "force", "energy")
+KERNELS_IN_ORDER = ("phi", "phi_q", "nu", "mass", "gamma", "force", "energy")
 """The kernels of an instant, those first that the others follow."""
 
-SHARES = (0.0, 1.0, 0.5, 0.25, 2.0, 4.0)
+STEP_FRACTIONS = (0.0, 1.0, 0.5, 0.25, 2.0, 4.0)
 """Where a step that failed is looked at, as shares of how far it was tried."""
 
-NEAR = 1e-9
+TIME_FRACTION = 1e-9
 """And at this share of the time: a run that comes nearer and nearer to where a term ends is stuck a few roundings before."""
 
-NAMED = 3
+MAX_NAMED_NUMBERS = 3
 """How many numbers a sentence gives of where it happened."""
 
 REMEDY = "correct the expression, or start and move where it is defined"
@@ -106,7 +106,7 @@ def _method(name: str, kernel: str, arguments: tuple[str, ...]) -> Callable[...,
     return checked
 
 
-for _name, _of in WATCHED.items():
+for _name, _of in CHECKED_KERNELS.items():
     setattr(FiniteKernels, _name, _method(_name, *_of))
 
 
@@ -117,8 +117,8 @@ def watched(kernels: Kernels) -> Kernels:
 
 def check_instant(kernels: Kernels, q: np.ndarray, qd: np.ndarray | None = None, t: float = 0.0, p: np.ndarray | None = None) -> None:
     """Raise DomainError with the owner of the first term that is not a number at an instant; without q̇ of positions alone."""
-    for kernel in INSTANT:
-        if WATCHED[kernel][1] is VELOCITY and qd is None:
+    for kernel in KERNELS_IN_ORDER:
+        if CHECKED_KERNELS[kernel][1] is VELOCITY and qd is None:
             continue
         if not is_finite(kernels.values(kernel, t, q, qd, p)):  # plain numbers: a sparse matrix takes longer to make than to check
             raise refusal(kernels, kernel, q=q, qd=qd, t=t, p=p)
@@ -127,7 +127,7 @@ def check_instant(kernels: Kernels, q: np.ndarray, qd: np.ndarray | None = None,
 def on_the_way(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float, tried: float, p: np.ndarray | None = None) -> DomainError | None:
     """Why a run that came to a state and tried to go on to another time cannot, if a term is not a number there."""
     try:
-        ahead = [share * (tried - t) for share in SHARES] + [NEAR * max(abs(t), abs(tried - t))]
+        ahead = [share * (tried - t) for share in STEP_FRACTIONS] + [TIME_FRACTION * max(abs(t), abs(tried - t))]
         for h in ahead:  # in time alone: where a rate has become infinite, it leads nowhere
             check_instant(kernels, q, qd, t + h, p)
         qdd = _accelerations(kernels, q, qd, t, p)
@@ -170,8 +170,8 @@ def refusal(
 
 def _first(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
     """The kernel where it begins: a derivative is NaN where the term itself is."""
-    for name in INSTANT:
-        arguments = [given[x] for x in WATCHED[name][1]]
+    for name in KERNELS_IN_ORDER:
+        arguments = [given[x] for x in CHECKED_KERNELS[name][1]]
         if name == kernel or not is_finite(getattr(kernels, name)(*arguments)):
             return name
     return kernel
@@ -247,4 +247,4 @@ def _where(kernels: Kernels, term: Term, given: dict[str, Any]) -> str:
     values = [f"{name} = {given['q'][kernels.index[name]]:.6g}" for name in used if name in kernels.index]
     named = {s.name for v in term.data for s in ([v.symbol] if isinstance(v, Symbolic) else getattr(v, "free_symbols", ()))}
     values += [f"{name} = {value:.6g}" for name, value in zip(kernels.parameters, given["p"], strict=True) if name in named]
-    return f" ({', '.join(values)})" if 0 < len(values) <= NAMED else ""
+    return f" ({', '.join(values)})" if 0 < len(values) <= MAX_NAMED_NUMBERS else ""

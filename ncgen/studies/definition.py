@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.errors import SHOWN, ModelError, counted, shortened
+from ncgen.errors import MAX_ECHO, ModelError, counted, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.model import Model
@@ -27,13 +27,13 @@ from ncgen.solver.trajectories.output_values import uses_accelerations
 from ncgen.studies.design import Design, Varied, argument_of, started
 from ncgen.studies.kept import Kept, kept
 
-WHOLE = 101
+DEFAULT_TIMES = 101
 """Instants of a run whose extremes or energy are looked at, unless `points` says something else."""
 
 NO_GRADIENT = ("stop", "inputs")
 """Arguments of `simulate` beside which no gradients are kept."""
 
-NEAR = 1e-9
+TIME_TOLERANCE = 1e-9
 """Share of a run within which two instants are one."""
 
 
@@ -52,7 +52,7 @@ class Study:
     steps: int | None = None
 
     def __repr__(self) -> str:
-        return f"<Study {self.model.name}: {counted(self.size, 'variant')}, {shortened(', '.join(k.word for k in self.kept), SHOWN)}>"
+        return f"<Study {self.model.name}: {counted(self.size, 'variant')}, {shortened(', '.join(k.word for k in self.kept), MAX_ECHO)}>"
 
     @classmethod
     def of(
@@ -158,10 +158,10 @@ class Study:
     @cached_property
     def grid(self) -> np.ndarray:
         """The instants of every run (s): those of histories, and even ones where the whole run counts."""
-        usual = WHOLE if any(column.whole for column in self.values) else 2
+        usual = DEFAULT_TIMES if any(column.whole for column in self.values) else 2
         even = Run.from_arguments(self.model, **self.simulation, points=usual if self.points is None else self.points).times
         inner = even[1:-1]
-        near = np.abs(inner[:, None] - self.times).min(axis=1, initial=np.inf) < NEAR * (even[-1] - even[0])
+        near = np.abs(inner[:, None] - self.times).min(axis=1, initial=np.inf) < TIME_TOLERANCE * (even[-1] - even[0])
         return np.union1d(np.concatenate([even[[0, -1]], inner[~near]]), self.times)
 
     def options(self, row: np.ndarray) -> dict[str, Any]:
@@ -195,7 +195,7 @@ class Study:
 
 def _apart(times: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Instants without those that another one, or an end, stands for."""
-    near = NEAR * (ends[1] - ends[0])
+    near = TIME_TOLERANCE * (ends[1] - ends[0])
     for end in ends:
         times = np.where(np.abs(times - end) < near, end, times)
     return times[np.diff(times, prepend=-np.inf) > near] if len(times) else times

@@ -33,7 +33,7 @@ RANGE, NORMAL = ("low", "high"), ("mean", "deviation")
 WORDS = (*RANGE, "scale", "count", *NORMAL)
 SCALES = ("linear", "log")
 
-MOST = 2**52
+MAX_VARIANTS = 2**52
 """Variants that can be counted."""
 
 MOST_AT_ONCE = 50_000_000
@@ -132,7 +132,7 @@ class Design:
             raise ModelError(f"count: {count} given; Sobol' indices need a power of 2, such as {2 ** made._points.bit_length()}")
         if kind == "latin" and made.size * len(made.axes) > MOST_AT_ONCE:
             raise ModelError(f"count: a Latin square of {count} variants does not fit into memory; take design='sobol'")
-        if made.size > MOST:
+        if made.size > MAX_VARIANTS:
             raise ModelError(f"count: {made.size:.3g} variants cannot be counted; take fewer")
         return made
 
@@ -144,7 +144,7 @@ class Design:
         if self.kind == "list" and len({len(axis.values) for axis in self.axes}) > 1:
             sizes = ", ".join(f"{axis.name} has {len(axis.values)}" for axis in self.axes)
             raise ModelError(f"vary: in a list all have as many numbers, one a variant; {sizes}")
-        if self.size > MOST:
+        if self.size > MAX_VARIANTS:
             raise ModelError(f"vary: a grid of {self.size:.3g} variants cannot be counted; take fewer")
 
     @property

@@ -23,16 +23,16 @@ import numpy as np
 from ncgen.errors import NcgenError
 from ncgen.studies.variants import Bench, Part
 
-LOOK = 0.05
+POLL_SECONDS = 0.05
 """Seconds between two looks whether something has arrived, or somebody wants to stop."""
 
-AHEAD = 2
+CHUNKS_PER_WORKER = 2
 """Chunks a worker has, so that it need not wait for the next one."""
 
 LOSSES = 8
 """Workers lost in a row, with nothing done between, after which the study ends: it is the study that kills them."""
 
-LOST = ("KilledWorker", "FutureCancelledError", "CommClosedError")
+LOST_WORKER_ERRORS = ("KilledWorker", "FutureCancelledError", "CommClosedError")
 """Exceptions of Dask that say that a worker was lost."""
 
 Progress = Callable[[float], None]
@@ -77,7 +77,11 @@ class Workers:
             with self.make() as executor:
                 running: dict[Future[Any], Chunk] = {}
                 while True:
-                    while not broken and len(running) < AHEAD * self.size and (chunk := again.pop() if again else self._chunk(next_chunk)):
+                    while (
+                        not broken
+                        and len(running) < CHUNKS_PER_WORKER * self.size
+                        and (chunk := again.pop() if again else self._chunk(next_chunk))
+                    ):
                         try:
                             running[executor.submit(compute, self.digest, self.sent, *chunk, self.threads)] = chunk
                         except (BrokenExecutor, RuntimeError):
@@ -85,7 +89,7 @@ class Workers:
                             broken = True
                     if not running:
                         break
-                    done, _ = wait(running, LOOK, FIRST_COMPLETED)
+                    done, _ = wait(running, POLL_SECONDS, FIRST_COMPLETED)
                     progress(0.0)
                     for future in done:
                         chunk = running.pop(future)
@@ -98,7 +102,7 @@ class Workers:
                             lost, broken = lost + 1, broken or isinstance(error, BrokenExecutor)
                         else:
                             raise error
-                    if lost > LOSSES * AHEAD * self.size:
+                    if lost > LOSSES * CHUNKS_PER_WORKER * self.size:
                         first, rows = again[-1]
                         last = first + len(rows) - 1
                         raise NcgenError(f"workers die again and again, last with variants {first} to {last}; look at these")
@@ -119,7 +123,7 @@ def _failure(future: Future[Any]) -> BaseException | None:
 
 def _is_lost(error: BaseException) -> bool:
     """Whether a worker was lost, and not the study wrong."""
-    return isinstance(error, (BrokenExecutor, CancelledError)) or type(error).__name__ in LOST
+    return isinstance(error, (BrokenExecutor, CancelledError)) or type(error).__name__ in LOST_WORKER_ERRORS
 
 
 # -- in a worker ---------------------------------------------------------------------------------------------------------------------------

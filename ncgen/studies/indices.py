@@ -8,7 +8,7 @@ import numpy as np
 
 from ncgen.errors import NcgenError
 
-LEAST = 8
+MIN_POINTS = 8
 """Points of a design below which shares of a variance mean nothing."""
 
 
@@ -42,8 +42,10 @@ def indices(names: tuple[str, ...], values: np.ndarray) -> Indices:
     parts = values.reshape(len(names) + 2, -1)
     points = np.flatnonzero(np.isfinite(parts).all(axis=0))
     count = 1 << (len(points).bit_length() - 1) if len(points) else 0
-    if count < LEAST:
-        raise NcgenError(f"Sobol' indices: {len(points)} of {parts.shape[1]} points have all their variants; at least {LEAST} are needed")
+    if count < MIN_POINTS:
+        raise NcgenError(
+            f"Sobol' indices: {len(points)} of {parts.shape[1]} points have all their variants; at least {MIN_POINTS} are needed"
+        )
     a, b, *mixed = parts[:, points[:count]]
     sobol = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=count)
     shape = (len(names),)

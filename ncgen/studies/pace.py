@@ -14,7 +14,7 @@ FIRST = 64
 GROWTH = 8
 """Chunks grow by this factor at most from one to the next."""
 
-ROOM = 64_000_000
+MAX_CHUNK_BYTES = 64_000_000
 """Bytes of histories that a chunk may need while it is computed."""
 
 
@@ -30,7 +30,7 @@ class ChunkPace:
 
     def chunk(self, left: int) -> int:
         """How many variants the next chunk has."""
-        return max(1, min(left, self.size, ROOM // max(self.bytes_each, 1)))
+        return max(1, min(left, self.size, MAX_CHUNK_BYTES // max(self.bytes_each, 1)))
 
     def learn(self, count: int, seconds: float) -> None:
         """A chunk of so many variants has taken a worker so many seconds."""

@@ -25,10 +25,10 @@ from ncgen.studies.definition import Study
 from ncgen.studies.design import started
 from ncgen.studies.kept import Histories, Kept
 
-USUAL = "rk4"
+DEFAULT_INTEGRATOR = "rk4"
 """Whose steps gradients go through, unless an explicit integrator is named."""
 
-FAR = 1e-3
+MAX_END_DIFFERENCE = 1e-3
 """Difference of two ends of a motion, relative to the sizes of the coordinates, from which the gradient's steps are too few."""
 
 
@@ -49,10 +49,10 @@ class Slopes:
     @cached_property
     def integrator(self) -> str:
         """Whose steps are differentiated."""
-        named = self.study.simulation.get("integrator", USUAL)
+        named = self.study.simulation.get("integrator", DEFAULT_INTEGRATOR)
         entry = INTEGRATORS.get(named)
         usable = entry is not None and entry.tableau and is_written_out(self.kernels, Method.of("lagrange", named))
-        return named if usable else USUAL
+        return named if usable else DEFAULT_INTEGRATOR
 
     def __str__(self) -> str:
         return f"gradients by {self.study.steps} steps of {self.integrator}"
@@ -75,7 +75,10 @@ class Slopes:
         except NcgenError as error:
             return {column.word: np.nan for column in study.gradients}, f"no gradient: {error}"
         off = float(np.max(np.abs(motion.q[-1] - end) / self.kernels.column_sizes, initial=0.0))
-        return gradients, f"gradient: its {study.steps} steps end {off:.1g} beside the motion; take more steps" if off > FAR else None
+        return (
+            gradients,
+            f"gradient: its {study.steps} steps end {off:.1g} beside the motion; take more steps" if off > MAX_END_DIFFERENCE else None,
+        )
 
     def _all(self, motion: Motion, q0: Any) -> dict[str, float]:
         slopes: dict[tuple[str, str], dict[str, float]] = {}

@@ -34,10 +34,10 @@ UNFINISHED = ".variants-*"
 SAID_OF, SAID = "said of", "what was said"
 """Arrays of a file beside the columns: variants of which something was said, and what. (No column has a blank in a name like these.)"""
 
-MOST = 10**16 - 1
+MAX_VARIANTS = 10**16 - 1
 """Variants of a study, as the names of files can say."""
 
-LARGEST = 200_000_000
+MAX_MANIFEST_BYTES = 200_000_000
 """Bytes of a manifest, which has all times of histories."""
 
 KINDS: dict[str, type] = {
@@ -81,7 +81,7 @@ class Folder:
     def at(cls, path: Path) -> Folder:
         """A folder that is there. Raises NcgenError for one of another kind."""
         try:
-            manifest = json.loads(contents(path / MANIFEST, LARGEST))
+            manifest = json.loads(contents(path / MANIFEST, MAX_MANIFEST_BYTES))
         except OSError as error:
             raise NcgenError(f"{path / MANIFEST}: {error.strerror or error}; give the folder of a study") from error
         except (ValueError, RecursionError) as error:
@@ -258,9 +258,9 @@ def _fault_of(manifest: Any) -> str:
     size = 1
     for count in manifest["shape"]:
         size *= count
-        if not 0 <= size <= MOST:
+        if not 0 <= size <= MAX_VARIANTS:
             break
-    if size != manifest["variants"] or not 0 <= size <= MOST:
+    if size != manifest["variants"] or not 0 <= size <= MAX_VARIANTS:
         return f"{shown(manifest['variants'])} variants of shape {shown(manifest['shape'])}"
     if len({*manifest["names"], "ok", *manifest["kept"]}) < len(manifest["names"]) + 1 + len(manifest["kept"]):
         return "two columns have one name"

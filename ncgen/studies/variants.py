@@ -37,16 +37,16 @@ from ncgen.studies.slopes import Slopes
 FIRST = 64
 """Variants among which one is looked for that can be started, again and again as many."""
 
-TRIES = 16
+MAX_TRIES = 16
 """How often."""
 
-TELLS = 0.02
+PROGRESS_INTERVAL = 0.02
 """The least share of variants after which somebody is told."""
 
 IN_LANES = "dopri5"
 """What runs in lanes where the integrator is left open."""
 
-OWN = ("stop", "inputs", "qd0", "options", "closing")
+ARGUMENTS_NOT_IN_LANES = ("stop", "inputs", "qd0", "options", "closing")
 """Arguments of `simulate` that lanes do not take."""
 
 
@@ -114,7 +114,7 @@ class Bench:
         if self.sample is not None:
             yield self.sample
             return
-        for first in range(0, min(TRIES * FIRST, self.study.size), FIRST):
+        for first in range(0, min(MAX_TRIES * FIRST, self.study.size), FIRST):
             yield self.study.design.rows(first, min(FIRST, self.study.size - first))
 
     def _independent(self) -> tuple[str, ...]:
@@ -152,7 +152,7 @@ class Bench:
         study, simulation = self.study, self.study.simulation
         if has_events(study.model):
             return "the model has events"
-        given = [name for name in OWN if simulation.get(name)]
+        given = [name for name in ARGUMENTS_NOT_IN_LANES if simulation.get(name)]
         if given:
             return f"{given[0]} is given"
         if simulation.get("engine", AUTO) not in (AUTO, "emitted") or simulation.get("number", "double") != "double":
@@ -290,7 +290,7 @@ class Bench:
         columns |= {column.word: np.zeros(len(rows), dtype=np.int64) for column in study.values if column.is_count}
         ok, reported, ends = np.zeros(len(rows), dtype=bool), 0.0, np.full((len(rows), self.kernels.n), np.nan)
         for i, row in enumerate(rows):
-            if progress and i / len(rows) - reported >= TELLS:
+            if progress and i / len(rows) - reported >= PROGRESS_INTERVAL:
                 reported = i / len(rows)
                 progress(reported)
             with warnings.catch_warnings(record=True) as caught:

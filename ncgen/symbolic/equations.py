@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ncgen.errors import SHOWN, ModelError, shortened, shown
+from ncgen.errors import MAX_ECHO, ModelError, shortened, shown
 from ncgen.model import Model
 from ncgen.model.bodies import Body
 from ncgen.model.catalogue import RowType
@@ -31,7 +31,7 @@ from ncgen.symbolic.term import LinearForm, Term
 if TYPE_CHECKING:
     import sympy
 
-MANY = 16
+MIN_EQUAL_FORCES = 16
 """Forces written alike from which they share a template: as many equal terms make a loop."""
 
 
@@ -163,7 +163,8 @@ class ModelNames:
         names = {s.name for s in symbols_in(sympy.sympify(expression))}
         if unknown := sorted(names - self._coordinates.keys() - self._numbers.keys() - {TIME}):
             raise ModelError(
-                f"{where}: {shortened(unknown[0], SHOWN)} is neither a coordinate, a rate, a parameter, an input nor m.time; correct the "
+                f"{where}: {shortened(unknown[0], MAX_ECHO)} is neither a coordinate, a rate, a parameter, an input nor m.time; "
+                "correct the "
                 "expression"
             )
         coordinates = dict(self._coordinates[name] for name in names if name in self._coordinates)
@@ -243,7 +244,7 @@ def _alike(forces: Sequence[Term]) -> list[Term]:
             shared[tuple(plain[k].outputs.items())].append(k)
     terms = list(forces)
     for numbers in shared.values():
-        for k in numbers if len(numbers) >= MANY else ():
+        for k in numbers if len(numbers) >= MIN_EQUAL_FORCES else ():
             terms[k] = replace(forces[k], template=plain[numbers[0]])
     return terms
 

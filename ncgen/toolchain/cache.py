@@ -79,7 +79,9 @@ def compiled(
                 )
             except CompileError as error:
                 if refused := compilers.examine(compiler, taken, error):
-                    news += [f"{compiler.name} refuses {flag} and is used without it" for flag in refused if flag not in compilers.UNSAID]
+                    news += [
+                        f"{compiler.name} refuses {flag} and is used without it" for flag in refused if flag not in compilers.OPTIONAL_FLAGS
+                    ]
                     continue
                 failures.append(error)
                 news.append(f"{_short(error, 120)}; {{}} is used instead")

@@ -29,17 +29,17 @@ import platformdirs
 from ncgen.errors import CompileError
 from ncgen.files import contents, put
 
-KEPT = ("programs", "references", "facts")
+CACHED_FOLDERS = ("programs", "references", "facts")
 """Folders beside the libraries, of what `keep` writes: generated programs (ncgen.mechanism.recall), end positions known well
 (ncgen.comparisons.precision), the examples' degrees of freedom (ncgen.report.gallery)."""
 
 TEMPORARY = "ncgen-building-"
 """What the names of unfinished things begin with; nobody looks into them."""
 
-ABANDONED = 24 * 3600.0
+ABANDONED_SECONDS = 24 * 3600.0
 """Seconds after which an unfinished thing is nobody's any more; no build may take as long."""
 
-LARGEST = 100_000_000
+MAX_FILE_BYTES = 100_000_000
 """Bytes of a file with a digest, which holds the programs of a mechanism at most."""
 
 KEY = re.compile(r"[0-9a-f]{40}")
@@ -159,7 +159,7 @@ def _is_private(group: int) -> bool:
 
 
 def keep(kind: str, key: str, value: Json, largest: int = 1_000_000) -> None:
-    """Keep what JSON can say, for `kept` of the same kind (one of KEPT) and key (40 hexadecimal digits) in any process.
+    """Keep what JSON can say, for `kept` of the same kind (one of CACHED_FOLDERS) and key (40 hexadecimal digits) in any process.
 
     largest: bytes above which it is not kept
     """
@@ -195,7 +195,7 @@ def unsealed(path: Path) -> Any:
     if intruder(path):
         return None
     try:
-        seal, _, text = contents(path, LARGEST).partition(b"\n")
+        seal, _, text = contents(path, MAX_FILE_BYTES).partition(b"\n")
         return json.loads(text) if hashlib.sha256(text).hexdigest().encode() == seal else None
     except (OSError, ValueError):
         return None
@@ -206,7 +206,7 @@ def unsealed(path: Path) -> Any:
 
 def forget() -> None:
     """Remove all that `keep` wrote into the cache folder, and nothing else."""
-    for kind in KEPT:
+    for kind in CACHED_FOLDERS:
         folder = cache_folder() / kind
         for path in folder.glob("*.json"):
             if KEY.fullmatch(path.stem) and path.is_file():
@@ -217,10 +217,10 @@ def forget() -> None:
 
 def sweep() -> None:
     """Remove what processes that were killed left in the cache folder."""
-    for folder in (cache_folder(), *(cache_folder() / kind for kind in KEPT)):
+    for folder in (cache_folder(), *(cache_folder() / kind for kind in CACHED_FOLDERS)):
         for path in folder.glob(f"{TEMPORARY}*"):
             try:
-                if UNFINISHED.fullmatch(path.name) and time.time() - path.lstat().st_mtime > ABANDONED:
+                if UNFINISHED.fullmatch(path.name) and time.time() - path.lstat().st_mtime > ABANDONED_SECONDS:
                     shutil.rmtree(path) if path.is_dir() else path.unlink()
             except OSError:
                 continue  # whoever made it has just finished, or it is not this user's to remove

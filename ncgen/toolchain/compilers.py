@@ -35,16 +35,16 @@ FLAGS = ("-std=c99", "-O3", "-march=native", "-fno-tree-slp-vectorize", "-ffp-co
 """No -ffast-math: sums keep their order. Fused multiply-adds, where the processor has them, halve the rounding error of the
 robot's kernels and save a quarter of their time; the price is a last bit that depends on the processor."""
 
-LEAST = ("-fexpensive-optimizations", "-ftree-loop-vectorize")
+FLAGS_FOR_LONG_CODE = ("-fexpensive-optimizations", "-ftree-loop-vectorize")
 """What long straight lines need of what -O3 is more than -O1: fused multiply-adds, and loops of sines and cosines in lanes."""
 
-NEEDLESS = (
+DISABLED_PASSES = (
     "-fno-dce", "-fno-dse", "-fno-ipa-modref", "-fno-tree-ccp", "-fno-tree-dominator-opts", "-fno-tree-dse", "-fno-tree-sink",
 )  # fmt: skip
 """Passes of -O1 that find nothing in code without dead stores, constants to fold or branches: a fifth of gcc's time, and of 27,492
 instructions of a robot's positions they save 19."""
 
-STRAIGHT_FLAGS = tuple(part for flag in FLAGS for part in (("-O1", *LEAST, *NEEDLESS) if flag == "-O3" else (flag,)))
+STRAIGHT_FLAGS = tuple(part for flag in FLAGS for part in (("-O1", *FLAGS_FOR_LONG_CODE, *DISABLED_PASSES) if flag == "-O3" else (flag,)))
 """For long straight lines. gcc takes three quarters of the time of -O3 for a humanoid's motion, whose programs run as fast and have as many
 instructions: there are no branches and no common subexpressions that it could find."""
 
@@ -52,21 +52,22 @@ LONG_LINES = 150_000
 """Characters of straight lines, which gcc takes 1 s for, above which it does what they need and no more."""
 
 OPTIONAL = (
-    "-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", *ALIGNED, *LEAST, *NEEDLESS, "-fno-math-errno", "-fopenmp",
+    "-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", *ALIGNED, *FLAGS_FOR_LONG_CODE, *DISABLED_PASSES,
+    "-fno-math-errno", "-fopenmp",
     "-fcx-limited-range",
 )  # fmt: skip
 """Flags that make code faster and no different: a compiler that refuses one is used without it."""
 
-UNSAID = ("-fopenmp", *NEEDLESS)
+OPTIONAL_FLAGS = ("-fopenmp", *DISABLED_PASSES)
 """Those whose absence is no news: batches say whether they have threads, and code is as fast with a pass that finds nothing."""
 
 LIBRARIES = ("-lm",)
 LIBRARY = "model.so"
 
-PATIENCE = 30.0
+TIME_LIMIT = 30.0
 """Seconds that a compiler has for any source, and for each thousand bytes of it …"""
 SECONDS_PER_KILOBYTE = 1.0
-LONGEST = 6 * 3600.0
+MAX_TIME_LIMIT = 6 * 3600.0
 """… but never more than this."""
 
 FEW_SOURCES = 6
@@ -223,7 +224,7 @@ def make_library(
     """
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
-    patience = max(patience, min(LONGEST, PATIENCE + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
+    patience = max(patience, min(MAX_TIME_LIMIT, TIME_LIMIT + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
     groups = _groups({name: len(text) for name, text in files.items() if name.endswith(".c") and name not in objects})
     inputs, log = [name for group in groups for name in group], ""
     if inputs and (len(groups) > 1 or objects) and compiler.makes_every_object:

@@ -50,9 +50,9 @@ class Carrier:
         return np.stack([e1, e2, np.cross(e1, e2)], axis=2), points[self.origin]
 
 
-STILL: tuple[Direction, Direction] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+FIXED_DIRECTIONS: tuple[Direction, Direction] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
-GROUND = Carrier(None, None, *STILL)
+GROUND = Carrier(None, None, *FIXED_DIRECTIONS)
 
 
 def carrier_of(body: Body, number: int | None) -> Carrier:
@@ -71,10 +71,12 @@ def carrier_of(body: Body, number: int | None) -> Carrier:
     candidates |= {vector.name: vector.initial for vector in body.vectors[:LIMIT]}
     normals = {direction: value / np.linalg.norm(value) for direction, value in candidates.items()}
     if not normals:
-        return Carrier(number, origin, *STILL)
+        return Carrier(number, origin, *FIXED_DIRECTIONS)
     if body.frame.planar:
         first = min(normals, key=lambda direction: abs(normals[direction][2]))
-        return Carrier(number, origin, first, (0.0, 0.0, 1.0)) if abs(normals[first][2]) < 0.5 else Carrier(number, origin, *STILL)
+        return (
+            Carrier(number, origin, first, (0.0, 0.0, 1.0)) if abs(normals[first][2]) < 0.5 else Carrier(number, origin, *FIXED_DIRECTIONS)
+        )
     pairs = {pair: float(np.linalg.norm(np.cross(normals[pair[0]], normals[pair[1]]))) for pair in combinations(normals, 2)}
     best = max(pairs, key=lambda pair: pairs[pair], default=None)
     if best is not None and pairs[best] > 1e-3:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ncgen.model import Model
     from ncgen.solver.trajectories.trajectory import Trajectory
 
-MOST = 6
+MAX_COORDINATES = 6
 """How many coordinates are shown where the caller names none and there are no angles or lengths."""
 
 
@@ -42,4 +42,4 @@ def above_lowest(run: Trajectory) -> tuple[np.ndarray, np.ndarray]:
 def informative(model: Model, free: tuple[str, ...], independent: tuple[str, ...]) -> tuple[str, ...]:
     """Of the free coordinates the angles and lengths; where there are none the independent ones, else the first ones."""
     relative = tuple(name for name in free if isinstance(model.elements.get(name), Relative))
-    return relative or (independent or free)[:MOST]
+    return relative or (independent or free)[:MAX_COORDINATES]

@@ -7,7 +7,7 @@ import numpy as np
 AZIMUTH, ELEVATION = 40.0, 20.0
 """The turn of the eye about Z, from X, and its height (degrees)."""
 
-LIGHT = np.array([0.4, -0.12, 0.9]) / np.linalg.norm([0.4, -0.12, 0.9])
+LIGHT_DIRECTION = np.array([0.4, -0.12, 0.9]) / np.linalg.norm([0.4, -0.12, 0.9])
 """Towards the light, over the eye's left shoulder."""
 
 

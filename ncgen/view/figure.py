@@ -40,7 +40,7 @@ SHADOW = palette()["shadow"]
 OVER_SOLIDS = 0.5
 """How thick lines and points are over solids, over what they are alone."""
 
-TALL = 0.9
+TALL_FRACTION = 0.9
 """The size of what is higher than wide, so that its axes stay in the picture."""
 
 METADATA = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
@@ -106,7 +106,7 @@ def _spatial_axes(chart: Figure, scene: Scene) -> Axes:
     axes.set(xlabel="X (m)", ylabel="Y (m)", zlabel="Z (m)")
     for axis, *limits in zip("xyz", low, high, strict=True):
         axes.set(**{f"{axis}lim": limits})
-    axes.set_box_aspect(sides, zoom=TALL if scene.has_shapes and sides[2] == sides.max() else 1.0)
+    axes.set_box_aspect(sides, zoom=TALL_FRACTION if scene.has_shapes and sides[2] == sides.max() else 1.0)
     for axis, side in zip((axes.xaxis, axes.yaxis, axes.zaxis), sides, strict=True):
         axis.set_major_locator(MaxNLocator(nbins=max(2, round(6 * side / sides.max()))))
         axis.pane.set(facecolor="white", edgecolor=GRID["color"])

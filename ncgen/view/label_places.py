@@ -7,7 +7,7 @@ import numpy as np
 DIRECTIONS = np.array([[np.cos(a), np.sin(a)] for a in np.radians(45 + 22.5 * np.arange(16))])
 SAMPLES = np.linspace(0, 1, 13)[:, None]
 
-WIDE = np.array([0.6, 1.0])
+CLEARANCE_WEIGHTS = np.array([0.6, 1.0])
 """A name is wider than high, so clearance to the sides counts less."""
 
 
@@ -37,7 +37,7 @@ class LabelPlaces:
         return point + self.screen @ (best - anchor)
 
     def _clearance(self, candidates: np.ndarray) -> np.ndarray:
-        distances = np.linalg.norm((candidates[:, None] - self.taken) * WIDE, axis=2)
+        distances = np.linalg.norm((candidates[:, None] - self.taken) * CLEARANCE_WEIGHTS, axis=2)
         return distances.min(axis=1, initial=3 * self.offset)
 
     def _take(self, places: np.ndarray) -> None:

@@ -22,16 +22,16 @@ import numpy as np
 from ncgen.files import contents, is_file
 from ncgen.view.triangles import Mesh
 
-LARGEST = 50_000_000
+MAX_FILE_BYTES = 50_000_000
 """Bytes of a file."""
 
-MOST = 400
+MAX_TRIANGLES = 400
 """Triangles that are kept of a mesh."""
 
-FARTHEST = 1e9
+MAX_COORDINATE = 1e9
 """Coordinates of corners (m) beyond which a file has lost its unit, or its numbers."""
 
-FLAT = 1e-12
+MIN_RELATIVE_AREA = 1e-12
 """Triangles of less area than this, over the square of the mesh's extent, have none."""
 
 KINDS = (".stl", ".obj", ".dae")
@@ -50,7 +50,7 @@ class Unreadable(Exception):
 
 
 def mesh_of(path: Path) -> Mesh | None:
-    """The triangles of a file, MOST at most; None where there are none to show, which is reported in one line."""
+    """The triangles of a file, MAX_TRIANGLES at most; None where there are none to show, which is reported in one line."""
     try:
         stat = path.stat()
         return _read(path, stat.st_mtime_ns, stat.st_size)
@@ -73,9 +73,9 @@ def whole(path: Path) -> Mesh:
         raise Unreadable(f"files of meshes end with {', '.join(KINDS)}")
     if not is_file(path):
         raise Unreadable("it is no ordinary file")
-    if (size := path.stat().st_size) > LARGEST:
-        raise Unreadable(f"it has {size} bytes, and {LARGEST} are read")
-    data = contents(path, LARGEST)
+    if (size := path.stat().st_size) > MAX_FILE_BYTES:
+        raise Unreadable(f"it has {size} bytes, and {MAX_FILE_BYTES} are read")
+    data = contents(path, MAX_FILE_BYTES)
     kind = path.suffix.lower()[1:]
     if kind == "dae" and any(word in data for word in FORBIDDEN):
         raise Unreadable("document types and entities are not read")
@@ -111,15 +111,15 @@ def _parsed(data: bytes, kind: str) -> Mesh:
 
 def _check(mesh: Mesh) -> None:
     """Raise Unreadable where no triangle has an area, or a corner is beyond all sense."""
-    if not (most := float(np.max(np.abs(mesh.vertices)))) <= FARTHEST:
-        raise Unreadable(f"it has a corner at {most:.3g} m, and {FARTHEST:.0e} are shown; correct its unit")
+    if not (most := float(np.max(np.abs(mesh.vertices)))) <= MAX_COORDINATE:
+        raise Unreadable(f"it has a corner at {most:.3g} m, and {MAX_COORDINATE:.0e} are shown; correct its unit")
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    if not (area > FLAT * np.ptp(mesh.vertices, axis=0).max() ** 2).any():
+    if not (area > MIN_RELATIVE_AREA * np.ptp(mesh.vertices, axis=0).max() ** 2).any():
         raise Unreadable("no triangle in it has an area")
 
 
-def simplified(mesh: Mesh, most: int = MOST) -> Mesh:
+def simplified(mesh: Mesh, most: int = MAX_TRIANGLES) -> Mesh:
     """The mesh with `most` triangles at most: vertices in a cell of a grid become one, where the planes that meet there say.
 
     The grid is the finest that leaves no more triangles than that. Each cell's vertex minimises the squared distances to the planes of

@@ -17,7 +17,7 @@ from ncgen.errors import NcgenError
 from ncgen.files import output_was, path_of, write_text
 from ncgen.model.elements import Point
 from ncgen.view.carriers import Carrier, Direction
-from ncgen.view.eye import LIGHT
+from ncgen.view.eye import LIGHT_DIRECTION
 from ncgen.view.scene import Scene
 from ncgen.view.triangles import Mesh, cylinder, spring
 
@@ -31,7 +31,7 @@ DIGITS = 7
 SUFFIXES = (".html", ".htm")
 """Of files that are pages."""
 
-LARGEST = 65535
+MAX_UINT16 = 65535
 """The largest number of 16 bits."""
 
 HEIGHT = 560
@@ -128,7 +128,7 @@ def _shapes(scene: Scene) -> dict:
         "carriers": [_carrier(carrier, scene) for carrier in scene.carriers],
         "reach": [rounded([place for s in scene.surfaces if s.carrier == k for place in s.reach]) for k in carriers],
         "meshes": packed,
-        "light": rounded(LIGHT),
+        "light": rounded(LIGHT_DIRECTION),
     }
 
 
@@ -148,10 +148,10 @@ def _carrier(carrier: Carrier, scene: Scene) -> dict:
 def _packed(mesh: Mesh) -> dict:
     """Vertices as numbers of 16 bits between the lowest and the highest, triangles as such numbers, both in 64 letters."""
     low = mesh.vertices.min(axis=0)
-    step = np.ptp(mesh.vertices, axis=0) / LARGEST
+    step = np.ptp(mesh.vertices, axis=0) / MAX_UINT16
     places = (mesh.vertices - low) / np.where(step > 0, step, 1.0)
     record = {"vertices": _letters(places), "triangles": _letters(mesh.triangles), "low": rounded(low), "step": rounded(step)}
-    return record if mesh.normals is None else record | {"normals": _letters((mesh.normals + 1) / 2 * LARGEST)}
+    return record if mesh.normals is None else record | {"normals": _letters((mesh.normals + 1) / 2 * MAX_UINT16)}
 
 
 def _letters(numbers: np.ndarray) -> str:

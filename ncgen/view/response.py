@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from ncgen.solver.linear.linearise import Linearisation
 from ncgen.view.chart import GRID, empty, finished
 
-BESIDE = 10.0
+FREQUENCY_MARGIN = 10.0
 """How far frequencies go below the slowest pole and above the fastest, where none are given."""
 
 POINTS = 400
@@ -46,4 +46,4 @@ def _about(near: Linearisation) -> np.ndarray:
     """Frequencies (rad/s) from below the slowest pole to above the fastest; about 1 rad/s where all are 0."""
     sizes = np.array([abs(pole.value) for pole in near.poles])
     sizes = sizes[sizes > 1e-6 * np.max(sizes, initial=0.0)] if np.any(sizes > 0) else np.ones(1)
-    return np.geomspace(np.min(sizes) / BESIDE, np.max(sizes) * BESIDE, POINTS)
+    return np.geomspace(np.min(sizes) / FREQUENCY_MARGIN, np.max(sizes) * FREQUENCY_MARGIN, POINTS)

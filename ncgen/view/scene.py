@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 ARROW = 0.15
 """The drawn length of a unit vector, as a part of the scene's size."""
 
-FLAT = 1e-9
+PLANE_TOLERANCE = 1e-9
 """How much z may vary in a planar scene, as a part of the scene's size."""
 
 
@@ -114,7 +114,7 @@ class Scene:
     @property
     def planar(self) -> bool:
         """True if all points have the same z at all times, whatever the shapes."""
-        return bool(np.ptp(self.positions[..., 2]) <= FLAT * self.size)
+        return bool(np.ptp(self.positions[..., 2]) <= PLANE_TOLERANCE * self.size)
 
     def at(self, frames: np.ndarray) -> Scene:
         """The scene at some of its times only; `frames` are indices, shape (F,)."""

@@ -12,7 +12,7 @@ from ncgen.view.svg import INK, RED, TEXT, SvgDrawing, path, text
 WIDTH, HEIGHT, MARGIN = 250.0, 210.0, 22.0
 """Of a picture (px)."""
 
-NAMED = 40
+MAX_NAMED_ELEMENTS = 40
 """Points and vectors beyond which names would only cover each other."""
 
 OFFSET = 12.0
@@ -38,7 +38,7 @@ def sketch(scene: Scene, frame: int = 0) -> SvgDrawing:
         f'<path d="{"".join(_arrow(*ends) for _, *ends in arrows)}" stroke="{RED}" stroke-width="1.4" fill="none"/>' if arrows else "",
         *(_spot(point, fixed) for point, fixed in zip(points, scene.fixed.tolist(), strict=True)),
     ]
-    if len(scene.points) + len(arrows) <= NAMED:
+    if len(scene.points) + len(arrows) <= MAX_NAMED_ELEMENTS:
         named = [(name, point, "currentColor") for name, point in zip(scene.points, points, strict=True)]
         named += [(name, tip, RED) for name, _, tip in arrows]
         for name, point, colour in named:

@@ -9,21 +9,21 @@ import numpy as np
 from ncgen.program.ir.blocks import Pattern
 from ncgen.view.svg import INK, RED, SvgDrawing
 
-LARGEST = 200.0
+MAX_SIDE = 200.0
 """The longer side of a picture (px)."""
 
-MOST = 100
+MAX_CELLS = 100
 """Cells along a side: of a larger matrix several rows and columns share a cell."""
 
 
 def spots(pattern: Pattern, label: str, marked: Collection[int] = ()) -> SvgDrawing:
     """A pattern, a square a number; marked: rows in red."""
     rows, columns = pattern.shape
-    share = max(1, -(-max(rows, columns) // MOST))
+    share = max(1, -(-max(rows, columns) // MAX_CELLS))
     place = np.repeat(np.arange(rows), np.diff(pattern.indptr)), np.array(pattern.indices, dtype=int)
     cells = {(row // share, column // share): row in marked for row, column in zip(*(p.tolist() for p in place))}
     height, width = -(-rows // share), -(-columns // share)
-    size = LARGEST / max(height, width, 10)
+    size = MAX_SIDE / max(height, width, 10)
     paths = []
     for colour, chosen in (("currentColor", False), (RED, True)):
         squares = "".join(f"M{column} {row}h1v1h-1z" for (row, column), red in sorted(cells.items()) if red is chosen)

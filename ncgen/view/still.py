@@ -9,11 +9,11 @@ from functools import cache
 import numpy as np
 
 from ncgen.resources import folder
-from ncgen.view.eye import LIGHT
+from ncgen.view.eye import LIGHT_DIRECTION
 from ncgen.view.scene import Scene
 from ncgen.view.triangles import Mesh, cylinder, spring
 
-FINEST = 1 / 20
+MAX_SIDE_FRACTION = 1 / 20
 """The longest side of a triangle over the scene's size, so that triangles can be told which is in front by their middles."""
 
 COIL, WIRE = 0.02, 0.22
@@ -28,7 +28,9 @@ STEEL = -1
 
 def solids(scene: Scene, frame: int, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Triangles (N, 3, 3) (m), and their colours (N, 3) from 0 to 1 in the light as seen from a direction (3,)."""
-    meshes = [(_divided(mesh.vertices[mesh.triangles], FINEST * scene.size), _rgb(colour)) for mesh, colour in _meshes(scene, frame)]
+    meshes = [
+        (_divided(mesh.vertices[mesh.triangles], MAX_SIDE_FRACTION * scene.size), _rgb(colour)) for mesh, colour in _meshes(scene, frame)
+    ]
     if not meshes:
         return np.zeros((0, 3, 3)), np.zeros((0, 3))
     triangles = np.concatenate([t for t, _ in meshes])
@@ -39,7 +41,7 @@ def solids(scene: Scene, frame: int, towards: np.ndarray) -> tuple[np.ndarray, n
 def shadows(triangles: np.ndarray, floor: float) -> np.ndarray:
     """Where triangles hide the light from a level plane (N, 3, 3)."""
     fallen = triangles.copy()
-    fallen[..., :2] -= (triangles[..., 2:] - floor) * LIGHT[:2] / LIGHT[2]
+    fallen[..., :2] -= (triangles[..., 2:] - floor) * LIGHT_DIRECTION[:2] / LIGHT_DIRECTION[2]
     fallen[..., 2] = floor
     return fallen
 
@@ -90,7 +92,7 @@ def _shade(triangles: np.ndarray, towards: np.ndarray) -> np.ndarray:
     normals = normals / np.where(lengths > 0, lengths, 1.0)
     facing = normals @ towards
     normals = np.where(facing[:, None] < 0, -normals, normals)
-    return 0.5 + 0.14 * normals[:, 2] + 0.46 * np.maximum(normals @ LIGHT, 0) - 0.28 * (1 - np.abs(facing)) ** 3
+    return 0.5 + 0.14 * normals[:, 2] + 0.46 * np.maximum(normals @ LIGHT_DIRECTION, 0) - 0.28 * (1 - np.abs(facing)) ** 3
 
 
 def _rgb(colour: str | int) -> np.ndarray:

@@ -16,7 +16,7 @@ WINDINGS, STEPS, WIRE = 8, 12, 6
 
 SPOKES = 5
 
-AROUND = np.array([way for way in np.ndindex(3, 3, 3) if way != (1, 1, 1)]) - 1.0
+DIRECTIONS_AROUND = np.array([way for way in np.ndindex(3, 3, 3) if way != (1, 1, 1)]) - 1.0
 """Along edges, diagonals of sides and diagonals of a cube."""
 
 
@@ -38,7 +38,7 @@ class Mesh:
     @property
     def reach(self) -> np.ndarray:
         """The vertices that are farthest along 26 directions (R, 3): all corners of a box, and of what is round nearly all that matters."""
-        return self.vertices[np.unique((self.vertices @ AROUND.T).argmax(axis=0))]
+        return self.vertices[np.unique((self.vertices @ DIRECTIONS_AROUND.T).argmax(axis=0))]
 
 
 def together(meshes: Iterable[Mesh]) -> Mesh:

@@ -15,7 +15,7 @@ from ncgen.view.chart import GRID, empty, finished
 
 COLOURS = "viridis"
 BAND, MIDDLE = "#4477aa", "#222222"
-SHARES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+ENVELOPE_FRACTIONS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 """Shares of the variants below the lines of an envelope."""
 
 MOST_LINES = 2000
@@ -56,11 +56,11 @@ def _panels(title: str, kept: Columns, draw: Any) -> Figure:
 
 def _envelope(axes: Axes, name: str, values: np.ndarray, times: np.ndarray) -> None:
     arrived = values[np.isfinite(values).all(axis=1)]
-    lines = np.quantile(arrived, SHARES, axis=0)
-    for k in range(len(SHARES) // 2):
-        label = f"{100 * SHARES[k]:g} to {100 * SHARES[-1 - k]:g} %"
+    lines = np.quantile(arrived, ENVELOPE_FRACTIONS, axis=0)
+    for k in range(len(ENVELOPE_FRACTIONS) // 2):
+        label = f"{100 * ENVELOPE_FRACTIONS[k]:g} to {100 * ENVELOPE_FRACTIONS[-1 - k]:g} %"
         axes.fill_between(times, lines[k], lines[-1 - k], color=BAND, alpha=0.15 + 0.15 * k, linewidth=0, label=label, gid="band")
-    axes.plot(times, lines[len(SHARES) // 2], color=MIDDLE, linewidth=1.2, label="median", gid="median")
+    axes.plot(times, lines[len(ENVELOPE_FRACTIONS) // 2], color=MIDDLE, linewidth=1.2, label="median", gid="median")
     axes.set(xlabel="t (s)", ylabel=name)
     axes.grid(**GRID)
     axes.legend(fontsize=7)

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import ncgen
-from ncgen.archives import BROKEN
+from ncgen.archives import UNREADABLE_ERRORS
 from ncgen.exchange.examples import load
 from ncgen.exchange.robots import read_robot
 from ncgen.studies.file import read_study
@@ -135,7 +135,7 @@ def _member(data: bytes, chance: random.Random) -> bytes:
         return data
     try:
         members = dict(np.load(io.BytesIO(data)))
-    except BROKEN:  # an earlier change has damaged it
+    except UNREADABLE_ERRORS:  # an earlier change has damaged it
         return data
     name = chance.choice([*members])
     value = members[name]

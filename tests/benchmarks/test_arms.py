@@ -15,7 +15,7 @@ from ncgen.solver.positions.partition import choose_partitions
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
     """Few samples: the times are not looked at."""
-    monkeypatch.setattr(clock, "SHORTEST", 1e-6)
+    monkeypatch.setattr(clock, "MIN_SAMPLE_SECONDS", 1e-6)
     monkeypatch.setattr(clock.measure, "__defaults__", (1,))
     monkeypatch.setattr(arms, "STATES", 20)
 

@@ -28,7 +28,7 @@ def test_what_cannot_be_measured_is_said_in_a_line(arguments, words, capfd):
 
 @pytest.mark.slow
 def test_records_for_machines(monkeypatch, capfd):
-    monkeypatch.setattr(clock, "SHORTEST", 1e-6)
+    monkeypatch.setattr(clock, "MIN_SAMPLE_SECONDS", 1e-6)
     monkeypatch.setattr(clock.measure, "__defaults__", (1,))
     assert bench.main(["cartpole", "--data", "--json"]) == 0
     assert {(r["case"], r["model"]) for r in json.loads(capfd.readouterr().out)} == {("operations", "cartpole")}

@@ -18,7 +18,7 @@ from ncgen.report import clock
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
     """Few samples: the times are not looked at."""
-    monkeypatch.setattr(clock, "SHORTEST", 1e-6)
+    monkeypatch.setattr(clock, "MIN_SAMPLE_SECONDS", 1e-6)
     monkeypatch.setattr(clock.measure, "__defaults__", (1,))
     monkeypatch.setattr(falls, "TOLERANCES", (1e-6,))
     monkeypatch.setattr(falls, "STEPS", (100,))

@@ -15,7 +15,7 @@ import pytest
 from ncgen.cli.watching import Saved, _blocks, _ender
 from ncgen.exchange.first_model import start_text
 from ncgen.report.rounds import Round, check_and_run, differences, summary_of
-from ncgen.report.saves import EVERY, GONE, saves
+from ncgen.report.saves import MAX_MISSED_POLLS, POLL_SECONDS, saves
 
 
 class Enough(Exception):
@@ -27,7 +27,7 @@ def heard(path: Path, *deeds) -> list[bool]:
     waiting, said = iter(deeds), []
 
     def wait(seconds: float) -> None:
-        assert seconds == EVERY
+        assert seconds == POLL_SECONDS
         try:
             deed = next(waiting)
         except StopIteration:
@@ -67,7 +67,7 @@ def test_another_file_in_its_place(tmp_path):
 def test_a_file_that_is_taken_away_and_comes_back(tmp_path):
     path = tmp_path / "m.toml"
     path.write_text("a")
-    said = heard(path, None, path.unlink, *[None] * (GONE + 3), lambda: path.write_text("a"), None, None, None)
+    said = heard(path, None, path.unlink, *[None] * (MAX_MISSED_POLLS + 3), lambda: path.write_text("a"), None, None, None)
     assert said == [True, False, True]
 
 
@@ -144,7 +144,7 @@ def test_ctrl_c_ends_it(tmp_path):
         command, cwd=tmp_path, env=dict(os.environ), text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=heard
     ) as process:
         assert process.stdout and "mine.toml, line 2: nonsense: unknown" in process.stdout.readline()
-        time.sleep(EVERY)
+        time.sleep(POLL_SECONDS)
         process.send_signal(signal.SIGINT)
         try:
             out, err = process.communicate(timeout=20)

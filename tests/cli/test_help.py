@@ -10,7 +10,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from ncgen.cli import GROUPS, NARROW, app
+from ncgen.cli import GROUPS, MIN_TABLE_COLUMNS, app
 
 COMMANDS = typer.main.get_command(app).commands
 MANY = 5
@@ -58,7 +58,7 @@ def test_every_command_has_a_group():
     assert sorted(name for commands in GROUPS.values() for name in commands) == sorted(COMMANDS)
 
 
-@pytest.mark.parametrize("columns", [40, NARROW])
+@pytest.mark.parametrize("columns", [40, MIN_TABLE_COLUMNS])
 def test_a_narrow_terminal_cuts_no_name(columns):
     """As a program of its own, which asks the terminal for its width when it starts."""
     environment = {**os.environ, "COLUMNS": str(columns), "NO_COLOR": "1", "TERM": "dumb"}

@@ -23,7 +23,7 @@ from ncgen.resources import folder
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
     """Few samples: the times are not looked at."""
-    monkeypatch.setattr(clock, "SHORTEST", 1e-6)
+    monkeypatch.setattr(clock, "MIN_SAMPLE_SECONDS", 1e-6)
     monkeypatch.setattr(clock.measure, "__defaults__", (1,))
 
 
@@ -31,7 +31,7 @@ def quick(monkeypatch):
 def fourbar():
     """A whole comparison of a small mechanism."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(clock, "SHORTEST", 1e-6)
+        patch.setattr(clock, "MIN_SAMPLE_SECONDS", 1e-6)
         patch.setattr(clock.measure, "__defaults__", (1,))
         comparison = Comparison(ncgen.load("fourbar"), [])
         list(comparison.sections())

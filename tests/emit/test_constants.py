@@ -16,7 +16,7 @@ import ncgen
 from ncgen import Model
 from ncgen.emit.c.c_spelling import number
 from ncgen.emit.environment import c_literal
-from ncgen.model.values import LARGEST
+from ncgen.model.values import MAX_NUMBER
 from ncgen.program.ir.evaluate import evaluate
 
 EDGES = [
@@ -91,7 +91,7 @@ def test_constants_in_python(sources, constants):
 
 def test_initial_position_and_defaults(tmp_path):
     """Initial coordinates and default parameters keep their bits, too."""
-    values = [value for value in doubles(60) if abs(value) <= LARGEST][:30]
+    values = [value for value in doubles(60) if abs(value) <= MAX_NUMBER][:30]
     model = Model("start")
     for k in range(0, 27, 3):
         model.point(f"P{k}", values[k : k + 3])

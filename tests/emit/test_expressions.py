@@ -7,7 +7,7 @@ import math
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ncgen.emit.infix import LONGEST, write
+from ncgen.emit.infix import MAX_INLINED_CHARACTERS, write
 from ncgen.emit.naming import Names
 from ncgen.program.ir import passes
 from ncgen.program.ir.blocks import Program, Store, Straight
@@ -86,7 +86,7 @@ def test_what_is_used_twice_has_a_name(listed):
     inner = [op for op in block.ops if op.args]
     signs = sum(text.count(sign) for text in texts for sign in (" + ", " - ", " * ", " / ", "sin(", "atan2("))
     assert signs == sum(op.code != "neg" for op in inner)
-    assert all(len(text) <= 2 * LONGEST + len("atan2(, )") + 4 for text in texts)
+    assert all(len(text) <= 2 * MAX_INLINED_CHARACTERS + len("atan2(, )") + 4 for text in texts)
 
 
 def test_names_of_the_user_are_taken():

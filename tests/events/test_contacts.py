@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import ncgen
-
-G, RADIUS = 9.81, 0.1
+from examples.contacts import OMEGA, RADIUS, TUBE, G, tube, turntable
 
 
 def disc(height: float, friction: object = 0.2, flat: bool = True, **options: object) -> ncgen.Model:
@@ -116,40 +115,15 @@ def test_a_rod_that_slides_the_other_way_may_have_any_friction():
     assert run.events[0].what == "rests"
 
 
-def ball(m: ncgen.Model, place: tuple[float, float, float]) -> tuple[ncgen.Body, ncgen.model.elements.Point]:
-    """A homogeneous sphere of 1 kg in space, with the vectors u along x and v along y."""
-    C = m.point("C", place)
-    return m.body("ball", [C], [m.vector("u", (1, 0, 0)), m.vector("v", (0, 1, 0))], mass=1.0, inertia=[0.4 * RADIUS**2] * 3), C
-
-
-def turning(velocity: tuple[float, float, float], spin: tuple[float, float, float]) -> dict[str, float]:
-    """Velocities of that sphere, its centre's and of u and v at the angular velocity `spin` (rad/s)."""
-    rates = {"C": velocity, "u": np.cross(spin, (1, 0, 0)), "v": np.cross(spin, (0, 1, 0))}
-    return {f"{name}.{axis}": float(x) for name, vector in rates.items() for axis, x in zip("xyz", vector, strict=True)}
-
-
 @pytest.mark.parametrize(("place", "speed"), [((0.5, 0.0), (0.3, 0.1)), ((-0.2, 0.4), (0.0, -0.5))])
 def test_a_sphere_on_a_turntable_rolls_in_a_circle(place, speed):
     """Of 2/7 of the angular velocity of the table, for every start."""
-    omega = 3.0
-    m = ncgen.Model("turntable")
-    n, x = m.vector("n", (0, 0, 1), fixed=True), m.vector("x", (1, 0, 0), fixed=True)
-    O, e = m.point("O", (0, 0, 0), fixed=True), m.vector("e", (1, 0, 0), fixed="z")
-    table = m.body("table", [O], [n, e])
-    psi = m.angle("psi", x, e, n)
-    m.drive(psi, omega * m.time)
-    body, C = ball(m, (*place, RADIUS))
-    m.gravity((0, 0, -G))
-    m.contact("table", body, C, table, O, radius=RADIUS, normal=n, friction=0.5)
-    table_velocity = np.array([-omega * place[1], omega * place[0]])
-    slip = (table_velocity - speed) / RADIUS  # ω × (−R n) = (−R ω_y, R ω_x)
-    kernels, period = ncgen.compile(m), 2 * math.pi / (2 * omega / 7)
-    run = ncgen.simulate(
-        kernels, period, points=[0.0, period / 4, period], qd0=turning((*speed, 0.0), (slip[1], -slip[0], 0.0)), rtol=1e-11
-    )
+    m, rates = turntable(place, speed)
+    kernels, period = ncgen.compile(m), 2 * math.pi / (2 * OMEGA / 7)
+    run = ncgen.simulate(kernels, period, points=[0.0, period / 4, period], qd0=rates, rtol=1e-11)
     assert period == pytest.approx(7.33038285837618) and [each.what for each in run.events] == ["rests", "sticks"]
     start = np.array(place)
-    quarter = start + np.array([speed[0] - speed[1], speed[0] + speed[1]]) / (2 * omega / 7)
+    quarter = start + np.array([speed[0] - speed[1], speed[0] + speed[1]]) / (2 * OMEGA / 7)
     centre = [[run[f"C.{axis}"][k] for axis in "xy"] for k in (1, 2)]
     assert centre[0] == pytest.approx(quarter, abs=1e-9) and centre[1] == pytest.approx(start, abs=1e-9)
 
@@ -175,17 +149,11 @@ def test_what_rolls_on_a_plank_that_is_pulled(inertia, share):
 def test_a_ball_in_a_tube_comes_up_again():
     """Its height has √(2/7) of the frequency of its revolutions: z = −(5/2)(g/Ω²)(1 − cos(√(2/7) Ω t)) from a start without spin about the
     radius."""
-    tube, speed = 0.4, 3.0
-    m = ncgen.Model("tube")
-    axis, O = m.vector("axis", (0, 0, 1), fixed=True), m.point("O", (0, 0, 0), fixed=True)
-    body, C = ball(m, (tube - RADIUS, 0.0, 0.0))
-    m.gravity((0, 0, -G))
-    m.contact("tube", body, C, m.ground, O, radius=RADIUS, axis=axis, around=tube, inside=True, friction=1.0)
-    omega = speed / (tube - RADIUS)
+    m, rates = tube(speed := 3.0)
+    omega = speed / (TUBE - RADIUS)
     period = 2 * math.pi / (math.sqrt(2 / 7) * omega)
     times = [0.0, period / 4, period / 2, period]
-    start = turning((0.0, speed, 0.0), (0.0, 0.0, -speed / RADIUS))
-    run = ncgen.simulate(ncgen.compile(m), period, points=times, qd0=start, rtol=1e-11)
+    run = ncgen.simulate(ncgen.compile(m), period, points=times, qd0=rates, rtol=1e-11)
     assert [each.what for each in run.events] == ["rests", "sticks"]
     assert run["C.z"] == pytest.approx([-2.5 * G / omega**2 * (1 - math.cos(2 * math.pi * t / period)) for t in times], abs=1e-9)
 

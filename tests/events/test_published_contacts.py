@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import ncgen
+from examples.contacts import woodpecker
 
 G = 9.81
 
@@ -50,29 +51,6 @@ def test_the_first_contact_of_a_slider_with_clearance():
     turned = [angles(first.q + h * first.before, kernels) for h in (-1e-7, 1e-7)]
     assert (turned[1] - turned[0]) / 2e-7 == pytest.approx([109.580168, -49.3457894, -0.01], rel=1e-6)
     assert len(run.events) > 10 and run.energy_drift < 1e-8
-
-
-def woodpecker() -> tuple[ncgen.Model, dict[str, float]]:
-    """Glocker's toy, small angles: y of the sleeve, angles a of the sleeve and b of the woodpecker, whose mass is at y + l_M a + l_G b."""
-    sleeve, bird, J_M, J_S = 3e-4, 4.5e-3, 5e-9, 7e-7
-    l_M, l_G, h_S, l_S, h_M, r_M, r_O, c = 0.01, 0.015, 0.02, 0.0201, 0.0058, 0.0031, 0.0025, 0.0056
-    m = ncgen.Model("woodpecker")
-    start = {"y": 0.0, "a": -(r_M - r_O) / h_M, "b": -0.2788}
-    start["s"] = l_M * start["a"] + l_G * start["b"]
-    points = {name: m.point(name, (x, 0), fixed="y") for name, x in start.items()}
-    y, a, b, s = (point.x for point in points.values())
-    for (name, point), mass in zip(points.items(), (sleeve, J_M, J_S, bird), strict=True):
-        m.body(f"mass_{name}", [point], mass=mass)
-    m.constrain(s - y - l_M * a - l_G * b)
-    m.force(points["y"], (-sleeve * G, 0))
-    m.force(points["s"], (-bird * G, 0))
-    m.force(points["a"], (-c * (a - b), 0))
-    m.force(points["b"], (-c * (b - a), 0))
-    along = y.rate + r_M * a.rate
-    m.gap_contact("beak", (l_M + l_G - l_S - r_O) - h_S * b, y.rate + l_M * a.rate + (l_G - l_S) * b.rate, 0.3, 0.5)
-    m.gap_contact("lower", (r_M - r_O) + h_M * a, along, 0.3)
-    m.gap_contact("upper", (r_M - r_O) - h_M * a, along, 0.3)
-    return m, {"y.x": -0.3411, "a.x": 0.0, "b.x": -7.4583, "s.x": -0.3411 - l_G * 7.4583}
 
 
 def test_a_woodpecker_goes_down_its_pole():

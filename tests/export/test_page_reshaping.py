@@ -11,7 +11,7 @@ from living import click, enter, fixed_steps, nothing_said, place_of, settled, s
 
 import ncgen
 from ncgen.exchange.examples import load
-from ncgen.exchange.turnable import MOST, turnable
+from ncgen.exchange.turnable import MAX_PARAMETERS, turnable
 
 shown = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
@@ -93,7 +93,7 @@ def test_own_parameters_come_first_and_names_that_are_taken_are_numbered():
 
 def test_a_large_model_keeps_its_places():
     m = ncgen.Model("large")
-    points = [m.point(f"P{k}", (k, 0), fixed=k == 0) for k in range(MOST // 2 + 1)]
+    points = [m.point(f"P{k}", (k, 0), fixed=k == 0) for k in range(MAX_PARAMETERS // 2 + 1)]
     m.body("rod", points[:2], mass=1.0, inertia="rod")
     m.body("bar", points[1:3], mass=1.0, inertia="rod")
     assert list(turnable(m).numbers) == ["rod.mass", "bar.mass"]

@@ -11,7 +11,7 @@ from ncgen.compiler import compile, generate
 from ncgen.exchange.examples import load
 from ncgen.program.ir import cut as cutting
 from ncgen.program.ir.blocks import Loop, Program, Slot, Store, Straight, TableStore
-from ncgen.program.ir.cut import KEPT, cut
+from ncgen.program.ir.cut import CUT_ARRAY, cut
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.finishing import finish
 from ncgen.program.ir.graph import Graph, Op
@@ -33,7 +33,7 @@ def program(seed: int) -> Program:
 @pytest.mark.parametrize("longest", [7, 40, 110])
 @pytest.mark.parametrize("seed", range(3))
 def test_same_numbers_in_short_blocks(monkeypatch, longest, seed):
-    monkeypatch.setattr(cutting, "LONGEST", longest)
+    monkeypatch.setattr(cutting, "MAX_OPERATIONS", longest)
     whole = program(seed)
     parts = cut(whole)
     verify(parts, {"q": 5})
@@ -41,13 +41,15 @@ def test_same_numbers_in_short_blocks(monkeypatch, longest, seed):
     assert evaluate(parts, {"q": q}) == evaluate(whole, {"q": q})
     assert len(parts.blocks) == -(-len(whole.blocks[0].ops) // longest)
     assert all(sum(bool(op.args) for op in block.ops) <= longest for block in parts.blocks)
-    assert parts.temporaries[KEPT] < len(whole.blocks[0].ops) / 2
-    assert {store.index for block in parts.blocks for store in block.stores if store.array == KEPT} == set(range(parts.temporaries[KEPT]))
+    assert parts.temporaries[CUT_ARRAY] < len(whole.blocks[0].ops) / 2
+    assert {store.index for block in parts.blocks for store in block.stores if store.array == CUT_ARRAY} == set(
+        range(parts.temporaries[CUT_ARRAY])
+    )
 
 
 def test_what_lies_in_the_output_is_kept_nowhere_else(monkeypatch):
     """A chain whose every link is an output: later blocks read where the last one was written."""
-    monkeypatch.setattr(cutting, "LONGEST", 10)
+    monkeypatch.setattr(cutting, "MAX_OPERATIONS", 10)
     graph = Graph()
     nodes = [graph.load("q", 0)]
     for k in range(40):
@@ -56,7 +58,7 @@ def test_what_lies_in_the_output_is_kept_nowhere_else(monkeypatch):
     parts = cut(Program("out", ("q",), "out", 40, (finish(Straight(tuple(graph.ops), stores)),)))
     verify(parts, {"q": 4})
     assert len(parts.blocks) > 1
-    assert not any(store.array == KEPT for block in parts.blocks for store in block.stores)
+    assert not any(store.array == CUT_ARRAY for block in parts.blocks for store in block.stores)
     q, links = [0.5, 0.25, 1.5, -2.0], [0.5]
     for k in range(40):
         links.append(links[-1] * q[1 + k % 3] if k % 2 else links[-1] + q[1 + k % 3])
@@ -69,7 +71,7 @@ def test_what_is_short_stays_whole():
 
 def test_kernels_with_loops_are_cut_in_their_straight_lines(monkeypatch):
     """What stands in loops stays where it was, between the parts of the straight lines."""
-    monkeypatch.setattr(cutting, "LONGEST", 40)
+    monkeypatch.setattr(cutting, "MAX_OPERATIONS", 40)
     whole = program(0)
     loop = Loop(3, (Op("slot", (), 0),), (Slot("q", (0, 1, 2)),), (TableStore("out", (0, 1, 2), 0, True),))
     both = replace(whole, blocks=(*whole.blocks, loop))
@@ -85,7 +87,7 @@ def test_long_kernels_are_several_functions_in_c(monkeypatch):
     """They compute the same, and their loops stand in the function that calls the parts."""
     model = load("quadruped")
     whole = compile(generate(model), "c")
-    monkeypatch.setattr(cutting, "LONGEST", 60)
+    monkeypatch.setattr(cutting, "MAX_OPERATIONS", 60)
     sources = generate(model)
     assert "quadruped_gamma_2(" in sources.c["quadruped.c"] and "for (int i = 0;" in sources.c["quadruped.c"]
     parts = compile(sources, "c")

@@ -153,7 +153,7 @@ def test_long_sums_are_taken_in_parts():
 @pytest.mark.parametrize("case", CASES)
 def test_long_blocks_leave_shared_products(case, monkeypatch):
     """Whatever is taken out, results stay, and shared products that would serve sums and their factors are computed once."""
-    monkeypatch.setattr(factoring, "LONG", 0)
+    monkeypatch.setattr(factoring, "MAX_FACTORED_OPERATIONS", 0)
     block = block_of(CASES[case][0])
     made = factored(block)
     q = [Fraction(7, 3), Fraction(-5, 11), Fraction(13, 17), Fraction(19, 23)]

@@ -13,7 +13,7 @@ from ncgen.program.algebra.elimination import factor_symmetric, solve_symmetric
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.program.ir.graph import Graph
-from ncgen.program.motions.full_motion import SMALL, MotionSizes, assemble_full_motion, assemble_full_tangents
+from ncgen.program.motions.full_motion import REGULARISATION, MotionSizes, assemble_full_motion, assemble_full_tangents
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.positions.rank import trial_positions
@@ -42,7 +42,7 @@ def test_motion_is_that_of_partitioning(name):
     zd = np.random.default_rng(1).standard_normal(len(part.independent))
     expected = motion_at(kernels, part, 0.0, q, zd, kernels.p0)
     off = expected.qd + kernels.jacobian(q).T @ np.linspace(-1, 1, m)
-    inputs = {"t": 0.0, "q": q.tolist(), "qd": expected.qd.tolist(), "p": kernels.p0.tolist(), "e": [SMALL]}
+    inputs = {"t": 0.0, "q": q.tolist(), "qd": expected.qd.tolist(), "p": kernels.p0.tolist(), "e": [REGULARISATION]}
     out = np.array(evaluate(built.motion, inputs))
     qd, qdd, lam, power = np.split(out, [n, 2 * n, 2 * n + m])
     J = kernels.jacobian(q)
@@ -52,7 +52,7 @@ def test_motion_is_that_of_partitioning(name):
     assert power[0] == pytest.approx(expected.power, rel=1e-11, abs=1e-11 * max(1, np.max(np.abs(expected.lam))))
     projected = np.array(evaluate(built.motion, inputs | {"qd": off.tolist()}))[:n]
     # one solve without refinement leaves e times the spread of the masses of what was off: 1e5 for the governor
-    np.testing.assert_allclose(J @ projected, kernels.nu(q), atol=1e5 * SMALL * np.max(np.abs(off)))
+    np.testing.assert_allclose(J @ projected, kernels.nu(q), atol=1e5 * REGULARISATION * np.max(np.abs(off)))
 
 
 @pytest.mark.parametrize("name", ["bricard", "nfourbar", "suspension"])
@@ -62,7 +62,7 @@ def test_closing_closes(name):
     closing = programs(name).closing
     q = kernels.q0 + 0.01 * np.sin(np.arange(kernels.n)) * kernels.length
     for _ in range(5):
-        inputs = {"t": 0.0, "q": q.tolist(), "p": kernels.p0.tolist(), "e": [SMALL]}
+        inputs = {"t": 0.0, "q": q.tolist(), "p": kernels.p0.tolist(), "e": [REGULARISATION]}
         q = q + evaluate(closing, inputs)[: kernels.n]
     np.testing.assert_allclose(kernels.phi(q) / kernels.row_sizes, 0, atol=1e-13)
 
@@ -103,7 +103,7 @@ def test_tangents_are_complex_steps(name):
 
     def run(program, x, **more):
         t, q, qd, p = np.split(x, [1, 1 + n, 1 + 2 * n])
-        inputs = {"t": t[0], "q": q, "qd": qd, "p": p, "e": [SMALL], **more}
+        inputs = {"t": t[0], "q": q, "qd": qd, "p": p, "e": [REGULARISATION], **more}
         return np.array(evaluate(program, inputs, functions=COMPLEX if x.dtype == complex else None))
 
     def energies(x):

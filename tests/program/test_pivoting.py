@@ -23,7 +23,7 @@ def test_columns_come_in_lapacks_order(seed, monkeypatch):
     assert sorted(own) == list(range(columns))
     calls, lapack = [], scipy.linalg.qr
     monkeypatch.setattr(scipy.linalg, "qr", lambda *a, **k: calls.append(a) or lapack(*a, **k))
-    monkeypatch.setattr(pivoting, "SMALL", 0)
+    monkeypatch.setattr(pivoting, "MAX_DENSE_ENTRIES", 0)
     assert own[:rank].tolist() == pivoting.column_order(matrix)[:rank].tolist()
     assert len(calls) == 1
 

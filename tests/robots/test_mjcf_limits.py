@@ -48,7 +48,7 @@ def test_too_much_memory(tmp_path):
 )  # fmt: skip
 def test_too_many_copies(tmp_path, more, said, monkeypatch):
     """They are counted before MuJoCo makes them, and bodies afterwards."""
-    monkeypatch.setattr(mjcf_compiled, "MOST", {"nbody": 200})
+    monkeypatch.setattr(mjcf_compiled, "MAX_COUNTS", {"nbody": 200})
     assert said in refused(tmp_path / "r.xml", ROBOT.format("", more))
 
 

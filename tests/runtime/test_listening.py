@@ -17,7 +17,7 @@ from ncgen.methods.method import Method
 from ncgen.report.methods import TimeIsUp, time_limit
 from ncgen.solver.engines.compiled import run, run_constrained
 from ncgen.solver.positions.partition import choose_partitions
-from ncgen.solver.runs.alarms import GOLDEN, LOOKS
+from ncgen.solver.runs.alarms import GOLDEN, N_SAMPLES
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
@@ -214,7 +214,7 @@ def test_engines_in_python_keep_what_they_reached(pendulum, formalism, integrato
         )
     path = paths[-1]
     grid = np.linspace(0.0, 1.0, 101)
-    grid = np.union1d(grid, np.arange(1, LOOKS + 1) * GOLDEN % 1.0)  # where its energy is looked at
+    grid = np.union1d(grid, np.arange(1, N_SAMPLES + 1) * GOLDEN % 1.0)  # where its energy is looked at
     assert 0.105 < path.stopped < 0.12
     assert len(path.q) == np.searchsorted(grid, path.stopped) + 1
     known = ncgen.simulate(pendulum, path.stopped, points=2, rtol=1e-10)

@@ -7,7 +7,7 @@ from ncgen.solver.positions import rank
 
 
 def test_a_second_start_finds_the_degrees_of_freedom_in_the_cache(monkeypatch):
-    monkeypatch.setattr(rank, "KEPT", 1)
+    monkeypatch.setattr(rank, "MIN_CACHED_ROWS", 1)
     found = ncgen.freedom(ncgen.compile(ncgen.load("robot"), "numpy"))
 
     def again(*_):

@@ -325,7 +325,7 @@ def test_integrators(case):
 def test_a_motion_on_bad_coordinates_is_refused(monkeypatch):
     """Coordinates that cease to determine the motion are named, with the time."""
     kernels, rates = ncgen.compile(fourbar()), START["sprung"]
-    monkeypatch.setattr("ncgen.solver.derivatives.partitioned_motion.POOR", 10.0)
+    monkeypatch.setattr("ncgen.solver.derivatives.partitioned_motion.MIN_QUALITY", 10.0)
     with pytest.raises(ModelError, match=rf"{next(iter(rates))} do not determine the motion any more at t = 0 s; choose other"):
         ncgen.sensitivities(kernels, DURATION, STEPS, zd0=rates, z=tuple(rates))
 

@@ -16,7 +16,7 @@ from tiny import TINY
 import ncgen
 from ncgen.errors import NcgenError
 from ncgen.toolchain.cache import RECORD, build, clear, entries
-from ncgen.toolchain.cache_location import ABANDONED, cache_folder, unsealed
+from ncgen.toolchain.cache_location import ABANDONED_SECONDS, cache_folder, unsealed
 from ncgen.toolchain.compilers import FLAGS, LIBRARY, Compiler, find_compiler
 
 
@@ -96,7 +96,7 @@ def test_a_killed_builder_leaves_no_entry(cache, scripted, child, pendulum_sourc
 def test_abandoned_builds_are_cleared_in_time(cache):
     """clear() leaves a build that may still be running, and removes one that nobody can be working on."""
     names = ["ncgen-building-recent_0", "ncgen-building-old_folder", "building-blocks", "ncgen-building-old_foam"]
-    past = time.time() - ABANDONED - 60
+    past = time.time() - ABANDONED_SECONDS - 60
     for name in names:
         (cache / name).mkdir(parents=True)
         (cache / name / "file").touch()
@@ -113,7 +113,7 @@ def test_abandoned_builds_go_with_the_next_one(cache):
     """Nobody has to clear the cache to be rid of what killed processes left in it."""
     abandoned = cache / "ncgen-building-abandone"
     abandoned.mkdir(parents=True)
-    past = time.time() - ABANDONED - 60
+    past = time.time() - ABANDONED_SECONDS - 60
     os.utime(abandoned, (past, past))
     build(TINY, find_compiler())
     assert not abandoned.exists()
@@ -264,7 +264,7 @@ def killed(cache: Path, child, rounds: int, seed: int) -> None:
             assert worker.result() in (pytest.approx(1.5 * length), -signal.SIGKILL)
     for length in {1.0 + k // 2 for k in range(rounds)}:
         assert phi_of(length) == pytest.approx(1.5 * length)
-    past = time.time() - ABANDONED - 60
+    past = time.time() - ABANDONED_SECONDS - 60
     for path in (*cache.glob("ncgen-building-*"), *cache.glob("*/ncgen-building-*")):
         os.utime(path, (past, past))
     assert clear() == 1 + len({k // 2 for k in range(rounds)})

@@ -20,7 +20,16 @@ from ncgen.mechanism import direct, runtime_library
 from ncgen.mechanism.kernel_batch import LANES
 from ncgen.toolchain import compilers
 from ncgen.toolchain.cache import build, compiled, entries
-from ncgen.toolchain.compilers import LEAST, LIBRARY, NEEDLESS, OPTIONAL, UNSAID, Compiler, find_compiler, make_library
+from ncgen.toolchain.compilers import (
+    DISABLED_PASSES,
+    FLAGS_FOR_LONG_CODE,
+    LIBRARY,
+    OPTIONAL,
+    OPTIONAL_FLAGS,
+    Compiler,
+    find_compiler,
+    make_library,
+)
 
 LOG = "tiny.c:1: something is wrong\nand here is why\n"
 
@@ -210,7 +219,7 @@ def said():
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
     """Compilers are given up quickly, and what another test has learnt is forgotten."""
-    monkeypatch.setattr(compilers, "PATIENCE", 3.0)
+    monkeypatch.setattr(compilers, "TIME_LIMIT", 3.0)
     monkeypatch.setattr(compilers, "_useless", {})
     monkeypatch.setattr(compilers, "_refused", {})
     compilers._fails.cache_clear()
@@ -297,13 +306,13 @@ def test_a_flag_that_is_refused_is_left_out(scripted, cache, said, flag, tmp_pat
     """Code is slower without it and no different, which is said where it is worth a word. The second time it is known."""
     refuse = f'for word; do [ "$word" = {flag} ] && {{ echo "error: unknown option $word" >&2; exit 1; }}; done'
     scripted(f'echo >> {tmp_path}/log; {refuse}; exec $CC "$@"')
-    flags = (*LANES[:-2], *LEAST, *NEEDLESS, "-fopenmp", "-fcx-limited-range")
+    flags = (*LANES[:-2], *FLAGS_FOR_LONG_CODE, *DISABLED_PASSES, "-fopenmp", "-fcx-limited-range")
     assert ctypes.CDLL(str(compiled(TINY, flags).library)).tiny() == 7
     asked = (tmp_path / "log").read_text().count("\n")
     compiled(TINY | {"more.c": "int more;\n"}, flags)
     assert (tmp_path / "log").read_text().count("\n") == asked + 1
     texts = [str(warning.message) for warning in said]
-    assert texts == [] if flag in UNSAID else len(texts) == 1 and f"refuses {flag} and is used without it" in texts[0]
+    assert texts == [] if flag in OPTIONAL_FLAGS else len(texts) == 1 and f"refuses {flag} and is used without it" in texts[0]
 
 
 def test_a_whole_run_without_a_flag(scripted, cache, said):
@@ -351,7 +360,7 @@ def test_patience_grows_with_the_source(monkeypatch, tmp_path):
     for size in (0, 100_000, 10**8):
         monkeypatch.setattr(Path, "write_text", lambda *_, **__: None)
         compilers.make_library(tmp_path, {"a.c": " " * size}, find_compiler(), (), (), loads=False)
-    assert waited == [3.0, 103.0, compilers.LONGEST]
+    assert waited == [3.0, 103.0, compilers.MAX_TIME_LIMIT]
 
 
 ZIG = """#!/bin/sh
@@ -374,7 +383,7 @@ def test_zig_is_given_all_sources_at_once(tmp_path, monkeypatch):
     script.write_text(ZIG.replace("{cc}", shutil.which("cc")))
     script.chmod(0o755)
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(compilers, "PATIENCE", 60.0)
+    monkeypatch.setattr(compilers, "TIME_LIMIT", 60.0)
     (tmp_path / "built").mkdir()
     files = {f"part{k}.c": f"int part{k}(void);\nint part{k}(void) {{ return {k}; }}\n" for k in range(4 * compilers.FEW_SOURCES)}
     make_library(tmp_path / "built", files, Compiler((str(script),), "zig"), ("-shared", "-fPIC"), ())

@@ -69,7 +69,7 @@ def notebook(monkeypatch):
     fake = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=object()), display=SimpleNamespace(display=display))
     monkeypatch.setitem(sys.modules, "IPython", fake)
     monkeypatch.setitem(sys.modules, "IPython.display", fake.display)
-    monkeypatch.setattr(bar, "OFTEN", 0.0)
+    monkeypatch.setattr(bar, "REFRESH_SECONDS", 0.0)
     return shown
 
 

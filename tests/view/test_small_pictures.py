@@ -13,7 +13,7 @@ from ncgen.program.ir.blocks import Pattern
 from ncgen.view import curve_pictures, sketch
 from ncgen.view.curve_pictures import curves as drawn
 from ncgen.view.scene import scene_of
-from ncgen.view.spots import MOST, spots
+from ncgen.view.spots import MAX_CELLS, spots
 from ncgen.view.svg import SvgDrawing, below_each_other
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -70,7 +70,7 @@ def test_spots_share_cells_where_there_are_many():
     n = 10_000
     drawn_cells = spots(Pattern((n, n), tuple(range(n + 1)), tuple(range(n))), "diagonal").content
     cells = re.findall(r"M(\d+) (\d+)h", drawn_cells)
-    assert len(cells) == MOST and all(a == b for a, b in cells)
+    assert len(cells) == MAX_CELLS and all(a == b for a, b in cells)
     assert str(spots(Pattern((0, 0), (0,), ()), "empty")).startswith("<svg")
 
 

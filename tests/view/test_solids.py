@@ -115,7 +115,7 @@ def fine(shape, count: int) -> Mesh:
 def test_a_simplified_sphere_is_round():
     mesh = simplified(fine(lambda v: v / np.linalg.norm(v, axis=1, keepdims=True), 60))
     radii = np.linalg.norm(mesh.vertices, axis=1)
-    assert meshes.MOST / 2 < len(mesh.triangles) <= meshes.MOST and np.abs(radii - 1).max() < 0.03
+    assert meshes.MAX_TRIANGLES / 2 < len(mesh.triangles) <= meshes.MAX_TRIANGLES and np.abs(radii - 1).max() < 0.03
 
 
 def test_a_simplified_cube_keeps_its_corners():
@@ -123,7 +123,7 @@ def test_a_simplified_cube_keeps_its_corners():
     mesh = simplified(fine(lambda v: v, 60))
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     gaps = np.linalg.norm(mesh.vertices[:, None] - corners, axis=2).min(axis=0)
-    assert len(mesh.triangles) <= meshes.MOST and gaps.max() < 0.01
+    assert len(mesh.triangles) <= meshes.MAX_TRIANGLES and gaps.max() < 0.01
 
 
 def test_few_triangles_stay_as_they_are():
@@ -141,7 +141,7 @@ def test_few_triangles_stay_as_they_are():
     ],
 )
 def test_a_mesh_that_cannot_be_shown_is_told_in_one_line(name, text, words, tmp_path, monkeypatch):
-    monkeypatch.setattr(meshes, "LARGEST", 100)
+    monkeypatch.setattr(meshes, "MAX_FILE_BYTES", 100)
     path = tmp_path / name
     if text is not None:
         path.write_text(text)

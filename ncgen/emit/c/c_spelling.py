@@ -7,7 +7,7 @@ from ncgen.emit.loop_tables import Tables
 from ncgen.emit.spelling import Record, Spelling
 from ncgen.program.ir.angles import SHARED
 from ncgen.program.ir.blocks import Block, Loop, Program, Slot, Store, TableStore
-from ncgen.program.ir.cut import KEPT, cut
+from ncgen.program.ir.cut import CUT_ARRAY, cut
 
 
 class C(Spelling):
@@ -49,7 +49,7 @@ class C(Spelling):
         program = cut(program)
         record = super().kernel(program)
         for number, block in enumerate(program.blocks):
-            is_apart = KEPT in program.temporaries and not isinstance(block, Loop)
+            is_apart = CUT_ARRAY in program.temporaries and not isinstance(block, Loop)
             record["blocks"][number]["part"] = self._part(program, number) if is_apart else None
         return record | {
             "function": f"{self.prefix}_{program.name}",

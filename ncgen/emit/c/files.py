@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 IS_READ = True
 WIDTH = 100
 
-APART = 4000
+MAX_STATEMENTS_PER_FILE = 4000
 """Statements of a motion's programs above which each is a file, so that compilers work on them side by side: they take two seconds for so
 many."""
 
@@ -61,7 +61,7 @@ def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = Fals
     """{file name: text}: the motion of all coordinates, for the runtime to integrate; long programs in files of their own. forced: the
     derivative takes forces as one more input."""
     prefix = prefix_of(equations.model.name)
-    apart = sum(program.length for program in programs.all) > APART
+    apart = sum(program.length for program in programs.all) > MAX_STATEMENTS_PER_FILE
     records = {"model": equations.model, "prepared": programs.prepared, "apart": apart, "forced": forced}
     records |= program_records(programs.all, prefix, "recursion")
     files = {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}

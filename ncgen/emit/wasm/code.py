@@ -15,7 +15,7 @@ IF, ELSE = b"\x04\x40", b"\x05"
 F64_CONST, F64_LOAD, F64_STORE, F64_ADD = b"\x44", b"\x2b\x03", b"\x39\x03", b"\xa0"
 GREATER, LESS, TO_NUMBER = b"\x64", b"\x63", b"\xb7"
 
-OWN = {"add": F64_ADD, "sub": b"\xa1", "mul": b"\xa2", "div": b"\xa3", "neg": b"\x9a", "abs": b"\x99", "sqrt": b"\x9f"}
+INSTRUCTIONS = {"add": F64_ADD, "sub": b"\xa1", "mul": b"\xa2", "div": b"\xa3", "neg": b"\x9a", "abs": b"\x99", "sqrt": b"\x9f"}
 """Operations that are instructions."""
 
 SINCOS = "sincos"
@@ -35,7 +35,7 @@ def function(program: Program, prefix: str, memory: Memory, callable_: dict[str,
 
 def called(program: Program) -> set[str]:
     """Functions that a program calls, the sines and cosines of its angles apart."""
-    codes = {op.code for block in program.blocks for op in block.ops} - OWN.keys() - {"const", "load", "slot", "sign"}
+    codes = {op.code for block in program.blocks for op in block.ops} - INSTRUCTIONS.keys() - {"const", "load", "slot", "sign"}
     return codes | ({SINCOS} if program.angles else set())
 
 
@@ -111,7 +111,7 @@ class _Body:
         if op.code == "sign":
             zero = F64_CONST + double(0.0)
             return arguments[0] + zero + GREATER + arguments[0] + zero + LESS + I32_SUB + TO_NUMBER
-        return b"".join(arguments) + (OWN[op.code] if op.code in OWN else CALL + unsigned(self.callable[op.code]))
+        return b"".join(arguments) + (INSTRUCTIONS[op.code] if op.code in INSTRUCTIONS else CALL + unsigned(self.callable[op.code]))
 
     def _table(self, pieces: Pieces) -> bytes:
         """What a lookup is given behind its argument."""

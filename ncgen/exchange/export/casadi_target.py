@@ -28,7 +28,7 @@ from ncgen.solver.joints.joint_space import JointsOfTree, joint_space
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.trajectories.output_values import uses_loads
 
-MOST = 60_000
+MAX_OPERATIONS = 60_000
 """Operations up to which derivatives are written out."""
 
 
@@ -76,7 +76,7 @@ def files(package: Package) -> dict[str, str]:
     if uses_loads(package.kernels.model):
         raise ModelError(f"{package.kernels.name} cannot be exported to casadi: its outputs mention loads, and the motion there has none")
     prefix, kernels, state = package.prefix, package.kernels, CasadiState(package)
-    functions = [each for function in state.functions for each in with_derivatives(function, MOST)]
+    functions = [each for function in state.functions for each in with_derivatives(function, MAX_OPERATIONS)]
     count = len(kernels.parameters) - len(kernels.inputs)
     start = {
         "s": state.s.tolist(), "v": state.v.tolist(), "u": kernels.p0[count:].tolist(), "p": kernels.p0[:count].tolist(),

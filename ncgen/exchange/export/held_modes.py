@@ -17,7 +17,7 @@ from ncgen.program.motions.conditions import HeldLoad, assemble_mode_conditions
 from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
 from ncgen.solver.trajectories.output_values import uses_loads
 
-MOST = 15
+MAX_MODES = 15
 """Modes of one mechanism: all sets of four gaps; of more the small sets come first, and the motion ends where another one is needed."""
 
 
@@ -36,12 +36,12 @@ def held_modes(kernels: Kernels, model: Model) -> tuple[HeldMode, ...]:
     """The modes of a mechanism; () where it holds no gap, or its loads are not compiled or looked at by outputs."""
     if refusal_of_multipliers(kernels) or uses_loads(model):
         return ()
-    found = []
+    modes = []
     for number, held in enumerate(_sets(list(model.events.values())), 1):
-        if number > MOST:
+        if number > MAX_MODES:
             break
-        found.append(_made(model, held, number))
-    return tuple(found)
+        modes.append(_made(model, held, number))
+    return tuple(modes)
 
 
 def _sets(events: Sequence[Event]) -> Iterator[tuple[int, ...]]:

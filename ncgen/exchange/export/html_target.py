@@ -20,7 +20,7 @@ from ncgen.program.ir.blocks import Pattern
 from ncgen.program.motions.full_loads import assemble_loads, loaded_elements
 from ncgen.solver.positions.rank import freedom
 from ncgen.symbolic.numbering import Terms
-from ncgen.view.chosen import MOST, informative
+from ncgen.view.chosen import MAX_COORDINATES, informative
 from ncgen.view.page import drawing, lean, rounded, script_json
 from ncgen.view.scene import Scene, scene_of
 
@@ -94,7 +94,7 @@ def _mechanism(package: Package) -> dict:
     return {
         "events": list(model.events),
         "units": [package.unit(name) for name in kernels.coordinates],
-        "shown": informative(model, kernels.coordinates, package.independent)[:MOST],  # at first
+        "shown": informative(model, kernels.coordinates, package.independent)[:MAX_COORDINATES],  # at first
         "duration": package.duration,
         "outputs": [{"label": output.label, "unit": output.unit} for output in model.outputs.values()],
         "rowSizes": kernels.row_sizes.tolist(),

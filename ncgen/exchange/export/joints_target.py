@@ -22,7 +22,7 @@ from ncgen.program.tree.tree_motion import TreePlace
 from ncgen.solver.joints.joint_loops import JointsInLoops
 from ncgen.solver.joints.joint_space import JointSpace, joint_space
 
-TOLD = {
+DESCRIPTIONS = {
     "joint_position": "q for values x of the joints",
     "joint_screws": "for every joint of the tree its axis, and its velocity at the origin",
     "joint_spread": "rates of all joints for rate 1 of every independent one, row by row, and for none",
@@ -57,7 +57,7 @@ def files_of(model: Model) -> dict[str, str]:
         "coordinates": kernels.n,
         "defaults": [number(float(value)) for value in kernels.p0],
         "start": [repr(float(value)) for value in space.values(kernels.q0)],
-        "told": TOLD,
+        "told": DESCRIPTIONS,
     }
 
     return without_runtime("joints", "joints", prefix, records, ("README.md", "Makefile", "main.c"))

@@ -18,7 +18,7 @@ from ncgen.model.pieces import Pieces
 from ncgen.program.ir.graph import ArrayElement, Graph
 from ncgen.program.ir.ranges import values
 
-LARGEST = 1e4
+MAX_ARGUMENT = 1e4
 """The number u up to which quick changes are looked for: the tails of a pulse are followed to a thousand times its width."""
 
 PERIODIC = frozenset({"sin", "cos", "tan"})
@@ -27,7 +27,7 @@ PERIODIC = frozenset({"sin", "cos", "tan"})
 FACTORS = (1.0, 0.6, 1.7)
 """What parameters are multiplied by to see which numbers do not depend on them."""
 
-SAME = 1e-9
+ROUNDING_TOLERANCE = 1e-9
 """The difference of two numbers of the size 1 that is rounding."""
 
 
@@ -97,7 +97,7 @@ def _argument(graph: Graph, law: int, base: int, defaults: Mapping[ArrayElement,
     top = graph.neg(graph.div(graph.replaced(slope, {TIME: graph.const(0.0)}), curvature))
     peak = graph.replaced(base, {TIME: top})
     bends, vertices = (np.array([_number(graph, node, defaults, factor) for factor in FACTORS]) for node in (curvature, peak))
-    if np.ptp(vertices) <= SAME * (1.0 + abs(vertices[0])):
+    if np.ptp(vertices) <= ROUNDING_TOLERANCE * (1.0 + abs(vertices[0])):
         scale, signs, vertex = graph.const(1.0), np.sign(bends), float(vertices[0])
     elif graph.ops[law].code == "exp" and base in graph.ops[law].args:
         scale, signs, vertex = graph.const(1.0), np.sign(bends), 0.0  # exp(vertex) is a factor
@@ -150,7 +150,7 @@ def _knots(graph: Graph, law: int, base: int, argument: Argument, period: float)
     new = {base: own.add(own.const(argument.vertex), square) if argument.sign else u}
     for node in sorted(graph.below([law], {base}) - {base}):
         new[node] = own.copied(graph.ops[node], [new[a] for a in graph.ops[node].args])
-    start, end = (0.0, 4 * period) if period else (-LARGEST, LARGEST)
+    start, end = (0.0, 4 * period) if period else (-MAX_ARGUMENT, MAX_ARGUMENT)
     changes = quick_changes(own.ops, new[law], {}, start, end, np.empty(0))
     if period:
         changes = changes[(changes >= 2 * period) & (changes < 3 * period)] - 2 * period
@@ -159,7 +159,7 @@ def _knots(graph: Graph, law: int, base: int, argument: Argument, period: float)
 
 def _pieces(knots: list[float], period: float) -> Pieces:
     """As knots; those that are next to each other are one."""
-    knots = [b for a, b in zip([-np.inf, *knots], knots, strict=False) if b - a > SAME * max(1.0, abs(b))]
+    knots = [b for a, b in zip([-np.inf, *knots], knots, strict=False) if b - a > ROUNDING_TOLERANCE * max(1.0, abs(b))]
     if period:
         knots.append(knots[0] + period)
     return Pieces(tuple(knots), tuple((0.0, float(k)) for k in range(len(knots) + 1)), period)

@@ -32,10 +32,10 @@ from ncgen.symbolic.numbering import Terms
 INTERVALS = 10_000
 """Times in the described motion at which arguments are looked at that are no straight lines."""
 
-SHORTEST = 1e-6
+MIN_TIME_FRACTION = 1e-6
 """Fraction of the described motion that two such times are at least apart."""
 
-LEVELS = (1e-8, 1e-5, 1e-3, 0.02, 0.125, 0.375, 0.625, 0.875, 0.98, 0.999, 1 - 1e-5, 1 - 1e-8)
+RANGE_FRACTIONS = (1e-8, 1e-5, 1e-3, 0.02, 0.125, 0.375, 0.625, 0.875, 0.98, 0.999, 1 - 1e-5, 1 - 1e-8)
 """Fractions of a narrow law's range in the described motion at which steps end: dense where it begins and ceases to change."""
 
 MOST_CHANGES = 1000
@@ -102,7 +102,7 @@ def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duratio
             t = np.sort(np.concatenate([np.linspace(0.0, duration, INTERVALS + 1), breaks[:, 0]]))
             x = values(laws.ops, node, {**given, TIME: t})
             low, high = np.min(x[np.isfinite(x)]), np.max(x[np.isfinite(x)])
-            knots = np.unique([float(f"{low + (high - low) * level:.12g}") for level in LEVELS]).tolist()
+            knots = np.unique([float(f"{low + (high - low) * level:.12g}") for level in RANGE_FRACTIONS]).tolist()
             if np.count_nonzero(np.diff(np.searchsorted(knots, x))) <= MOST_CHANGES:
                 narrow[node] = Pieces(tuple(knots), tuple((0.0, float(k)) for k in range(len(knots) + 1)))
     return narrow
@@ -185,4 +185,4 @@ def _interval(kernels: Kernels, laws: TimeLaws, duration: float) -> float:
     """How far apart in time (s) the curves are looked at: so that breaks of the described motion are seen one by one."""
     breaks = breaks_of_laws(kernels, laws, 0.0, duration).mean(axis=1)
     gaps = np.diff(breaks, prepend=0.0, append=duration)
-    return max(SHORTEST * duration, min(duration / INTERVALS, float(gaps[gaps > 0].min()) / 2))
+    return max(MIN_TIME_FRACTION * duration, min(duration / INTERVALS, float(gaps[gaps > 0].min()) / 2))

@@ -21,13 +21,13 @@ SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf", XACRO)
 FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 """{tag of the root element: module}."""
 
-TOLD = ("robot", "sdf")
+TAGS_WITH_ALL_PROBLEMS = ("robot", "sdf")
 """Tags of formats that tell all problems of links and joints; MuJoCo tells the first one."""
 
-WRITTEN = {".urdf": "urdf", ".sdf": "sdf_written", ".xml": "mjcf_written", ".mjcf": "mjcf_written"}
+WRITERS = {".urdf": "urdf", ".sdf": "sdf_written", ".xml": "mjcf_written", ".mjcf": "mjcf_written"}
 """{how a file's name ends: module} of formats that are written, too."""
 
-CLOSED = ("sdf_written", "mjcf_written")
+WRITERS_WITH_LOOPS = ("sdf_written", "mjcf_written")
 """Modules of formats that say loops."""
 
 
@@ -42,7 +42,7 @@ def read_robot(path: Path) -> Robot:
 def problems_of(path: Path) -> list[str]:
     """All that is wrong with links and joints of a robot's file, one line each: of URDF and SDF; else the first problem is raised."""
     root = read_markup(path)
-    if root.tag in TOLD:
+    if root.tag in TAGS_WITH_ALL_PROBLEMS:
         problems = import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").problems_of(root, path)
         if problems:
             return problems
@@ -64,8 +64,8 @@ def _impossible(robot: Robot) -> list[str]:
 def load_robot(
     path: Path,
     floating: bool | None = None,
-    limits: bool = False,
-    friction: bool = False,
+    limits: bool | str = False,
+    friction: bool | str = False,
     loops: str | Path | None = None,
     motors: bool = False,
     sensors: bool = False,
@@ -76,7 +76,7 @@ def load_robot(
     """The model of a robot's file. Warns, in one line, of how many things that change the motion it does not have.
 
     floating: the root is a free body; None for what the file says
-    limits, friction: of joints, as springs and couples; else they are left out
+    limits, friction: of joints, as springs and couples, or "rigid" and "exact" as elements of events; else they are left out
     motors, sensors: inputs for actuators of the file, or for joints; outputs for its sensors; else they are left out
     loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml next to the robot's file, if there is one
     inertias: "refused", "balanced" or "as given" where no body has them
@@ -123,12 +123,12 @@ def with_frame_outputs(model: Model, names: Sequence[str]) -> Model:
 
 
 def robot_text(model: Model, suffix: str) -> str:
-    """A model as a robot's file; where its bodies are no open tree, as SDF or MJCF. suffix: one of `WRITTEN`.
+    """A model as a robot's file; where its bodies are no open tree, as SDF or MJCF. suffix: one of `WRITERS`.
 
     Raises ModelError naming what the format cannot say: a loop, a row or a load that belongs to no joint, a joint that it does not have.
     """
     from ncgen.exchange.robots.outward import robot_of
 
-    if suffix not in WRITTEN:
-        raise ModelError(f"{model.name}: files of links and joints end with {', '.join(WRITTEN)}; {shown(suffix)} is not one of them")
-    return import_module(f"ncgen.exchange.robots.{WRITTEN[suffix]}").text_of(robot_of(model, loops=WRITTEN[suffix] in CLOSED))
+    if suffix not in WRITERS:
+        raise ModelError(f"{model.name}: files of links and joints end with {', '.join(WRITERS)}; {shown(suffix)} is not one of them")
+    return import_module(f"ncgen.exchange.robots.{WRITERS[suffix]}").text_of(robot_of(model, loops=WRITERS[suffix] in WRITERS_WITH_LOOPS))

@@ -19,7 +19,7 @@ from ncgen.exchange.robots.joint_values import TURNS, added, motion, moved, rota
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Robot, refused
 
-CLOSED = 1e-12
+GAP_ROUNDING = 1e-12
 """Gaps below this, over the robot's size or in rad, are rounding."""
 
 DIGITS = 1e-4
@@ -28,16 +28,16 @@ DIGITS = 1e-4
 STEPS, STARTS = 300, 24
 """Most steps from one start, and starts: the first at 0, others at random joint values, the same ones every time."""
 
-ENOUGH = 2
+N_EQUAL_STARTS = 2
 """Starts that end with the same gap as another one, after which it is the least."""
 
-FLAT = 1e-9
+MIN_DECREASE = 1e-9
 """A step that takes less than this fraction off the sum of squares is the last one: a least gap has been reached."""
 
 TRIALS, IDLE = 3, 1e-9
 """Random joint values at which a loop is looked at, and the gap, over the robot's size or in rad, below which it is closed there."""
 
-LONGEST = 0.5
+MAX_JOINT_STEP = 0.5
 """Largest step of a joint (rad or m)."""
 
 HEIGHTS = {"spherical": 3}
@@ -117,7 +117,7 @@ def report(robot: Robot, values: Mapping[str, np.ndarray]) -> list[tuple[str, fl
                 motions = [(float(np.linalg.norm(x[:3])), "m"), (float(np.linalg.norm(x[3:])), "rad")]
             case kind:
                 motions = [(float(each), "m" if kind == "prismatic" else "rad") for each in x]
-        moved += [(joint.name, amount, unit) for amount, unit in motions if abs(amount) > CLOSED]
+        moved += [(joint.name, amount, unit) for amount, unit in motions if abs(amount) > GAP_ROUNDING]
     return moved
 
 
@@ -158,9 +158,9 @@ class _Assembly:
             scale = 0.3 * (1 + start // 4) if start else 0.0
             gap, changes = self._descend(self._begin(generator.standard_normal(self.n) * scale))
             same += abs(gap - best) < 1e-6 * gap
-            if gap < best * (1 - 1e-6) - CLOSED:
+            if gap < best * (1 - 1e-6) - GAP_ROUNDING:
                 best, values = gap, changes
-            if best < DIGITS or same == ENOUGH:
+            if best < DIGITS or same == N_EQUAL_STARTS:
                 break
         return best, values
 
@@ -210,17 +210,17 @@ class _Assembly:
         damping, frames = 1e-6, self._frames(values)
         residual, is_flat = self._residual(frames), False
         for _ in range(STEPS):
-            if np.max(np.abs(residual), initial=0.0) < CLOSED or damping > 1e6 or is_flat:
+            if np.max(np.abs(residual), initial=0.0) < GAP_ROUNDING or damping > 1e6 or is_flat:
                 break
             left, singular, right = np.linalg.svd(self._jacobian(frames), full_matrices=False)
             while damping <= 1e6:
                 scaled = singular / (singular**2 + damping * max(singular.max(initial=0.0), 1e-30) ** 2)
                 step = -right.T @ (scaled * (left.T @ residual))
-                trial = self._stepped(values, step * min(1.0, LONGEST / max(np.abs(step).max(initial=0.0), 1e-30)))
+                trial = self._stepped(values, step * min(1.0, MAX_JOINT_STEP / max(np.abs(step).max(initial=0.0), 1e-30)))
                 moved_frames = self._frames(trial)
                 new = self._residual(moved_frames)
                 if new @ new < residual @ residual:
-                    is_flat = bool(new @ new > (1 - FLAT) * (residual @ residual))
+                    is_flat = bool(new @ new > (1 - MIN_DECREASE) * (residual @ residual))
                     values, frames, residual, damping = trial, moved_frames, new, max(damping / 10, 1e-15)
                     break
                 damping *= 10

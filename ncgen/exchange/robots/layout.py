@@ -15,9 +15,9 @@ import numpy as np
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Robot, changes_nothing, refused
 from ncgen.model.arithmetic import dot, norm, product, unit
-from ncgen.model.measures import NEAR
+from ncgen.model.measures import MIN_RELATIVE_LENGTH
 
-SAME = 1e-9
+POINT_TOLERANCE = 1e-9
 """Points nearer than this, over the robot's size, are one."""
 
 PARALLEL = 1e-11
@@ -26,10 +26,10 @@ PARALLEL = 1e-11
 PARALLEL_IN_LOOPS = 1e-5
 """The sine of directions where loops are closed: axes that are parallel but for a file's last digits would lock them."""
 
-ASIDE = 0.1
+POINT_OFFSET = 0.1
 """How far along its axis, over the robot's size, a hinge's point goes out of the way of another one."""
 
-WELL = 0.2
+MIN_SINGULAR_VALUE = 0.2
 """A basis whose least singular value is smaller, directions having length 1, gets another vector."""
 
 
@@ -121,7 +121,7 @@ class Layer:
         }
         hearts = np.array([self._heart(name) for name in self.frames])
         self.size = float(np.ptp(origins, axis=0).max()) or float(np.ptp([*origins, *hearts], axis=0).max()) or 1.0
-        self.near, self.parallel = SAME * self.size, PARALLEL_IN_LOOPS if robot.loops else PARALLEL
+        self.near, self.parallel = POINT_TOLERANCE * self.size, PARALLEL_IN_LOOPS if robot.loops else PARALLEL
         self.solids = {name: RobotSolid(name) for name in self.frames}
         self.holds: list[Hold] = []
 
@@ -209,7 +209,7 @@ class Layer:
             if point is not taken and np.linalg.norm(np.cross(point.value - origin, axis)) < self.near:
                 return hold.child.take(hold.parent.take(point))
         if taken and np.linalg.norm(taken.value - origin) < self.near:
-            return hold.child.take(hold.parent.take(self._point(hold, "r", origin + ASIDE * self.size * axis)))
+            return hold.child.take(hold.parent.take(self._point(hold, "r", origin + POINT_OFFSET * self.size * axis)))
         if self.apart:
             return hold.child.take(hold.parent.take(self._point(hold, "r", origin)))
         next_ones = (joint for joint in self.robot.joints if joint.parent == hold.child.name and joint.kind == "revolute")
@@ -220,7 +220,7 @@ class Layer:
     def _meeting(self, a: np.ndarray, u: np.ndarray, b: np.ndarray, v: np.ndarray) -> np.ndarray | None:
         """Where two lines meet; None where they are parallel, or pass each other."""
         across = np.cross(u, v)
-        if np.linalg.norm(across) < WELL or abs(dot(b - a, across)) > self.near * np.linalg.norm(across):
+        if np.linalg.norm(across) < MIN_SINGULAR_VALUE or abs(dot(b - a, across)) > self.near * np.linalg.norm(across):
             return None
         return a + dot(np.cross(b - a, v), across) / dot(across, across) * u
 
@@ -253,8 +253,8 @@ class Layer:
         """A point, and directions that span space."""
         if not solid.points:
             solid.take(Place(f"r_{solid.name}", heart, True, solid.name))
-        shortest = np.inf if self.apart else NEAR * self.size
-        while (rows := solid.directions(shortest)).shape[0] < 3 or np.linalg.svd(rows, compute_uv=False)[-1] < WELL:
+        shortest = np.inf if self.apart else MIN_RELATIVE_LENGTH * self.size
+        while (rows := solid.directions(shortest)).shape[0] < 3 or np.linalg.svd(rows, compute_uv=False)[-1] < MIN_SINGULAR_VALUE:
             number = len(solid.vectors) + 1
             solid.take(Place(f"e{number}_{solid.name}", _missing(rows, self.frames[solid.name]), False))
 
@@ -265,7 +265,7 @@ def _missing(rows: np.ndarray, frame: Placement) -> np.ndarray:
         return frame.rotation[:, 0]
     held = rows[0]
     across = max((np.cross(held, other) for other in rows), key=norm)
-    if norm(across) > WELL:
+    if norm(across) > MIN_SINGULAR_VALUE:
         return unit(across)
     axis = frame.rotation[:, int(np.argmin(np.abs(product(frame.rotation.T, held))))]
     return unit(axis - dot(axis, held) * held)

@@ -31,7 +31,7 @@ from ncgen.symbolic.tree import spanning_tree
 
 WORLD = "world"
 
-ALONG = 1e-9
+AXIS_TOLERANCE = 1e-9
 """Sine of the angle up to which an axis is that of a joint."""
 
 NORMAL = np.array([0.0, 0.0, 1.0])
@@ -233,7 +233,7 @@ class _Linkage:
                 return None
             end, start = _points(row.direction("a"))
             axis, ends, kind = row.direction("n").initial, (as_combination(start), as_combination(end)), "prismatic"
-        if joint.kind != kind or np.linalg.norm(np.cross(unit(axis), joint.axis)) > ALONG:
+        if joint.kind != kind or np.linalg.norm(np.cross(unit(axis), joint.axis)) > AXIS_TOLERANCE:
             return None
         sign = float(np.sign(unit(axis) @ joint.axis))
         if self._carries(parent, ends[0]) and self._carries(child, ends[1]):

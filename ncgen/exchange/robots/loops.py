@@ -39,7 +39,7 @@ from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Robot, frame_of
 from ncgen.exchange.text import NotToml, placed, text_of, toml
 from ncgen.model.arithmetic import norm, unit
-from ncgen.model.values import LARGEST
+from ncgen.model.values import MAX_NUMBER
 
 KINDS = {"connect": "spherical", "revolute": "revolute", "prismatic": "prismatic", "weld": "fixed"}
 """{word: kind of joint}."""
@@ -123,9 +123,9 @@ class _Reader:
         if (
             not isinstance(given, list)
             or len(given) != 3
-            or not all(isinstance(x, (int, float)) and not isinstance(x, bool) and abs(x) <= LARGEST for x in given)
+            or not all(isinstance(x, (int, float)) and not isinstance(x, bool) and abs(x) <= MAX_NUMBER for x in given)
         ):
-            self.refuse(f"{what} is {shown(given)}; give three numbers of at most {LARGEST:g}")
+            self.refuse(f"{what} is {shown(given)}; give three numbers of at most {MAX_NUMBER:g}")
         return np.array(given, dtype=float)
 
     def refuse(self, problem: str) -> NoReturn:

@@ -14,9 +14,9 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.text import placed, text_of
 from ncgen.model.arithmetic import norm, unit
-from ncgen.model.values import LARGEST
+from ncgen.model.values import MAX_NUMBER
 
-DEEPEST = 100
+MAX_DEPTH = 100
 """Elements inside each other."""
 
 XACRO = ".xacro"
@@ -138,8 +138,8 @@ class Markup:
         value = self._float(text, what)
         if not math.isfinite(value):
             self.refuse(f"{what}: {shown(text)} is not finite; give a number")
-        if abs(value) > LARGEST:
-            self.refuse(f"{what}: {shown(text)} is too large; the largest number is {LARGEST:g}, check the unit")
+        if abs(value) > MAX_NUMBER:
+            self.refuse(f"{what}: {shown(text)} is too large; the largest number is {MAX_NUMBER:g}, check the unit")
         return value
 
 
@@ -182,8 +182,8 @@ class _Reader:
             name = self.where.removesuffix(XACRO)
             name = f"expanded-{name}" if name == self.where else name  # or the shell empties the file before xacro reads it
             element.refuse(f"<{tag}> is a macro of xacro; expand it first: xacro {shown(self.where)} > {shown(name)}")
-        if len(self.open) > DEEPEST:
-            element.refuse(f"elements are more than {DEEPEST} deep in each other; a robot needs no such depth")
+        if len(self.open) > MAX_DEPTH:
+            element.refuse(f"elements are more than {MAX_DEPTH} deep in each other; a robot needs no such depth")
         self.open[-1].children.append(element)
         self.open.append(element)
 

@@ -39,7 +39,7 @@ from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung
 from ncgen.exchange.text import placed
 from ncgen.model.arithmetic import unit
-from ncgen.model.values import LARGEST
+from ncgen.model.values import MAX_NUMBER
 
 WORLD = "world"
 
@@ -102,19 +102,19 @@ def _check_numbers(model: Compiled, where: str) -> None:
         count, whose, of = objects[kind]
         values = np.array(getattr(model, name), dtype=float)
         values = values.reshape(count, values.size // max(1, count))
-        large = ~(np.abs(values) <= LARGEST)
+        large = ~(np.abs(values) <= MAX_NUMBER)
         wrong = np.flatnonzero(large.any(axis=1) | ((what in DIRECTIONS) & ~(np.abs(values).max(axis=1, initial=0.0) > 0.4)))
         if len(wrong):
             i = int(wrong[0])
             owner = f"{whose} {of(i).name or f'number {i}'}"
             number = f"the number {values[i][large[i]][0]:g} ({what})" if large[i].any() else f"no direction ({what})"
-            raise ModelError(placed(where, None, f"{owner} has {number}; the largest number is {LARGEST:g}, check the unit"))
+            raise ModelError(placed(where, None, f"{owner} has {number}; the largest number is {MAX_NUMBER:g}, check the unit"))
     more = {"gravity": model.opt.gravity, "a joint's reference": model.qpos0, "a spring's reference": model.qpos_spring}
     names = ("gear", "gainprm", "biasprm", "ctrlrange", "forcerange", "armature", "damping", "dampingpoly")
     more["an actuator's number"] = np.concatenate([np.ravel(getattr(model, f"actuator_{name}")) for name in names])
     for what, values in (more | {"a tendon's coefficient": model.wrap_prm}).items():
-        if not np.all(np.abs(values) <= LARGEST):
-            raise ModelError(placed(where, None, f"{what} is not finite, or larger than {LARGEST:g}; check the unit"))
+        if not np.all(np.abs(values) <= MAX_NUMBER):
+            raise ModelError(placed(where, None, f"{what} is not finite, or larger than {MAX_NUMBER:g}; check the unit"))
 
 
 class _Spring(TypedDict):

@@ -15,7 +15,7 @@ from typing import NoReturn
 MEMORY = 4 << 30
 """Bytes of addresses that the process may have: a small machine's memory, and 400 times what it begins with."""
 
-LARGEST = 1 << 30
+MAX_MODEL_BYTES = 1 << 30
 """Bytes of the compiled model."""
 
 MOST_TOLD = 20
@@ -55,7 +55,12 @@ def _limit(seconds: int) -> None:
         import resource
     except ImportError:  # Windows: the one who waits ends it
         return
-    limits = ((resource.RLIMIT_CPU, seconds), (resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_FSIZE, LARGEST), (resource.RLIMIT_CORE, 0))
+    limits = (
+        (resource.RLIMIT_CPU, seconds),
+        (resource.RLIMIT_AS, MEMORY),
+        (resource.RLIMIT_FSIZE, MAX_MODEL_BYTES),
+        (resource.RLIMIT_CORE, 0),
+    )
     for what, most in limits:
         hard = resource.getrlimit(what)[1]
         with contextlib.suppress(ValueError, OSError):  # macOS does not take all of them

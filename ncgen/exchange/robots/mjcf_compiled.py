@@ -29,7 +29,7 @@ Compiled: TypeAlias = Any
 SECONDS = 30
 """Processor time of MuJoCo for one file; 2,000 bodies take 0.5 s."""
 
-WAITING = 2
+WALL_TIME_FACTOR = 2
 """Times SECONDS after which the process is ended, however little of the processor it had."""
 
 MOST_COPIES = 100_000
@@ -41,7 +41,7 @@ COPYING = ("replicate", "flexcomp", "composite")
 MOST_FILES = 1000
 """Files that a model includes."""
 
-MOST = {"nbody": 20_000, "njnt": 20_000, "ngeom": 100_000, "neq": 20_000}
+MAX_COUNTS = {"nbody": 20_000, "njnt": 20_000, "ngeom": 100_000, "neq": 20_000}
 """Bodies and so on that are read: a line of text can ask for millions of copies."""
 
 WORDS = {"nbody": "bodies", "njnt": "joints", "ngeom": "geoms", "neq": "equalities"}
@@ -141,7 +141,7 @@ def compiled(path: Path, text: str | None = None) -> Compiled:
             raise ModelError(placed(path.name, None, " ".join(str(error).split()))) from None
         finally:
             mujoco.set_mju_user_warning(before)
-    for name, most in MOST.items():
+    for name, most in MAX_COUNTS.items():
         if getattr(model, name) > most:
             raise ModelError(placed(path.name, None, f"it has {getattr(model, name)} {WORDS[name]}, and {most} are read; take fewer"))
     return model
@@ -159,7 +159,7 @@ def _run(path: Path, package: Path, folder: Path) -> None:
     command = [sys.executable, "-I", "-S", "-B", str(program), *arguments]
     no = subprocess.DEVNULL
     try:
-        status = subprocess.run(command, check=False, timeout=WAITING * SECONDS, stdin=no, stdout=no, stderr=no).returncode
+        status = subprocess.run(command, check=False, timeout=WALL_TIME_FACTOR * SECONDS, stdin=no, stdout=no, stderr=no).returncode
     except subprocess.TimeoutExpired:
         status = -getattr(signal, "SIGXCPU", signal.SIGTERM)
     try:

@@ -19,7 +19,7 @@ CONNECT, WELD, JOINTS, TENDONS = 0, 1, 2, 3
 BODY = 1
 """MuJoCo's number of bodies among objects; what else connections join are sites."""
 
-CLOSED = 1e-6
+FRAME_TOLERANCE = 1e-6
 """How far apart two frames may stand that are one (m and rad): more than files and compiler round. Else joints move until they are."""
 
 
@@ -111,7 +111,7 @@ class _Reader:
         joint = Joint(name, "fixed" if kind == WELD else "spherical", first, second, one, where=self.where)
         gap = float(np.linalg.norm(one.position - other.position))
         turned = float(np.linalg.norm(one.rotation - other.rotation)) if kind == WELD else 0.0
-        if max(gap, turned) > CLOSED:
+        if max(gap, turned) > FRAME_TOLERANCE:
             self.apart.append(Apart(joint, other))
         else:
             self.loops.append(joint)

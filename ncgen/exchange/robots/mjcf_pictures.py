@@ -14,16 +14,16 @@ from xml.sax.saxutils import escape, quoteattr
 
 from ncgen.exchange.robots.markup import Attributes, Markup, read_markup
 
-SMALL = {"type": "sphere", "size": "0.001", "mass": "0", "group": "5"}
+PLACEHOLDER_SPHERE = {"type": "sphere", "size": "0.001", "mass": "0", "group": "5"}
 """What a shape becomes: group 5 is not seen in MuJoCo's viewer."""
 
-LOST = ("mesh", "hfield", "material", "rgba", "fitscale", "fromto", "fluidshape", "fluidcoef", "density", "shellinertia")
+REMOVED_ATTRIBUTES = ("mesh", "hfield", "material", "rgba", "fitscale", "fromto", "fluidshape", "fluidcoef", "density", "shellinertia")
 """What such a sphere of a shape does not have."""
 
 NUMBERS = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler", "fromto", "size", "rgba", "scale", "refpos", "refquat")
 """Attributes of pictures that hold numbers."""
 
-FLAT = {"texture": {"builtin": "flat", "width": "1", "height": "1"}, "hfield": {"nrow": "2", "ncol": "2"}}
+PLACEHOLDERS = {"texture": {"builtin": "flat", "width": "1", "height": "1"}, "hfield": {"nrow": "2", "ncol": "2"}}
 """What stands for a file that is not there."""
 
 
@@ -79,10 +79,10 @@ class Readable:
                 children.append(_small(child))
             elif child.tag == "mesh" and is_asset and self._is_left_out(child):
                 continue
-            elif child.tag in FLAT and is_asset and file and self.where(file) is None:
+            elif child.tag in PLACEHOLDERS and is_asset and file and self.where(file) is None:
                 self.missing.append(file)
                 kept = {key: text for key, text in child.attributes.items() if key != "file"}
-                children.append(replace(child, attributes=Attributes(kept | FLAT[child.tag])))
+                children.append(replace(child, attributes=Attributes(kept | PLACEHOLDERS[child.tag])))
             else:
                 children.append(self._without(child, child.first("inertial") is not None))
         return replace(element, children=children)
@@ -101,8 +101,10 @@ class Readable:
 
 
 def _small(geom: Markup) -> Markup:
-    kept = {key: text for key, text in geom.attributes.items() if key not in LOST and not (key in NUMBERS and _is_no_number(text))}
-    return replace(geom, attributes=Attributes(kept | SMALL))
+    kept = {
+        key: text for key, text in geom.attributes.items() if key not in REMOVED_ATTRIBUTES and not (key in NUMBERS and _is_no_number(text))
+    }
+    return replace(geom, attributes=Attributes(kept | PLACEHOLDER_SPHERE))
 
 
 def _is_unreadable(element: Markup) -> bool:

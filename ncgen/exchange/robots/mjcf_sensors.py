@@ -22,7 +22,7 @@ LENGTHS = {9: ("joint", "length"), 10: ("joint", "rate"), 11: ("tendon", "length
            14: ("actuator", "rate")}  # fmt: skip
 """{MuJoCo's number: whose length, and whether it is the length or its rate}."""
 
-UNCUT = ("x axis", "y axis", "z axis")
+KINDS_WITHOUT_CUTOFF = ("x axis", "y axis", "z axis")
 """Kinds whose readings have no cutoff."""
 
 BODY, LINK, GEOM, SITE, CAMERA = 1, 2, 5, 6, 7
@@ -47,7 +47,7 @@ def _sensor(m: Compiled, s: int, joints: Sequence[str]) -> Sensor | None:
     if kind not in KINDS:
         return None
     x, y, z = map(float, m.opt.magnetic)
-    return Sensor(name, KINDS[kind], _key(m, s), 0.0 if KINDS[kind] in UNCUT else cutoff, (x, y, z))
+    return Sensor(name, KINDS[kind], _key(m, s), 0.0 if KINDS[kind] in KINDS_WITHOUT_CUTOFF else cutoff, (x, y, z))
 
 
 def _key(m: Compiled, s: int) -> str:

@@ -18,7 +18,7 @@ from ncgen.files import is_file
 MESHES = (".stl", ".obj", ".msh")
 """Files with meshes that MuJoCo reads."""
 
-LEAST = 1e-15
+MIN_INERTIA = 1e-15
 """MuJoCo's smallest mass and moment of inertia."""
 
 WORDS = {"revolute": "hinge", "prismatic": "slide", "spherical": "ball"}
@@ -123,9 +123,10 @@ def _inertial(link: Link) -> list[str]:
     if mass is None:
         return []
     least = float(np.linalg.eigvalsh(mass.tensor)[0])
-    if not (mass.mass > LEAST and least > LEAST):
+    if not (mass.mass > MIN_INERTIA and least > MIN_INERTIA):
         raise ModelError(
-            f"body {link.name}: MJCF takes masses and principal moments of inertia above {LEAST:g}; here they are {mass.mass:.3g} kg and "
+            f"body {link.name}: MJCF takes masses and principal moments of inertia above {MIN_INERTIA:g}; here they are "
+            f"{mass.mass:.3g} kg and "
             f"at least {least:.3g} kg m2: give a bar its thickness"
         )
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = mass.tensor

@@ -23,15 +23,15 @@ from ncgen.model.names import numbered, word
 DURATION = 1.0
 """Of a run that says nothing else (s)."""
 
-NOTHING = 1e-15
+INERTIA_ROUNDING = 1e-15
 """Entries of a tensor below this, over mass · size² of the robot, are rounding of whoever wrote the file."""
 
 
 def model_of(
     robot: Robot,
     floating: bool | None = None,
-    limits: bool = False,
-    friction: bool = False,
+    limits: bool | str = False,
+    friction: bool | str = False,
     motors: bool = False,
     sensors: bool = False,
     parameters: Sequence[str] = (),
@@ -55,7 +55,7 @@ def model_of(
     model.limits = {coordinate.name: joint.limits for joint, coordinate in acting if joint.limits is not None}
     for wanted, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
         if wanted:
-            model.left_out = left(model.left_out, words, add(model, acting))
+            model.left_out = left(model.left_out, words, add(model, acting, wanted))
     if motors:
         _add_motors(builder, robot, {joint.name: joint for joint, _ in acting})
     if sensors:
@@ -360,7 +360,7 @@ def _labelled_errors(where: str) -> Iterator[None]:
 def _tensor(mass: Mass, size: float) -> np.ndarray:
     """The tensor about the centre of mass without what is rounding; size: of the robot (m)."""
     tensor = (mass.tensor + mass.tensor.T) / 2
-    return np.where(np.abs(tensor) < NOTHING * mass.mass * size**2, 0.0, tensor)
+    return np.where(np.abs(tensor) < INERTIA_ROUNDING * mass.mass * size**2, 0.0, tensor)
 
 
 def _across(axis: np.ndarray, known: list[np.ndarray]) -> np.ndarray:

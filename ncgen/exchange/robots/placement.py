@@ -10,7 +10,7 @@ import numpy as np
 from ncgen.model.arithmetic import product, unit
 from ncgen.model.shapes import rotation_of
 
-FLAT = 1e-9
+MIN_PITCH_COSINE = 1e-9
 """Cosine of the pitch below which roll and yaw are one."""
 
 
@@ -62,7 +62,7 @@ class Placement:
         """Roll, pitch and yaw about the fixed axes x, y, z (rad); near a pitch of a quarter turn the roll is 0."""
         (xx, _, _), (yx, yy, yz), (zx, zy, zz) = self.rotation
         level = math.hypot(zy, zz)
-        if level < FLAT:
+        if level < MIN_PITCH_COSINE:
             return 0.0, math.atan2(-zx, level), math.atan2(-self.rotation[0, 1], yy)
         return math.atan2(zy, zz), math.atan2(-zx, level), math.atan2(yx, xx)
 

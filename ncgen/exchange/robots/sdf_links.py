@@ -18,7 +18,7 @@ ENTRIES = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 0.0, "ixz": 0.0, "iyz": 0.
 KILOGRAM = 1.0
 """Mass of a link that says none (kg)."""
 
-WATER = 1000.0
+DEFAULT_DENSITY = 1000.0
 """Density of a shape that says none (kg/m³)."""
 
 SIZES = {
@@ -50,7 +50,7 @@ def _of_shapes(entry: Entry, inertial: Markup, mass: float | None) -> Mass:
     name, shapes = entry.element.name(), entry.element.all("collision")
     if not shapes:
         inertial.refuse(f"link {name}: its inertia is that of its collision shapes, and it has none; give it a <collision>")
-    usual = _number(inertial, "density", WATER)
+    usual = _number(inertial, "density", DEFAULT_DENSITY)
     total: Mass | None = None
     for each in shapes:
         own = _of_shape(each, _number(each, "density", usual), entry).seen_from(_placed(each, entry))

@@ -9,7 +9,7 @@ from pathlib import Path
 from ncgen.errors import shown
 from ncgen.exchange.robots.looks import folders_named
 from ncgen.exchange.robots.markup import Markup, read_markup
-from ncgen.exchange.robots.sdf_scopes import NAMED, Scope, flag, pose_of, relative_of, truth
+from ncgen.exchange.robots.sdf_scopes import NAMED_TAGS, Scope, flag, pose_of, relative_of, truth
 from ncgen.files import is_file
 
 MOST_FILES = 1000
@@ -74,7 +74,7 @@ class _Builder:
     def fill(self, scope: Scope, element: Markup, owner: Scope, depth: int) -> None:
         """What stands in an element becomes a scope's. owner: the scope of what it mentions."""
         for each in element.children:
-            if each.tag in NAMED:
+            if each.tag in NAMED_TAGS:
                 scope.add(each, owner)
                 if owner is not scope:
                     owner.add(each, owner)

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from ncgen.errors import shown
-from ncgen.exchange.robots.markup import DEEPEST, Markup
+from ncgen.exchange.robots.markup import MAX_DEPTH, Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.model.arithmetic import norm
 
 WORLD, MODEL = "world", "__model__"
 
-NAMED = ("link", "joint", "frame")
+NAMED_TAGS = ("link", "joint", "frame")
 """What has a name in a model, in the order of looking it up: up to SDF 1.6 two may have one, and then it means the first."""
 
 NOT_ONE = 1e-3
@@ -61,7 +61,7 @@ class Scope:
     static: bool = False
     merged: bool = False
     alone: bool = False
-    entries: dict[str, dict[str, Entry]] = field(default_factory=lambda: {kind: {} for kind in NAMED})
+    entries: dict[str, dict[str, Entry]] = field(default_factory=lambda: {kind: {} for kind in NAMED_TAGS})
     models: dict[str, Scope] = field(default_factory=dict)
     stands: Placement | None = None
     known: dict[Entry, Placement] = field(default_factory=dict)
@@ -86,7 +86,7 @@ class Scope:
             return self
         if self.merged and not self.alone and self.parent:
             return self.parent.find(name)
-        for kind in NAMED:
+        for kind in NAMED_TAGS:
             if name in self.entries[kind]:
                 return self.entries[kind][name]
         head, mark, rest = name.partition("::")
@@ -141,8 +141,8 @@ class Scope:
         what = f"{element.tag} {name}"
         if name in self.waiting:
             element.refuse(f"{what} is placed relative to itself, by way of {', '.join(shown(n) for n in self.waiting[:3])}")
-        if len(self.waiting) > DEEPEST:
-            element.refuse(f"{what} is placed relative to more than {DEEPEST} others, one after the other; a robot needs no such row")
+        if len(self.waiting) > MAX_DEPTH:
+            element.refuse(f"{what} is placed relative to more than {MAX_DEPTH} others, one after the other; a robot needs no such row")
         self.waiting.append(name)
         yield
         self.waiting.pop()
@@ -154,7 +154,7 @@ class Scope:
         if name == WORLD:
             return WORLD
         entry = self.find(name)
-        if entry is None or depth > DEEPEST:
+        if entry is None or depth > MAX_DEPTH:
             return None
         if isinstance(entry, Scope):
             return entry.base(depth + 1)

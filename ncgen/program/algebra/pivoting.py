@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 import scipy
 
-SMALL = 40_000
+MAX_DENSE_ENTRIES = 40_000
 """Entries up to which the factorisation is done here: importing SciPy's linear algebra takes longer, a quarter of a first start."""
 
 
@@ -20,7 +20,7 @@ def column_order(matrix: np.ndarray) -> np.ndarray:
     """Return the columns of a matrix (rows, columns) as a QR factorisation with exchanges takes them, the farthest from dependent first, of
     equal ones the first (Golub & Van Loan, Matrix Computations, 2013, section 5.4.2)."""
     matrix = _firmly(matrix)
-    if matrix.size > SMALL:
+    if matrix.size > MAX_DENSE_ENTRIES:
         _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(matrix, mode="r", pivoting=True))  # SciPy has no types
         return order
     return _by_reflections(matrix)

@@ -13,7 +13,7 @@ Vector: TypeAlias = tuple[int, int, int]
 Tensor: TypeAlias = tuple[int, int, int, int, int, int]
 """Nodes xx, yy, zz, xy, xz, yz of a symmetric tensor."""
 
-PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+TENSOR_INDICES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Where the six nodes of a tensor stand."""
 
 
@@ -68,7 +68,9 @@ class Space:
 
     def less(self, tensor: Tensor, a: Vector, b: Vector) -> Tensor:
         """The tensor without a bᵀ, of which one is a multiple of the other."""
-        xx, yy, zz, xy, xz, yz = (self.graph.sub(node, self.graph.mul(a[i], b[j])) for node, (i, j) in zip(tensor, PLACES, strict=True))
+        xx, yy, zz, xy, xz, yz = (
+            self.graph.sub(node, self.graph.mul(a[i], b[j])) for node, (i, j) in zip(tensor, TENSOR_INDICES, strict=True)
+        )
         return xx, yy, zz, xy, xz, yz
 
     def turned(self, tensor: Tensor, a: Vector) -> Vector:

@@ -17,16 +17,16 @@ import numpy as np
 from ncgen.program.ir.graph import Graph, Op
 from ncgen.program.ir.multiples import is_known
 
-DRAWN = 16
+N_PARAMETER_SETS = 16
 """Sets of parameters beside the defaults; the root of a square is told from what was squared by one in which that is negative."""
 
-FEWEST = 6
+MIN_RESULTS = 6
 """In how many of them a result must exist."""
 
 UNIT = float(np.finfo(float).eps) / 2
 """What a rounding changes a number by, over the number."""
 
-FIRM = 4.0
+ERROR_FACTOR = 4.0
 """What differs by no more than this many times the bounds of its errors is the same."""
 
 DIGITS = 9
@@ -51,8 +51,8 @@ class IdentityResult(NamedTuple):
     def is_near(self, value: np.ndarray | float, error: np.ndarray | float = 0.0) -> bool:
         """Whether another result differs by errors alone, wherever this one exists; it must at the defaults."""
         exists = np.isfinite(self.value) & np.isfinite(self.error)
-        gap = np.abs(self.value - value) <= FIRM * (self.error + error)
-        return bool(exists[0] and np.sum(exists) > FEWEST and np.all(gap | ~exists))
+        gap = np.abs(self.value - value) <= ERROR_FACTOR * (self.error + error)
+        return bool(exists[0] and np.sum(exists) > MIN_RESULTS and np.all(gap | ~exists))
 
 
 class _Simplifying:
@@ -95,16 +95,16 @@ class _Simplifying:
         return self._same[node]
 
     def _result(self, op: Op) -> IdentityResult:
-        drawn = self._generator.uniform(0.5, 2.0, 1 + DRAWN) * self._generator.choice([-1.0, 1.0], 1 + DRAWN)
+        drawn = self._generator.uniform(0.5, 2.0, 1 + N_PARAMETER_SETS) * self._generator.choice([-1.0, 1.0], 1 + N_PARAMETER_SETS)
         if op.code == "const":
             return IdentityResult(np.full_like(drawn, op.value), np.full_like(drawn, UNIT * abs(op.value)))
         if op.code == "load":
             default = self._defaults[op.input.position]
             return IdentityResult(np.array([default, *((abs(default) or 1.0) * drawn[1:])]), np.zeros_like(drawn))
-        if op.code not in BELIEVED:
+        if op.code not in ERROR_RULES:
             return IdentityResult(drawn, np.zeros_like(drawn))
         with np.errstate(all="ignore"):
-            value, error = BELIEVED[op.code](*(self._results[a] for a in op.args))
+            value, error = ERROR_RULES[op.code](*(self._results[a] for a in op.args))
             return IdentityResult(value, error + UNIT * np.abs(value))
 
     def _identity(self, node: int) -> int:
@@ -142,7 +142,7 @@ def _root(a: IdentityResult) -> tuple[np.ndarray, np.ndarray]:
     return value, a.error / value
 
 
-BELIEVED: dict[str, Rule] = {
+ERROR_RULES: dict[str, Rule] = {
     "add": lambda a, b: (a.value + b.value, a.error + b.error),
     "sub": lambda a, b: (a.value - b.value, a.error + b.error),
     "neg": lambda a: (-a.value, a.error),

@@ -14,15 +14,15 @@ from typing import TypeGuard
 from ncgen.program.ir.blocks import Block, Program, Store, Straight
 from ncgen.program.ir.graph import ArrayElement, Op
 
-LONGEST = 400
+MAX_OPERATIONS = 400
 """Operations of a block: a humanoid's motion is compiled in three quarters of the time that 800 take, and has no more instructions."""
 
-KEPT = "kept"
+CUT_ARRAY = "kept"
 
 
 def cut(program: Program) -> Program:
-    """The program with its straight lines cut where they are more than twice as long as LONGEST; loops, and what was cut, stay."""
-    if KEPT in program.temporaries or not any(map(_is_long, program.blocks)):
+    """The program with its straight lines cut where they are more than twice as long as MAX_OPERATIONS; loops, and what was cut, stay."""
+    if CUT_ARRAY in program.temporaries or not any(map(_is_long, program.blocks)):
         return program
     blocks: list[Block] = []
     most = 1  # C has no empty arrays
@@ -35,16 +35,16 @@ def cut(program: Program) -> Program:
         places, size = _places(block, part, written)
         blocks += [_block(block, part, places, number) for number in range(part[-1] + 1)]
         most = max(most, size)
-    return replace(program, blocks=tuple(blocks), temporaries={**program.temporaries, KEPT: most})
+    return replace(program, blocks=tuple(blocks), temporaries={**program.temporaries, CUT_ARRAY: most})
 
 
 def _is_long(block: Block) -> TypeGuard[Straight]:
-    return isinstance(block, Straight) and len(block.ops) > 2 * LONGEST
+    return isinstance(block, Straight) and len(block.ops) > 2 * MAX_OPERATIONS
 
 
 def _parts(block: Straight) -> list[int]:
     """The number of the block that computes every operation: they stay in their order, and blocks are about equally long."""
-    count = -(-len(block.ops) // LONGEST)
+    count = -(-len(block.ops) // MAX_OPERATIONS)
     return [k * count // len(block.ops) for k in range(len(block.ops))]
 
 
@@ -66,7 +66,7 @@ def _places(block: Straight, part: list[int], written: dict[int, ArrayElement]) 
         if not free:
             free.append(size)
             size += 1
-        places[node] = ArrayElement(KEPT, free[-1])
+        places[node] = ArrayElement(CUT_ARRAY, free[-1])
         ending[last[node]].append(free.pop())
     return places, size
 
@@ -99,6 +99,6 @@ def _block(block: Straight, part: list[int], places: dict[int, ArrayElement], nu
         for a in block.ops[node].args:
             take(a)
         take(node)
-        written += [Store(KEPT, places[node].position, new[node])] if node in places and places[node].array == KEPT else []
+        written += [Store(CUT_ARRAY, places[node].position, new[node])] if node in places and places[node].array == CUT_ARRAY else []
         written += [replace(store, node=new[node]) for store in wanted.get(node, ())]
     return replace(block, ops=tuple(ops), stores=tuple(written), names=names)

@@ -17,20 +17,20 @@ from typing import TypeVar
 
 from ncgen.program.ir.blocks import Block
 from ncgen.program.ir.graph import Graph, Op
-from ncgen.program.ir.multiples import LARGEST, is_exact, is_known
+from ncgen.program.ir.multiples import MAX_TERMS, is_exact, is_known
 from ncgen.program.ir.passes import dead_code, operations, uses
 from ncgen.program.ir.sums import Form, Product, SignedProduct, Sum, added, factors, inside, outside, terms
 
 B = TypeVar("B", bound=Block)
 
-LONG = 5000
+MAX_FACTORED_OPERATIONS = 5000
 """Operations above which shared products are left where they are: all stay, or all but a few that would save 2 operations in 10,000, and
 finding that out takes a second look at every sum."""
 
 SUMS = frozenset({"add", "sub", "neg"})
 """Codes of what adds up."""
 
-WORTHWHILE = 0.02
+MIN_SAVING = 0.02
 """The share of operations that a round has to save for another one: in long programs it would find next to nothing."""
 
 
@@ -41,14 +41,14 @@ def factored(block: B, parameters: int = 0) -> B:
     """
     while (count := operations(made := _once(block, parameters))) < (before := operations(block)):
         block = made
-        if before - count < WORTHWHILE * before:
+        if before - count < MIN_SAVING * before:
             break
     return block
 
 
 def _once(block: B, parameters: int) -> B:
     """Every sum looked at once; shared products that would stay are left where they are."""
-    shared = _shared(block) if len(block.ops) <= LONG else set()
+    shared = _shared(block) if len(block.ops) <= MAX_FACTORED_OPERATIONS else set()
     while True:
         work = _Factoring(block, shared, parameters)
         stores = tuple([replace(s, node=work.node(s.node)) for s in block.stores])
@@ -111,11 +111,11 @@ class _Factoring:
     def _held(self, number: int, form: Form) -> Form:
         """What stays unwritten of it: all in a sum, its factors in a product, nothing where others or several read it, or it is known."""
         reader = None if self._known[number] or self._count[number] != 1 else self._reader.get(number)
-        if reader in SUMS and form.size <= LARGEST:
+        if reader in SUMS and form.size <= MAX_TERMS:
             return form
         term = self._term(form)
         is_shared = number in self._shared and not self._known[number]
-        if (is_shared or reader in SUMS or reader == "mul") and len(factors(term.product)) <= LARGEST:
+        if (is_shared or reader in SUMS or reader == "mul") and len(factors(term.product)) <= MAX_TERMS:
             return term._replace(shared=number) if is_shared else term
         return _term(term.is_negative, self._product(term.product))
 

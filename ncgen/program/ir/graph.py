@@ -77,13 +77,13 @@ _plain = tuple.__new__
 FOLDING = frozenset({"const", "neg"})
 """Codes of the arguments that sums and products simplify, besides a product with a constant factor."""
 
-SMALLEST = sys.float_info.min
+MIN_NORMAL = sys.float_info.min
 """The smallest number with all its digits."""
 
 
 def _is_normal(value: float) -> bool:
     """True if a constant may take part in folding: finite, and with all its digits."""
-    return math.isfinite(value) and abs(value) >= SMALLEST
+    return math.isfinite(value) and abs(value) >= MIN_NORMAL
 
 
 PIECES = "pieces"
@@ -214,7 +214,7 @@ class Graph:
             raise ZeroDivisionError("a division by zero")
         if x is not None and y is not None:
             return self.const(x / y)
-        if y is not None and abs(y) > SMALLEST and _is_normal(1.0 / y):
+        if y is not None and abs(y) > MIN_NORMAL and _is_normal(1.0 / y):
             return self.mul(self.const(1.0 / y), a)
         if x == 0.0:
             return a

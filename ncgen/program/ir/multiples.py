@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 
 from ncgen.program.ir.graph import Graph, Op
 
-LARGEST = 100
+MAX_TERMS = 100
 """Terms of a sum, or factors of a product, that are looked at together: longer ones are taken in parts, or stay."""
 
 
@@ -68,7 +68,7 @@ class _Spreading:
     def _node(self, op: Op) -> int:
         if op.code == "mul":
             for factor, other in (op.args, op.args[::-1]):
-                is_wide = 1 < self.terms[other] <= LARGEST and self._count[other] == 1
+                is_wide = 1 < self.terms[other] <= MAX_TERMS and self._count[other] == 1
                 if is_wide and self._known[factor] and not self._known[other]:
                     return self._multiple(self.nodes[factor], other)
         return self.graph.copied(op, [self.nodes[a] for a in op.args])

@@ -46,7 +46,7 @@ INPUTS = {
     "contact_velocities": ("t", "q", "qd", "p"),
 }
 
-LONG = 300
+MAX_POLYNOMIAL_OPERATIONS = 300
 """Operations of an expression beyond which it is not written as a polynomial, which could have any number of terms."""
 
 Named: TypeAlias = tuple[str, Scalar]
@@ -73,7 +73,7 @@ def assemble_conditions(
     slides = [expression_node(lines, *each) for each in velocities]
     outputs = {
         "conditions": [node for pair in zip(gaps, sizes, strict=True) for node in pair],
-        "condition_slopes": [found.get(v, zero) for found in slopes for v in variables],
+        "condition_slopes": [slope.get(v, zero) for slope in slopes for v in variables],
         "condition_rates": [*rates, *second],
         "action_values": [expression_node(lines, *each) for each in values],
         "element_values": [expression_node(lines, *each) for each in elements],
@@ -114,12 +114,12 @@ def assemble_mode_conditions(
     """
     lines = Lines(equations)
     graph = lines.graph
-    found = [expression_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
+    nodes = [expression_node(lines, where, each) for where, when in conditions for each in (when, terms_of(when))]
     motion = SlidingNodes(lines, sizes, sliding) if sliding else AccelerationNodes(lines, sizes)
-    found += load_conditions(lines, motion.lam, held, rows)
+    nodes += load_conditions(lines, motion.lam, held, rows)
     if isinstance(motion, SlidingNodes):
-        found += [motion.margin, graph.const(1.0)]
-    program = lines.program("conditions", INPUTS["conditions"], found)
+        nodes += [motion.margin, graph.const(1.0)]
+    program = lines.program("conditions", INPUTS["conditions"], nodes)
     verify(program, input_lengths(equations))
     return {"conditions": program}
 
@@ -127,7 +127,7 @@ def assemble_mode_conditions(
 def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], rows: np.ndarray) -> list[int]:
     """Return nodes of values and sizes of the conditions of loads. lam (m,): nodes of all multipliers; others as of
     `assemble_mode_conditions`"""
-    graph, found = lines.graph, list[int]()
+    graph, nodes = lines.graph, list[int]()
     sums = [graph.mul(graph.const(float(size)), graph.call("abs", node)) for node, size in zip(lam, rows, strict=True)]
     all_loads = graph.sum(sums)
     for each in held:
@@ -137,14 +137,14 @@ def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], 
             most = graph.mul(expression_node(lines, each.words, friction), lam[gap])
             most = graph.mul(most, most)
             force = graph.sum([graph.mul(x, x) for x in lam[each.row : each.row + each.directions]])
-            found += [graph.sub(most, force), graph.sum([most, graph.mul(size, size)])]
+            nodes += [graph.sub(most, force), graph.sum([most, graph.mul(size, size)])]
         elif each.static is not None:
             most = expression_node(lines, each.words, each.static)
             size = graph.add(most, size)
-            found += [graph.sub(most, load), size, graph.add(most, load), size]
+            nodes += [graph.sub(most, load), size, graph.add(most, load), size]
         else:
-            found += [load, size]
-    return found
+            nodes += [load, size]
+    return nodes
 
 
 def terms_of(expression: Scalar) -> sympy.Expr:
@@ -152,7 +152,7 @@ def terms_of(expression: Scalar) -> sympy.Expr:
     import sympy
 
     formula = sympy.sympify(expression)
-    terms = sympy.Add.make_args(formula if formula.count_ops() > LONG else sympy.expand(formula))
+    terms = sympy.Add.make_args(formula if formula.count_ops() > MAX_POLYNOMIAL_OPERATIONS else sympy.expand(formula))
     return sympy.Add(*(sympy.Abs(term) for term in terms))
 
 
@@ -161,7 +161,7 @@ def degree_of(expression: Scalar, moving: set[str]) -> int | None:
     import sympy
 
     formula = sympy.sympify(expression)
-    if formula.count_ops() > LONG:
+    if formula.count_ops() > MAX_POLYNOMIAL_OPERATIONS:
         return None
     symbols = [s for s in sorted(symbols_in(formula), key=str) if s.name == TIME or s.name in moving]
     if not symbols:

@@ -52,7 +52,7 @@ from ncgen.symbolic.numbering import Terms
 Sizes: TypeAlias = Sequence[float] | np.ndarray
 
 
-MANY = 2000
+MAX_ENTRIES_OF_R = 2000
 """Numbers of R from which recursions are the only ways that are made."""
 
 
@@ -123,7 +123,7 @@ def accelerations(equations: Terms, split: Split, samples: Sequence[Sample], siz
     R is not even made where its numbers alone are many: such a mechanism has bodies, and a recursion is cheaper. Where digits count
     more than operations (refine) it is the only way: recursions have nothing that could be refined.
     """
-    is_large = len(equations.free) * len(split.independent) > MANY
+    is_large = len(equations.free) * len(split.independent) > MAX_ENTRIES_OF_R
     programs: dict[str, Program] = {}
     if is_large or not refine:
         with suppress(NoRecursion, EliminationError):

@@ -39,7 +39,7 @@ from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES
 from ncgen.symbolic.numbering import Terms
 
-SMALL = 2.0**-35
+REGULARISATION = 2.0**-35
 """e for doubles: the rounding unit to the power of 2/3, for which refinement leaves less than a rounding error."""
 
 
@@ -133,7 +133,7 @@ class Saddle:
         rows = list(self.place)
         J = jacobian[rows]
         scale = 1 / np.sqrt(np.concatenate([sizes.W, sizes.V[rows]]))
-        H = np.block([[mass + SMALL * np.diag(sizes.W), J.T], [J, -SMALL * np.diag(sizes.V[rows])]])
+        H = np.block([[mass + REGULARISATION * np.diag(sizes.W), J.T], [J, -REGULARISATION * np.diag(sizes.V[rows])]])
         scaled = scale[:, None] * H * scale
         return {place: float(scaled[place]) for place in pattern}
 

@@ -26,7 +26,7 @@ from ncgen.symbolic.numbering import Terms
 
 STATE, FORCED = ("t", "q", "qd", "p"), ("t", "q", "qd", "forces", "p")
 
-ORDINARY = 0.2
+PIVOT_WEIGHT = 0.2
 """What the square of a reciprocal pivot counts: a third of a pivot is nothing unusual."""
 
 
@@ -78,7 +78,7 @@ def _growth(work: Recursion) -> int:
     parts = [_relative(work, amplification, 1.0)] if graph.value(amplification) is None else []
     for reciprocal in work.factors.reciprocal:
         if graph.value(reciprocal) is None:
-            small = _relative(work, graph.mul(reciprocal, reciprocal), ORDINARY)
+            small = _relative(work, graph.mul(reciprocal, reciprocal), PIVOT_WEIGHT)
             parts.append(graph.mul(small, small))
     return graph.sum(parts)
 

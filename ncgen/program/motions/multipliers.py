@@ -16,7 +16,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
-from ncgen.program.motions.full_motion import SMALL, MotionSizes, Saddle
+from ncgen.program.motions.full_motion import REGULARISATION, MotionSizes, Saddle
 from ncgen.symbolic.numbering import Terms
 
 STATE = ("t", "q", "qd", "p")
@@ -28,7 +28,7 @@ class AccelerationNodes:
     def __init__(self, lines: Lines, sizes: MotionSizes) -> None:
         n, m = len(lines.equations.free), len(lines.equations.rows)
         self.lines, self.n, zero = lines, n, lines.graph.const(0.0)
-        self.saddle = Saddle(lines, sizes, range(m), SMALL)
+        self.saddle = Saddle(lines, sizes, range(m), REGULARISATION)
         self.right = lines.vector(KERNELS["force"])
         self.right |= {n + r: node for r, node in lines.vector(KERNELS["gamma"]).items()}
         self.x = self.saddle.refined(self.right)
@@ -37,9 +37,9 @@ class AccelerationNodes:
 
     def along(self, changes: dict[int, int]) -> tuple[list[int], list[int]]:
         """How q̈ (n) and λ (m) change where inputs of the graph do. changes: {input: its change}"""
-        found = self.saddle.change(self.x, self.right, changes, self.saddle.refined)
+        changes_of = self.saddle.change(self.x, self.right, changes, self.saddle.refined)
         zero = self.lines.graph.const(0.0)
-        return [found.get(c, zero) for c in range(self.n)], [found.get(self.n + r, zero) for r in range(len(self.lam))]
+        return [changes_of.get(c, zero) for c in range(self.n)], [changes_of.get(self.n + r, zero) for r in range(len(self.lam))]
 
 
 def assemble_multipliers(equations: Terms, sizes: MotionSizes, rows: Sequence[int], by: Sequence[int] = ()) -> dict[str, Program]:

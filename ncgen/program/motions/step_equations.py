@@ -26,7 +26,7 @@ from ncgen.program.programs import ENERGIES, Programs
 
 INPUTS = ("t", "h", "x", "u", "w", "p")
 
-STILL = 1e-10
+MIN_STEP = 1e-10
 """A step of energy-momentum that moves less than this, in natural sizes, needs no correction: it would be rounding over rounding."""
 
 INSTANTS = ("start", "middle", "end")

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ncgen.program.algebra.space import PLACES, Space, Tensor, Vector
+from ncgen.program.algebra.space import TENSOR_INDICES, Space, Tensor, Vector
 from ncgen.program.tree.composite import SpatialInertia, massless
 from ncgen.program.tree.tree_motion import TreePlace
 
@@ -45,7 +45,7 @@ class Articulated:
         mixed = _transposed([space.add(b, space.cross(shift, m)) for b, m in zip(_transposed(self.mixed), along, strict=True)])
         outer = _transposed([space.cross(shift, row) for row in mixed])
         inner = [space.cross(row, shift) for row in self.mixed]
-        more = [space.graph.sub(outer[i][j], inner[i][j]) for i, j in PLACES]
+        more = [space.graph.sub(outer[i][j], inner[i][j]) for i, j in TENSOR_INDICES]
         return Articulated(space.plus(self.turning, (more[0], more[1], more[2], more[3], more[4], more[5])), mixed, self.along)
 
     def times(self, space: Space, axis: Vector, lever: Vector) -> tuple[Vector, Vector]:

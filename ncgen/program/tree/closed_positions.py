@@ -21,7 +21,7 @@ from ncgen.program.tree.rates import NoRecursion, check_samples
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.tree import Tree, TreeLink, moving, spanning_tree
 
-SAME = 1e-9
+POSITION_TOLERANCE = 1e-9
 """Natural sizes by which positions may differ from those of samples, and cosines from 0."""
 
 ROUNDING = 1e-14
@@ -58,7 +58,7 @@ def assemble_closed_positions(
         element, axis = where[c]
         corrections[c] = graph.sub(placed[element][axis], graph.load("q", c))
     sampling = Sampling(graph, samples)
-    if any(np.max(np.abs(sampling[node])) > SAME * sizes[c] for c, node in corrections.items()):
+    if any(np.max(np.abs(sampling[node])) > POSITION_TOLERANCE * sizes[c] for c, node in corrections.items()):
         raise NoRecursion("the bodies' shapes depend on parameters")
     zero = graph.const(0.0)
     if moved is None:
@@ -120,7 +120,7 @@ class _Placing:
         sideways = np.cross(axis[1], start[1])
         cosine, sine = np.cos(turn), hinge.sign * np.sin(turn)
         frame = np.array([axis[1], cosine * start[1] + sine * sideways, cosine * sideways - sine * start[1]])
-        if abs(axis[1] @ start[1]) > SAME:
+        if abs(axis[1] @ start[1]) > POSITION_TOLERANCE:
             raise NoRecursion(f"{hinge.angle.name} is not measured across its axis")
         origin = self._numbers(point)
         for element in elements:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from ncgen.errors import SingularError
 from ncgen.model.elements import Component
 from ncgen.program.algebra.elimination import Matrix
-from ncgen.program.algebra.space import PLACES, Space, Tensor, Vector
+from ncgen.program.algebra.space import TENSOR_INDICES, Space, Tensor, Vector
 from ncgen.program.tree.tree_motion import Loads, TreePlace, TreeVelocity
 from ncgen.symbolic.inertia import Exact, StandardInertia, standard_inertia
 
@@ -43,7 +43,9 @@ class SpatialInertia:
             return self
         graph, moved = space.graph, space.times(self.mass, shift)
         twice = space.sum((self.first, self.first, moved))  # h dᵀ + d hᵀ + m d dᵀ, symmetric, from (2 h + m d) and d
-        spread = [graph.mul(graph.const(0.5), graph.add(graph.mul(twice[i], shift[j]), graph.mul(twice[j], shift[i]))) for i, j in PLACES]
+        spread = [
+            graph.mul(graph.const(0.5), graph.add(graph.mul(twice[i], shift[j]), graph.mul(twice[j], shift[i]))) for i, j in TENSOR_INDICES
+        ]
         return SpatialInertia(self.mass, space.add(self.first, moved), space.plus(self.tensor, space.turning(spread)))
 
     def momentum(self, space: Space, axis: Vector, lever: Vector) -> tuple[Vector, Vector]:
@@ -90,7 +92,7 @@ def inertia_of(
         spread = [graph.mul(y[i], half[j]) for y, half in zip(directions, halves, strict=True)]
         return graph.sum((*spread, graph.mul(offset[i], base[j]), graph.mul(base[i], first[j])))
 
-    xx, yy, zz, xy, xz, yz = (second(i, j) for i, j in PLACES)
+    xx, yy, zz, xy, xz, yz = (second(i, j) for i, j in TENSOR_INDICES)
     return SpatialInertia(S[0][0], first, space.turning((xx, yy, zz, xy, xz, yz)))
 
 

@@ -19,7 +19,7 @@ class NoTables(Exception):
     """The tree is not open, or moves otherwise than its tables would say; the reason in words."""
 
 
-SAME = 1e-9
+RELATIVE_TOLERANCE = 1e-9
 """What differs less than this, over its size, is the same; and what is smaller is 0."""
 
 
@@ -40,7 +40,7 @@ def followed(rows: Sequence[Sequence[int]], pattern: Pattern, values: np.ndarray
     rows: their coordinates, of each row of Φ; values (places, nonzeros): of Φ_q
     Raises NoTables where a row says anything else of measured coordinates alone.
     """
-    found: dict[int, tuple[int, float]] = {}
+    followers: dict[int, tuple[int, float]] = {}
     for r, row in enumerate(rows):
         if not row or any(c not in measured for c in row):
             continue
@@ -49,10 +49,10 @@ def followed(rows: Sequence[Sequence[int]], pattern: Pattern, values: np.ndarray
         terms = [(measured[c][0], values[:, pattern.indptr[r] + k] * measured[c][1]) for k, c in enumerate(row)]
         (leader, one), (screw, other) = sorted(terms, key=lambda term: term[0])
         ratios = -one / other if np.all(np.abs(other) > 0) else np.array([np.nan])
-        if screw == leader or screw in found or not np.all(np.abs(ratios - ratios[0]) <= SAME * np.abs(ratios[0])):
+        if screw == leader or screw in followers or not np.all(np.abs(ratios - ratios[0]) <= RELATIVE_TOLERANCE * np.abs(ratios[0])):
             raise NoTables("a joint follows others, and not at a constant ratio")
-        found[screw] = (leader, float(ratios[0]))
-    return found
+        followers[screw] = (leader, float(ratios[0]))
+    return followers
 
 
 def couplings(tree: Tree, pairs: dict[int, tuple[int, float]]) -> Couplings:

@@ -54,7 +54,7 @@ it is the coordinate's that the programs take and give."""
 def assemble_joint_space(equations: Terms, followed: Followed, what: Made) -> dict[str, Program]:
     """The programs by name; every coordinate must be that of an element of the tree, or followed."""
     tree = spanning_tree(equations.model)
-    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MADE[what]}
+    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MAKERS[what]}
     n, count = len(equations.free), tree.dof
     for program in programs.values():
         verify(program, {"t": 1, "q": n, "p": len(equations.parameters)} | dict.fromkeys(("x", "v", "a", "dx", "dv"), count))
@@ -218,7 +218,7 @@ class _Basics:
         return inertias
 
 
-MADE = {
+MAKERS = {
     "basics": (_Basics.position, _Basics.screws, _Basics.mass, _Basics.inverse, _Basics.loads, _Basics.momenta),
     "slopes": (_Basics.inverse_tangent, _Basics.loads_tangent),
     "regressor": (_Basics.regressor,),

@@ -21,11 +21,11 @@ from ncgen.program.tree.rates import Rates
 CONSTANT = 1e-12
 """What differs less than this between samples, over its size, is the same in all; and what is smaller is 0."""
 
-LIGHTEST = 1e-2
+MASSLESS_FRACTION = 1e-2
 """An element without mass counts as one with this share of the heaviest one's."""
 
 
-STILL = 1e-12
+MIN_SQUARED_MOTION = 1e-12
 """The square of what a screw moves an element by, over the element's size, below which the element says nothing of the screw's rate."""
 
 
@@ -67,7 +67,9 @@ class _Joints:
     def _measured(self, number: int) -> list[int]:
         own, link = self.place.own[number], self.place.tree.links[number]
         moved = {e: self.place.moved(e, number) for e in link.body.elements}
-        moved = {e: v for e, v in moved.items() if not e.fixed or any(self._reach(v[k]) > STILL * self._size(e) ** 2 for k in own)}
+        moved = {
+            e: v for e, v in moved.items() if not e.fixed or any(self._reach(v[k]) > MIN_SQUARED_MOTION * self._size(e) ** 2 for k in own)
+        }
         weights = self._weights(moved)
         if len(own) == 1:
             (k,) = own
@@ -130,7 +132,7 @@ class _Joints:
             candidates = (float(np.max(self._values(self.masses[c, c]))) for c in places if (c, c) in self.masses)
             masses[e] = max(candidates, default=0.0) * sizes[e]
         heaviest = max(masses.values()) or 1.0
-        return {e: roughly(max(masses[e] / heaviest, LIGHTEST) / sizes[e]) for e in sizes}
+        return {e: roughly(max(masses[e] / heaviest, MASSLESS_FRACTION) / sizes[e]) for e in sizes}
 
     def _values(self, node: int) -> np.ndarray:
         return self.rates.sampling[node]

@@ -34,7 +34,7 @@ from ncgen.program.tree.regressor import NAMES, frames_of, regressor
 from ncgen.program.tree.tree_position import TreePosition
 from ncgen.symbolic.numbering import Terms
 
-WANTED, MEASURED = 1e-3, 0.1
+WANTED_WEIGHT, MEASURED_WEIGHT = 1e-3, 0.1
 """Weights of the coordinates that the model's author wants independent, and of measured ones, beside other rates where dependent ones are
 chosen: a motor turns a joint that has a coordinate."""
 
@@ -52,7 +52,7 @@ class JointLoops(Recursion):
 
     def programs(self, what: Made) -> dict[str, Program]:
         """By name."""
-        made = {program.name: program for program in (make(self) for make in MADE[what])}
+        made = {program.name: program for program in (make(self) for make in MAKERS[what])}
         rates = self.rates
         lengths = {"t": 1, "q": len(rates.equations.free), "x": rates.count, "p": len(rates.equations.parameters)}
         for program in made.values():
@@ -60,8 +60,8 @@ class JointLoops(Recursion):
         return made
 
     def _choose(self, rows: list[RateRow]) -> None:
-        weights = dict.fromkeys(self.rates.measured, MEASURED)
-        weights |= {self.rates.own[c]: WANTED for c in self.wanted if c in self.rates.own}
+        weights = dict.fromkeys(self.rates.measured, MEASURED_WEIGHT)
+        weights |= {self.rates.own[c]: WANTED_WEIGHT for c in self.wanted if c in self.rates.own}
         self.rates.choose(rows, weights)
 
     def _speeds(self, split: object) -> list[int]:
@@ -232,7 +232,7 @@ class _Closing:
         return self.graph.const(0.0) if c is None else self.lines.value(self.work.rates.equations.free[c].value)
 
 
-MADE = {
+MAKERS = {
     "basics": (
         JointLoops.position,
         JointLoops.screws,

@@ -26,16 +26,16 @@ from ncgen.program.tree.tree_motion import Loads, TreePlace, add_force
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.tree import Tree, moving
 
-VANISHING = 1e-11
+ENTRY_ROUNDING = 1e-11
 """An entry below this share of its row, in its natural sizes, is 0 by the way bodies move."""
 
-FAR = 16 * np.finfo(float).eps
+POSITION_ROUNDING = 16 * np.finfo(float).eps
 """The same for every mechanism's length between it and the origin: so badly do its positions close there."""
 
-SAME = 1e-10
+RATIO_TOLERANCE = 1e-10
 """A ratio of entries that differs by less than this, over its size, from what it is to be in every sample is that always."""
 
-WELL = 1e-9
+MIN_SINGULAR_VALUE = 1e-9
 """The least singular value of the rows of the rates, over the largest."""
 
 RATHER_FREE = 0.5
@@ -79,7 +79,7 @@ class Rates:
         self.graph, self.place = lines.graph, TreePlace(lines, tree)
         self.sampling = Sampling(lines.graph, samples)
         away = max(float(np.max(np.abs(sample.q) / sizes, initial=0.0)) for sample in samples)
-        self.vanishing = max(VANISHING, FAR * away)
+        self.vanishing = max(ENTRY_ROUNDING, POSITION_ROUNDING * away)
         self.where = moving(equations, tree)
         joints = len(self.place.columns)
         independent = split.independent if split else ()
@@ -168,10 +168,10 @@ class Rates:
         if not np.all(np.abs(values) > 0):
             return None
         sign = float(np.sign(values[0]))
-        if np.max(np.abs(values - sign)) <= SAME:
+        if np.max(np.abs(values - sign)) <= RATIO_TOLERANCE:
             return self.graph.const(sign)
         ratio = self.graph.div(self.described(a), self.described(b))
-        return ratio if np.max(np.abs(self.sampling[ratio] - values) / np.abs(values)) <= SAME else None
+        return ratio if np.max(np.abs(self.sampling[ratio] - values) / np.abs(values)) <= RATIO_TOLERANCE else None
 
     def described(self, node: int) -> int:
         """A node in the position that is described: of parameters alone."""
@@ -202,7 +202,7 @@ class Rates:
         """
         weights = dict.fromkeys(self.measured, RATHER_FREE) if weights is None else weights
         matrices = self._numbers(rows)
-        rank = max(int(np.linalg.matrix_rank(matrix, tol=10 * WELL)) for matrix in matrices) if rows else 0
+        rank = max(int(np.linalg.matrix_rank(matrix, tol=10 * MIN_SINGULAR_VALUE)) for matrix in matrices) if rows else 0
         scale = np.array([weights.get(k, 1.0) for k in range(self.count)])
         order = column_order(matrices[0] * scale)
         self.free = sorted(order[rank:].tolist())
@@ -216,6 +216,9 @@ class Rates:
         taken = sorted(order[: len(dependent)].tolist())
         for matrix in matrices:
             values = np.linalg.svd(matrix[np.ix_(taken, dependent)], compute_uv=False)
-            if len(dependent) and (not values[-1] > WELL * values[0] or np.linalg.matrix_rank(matrix, tol=10 * WELL) > len(dependent)):
+            if len(dependent) and (
+                not values[-1] > MIN_SINGULAR_VALUE * values[0]
+                or np.linalg.matrix_rank(matrix, tol=10 * MIN_SINGULAR_VALUE) > len(dependent)
+            ):
                 raise NoRecursion("the tree does not move as the rows allow")
         return [rows[i] for i in taken]

@@ -43,10 +43,10 @@ from ncgen.symbolic.equations import build_equations
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.tree import spanning_tree
 
-FEWEST = 4
+MIN_SAMPLES = 4
 """Samples from which something can be concluded."""
 
-LONG = 30
+MAX_COMPOSITE_JOINTS = 30
 """Joints of an open tree from which the composite recursion, whose cost grows with their square, is not even made."""
 
 ROUNDING = 1e-14
@@ -93,7 +93,7 @@ class Recursion:
     """
 
     def __init__(self, equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray, forced: bool = False) -> None:
-        if len(samples) < FEWEST:
+        if len(samples) < MIN_SAMPLES:
             raise NoRecursion("too few positions to see what vanishes")
         check_samples(equations, samples)
         self.model, self.tree = equations.model, spanning_tree(equations.model)
@@ -270,12 +270,12 @@ class Recursion:
         """z̈ by every recursion that applies, with its name."""
         if self.is_open:
             yield "articulated", self._solve_articulated(self.loads.force)
-        if not self.is_open or self.joints <= LONG:
+        if not self.is_open or self.joints <= MAX_COMPOSITE_JOINTS:
             yield "composite", self._solve_composite(self._left)  # (RᵀHR) z̈ = Rᵀ(f − H S …)
 
     def solve(self, right: Column) -> list[int]:
         """x of (RᵀHR) x = Rᵀ right over the free rates, by the recursion that suits the tree."""
-        return self._solve_articulated(right) if self.is_open and self.joints > LONG else self._solve_composite(right)
+        return self._solve_articulated(right) if self.is_open and self.joints > MAX_COMPOSITE_JOINTS else self._solve_composite(right)
 
     @cached_property
     def _mass(self) -> tuple[Matrix, Column]:

@@ -17,7 +17,7 @@ from ncgen.model.elements import Point
 from ncgen.model.values import Parameter
 from ncgen.symbolic.tree import Tree, TreeLink
 
-LOST = 1e3
+MAX_LEVER_RATIO = 1e3
 """How many times the inertia of a link about its joint that of its lever may be."""
 
 
@@ -61,6 +61,6 @@ def _is_near(link: TreeLink, point: Point, parameters: dict[str, Parameter]) -> 
             axis = screw.axis.initial
             arm = np.cross(axis, center - screw.point.initial)
             own = dot(axis, product(tensor, axis)) + mass * dot(arm, arm)
-            if mass * dot(lever, lever) * dot(axis, axis) > LOST * own:
+            if mass * dot(lever, lever) * dot(axis, axis) > MAX_LEVER_RATIO * own:
                 return False
     return True

@@ -21,7 +21,7 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.model import Model, bodies
 from ncgen.model.arithmetic import weights
-from ncgen.program.algebra.space import PLACES, Vector
+from ncgen.program.algebra.space import TENSOR_INDICES, Vector
 from ncgen.program.tree.composite import SpatialInertia
 from ncgen.program.tree.tree_motion import TreePlace, TreeVelocity
 from ncgen.symbolic.inertia import standard_inertia
@@ -90,7 +90,7 @@ def _units(place: TreePlace) -> list[SpatialInertia]:
     for k in range(len(NAMES)):
         values = [*nothing[:k], one, *nothing[k + 1 :]]
         by_entry = dict(zip(ENTRIES, values[4:], strict=True))
-        xx, yy, zz, xy, xz, yz = (by_entry[entry] for entry in PLACES)
+        xx, yy, zz, xy, xz, yz = (by_entry[entry] for entry in TENSOR_INDICES)
         inertias.append(SpatialInertia(values[0], (values[1], values[2], values[3]), (xx, yy, zz, xy, xz, yz)))
     return inertias
 

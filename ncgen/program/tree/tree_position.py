@@ -23,7 +23,7 @@ Frame: TypeAlias = tuple[Vector, Vector, Vector]
 """Nodes of a rotation's columns."""
 
 
-TINY = 1e-30
+ANGLE_REGULARISATION = 1e-30
 """Added to the square of an angle (rad²), so that quotients by it have their limits where it is 0."""
 
 
@@ -86,7 +86,7 @@ class TreePosition:
     def _halved(self, vector: Vector) -> tuple[int, int]:
         """The square of a rotation's angle, and half of the angle; more than 0."""
         graph = self.graph
-        squared = graph.add(self.space.dot(vector, vector), graph.const(TINY))
+        squared = graph.add(self.space.dot(vector, vector), graph.const(ANGLE_REGULARISATION))
         return squared, graph.mul(graph.const(0.5), graph.call("sqrt", squared))
 
     def _about_point(self, turn: Frame, shift: Vector, turning: Sequence[tuple[Screw, int]]) -> tuple[Frame, Vector]:

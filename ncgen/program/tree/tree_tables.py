@@ -18,26 +18,26 @@ from ncgen.model.elements import Component, Point, Spatial
 from ncgen.model.pairs import Screw
 from ncgen.model.values import is_number
 from ncgen.program.ir.blocks import Pattern
-from ncgen.program.tree.couplings import SAME, NoTables, couplings, followed
+from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, NoTables, couplings, followed
 from ncgen.symbolic.numbering import Numbering
 from ncgen.symbolic.tree import Tree, moving
 
-LIGHTEST = 1e-2
+MASSLESS_FRACTION = 1e-2
 """An element without mass counts as one with this share of the heaviest one's of its link."""
 
 RANDOM = 2
 """Random rates of all joints that every row is tried with."""
 
-CLOSED = 1e-12
+POSITION_RESIDUAL = 1e-12
 """The relative residual of a closed position."""
 
 MOST_STEPS = 30
 """Newton steps that close one."""
 
-VANISHING = 1e-12
+ENTRY_ROUNDING = 1e-12
 """A row whose entries are below this in all places, in natural sizes, says nothing: it is what rounding leaves of a constant."""
 
-ASIDE = 0.05
+SAMPLE_DISTANCE = 0.05
 """How far the other positions are, in natural sizes."""
 
 
@@ -164,7 +164,7 @@ class OpenTree:
         for link, own in enumerate(self.own):
             mine = np.flatnonzero(homes == link)
             heaviest = np.max(heaviness[mine], initial=0.0) or 1.0
-            heaviness[mine] = np.maximum(heaviness[mine] / heaviest, LIGHTEST) / size[mine] ** 2
+            heaviness[mine] = np.maximum(heaviness[mine] / heaviest, MASSLESS_FRACTION) / size[mine] ** 2
             if len(own) == 1 and len(mine):
                 moved = self.velocities(place.q, np.arange(len(self.screws)) == own.start)[np.array(self.components)[mine]]
                 best = mine[np.argmax(heaviness[mine] * np.sum(moved**2, axis=1))]
@@ -206,7 +206,7 @@ class OpenTree:
         starts, sizes = self.pattern.indptr, self.around.columns[list(self.pattern.indices)]
         entries = np.max([np.abs(place.phi_q) for place in places], axis=0) * sizes
         self.vanishing = {
-            r for r, size in enumerate(self.around.rows) if np.max(entries[starts[r] : starts[r + 1]], initial=0.0) <= VANISHING * size
+            r for r, size in enumerate(self.around.rows) if np.max(entries[starts[r] : starts[r + 1]], initial=0.0) <= ENTRY_ROUNDING * size
         }
         self.closes = [[r for r in rows if r not in self.vanishing] for rows in self.closes]
 
@@ -228,13 +228,13 @@ class OpenTree:
         """The closed position near q, each link brought to those before it by the smallest change."""
         for _ in range(MOST_STEPS):
             place = place_at(q)
-            if np.max(np.abs(place.phi), initial=0.0) <= CLOSED:
+            if np.max(np.abs(place.phi), initial=0.0) <= POSITION_RESIDUAL:
                 return place
             step = np.zeros(self.n)
             for link, unknowns in enumerate(self.unknowns):
                 block, others = self._block(link, place.phi_q, step)
                 right = -place.phi[self.closes[link]] - others
-                step[unknowns] = np.linalg.lstsq(block, right, rcond=SAME)[0] * self.around.columns[unknowns]
+                step[unknowns] = np.linalg.lstsq(block, right, rcond=RELATIVE_TOLERANCE)[0] * self.around.columns[unknowns]
             q = q + step
         raise NoTables("bodies do not close one after the other")
 
@@ -245,7 +245,7 @@ class OpenTree:
         self._check_rows(closed_places[0], [r for r, row in enumerate(self.rows) if all(c in self.where for c in row)])
         for k, x in enumerate(self._random()):
             moved = self.velocities(closed_places[0].q, x)[: self.n] * (-1) ** k
-            guess = closed_places[0].q + ASIDE * moved / np.max(np.abs(moved) / self.around.columns)
+            guess = closed_places[0].q + SAMPLE_DISTANCE * moved / np.max(np.abs(moved) / self.around.columns)
             closed_places.append(self._closed(guess, others[k % len(others)] if others else first))
         return closed_places
 
@@ -273,8 +273,8 @@ class OpenTree:
         """The screw whose rate is that of a measured coordinate in all trials, but for a factor."""
         for k in candidates:
             ratios = rates / x[:, k]
-            if np.all(np.isfinite(ratios)) and np.ptp(ratios) <= SAME * abs(ratios[0]):
-                return k, float(np.round(ratios[0])) if abs(abs(ratios[0]) - 1.0) < SAME else float(ratios[0])
+            if np.all(np.isfinite(ratios)) and np.ptp(ratios) <= RELATIVE_TOLERANCE * abs(ratios[0]):
+                return k, float(np.round(ratios[0])) if abs(abs(ratios[0]) - 1.0) < RELATIVE_TOLERANCE else float(ratios[0])
         raise NoTables("a measured coordinate is not that of one joint")
 
     # -- checks --------------------------------------------------------------------------------
@@ -324,10 +324,10 @@ class OpenTree:
         jacobian = scipy.sparse.csr_array((place.phi_q, self.pattern.indices, self.pattern.indptr), shape=self.pattern.shape)
         for x in self._random():
             v = self.velocities(place.q, x)
-            moved, held, least = v[: self.n], v[self.n :], SAME * np.max(np.abs(v[: self.n]))
+            moved, held, least = v[: self.n], v[self.n :], RELATIVE_TOLERANCE * np.max(np.abs(v[: self.n]))
             off, terms = np.abs(jacobian @ moved), abs(jacobian) @ np.abs(moved)
-            rounding = VANISHING * self.around.rows * np.max(np.abs(moved) / self.around.columns)
-            if np.any((off > SAME * terms + rounding)[rows]) or np.any(np.abs(held) > least):
+            rounding = ENTRY_ROUNDING * self.around.rows * np.max(np.abs(moved) / self.around.columns)
+            if np.any((off > RELATIVE_TOLERANCE * terms + rounding)[rows]) or np.any(np.abs(held) > least):
                 raise NoTables("rows close loops")
 
     def is_regular(self, place: SampledPlace) -> bool:
@@ -339,7 +339,11 @@ class OpenTree:
         for link, unknowns in enumerate(self.unknowns):
             block, _ = self._block(link, place.phi_q, np.zeros(self.n))
             largest = np.max(np.abs(block), axis=1, initial=0.0)
-            rank = int(np.linalg.matrix_rank(block / np.where(largest > 0, largest, 1.0)[:, None], tol=SAME)) if block.size else 0
+            rank = (
+                int(np.linalg.matrix_rank(block / np.where(largest > 0, largest, 1.0)[:, None], tol=RELATIVE_TOLERANCE))
+                if block.size
+                else 0
+            )
             yield rank, len(block), len(unknowns) - sum(k not in self.coupled.leaders for k in self.own[link])
 
 

@@ -28,7 +28,7 @@ from ncgen.solver.formalisms.instant import scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.positions.rank import scaled_jacobian
 
-TANGENTIAL, SLOW = 1e-9, 1e-6
+RATE_ROUNDING, MIN_RELATIVE_RATE = 1e-9, 1e-6
 """A condition touches zero where its rate is below these fractions of the sizes of the rate's terms, and of the condition's own size over
 the motion's length: rounding of the condition, 1e-13 of its size, then says nothing about when it is zero."""
 
@@ -113,7 +113,7 @@ class EventJacobians:
         if np.any(by_state[2 * self.n :][self.driven]):
             raise self._none(name, f"{where} depends on an input that changes with time", "write that input as an expression of m.time")
         rate, size = by_time + by_state @ flow, abs(by_time) + np.abs(by_state) @ np.abs(flow)
-        if not abs(rate) > max(TANGENTIAL * size, SLOW * self._scale(k, o) / self.length):
+        if not abs(rate) > max(RATE_ROUNDING * size, MIN_RELATIVE_RATE * self._scale(k, o) / self.length):
             raise self._none(name, f"{where} only touches its condition", "move it")
         return -by_state / rate
 

@@ -72,9 +72,9 @@ class _Part:
     def weights(self, slopes: np.ndarray) -> np.ndarray:
         """Derivatives by [q; q̇; p] at its start, of those by parameters, z and rates."""
         n, count, (z, rates) = self.motion.kernels.n, len(self.motion.p), self._independent
-        found = np.zeros(2 * n + count)
-        found[2 * n :], found[z], found[n + rates] = np.split(slopes, [count, count + len(z)])
-        return found
+        weights_at_start = np.zeros(2 * n + count)
+        weights_at_start[2 * n :], weights_at_start[z], weights_at_start[n + rates] = np.split(slopes, [count, count + len(z)])
+        return weights_at_start
 
     @property
     def _independent(self) -> tuple[np.ndarray, np.ndarray]:
@@ -96,9 +96,9 @@ class EventMotion:
         self.kernels, self.t, self.signals = kernels, times, signals
         if len(kernels.holonomic) != kernels.m:
             raise ModelError(f"{kernels.name}: motions with events and rolling conditions are not differentiated")
-        told = signals.told if signals else ()
-        first = len(kernels.p0) - len(told)
-        driven = [first + i for i, signal in enumerate(told) if signal is not None]
+        laws = signals.laws if signals else ()
+        first = len(kernels.p0) - len(laws)
+        driven = [first + i for i, signal in enumerate(laws) if signal is not None]
         self._jacobians = EventJacobians(kernels.driven_by(signals), driven, float(times[-1] - times[0]))
         passage = simulate_events(kernels, times, rtol=FINE, **given)
         self.instants, begun = passage.instants, passage.begun
@@ -158,33 +158,33 @@ class EventMotion:
 
     def _on_the_grid(self, of_parts: Sequence[np.ndarray]) -> np.ndarray:
         """Rows at the instants of the grid, of those of all parts."""
-        found = np.empty((len(self.t), *of_parts[0].shape[1:]))
+        on_grid = np.empty((len(self.t), *of_parts[0].shape[1:]))
         for part, rows in zip(self._moving, of_parts, strict=True):
-            found[part.rows] = rows[part.places]
-        return found
+            on_grid[part.rows] = rows[part.places]
+        return on_grid
 
     # -- derivatives ---------------------------------------------------------------------------
 
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As of `TapedMotion`."""
-        found: list[tuple[np.ndarray, np.ndarray]] = []
+        parts_along: list[tuple[np.ndarray, np.ndarray]] = []
         for part, change in self._walk(directions):
             if isinstance(part, _Part):
-                found.append(change)
-        first, second = (self._on_the_grid([rows[i] for rows in found]) for i in (0, 1))
+                parts_along.append(change)
+        first, second = (self._on_the_grid([rows[i] for rows in parts_along]) for i in (0, 1))
         return first, second
 
     def events_along(self, directions: np.ndarray) -> tuple[EventSensitivity, ...]:
         """How all that happened changes along directions (columns, D)."""
-        n, found = self.kernels.n, list[EventSensitivity]()
+        n, sensitivities = self.kernels.n, list[EventSensitivity]()
         for o, change in self._walk(directions):
             if not isinstance(o, Occurrence):
                 continue
             jacobian = self._through[self.instants.index(o)]
             time, before, after = jacobian.time @ change, jacobian.before @ change, jacobian.after @ change
             for each in o.happened:
-                found.append(EventSensitivity(each.t, each.name, each.what, time, before[:n], before[n : 2 * n], after[n : 2 * n]))
-        return tuple(found)
+                sensitivities.append(EventSensitivity(each.t, each.name, each.what, time, before[:n], before[n : 2 * n], after[n : 2 * n]))
+        return tuple(sensitivities)
 
     def _walk(self, directions: np.ndarray) -> Iterator[tuple[Any, Any]]:
         """Every part with changes of q and q̇ at all its times, and every instant with the changes of [q; q̇; p] before it."""

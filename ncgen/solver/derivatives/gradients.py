@@ -9,7 +9,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from ncgen.errors import SHOWN, ModelError, shortened
+from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.derivatives.objective import check_objective, of_objective
 from ncgen.solver.derivatives.sensitivity import NOT_DIFFERENTIATED, instants, is_taped
@@ -37,7 +37,7 @@ class BatchGradients:
     alone: np.ndarray
 
     def __repr__(self) -> str:
-        return f"<BatchGradients by {shortened(', '.join(self.names), SHOWN)}: {int(self.ok.sum())} of {len(self.values)} states>"
+        return f"<BatchGradients by {shortened(', '.join(self.names), MAX_ECHO)}: {int(self.ok.sum())} of {len(self.values)} states>"
 
     @property
     def ok(self) -> np.ndarray:
@@ -63,7 +63,7 @@ class BatchGradients:
             For an unknown name.
         """
         if name not in self.names:
-            raise ModelError(f"there is no derivative by {name!r}; there are {shortened(', '.join(self.names), SHOWN)}")
+            raise ModelError(f"there is no derivative by {name!r}; there are {shortened(', '.join(self.names), MAX_ECHO)}")
         return self.slopes[:, self.names.index(name)]
 
 

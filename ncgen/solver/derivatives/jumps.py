@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ncgen.errors import SHOWN, ModelError, shortened
+from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.mechanism.break_times import outside_breaks
 from ncgen.mechanism.driver_jumps import refuse_jumps
 from ncgen.mechanism.kernels import Kernels
@@ -153,7 +153,7 @@ class Jumps:
     def check_second(self) -> None:
         """Raise ModelError where first derivatives jump at a break that parameters move: second ones are not those of the steps."""
         if self.breaks.bending:
-            names = shortened(", ".join(self.kernels.parameters[k] for k in sorted(self.breaks.bending)), SHOWN)
+            names = shortened(", ".join(self.kernels.parameters[k] for k in sorted(self.breaks.bending)), MAX_ECHO)
             raise ModelError(
                 f"{self.kernels.name}: there are no second derivatives, since {names} may move the corner or jump of a law in time; take "
                 "differences of gradient, or make it a number"

@@ -35,10 +35,10 @@ NODES, WEIGHTS = (tuple(map(float, numbers)) for numbers in zip(*INTEGRATORS["rk
 
 TANGENTS = ("stiffness", "damping", "phidd_q", "phidd_qd", "phi_p", "phid_p", "phidd_p", "balance_p")
 
-CLOSED = 1e-8
+MAX_RESIDUAL = 1e-8
 """What a step of a run may leave of the rule's equations: what Newton's method leaves of them, times a stiff slope."""
 
-POOR = 1e-5
+MIN_QUALITY = 1e-5
 """Quality of a partition below which a motion on it has no digits left to differentiate."""
 
 
@@ -216,7 +216,7 @@ class PartitionedMotion:
         self._qd.append(stage.qd)
 
     def _check_quality(self, stage: _Stage) -> None:
-        if quality(self.kernels, self.partition, stage.q, stage.t, self.p) < POOR:
+        if quality(self.kernels, self.partition, stage.q, stage.t, self.p) < MIN_QUALITY:
             names = ", ".join(self.partition.names(self.kernels))
             raise ModelError(
                 f"{names} do not determine the motion any more at t = {stage.t:.6g} s; choose other independent coordinates (z)"
@@ -262,7 +262,7 @@ class TrapezoidalMotion(PartitionedMotion):
         return stage
 
     def _check_step(self, before: _Stage, after: _Stage, h: float) -> None:
-        if not np.allclose(after.y, before.y + h / 2 * (before.slope + after.slope), rtol=0, atol=CLOSED):
+        if not np.allclose(after.y, before.y + h / 2 * (before.slope + after.slope), rtol=0, atol=MAX_RESIDUAL):
             names = ", ".join(self.partition.names(self.kernels))
             raise ModelError(
                 f"the step to t = {after.t:.6g} s went on with other independent coordinates than {names}; choose some that last (z)"

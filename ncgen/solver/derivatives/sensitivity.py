@@ -14,7 +14,7 @@ from typing import Any, TypeAlias, Unpack
 
 import numpy as np
 
-from ncgen.errors import SHOWN, ModelError, shortened
+from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS, Integrator
@@ -52,7 +52,7 @@ class Sensitivities:
     events: tuple[EventSensitivity, ...] = ()
 
     def __repr__(self) -> str:
-        return f"<Sensitivities by {shortened(', '.join(self.names), SHOWN)}: {len(self.t)} instants to {self.t[-1]:g} s>"
+        return f"<Sensitivities by {shortened(', '.join(self.names), MAX_ECHO)}: {len(self.t)} instants to {self.t[-1]:g} s>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Gradient:
     by_inputs: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.slopes), SHOWN)}>"
+        return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.slopes), MAX_ECHO)}>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class Hessian:
     names: tuple[str, ...]
 
     def __repr__(self) -> str:
-        return f"<Hessian of {self.value:.6g} by {shortened(', '.join(self.names), SHOWN)}: {self.products.shape[1]} directions>"
+        return f"<Hessian of {self.value:.6g} by {shortened(', '.join(self.names), MAX_ECHO)}: {self.products.shape[1]} directions>"
 
 
 @takes(MotionArguments, unused=NOT_DIFFERENTIATED, integrator="rk4", rtol=None)
@@ -230,7 +230,7 @@ def hessian(
     count = len(motion.names)
     along = np.eye(count) if directions is None else numbers_of(directions, "directions")
     if along.ndim != 2 or len(along) != count:
-        rows = shortened(", ".join(motion.names), SHOWN)
+        rows = shortened(", ".join(motion.names), MAX_ECHO)
         raise ModelError(f"directions: they have shape {along.shape}; give ({count}, D), a row for each of {rows}")
     value, by_q, by_qd, change = of_objective(objective, motion.q, motion.qd, "change")
 

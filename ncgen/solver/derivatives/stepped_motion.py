@@ -23,7 +23,7 @@ from ncgen.mechanism.program_functions import ProgramFunctions, functions
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.method import Method
 from ncgen.methods.newmark import newmark
-from ncgen.program.motions.step_equations import INPUTS, INSTANTS, STILL, StepEquations, assemble_step, extra
+from ncgen.program.motions.step_equations import INPUTS, INSTANTS, MIN_STEP, StepEquations, assemble_step, extra
 from ncgen.solver.derivatives.jumps import Jumps, Stepping
 from ncgen.solver.formalisms.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import rate_slope
@@ -206,7 +206,7 @@ class SteppedMotion:
         h, sizes, options = self._ends.t[k + 1] - self._ends.t[k], self.kernels.column_sizes, self._method.options
         if self._method.integrator.name == "energy-momentum":
             moved = (self._q[k + 1] - self._q[k]) / sizes
-            return np.array([h, float(moved @ moved >= STILL**2), float(options["project_velocities"]), *sizes])
+            return np.array([h, float(moved @ moved >= MIN_STEP**2), float(options["project_velocities"]), *sizes])
         return np.array([h, *newmark(options["rho"], options["hht"])]) if self._first else np.array([h])
 
     def _guess(self, k: int, unknowns: int, carried: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.break_times import outside_breaks
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.mechanism.sweep import SMALL, Sweep
+from ncgen.mechanism.sweep import DUAL_STEP, Sweep
 from ncgen.mechanism.taped import Driven, Segmented, taped
 from ncgen.solver.derivatives.jumps import Jumps
 from ncgen.solver.engines.compiled import all_coordinates, closeness
@@ -182,11 +182,11 @@ class TapedMotion:
         second_derivatives = np.empty(directions.shape)
         for k, sweep in enumerate(sweeps):
             changes = change(q[:, :, k], qd[:, :, k])
-            weights = (own + SMALL * 1j * more for own, more in zip((by_q, by_qd), changes, strict=True))
+            weights = (own + DUAL_STEP * 1j * more for own, more in zip((by_q, by_qd), changes, strict=True))
             *by_state, by_p, _ = sweep.backward(self._run.at_all_steps(*weights))
             start = self._start_along(*(seed[:, k] for seed in seeds))
             by_start, by_z, by_rates = self._start_back(np.concatenate(by_state), sweep, start)
-            second_derivatives[:, k] = np.imag(np.concatenate([by_p + by_start, by_z, by_rates])) / SMALL
+            second_derivatives[:, k] = np.imag(np.concatenate([by_p + by_start, by_z, by_rates])) / DUAL_STEP
         return second_derivatives
 
     def _start_along(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> _Start:
@@ -202,8 +202,8 @@ class TapedMotion:
         R = []
         for frame in start.frames:
             changes = [-frame.particular(acceleration(np.ascontiguousarray(column)) - still) for column in frame.R.T]
-            R.append(frame.R + SMALL * 1j * np.array(changes).reshape(-1, kernels.n).T)
-        return _Start(R[0], R[1], kernels.start_p(self.p + SMALL * 1j * dp) if self._follows else None, start.frames)
+            R.append(frame.R + DUAL_STEP * 1j * np.array(changes).reshape(-1, kernels.n).T)
+        return _Start(R[0], R[1], kernels.start_p(self.p + DUAL_STEP * 1j * dp) if self._follows else None, start.frames)
 
     def _start_back(
         self, weights: np.ndarray, sweep: Sweep | None = None, start: _Start | None = None

@@ -22,7 +22,7 @@ from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.branches import refresh_branches, rule_of
 from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.partition import (
-    BETTER,
+    MIN_GAIN,
     Partition,
     Partitions,
     choose_partitions,
@@ -54,10 +54,10 @@ MOST_RATES = 60
 FEW_RATES = 20
 """The same of a tree that moves in loops over tables, too, at about twice the cost: 8,000 operations, which are compiled in 2 s."""
 
-OTHERS = 3
+N_PERTURBED_SAMPLES = 3
 """How many sample positions have other parameters and times."""
 
-ASIDE = 0.03
+SAMPLE_PERTURBATION = 0.03
 """By which share of theirs, and of a second."""
 
 GROWTH = 2.0
@@ -67,7 +67,7 @@ coordinates only, and R is what their errors are multiplied by."""
 REUSE = 0.7
 """A choice of independent coordinates made earlier in the run is taken again if its quality is this share of the best."""
 
-STIFF = "the mechanism is stiff"
+STIFFNESS_REASON = "the mechanism is stiff"
 """The reason of a run that was to end where an implicit integrator would serve better: the path goes on with that."""
 
 FINAL = ("short", "not converged")
@@ -108,12 +108,12 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
 
 def refusal_of_size(kernels: Kernels, partitions: Partitions, engine: str) -> str | None:
     """Why a state derivative cannot be emitted for a choice of independent coordinates, in words, or None if it can."""
-    from ncgen.program.programs import LARGEST
+    from ncgen.program.programs import MAX_ELIMINATED_DOF
 
     if engine in EMITTED and partitions.position is not partitions.velocity:
         return "a state derivative is emitted for one choice of independent coordinates; rolling conditions need two"
-    if engine in EMITTED and len(partitions.position.independent) > LARGEST and not spanning_tree(kernels.model).links:
-        return f"without a tree of bodies a state derivative is emitted for up to {LARGEST} degrees of freedom"
+    if engine in EMITTED and len(partitions.position.independent) > MAX_ELIMINATED_DOF and not spanning_tree(kernels.model).links:
+        return f"without a tree of bodies a state derivative is emitted for up to {MAX_ELIMINATED_DOF} degrees of freedom"
     return None
 
 
@@ -209,7 +209,7 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     """Complete a path over a time grid with a formalism over all coordinates, from its last row on if it has any.
 
     form: of the accelerations
-    Returns None, or why the run had to stop before the end of the grid: STIFF where it was to end so. Raises DomainError where a
+    Returns None, or why the run had to stop before the end of the grid: STIFFNESS_REASON where it was to end so. Raises DomainError where a
     term is not a number, ConvergenceError where steps become too short.
     """
     from ncgen.mechanism.listening import Progress
@@ -284,7 +284,7 @@ def _ended(path: Path, kernels: Kernels, grid: np.ndarray, done: Outcome, work: 
         return None
     q, qd, own = done.last
     if done.status == "stiff":
-        return STIFF
+        return STIFFNESS_REASON
     problem = None if done.status in ("interrupted", "pivot") else on_the_way(kernels, q, qd, done.reached, done.tried, p)
     if problem or done.status == "interrupted":
         path.break_off(grid, done.reached, q, qd, work + own)
@@ -382,9 +382,9 @@ def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
 
     typical = [Sample(0.0, x, p) for x in trial_positions(kernels, q, 0.0, p)]
     generator = np.random.default_rng(1)
-    for _ in range(OTHERS if kernels.parameters or np.any(kernels.nu(q, 0.0, p)) else 0):
-        other = p + ASIDE * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))
-        t = float(ASIDE * generator.uniform())
+    for _ in range(N_PERTURBED_SAMPLES if kernels.parameters or np.any(kernels.nu(q, 0.0, p)) else 0):
+        other = p + SAMPLE_PERTURBATION * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))
+        t = float(SAMPLE_PERTURBATION * generator.uniform())
         try:
             released, free = refresh_branches(kernels, q, other), np.arange(kernels.n)
             close = newton_position(kernels, typical[-1].q, t, released, free, closeness_at(kernels, q))
@@ -399,7 +399,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
     coordinates become bad, go on with others.
 
     form: of the state derivative
-    Returns None, or why the run had to stop before the end of the grid: STIFF where it was to end so. Raises DomainError where a
+    Returns None, or why the run had to stop before the end of the grid: STIFFNESS_REASON where it was to end so. Raises DomainError where a
     term is not a number, ConvergenceError where steps become too short.
     """
     from ncgen.mechanism.listening import Progress
@@ -435,7 +435,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
                 return None
             lost = grid[len(path.q)] < done.reached  # rows inside a step that was taken
             reason = _ended(path, kernels, grid, done, work, p)
-            if reason == STIFF or lost:
+            if reason == STIFFNESS_REASON or lost:
                 return reason
             advanced, p = done.reached > t, refresh_branches(kernels, done.last[0], p)
             t, q, qd, work, begun = done.reached, done.last[0], done.last[1], work + done.last[2], True
@@ -488,7 +488,7 @@ def _better(
         return min(quality(kernels, part, q, t, p) for part in {x.velocity, x.position})
 
     possible = worth(best)
-    if possible < BETTER * worth(partitions):
+    if possible < MIN_GAIN * worth(partitions):
         return partitions
     known = max(used_partitions, key=worth)
     if worth(known) >= REUSE * possible:

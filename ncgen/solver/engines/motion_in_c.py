@@ -11,7 +11,7 @@ from ncgen.solver.engines import compiled
 from ncgen.solver.runs.choice import EXPLICIT
 from ncgen.solver.runs.task import Task
 
-UNUSED = 1e-6
+STEP_TOLERANCE = 1e-6
 """Tolerance of steps, which are not taken here."""
 
 
@@ -27,7 +27,7 @@ class MotionInC:
         explicit = Method.of(formalism, EXPLICIT, method.options)
         self._dynamics = compiled.all_coordinates(kernels, form=compiled.form_of(kernels, explicit))
         stepping = Stepping(
-            self._dynamics, EXPLICIT, rank, UNUSED, UNUSED, None, compiled.closeness("double"), None, formalism,
+            self._dynamics, EXPLICIT, rank, STEP_TOLERANCE, STEP_TOLERANCE, None, compiled.closeness("double"), None, formalism,
             **compiled.settings_in_c(method.options),
         )  # fmt: skip
         self._now, self._qd, self._q = Moving(stepping), slice(0, n), slice(n, 2 * n)

@@ -25,7 +25,7 @@ from ncgen.solver.formalisms.projection import project
 from ncgen.solver.integrators.shared_tolerance import sharing
 from ncgen.solver.integrators.solvers import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.positions.branches import refresh_branches
-from ncgen.solver.positions.partition import BETTER, Partitions, determined, other_partitions, quality, stuck_message
+from ncgen.solver.positions.partition import MIN_GAIN, Partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.positions.rank import best_rows, scaled_jacobian
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.task import Task
@@ -321,7 +321,7 @@ class Independent(ReferenceRun):
         except SingularError:
             return False  # no choice is good here: the steps will show whether the motion can go on
         possible = self._quality(other)
-        if possible < BETTER * self._quality(self.partitions):
+        if possible < MIN_GAIN * self._quality(self.partitions):
             return False
         self.partitions, self.chosen_with = other, possible
         self.changes += 1

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.conditions import LINEAR, OFF, QUADRATIC, Conditions
+from ncgen.mechanism.conditions import LINEAR, QUADRATIC, UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.program_functions import CompiledFunctions, functions
 from ncgen.model.actions import Change
@@ -53,7 +53,7 @@ class EventFunctions:
         self.count = first + len(self.ratchets) + len(self.turns)
         ways = [DIRECTIONS[event.direction] for event in self.events]
         falling = [DIRECTIONS["falling"]] * len(self.ratchets)
-        self.directions = np.array([*ways, *([OFF] * (first - len(ways))), *falling, *([OFF] * len(self.turns))], dtype=int)
+        self.directions = np.array([*ways, *([UNWATCHED] * (first - len(ways))), *falling, *([UNWATCHED] * len(self.turns))], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
         self._last: dict[str, tuple[State, np.ndarray]] = {}  # what was asked last of every function: a state is asked again and again
 
@@ -165,7 +165,7 @@ class EventFunctions:
             return np.empty(0)
         last, numbers = self._last.get(name, (None, None))
         if last is not at or numbers is None:
-            numbers = self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
+            numbers = self._functions.at_state(name, at.t, (at.q, at.qd, self.kernels.present(at.t, at.p)))
             self._last[name] = at, numbers
         return numbers
 

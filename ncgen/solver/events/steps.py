@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, warn
-from ncgen.mechanism.break_times import DOUBLE, NEAREST, NO_BREAKS, break_times
+from ncgen.mechanism.break_times import DOUBLE, MIN_GAP_ROUNDINGS, NO_BREAKS, break_times
 from ncgen.mechanism.conditions import Watched
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
@@ -169,7 +169,7 @@ class Steps:
     def _task(self, t_end: float) -> Task:
         kernels, at, breaks = self._kernels, self._loop.at, NO_BREAKS
         if self._has_breaks:
-            margin = 2 * NEAREST * DOUBLE * max(abs(at.t), abs(t_end))  # a step may have ended at the middle of one
+            margin = 2 * MIN_GAP_ROUNDINGS * DOUBLE * max(abs(at.t), abs(t_end))  # a step may have ended at the middle of one
             breaks = break_times(kernels, at.p, at.t - margin, t_end)
         jumps = driver_jumps(kernels, at.p, at.q, breaks)
         times, step = np.array([at.t, t_end]), t_end - at.t

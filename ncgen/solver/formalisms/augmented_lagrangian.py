@@ -15,7 +15,7 @@ from ncgen.solver.formalisms.kkt import undetermined
 from ncgen.solver.lapack import dpotrf, dpotrs
 
 ITERATIONS = 12
-ENOUGH = 1e-14
+CORRECTION_TOLERANCE = 1e-14
 """Corrections below this, relative to the accelerations, end the iteration."""
 
 
@@ -28,7 +28,7 @@ def augmented_lagrangian(now: InstantMatrices, alpha: float) -> tuple[np.ndarray
         x = x + step
         y = y + alpha * (now.jacobian @ x - now.gamma)
         size = float(np.max(np.abs(step), initial=0.0))
-        if size <= ENOUGH * np.max(np.abs(x), initial=0.0) or size >= last:
+        if size <= CORRECTION_TOLERANCE * np.max(np.abs(x), initial=0.0) or size >= last:
             break
         last = size
     return x, y

@@ -15,7 +15,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.projection import least_energy, project_position
 from ncgen.solver.positions.branches import refresh_branches
 
-SMALLEST = 1e-12
+VELOCITY_TOLERANCE = 1e-12
 """A velocity off its constraint by less than this share of what it adds up, and an impulse below this share of the largest, is rounding."""
 
 
@@ -53,13 +53,13 @@ def cross(kernels: Kernels, q: np.ndarray, qd: np.ndarray, before: float, after:
     jacobian, nu = kernels.phi_q(q, after, p), kernels.nu(q, after, p)
     rates = jacobian @ qd
     rest = (nu - rates) / rows
-    if np.all(np.abs(rest) <= SMALLEST * (abs(jacobian) @ np.abs(qd) + np.abs(nu)) / rows):
+    if np.all(np.abs(rest) <= VELOCITY_TOLERANCE * (abs(jacobian) @ np.abs(qd) + np.abs(nu)) / rows):
         return Crossing(qd, 0.0, ())
     change, push = least_energy(kernels, q, after, p).solve(np.zeros(kernels.n), rest)
     unit = float(np.max(sizes**2 * kernels.mass(q, after, p).diagonal(), initial=0.0)) or 1.0  # that `least_energy` measures inertia in
     multipliers = unit * push / rows
     work = -0.5 * float(multipliers @ (rates + nu))
-    least, nu_before = SMALLEST * float(np.max(np.abs(push))), kernels.nu(q, before, p)
+    least, nu_before = VELOCITY_TOLERANCE * float(np.max(np.abs(push))), kernels.nu(q, before, p)
     impulses = tuple(
         Impulse((before + after) / 2, row.owner.name if row.owner.kind == "driver" else row.label, -float(multipliers[i]))
         for i, row in enumerate(kernels.rows)

@@ -32,7 +32,7 @@ REFINEMENTS = 6
 SMALLEST_PIVOT = 1e-14
 """Smaller pivots, relative to the largest, mean a motion that has no inertia."""
 
-LARGE = 300
+MAX_DENSE_UNKNOWNS = 300
 """Systems with more unknowns are factored as sparse ones."""
 
 
@@ -73,7 +73,7 @@ def factored(weight: Matrix, left: Matrix, jacobian: Matrix, kernels: Kernels, c
 
 
 def _is_large(weight: Matrix, jacobian: Matrix) -> bool:
-    return _rows(weight) + _rows(jacobian) > LARGE
+    return _rows(weight) + _rows(jacobian) > MAX_DENSE_UNKNOWNS
 
 
 def _rows(matrix: Matrix) -> int:

@@ -15,7 +15,7 @@ import scipy
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.instant import scaled_mass
-from ncgen.solver.formalisms.kkt import KKT, LARGE
+from ncgen.solver.formalisms.kkt import KKT, MAX_DENSE_UNKNOWNS
 from ncgen.solver.positions.position import TOLERANCE, residual
 from ncgen.solver.positions.rank import scaled_jacobian, sparse_jacobian
 from ncgen.solver.positions.sparse_rows import scaled
@@ -65,7 +65,7 @@ def project_position(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndar
 def project_velocity(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> np.ndarray:
     """The velocity nearest to q̇ that satisfies Φ_q q̇ = ν; a consistent one comes back to the last bit."""
     rows, sizes = kernels.row_sizes, kernels.column_sizes
-    jacobian_of = scaled_jacobian if kernels.n + kernels.m <= LARGE else sparse_jacobian
+    jacobian_of = scaled_jacobian if kernels.n + kernels.m <= MAX_DENSE_UNKNOWNS else sparse_jacobian
     jacobian, nu = jacobian_of(kernels, q, t, p), kernels.nu(q, t, p) / rows
     rest = nu - jacobian @ (qd / sizes)
     terms = abs(jacobian) @ np.abs(qd / sizes) + np.abs(nu)
@@ -91,7 +91,7 @@ def least_energy(
     Raises SingularError where a motion that they allow has no inertia.
     """
     held = scipy.sparse.csr_array((0, kernels.n)) if held is None else held
-    if kernels.n + kernels.m + held.nnz <= LARGE:
+    if kernels.n + kernels.m + held.nnz <= MAX_DENSE_UNKNOWNS:
         rows = np.vstack([scaled_jacobian(kernels, q, t, p), held.toarray()])
         return KKT(scaled_mass(kernels, q, t, p)[0], rows, kernels)
     columns = kernels.column_sizes

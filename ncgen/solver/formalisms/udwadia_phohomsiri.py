@@ -12,7 +12,7 @@ from ncgen.solver.formalisms.instant import InstantMatrices
 from ncgen.solver.formalisms.kkt import undetermined
 from ncgen.solver.positions.rank import RELATIVE_ZERO
 
-FULL = 1e-12
+MIN_SINGULAR_VALUE = 1e-12
 """Singular values below this, relative to the largest, mean accelerations that are not determined."""
 
 
@@ -20,7 +20,7 @@ def udwadia_phohomsiri(now: InstantMatrices) -> tuple[np.ndarray, np.ndarray]:
     inverse = np.linalg.pinv(now.jacobian, rcond=RELATIVE_ZERO)
     allowed = np.eye(len(now.force)) - inverse @ now.jacobian
     stacked = np.vstack([allowed @ now.mass, now.jacobian])
-    x, _, rank, _ = np.linalg.lstsq(stacked, np.concatenate([allowed @ now.force, now.gamma]), rcond=FULL)
+    x, _, rank, _ = np.linalg.lstsq(stacked, np.concatenate([allowed @ now.force, now.gamma]), rcond=MIN_SINGULAR_VALUE)
     if rank < len(x):
         raise undetermined(now.kernels, now.mass, now.jacobian)
     return x, inverse.T @ (now.force - now.mass @ x)

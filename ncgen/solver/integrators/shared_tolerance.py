@@ -17,7 +17,7 @@ if TYPE_CHECKING:
         def _estimate_error_norm(self, K: np.ndarray, h: float, scale: np.ndarray) -> float: ...
 
 
-SHORTEST = 2e-15
+MIN_STEP_FRACTION = 2e-15
 """Steps below this share of the run are too short to get anywhere: ten roundings."""
 
 
@@ -45,7 +45,7 @@ def sharing(solver: type[OdeSolver], span: float, before: tuple[float, int] = (0
             """Steps that are shorter than the mean count as that, as in C: rounding does not fall with them."""
             mean = (self.t - self.begun) / self.taken
             error = super()._estimate_error_norm(K, h, scale) * max(1.0, span / max(abs(h), mean))
-            if not error < 1 and abs(h) < SHORTEST * abs(self.t_bound - self.begun):
+            if not error < 1 and abs(h) < MIN_STEP_FRACTION * abs(self.t_bound - self.begun):
                 raise _TooShort
             return error
 

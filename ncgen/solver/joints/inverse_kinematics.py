@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from ncgen.errors import ConvergenceError, ModelError, warn
-from ncgen.model.values import LARGEST
+from ncgen.model.values import MAX_NUMBER
 from ncgen.solver import given
 from ncgen.solver.frames import transformation
 from ncgen.solver.given import array_of, rotation_of
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 STARTS = 8
 """From how many joint values it is begun, within 1 rad or m of the start."""
 
-REACHED = 1e-9
+TARGET_TOLERANCE = 1e-9
 """What may be left of a place, over the mechanism's size, and of a rotation."""
 
 ROUNDING = 1e-15
@@ -31,19 +31,19 @@ ROUNDING = 1e-15
 AT_LIMIT = 1e-8
 """How near to its limit a joint is at it (rad or m): as near as targets are reached."""
 
-STILL = 1e-12
+MOTION_ROUNDING = 1e-12
 """What a joint at rate 1 moves, over the mechanism's size, where that is rounding."""
 
-STEPS, LONGEST = 200, 1.0
+MAX_STEPS, MAX_JOINT_STEP = 200, 1.0
 """Most steps of a search from one start, and how far a joint goes in one (rad or m)."""
 
 LEAST_GAIN = 1e-8
 """Fraction of the squares of what is left below which a step changes nothing more: the target is out of reach."""
 
-FAR = 1e3
+OPEN_LOOP_RESIDUAL = 1e3
 """What is left, over the mechanism's size, where loops do not close."""
 
-SMALL = 1e-4
+SERIES_ANGLE = 1e-4
 """Angle (rad) below which (θ − sin θ)/θ³ is 1/6 to half of the digits, and the quotient would lose as many."""
 
 Target: TypeAlias = "tuple[ArrayLike | None, ArrayLike | None]"
@@ -115,8 +115,8 @@ def _aims_of_frames(space: JointKinematics, targets: Mapping[str, Target]) -> li
 
 def _place(place: ArrayLike | None, what: str) -> np.ndarray:
     position = array_of([] if place is None else place, (3,), what)
-    if np.max(np.abs(position)) > LARGEST:
-        raise ModelError(f"{what}: {np.max(np.abs(position)):g} m given; {LARGEST:g} m is the farthest, check the unit")
+    if np.max(np.abs(position)) > MAX_NUMBER:
+        raise ModelError(f"{what}: {np.max(np.abs(position)):g} m given; {MAX_NUMBER:g} m is the farthest, check the unit")
     return position
 
 
@@ -131,7 +131,7 @@ def values_for(space: JointKinematics, aims: Sequence[Aim], start: np.ndarray, l
     for k in range(STARTS):  # from the start itself, then from beside it
         offsets = np.cos(k * np.arange(1, space.n + 1)) if k else 0.0
         x, left = search.descended(start + offsets)
-        if np.max(np.abs(left)) <= REACHED:
+        if np.max(np.abs(left)) <= TARGET_TOLERANCE:
             if beyond := search.beyond(x):
                 continue
             if held := search.held(x):
@@ -190,7 +190,7 @@ class _Search:
         """
         x = np.clip(x, self.low, self.high)
         left, damping = self.left(x), 1e-3
-        for _ in range(STEPS):
+        for _ in range(MAX_STEPS):
             slope = self.slope(x)
             uphill = slope.T @ left
             free = ~((x <= self.low) & (uphill > 0) | (x >= self.high) & (uphill < 0))
@@ -201,7 +201,7 @@ class _Search:
             while damping <= 1e6:
                 step = np.zeros_like(x)
                 step[free] = -along.T @ (sizes / (sizes**2 + damping * most**2 + np.finfo(float).tiny) * downhill)
-                trial = np.clip(x + step * min(1.0, LONGEST / max(float(np.max(np.abs(step))), 1e-30)), self.low, self.high)
+                trial = np.clip(x + step * min(1.0, MAX_JOINT_STEP / max(float(np.max(np.abs(step))), 1e-30)), self.low, self.high)
                 new = self.left(trial)
                 if new @ new < left @ left:
                     break
@@ -209,7 +209,7 @@ class _Search:
             else:
                 break
             gain, x, left, damping = 1 - (new @ new) / (left @ left), trial, new, max(damping / 10, 1e-15)
-            if gain < LEAST_GAIN and np.max(np.abs(left)) > REACHED:
+            if gain < LEAST_GAIN and np.max(np.abs(left)) > TARGET_TOLERANCE:
                 break
         return x, left
 
@@ -219,7 +219,7 @@ class _Search:
         at_limits = [
             f"joint {name} is at its {'lower' if value - low < high - value else 'upper'} limit {value:.6g}"
             for name, value, low, high, size in zip(self.space.rates, x, self.low, self.high, sizes, strict=True)
-            if low < high and size > STILL and not low + AT_LIMIT < value < high - AT_LIMIT
+            if low < high and size > MOTION_ROUNDING and not low + AT_LIMIT < value < high - AT_LIMIT
         ]
         return ", ".join(at_limits[:3]) + (f" and {len(at_limits) - 3} more are at theirs" if len(at_limits) > 3 else "")
 
@@ -228,14 +228,14 @@ class _Search:
         q = self._placed(x)
         for name, (low, high) in self.limits.items():
             value = low if q is None or name in self.space.rates else float(q[self.space.kernels.index[name]])
-            if not low - REACHED <= value <= high + REACHED:
+            if not low - TARGET_TOLERANCE <= value <= high + TARGET_TOLERANCE:
                 return f"joint {name}, which others determine, is at {value:.6g} and has the limits {low:.6g} and {high:.6g}"
         return ""
 
     def left(self, x: np.ndarray) -> np.ndarray:
         """Shape (count,): of places over the mechanism's size, of rotations as they are."""
         if (q := self._placed(x)) is None:  # a shorter step is taken
-            return np.full(self.count, FAR)
+            return np.full(self.count, OPEN_LOOP_RESIDUAL)
         parts = []
         for aim in self.aims:
             turn, place = aim.thing.pose(q)
@@ -266,7 +266,7 @@ class _Search:
         for where, path in self._balls:
             vector = x[where]
             angle, across = float(np.linalg.norm(vector)), np.cross(vector, np.eye(3)).T
-            third = (angle - np.sin(angle)) / angle**3 if angle > SMALL else 1 / 6
+            third = (angle - np.sin(angle)) / angle**3 if angle > SERIES_ANGLE else 1 / 6
             own[np.ix_(where, where)] = np.eye(3) + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * across + third * across @ across
             if path:
                 turning = space.screws(q)[path, :3].T @ space._spread(q)[0][path]

@@ -29,26 +29,26 @@ from ncgen.solver.joints.joint_space import JointSpace
 from ncgen.solver.positions.assembly import assemble
 from ncgen.symbolic.tree import Tree
 
-LONGEST = 0.2
+MAX_STEP = 0.2
 """How far an independent joint goes before loops are closed again, in its natural size (a rad, or the mechanism's length)."""
 
-SHORTEST = 1e-4
+MIN_STEP_FRACTION = 1e-4
 """Share of the first step to which steps are cut where loops do not close; they do not close where it would have to be shorter."""
 
-FARTHEST = 5000.0
+MAX_DISPLACEMENT = 5000.0
 """How far an independent joint may be from its start, in its natural size: 796 turns, a few seconds of closing loops on the way."""
 
 STEPS = 12
 """Of Newton's method at one place."""
 
-CLOSED = 1e-14
+STEP_ROUNDING = 1e-14
 """A step that is shorter, in natural sizes, is rounding."""
 
-NEARLY = 1e-9
+STALLED_STEP = 1e-9
 """A step that does not get shorter any more is rounding, too, if it is shorter than this."""
 
 
-KEPT = 16
+MAX_CACHED_STARTS = 16
 """Parameters for which the start with loops closed is kept."""
 
 
@@ -108,13 +108,13 @@ class JointsInLoops(JointSpace):
         start = x[self.free].copy()
         way = (wanted - start) / self.sizes[self.free]
         far = float(np.max(np.abs(way), initial=0.0))
-        if not far <= FARTHEST:
+        if not far <= MAX_DISPLACEMENT:
             k = int(np.argmax(np.abs(way)))
             raise ConvergenceError(
                 f"{self.kernels.name}: {self.rates[k]} = {wanted[k]:.6g} is {abs(way[k]):.3g} natural sizes from the start; loops are "
-                f"followed for {FARTHEST:g} at most; leave out whole turns"
+                f"followed for {MAX_DISPLACEMENT:g} at most; leave out whole turns"
             )
-        step = first = min(1.0, LONGEST / max(far, 1e-300))
+        step = first = min(1.0, MAX_STEP / max(far, 1e-300))
         done = 0.0
         while done < 1.0:
             share = min(1.0, done + step)
@@ -122,7 +122,7 @@ class JointsInLoops(JointSpace):
             ahead[self.free] = wanted if share == 1.0 else start + share * (wanted - start)
             if (newton := self._newton(ahead)) is not None:
                 (x, q), done = newton, share
-            elif step < SHORTEST * first:
+            elif step < MIN_STEP_FRACTION * first:
                 values = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.rates, ahead[self.free], strict=True))
                 raise ConvergenceError(f"{self.kernels.name}: loops do not close where {values[:200]}; choose other values")
             else:
@@ -132,7 +132,7 @@ class JointsInLoops(JointSpace):
     @property
     def begin(self) -> tuple[np.ndarray, np.ndarray]:
         """All displacements of joints, and coordinates of no body, at the start with loops closed, and the position there."""
-        return self.kernels.remember("start of joints in loops", self.p.tobytes(), self._begin, KEPT)
+        return self.kernels.remember("start of joints in loops", self.p.tobytes(), self._begin, MAX_CACHED_STARTS)
 
     def _begin(self) -> tuple[np.ndarray, np.ndarray]:
         x, start = np.zeros(len(self.sizes)), self.kernels.start(self.p)
@@ -153,7 +153,7 @@ class JointsInLoops(JointSpace):
             if not size <= 1.0:
                 return None
             x = x + change
-            if size <= CLOSED or (size <= NEARLY and size >= last / 2):
+            if size <= STEP_ROUNDING or (size <= STALLED_STEP and size >= last / 2):
                 return x, q
             last = size
         return None

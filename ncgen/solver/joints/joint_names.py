@@ -12,10 +12,10 @@ from ncgen.model.elements import AXES, Point, Relative, Spatial
 from ncgen.model.pairs import Screw
 from ncgen.symbolic.tree import Tree, moving
 
-SAME = 1e-9
+COEFFICIENT_TOLERANCE = 1e-9
 """By which the share of a joint in a coordinate's rate may differ from 1, −1 or 0 and still be that."""
 
-CLOSED = 1e-6
+ROW_TOLERANCE = 1e-6
 """What a rate may leave of a row, over the row's size, that belongs to no loop."""
 
 
@@ -35,15 +35,15 @@ def followed_by(kernels: Kernels, tree: Tree) -> dict[int, tuple[int, float]]:
     over_rates, over_own = jacobian @ moved, jacobian[:, own]
     shares = -np.linalg.lstsq(over_own, over_rates, rcond=None)[0] if own else np.zeros((0, moved.shape[1]))
     left = np.abs(over_rates + over_own @ shares) / kernels.row_sizes[:, None]
-    if left.size and left.max() > CLOSED:
+    if left.size and left.max() > ROW_TOLERANCE:
         row = kernels.rows[int(np.argmax(left.max(axis=1)))]
         raise ModelError(f"{kernels.name}: row {row.label} ({row.owner}) closes a loop")
     followed = {}
     for c, share in zip(own, shares, strict=True):
         k = int(np.argmax(np.abs(share)))
-        if np.max(np.abs(np.delete(share, k)), initial=0.0) > SAME * abs(share[k]):
+        if np.max(np.abs(np.delete(share, k)), initial=0.0) > COEFFICIENT_TOLERANCE * abs(share[k]):
             raise ModelError(f"{kernels.name}: joint space needs coordinates of single joints; {kernels.coordinates[c]} is that of none")
-        followed[c] = k, float(np.sign(share[k])) if abs(abs(share[k]) - 1.0) < SAME else float(share[k])
+        followed[c] = k, float(np.sign(share[k])) if abs(abs(share[k]) - 1.0) < COEFFICIENT_TOLERANCE else float(share[k])
     return followed
 
 

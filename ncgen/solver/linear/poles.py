@@ -15,10 +15,10 @@ import scipy.linalg
 
 from ncgen.errors import ModelError
 
-TOGETHER = 1e-6
+POLE_TOLERANCE = 1e-6
 """Poles nearer to each other than this share of the matrix are one: rounding parts a double zero by the root of its size."""
 
-NOTHING = 1e-9
+MARKOV_ROUNDING = 1e-9
 """A Markov parameter below this share of what its factors could give is 0."""
 
 
@@ -52,9 +52,9 @@ def poles_of(A: np.ndarray, values: np.ndarray, names: Sequence[str]) -> tuple[P
     """The poles of a matrix, of each pair one. values: its eigenvalues, in the order wanted; names: of what moves in every state."""
     size, poles = float(np.linalg.norm(scipy.linalg.matrix_balance(A)[0], 2)) if A.size else 0.0, []
     for value in values:
-        if value.imag < -TOGETHER * size:
+        if value.imag < -POLE_TOLERANCE * size:
             continue
-        near = np.abs(values - value) <= TOGETHER * size
+        near = np.abs(values - value) <= POLE_TOLERANCE * size
         shares = np.abs(np.diag(_projector(A, values[near])))
         shares = shares / np.sum(shares)
         moved = {name: float(sum(s for s, n in zip(shares, names, strict=True) if n == name)) for name in dict.fromkeys(names)}
@@ -66,7 +66,7 @@ def _projector(A: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Onto the directions of these eigenvalues along those of all others: of A = Q T Qᴴ with them first, Q [1 Y; 0 0] Qᴴ where
     T₁₁ Y − Y T₂₂ = T₁₂."""
     sized = scipy.linalg.matrix_balance(A, permute=False)[0]
-    reach = 2 * TOGETHER * np.linalg.norm(sized, 2)
+    reach = 2 * POLE_TOLERANCE * np.linalg.norm(sized, 2)
     ordered: Any = scipy.linalg.schur(sized.astype(complex), output="complex", sort=lambda x: bool(np.min(np.abs(values - x)) <= reach))
     T, Q, count = ordered
     top = np.zeros_like(T)
@@ -95,11 +95,11 @@ def zeros_of(A: np.ndarray, b: np.ndarray, c: np.ndarray, d: float) -> np.ndarra
     """
     count, moved = len(A), b
     sizes = np.linalg.norm(c) * np.linalg.norm(b)
-    finite = count if abs(d) > NOTHING * sizes else None
+    finite = count if abs(d) > MARKOV_ROUNDING * sizes else None
     for order in range(1, count + 1):
         if finite is not None:
             break
-        finite = count - order if abs(c @ moved) > NOTHING * sizes else None
+        finite = count - order if abs(c @ moved) > MARKOV_ROUNDING * sizes else None
         moved, sizes = A @ moved, sizes * np.linalg.norm(A)
     if not finite:
         return np.zeros(0, dtype=complex)

@@ -15,16 +15,16 @@ from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.position import solve_position
 from ncgen.solver.positions.rank import null_space, scaled_jacobian
 
-LIMIT, MORE = 200, 10
+MAX_STEPS, STEPS_PER_DOF = 200, 10
 """Steps that are tried, and how many more for every degree of freedom: a long chain has far to fall."""
 
-SHORTER = 10
+MAX_HALVINGS = 10
 """How often a step is halved whose end cannot be brought back onto the constraints."""
 
 LONGEST_STEP = 0.2
 """Largest change of any coordinate in one step, relative to its natural size."""
 
-ENOUGH = 1e-13
+FORCE_TOLERANCE = 1e-13
 """Steps, or forces left over, below this are rounding (relative)."""
 
 NEUTRAL = 1e-9
@@ -95,9 +95,9 @@ def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Giv
         basis, pull, stiffness, lam, left = _balance(kernels, q, t, p)
         values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
         step = _step(pull, stiffness, values, vectors, kind)
-        if left <= ENOUGH or np.max(np.abs(basis @ step), initial=0.0) <= ENOUGH:
+        if left <= FORCE_TOLERANCE or np.max(np.abs(basis @ step), initial=0.0) <= FORCE_TOLERANCE:
             return Equilibrium(q, lam, values, steps)
-        if steps == LIMIT + MORE * len(values):
+        if steps == MAX_STEPS + STEPS_PER_DOF * len(values):
             raise ConvergenceError(
                 f"{kernels.name}: no equilibrium found in {counted(steps, 'step')}, {left:.2g} of the forces is left over; "
                 "start nearer to one, "
@@ -110,7 +110,7 @@ def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Giv
 
 def _moved(kernels: Kernels, q: np.ndarray, step: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """The closed position a step (n,) away from q, or a part of it away. Raises ConvergenceError where even a small part does not close."""
-    for _ in range(SHORTER):
+    for _ in range(MAX_HALVINGS):
         try:
             return solve_position(kernels, q + step, t, p).q
         except ConvergenceError:

@@ -26,10 +26,10 @@ from ncgen.solver.positions.partition import Partitions
 from ncgen.solver.positions.position import solve_position
 from ncgen.solver.positions.rank import null_space
 
-AGREES = 1e-6
+SYMMETRY_TOLERANCE = 1e-6
 """How far a motion may be from that of a symmetry, relative to its own rates, to be steady."""
 
-KEPT = 1e-7
+NULL_TOLERANCE = 1e-7
 """Singular values below this, relative to the largest, belong to fields that are symmetries."""
 
 ROUNDING = 1e-9
@@ -84,7 +84,7 @@ def drift(kernels: Kernels, partitions: Partitions, now: Motion, matrix: np.ndar
     count = len(velocities)
     stiffness = np.max(np.abs(matrix[:count, count:] * sizes[positions] / sizes[velocities, None]), initial=0.0)
     rate = float(np.max(np.abs(now.qd / sizes), initial=0.0))
-    if rate <= AGREES * np.sqrt(stiffness):
+    if rate <= SYMMETRY_TOLERANCE * np.sqrt(stiffness):
         return np.zeros(matrix.shape) if _is_balanced(kernels, now, stiffness, p) else None
     search = _Search(kernels, partitions, now, rate, p)
     symmetry = search.find()
@@ -96,7 +96,7 @@ def _is_balanced(kernels: Kernels, now: Motion, stiffness: float, p: np.ndarray 
     sizes = kernels.column_sizes
     left = np.max(np.abs(sizes * (kernels.mass_matrix(now.q, now.t, p) @ now.qdd)), initial=0.0)
     acting = np.max(np.abs(sizes * kernels.force(now.q, now.qd, now.t, p)), initial=0.0)
-    return bool(left <= ROUNDING * acting or np.max(np.abs(now.qdd / sizes), initial=0.0) <= AGREES * stiffness)
+    return bool(left <= ROUNDING * acting or np.max(np.abs(now.qdd / sizes), initial=0.0) <= SYMMETRY_TOLERANCE * stiffness)
 
 
 class _Search:
@@ -123,8 +123,8 @@ class _Search:
             norms = np.linalg.norm(field_values[:, columns], axis=0)
             norms[norms == 0.0] = 1.0
             basis = _null_space(kept[:, columns] / norms) / norms[:, None]
-            weights = basis @ np.linalg.lstsq(field_values[:, columns] @ basis, wanted, rcond=KEPT)[0]
-            if np.max(np.abs(field_values[:, columns] @ weights - wanted)) <= AGREES:
+            weights = basis @ np.linalg.lstsq(field_values[:, columns] @ basis, wanted, rcond=NULL_TOLERANCE)[0]
+            if np.max(np.abs(field_values[:, columns] @ weights - wanted)) <= SYMMETRY_TOLERANCE:
                 result = np.zeros(len(self.fields))
                 result[allowed] = weights[:-1]
                 return result
@@ -229,7 +229,7 @@ def _arms(field: Shift | Turn, at: np.ndarray, change: np.ndarray) -> np.ndarray
 def _null_space(matrix: np.ndarray) -> np.ndarray:
     """An orthonormal basis of what a matrix takes to zero, columns."""
     _, values, right = np.linalg.svd(matrix, full_matrices=True)
-    rank = int(np.sum(values > KEPT * max(values[0], 1.0))) if len(values) else 0
+    rank = int(np.sum(values > NULL_TOLERANCE * max(values[0], 1.0))) if len(values) else 0
     return right[rank:].T
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 BALANCED = 1e-9
 """Forces and moments of a row that cancel to this part of their size need no ground."""
 
-NOTHING = 1e-11
+FORCE_ROUNDING = 1e-11
 """Forces below this part of the largest load on a body are rounding."""
 
 
@@ -68,7 +68,7 @@ def row_loads(run: Trajectory, largest: float, between: Mapping[str, tuple[str, 
         for element, columns in places.items():
             force = history[:, i, columns]
             felt = np.cross(at[element], force) if isinstance(element, Vector) else force
-            if np.max(np.abs(felt), initial=0.0) > NOTHING * largest:
+            if np.max(np.abs(felt), initial=0.0) > FORCE_ROUNDING * largest:
                 forces[element] = force
         if forces:
             row, needs_ground = model.rows[number], _needs_ground(forces, at)

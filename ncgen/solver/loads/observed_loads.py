@@ -12,7 +12,7 @@ from ncgen.model.bodies import load_names
 from ncgen.model.elements import driver_name
 from ncgen.solver.loads.inverse_dynamics import shared_drivers
 from ncgen.solver.loads.reactions import Reactions
-from ncgen.solver.loads.sharing import REACHED
+from ncgen.solver.loads.sharing import REACH_TOLERANCE
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.trajectories.output_values import load_slopes, mentioned
 from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
@@ -53,7 +53,7 @@ def _changes(reactions: Reactions) -> np.ndarray:
         if added.size:
             p = run.kernels.present(float(run.t[k]), run.p)
             slopes = load_slopes(run.kernels, float(run.t[k]), (run.q[k], run.qd[k], run.qdd[k], run.lam[k], felt[k]), p)
-            changing |= np.any(np.abs(slopes @ added) > REACHED * (np.abs(slopes) @ np.abs(added)), axis=1)
+            changing |= np.any(np.abs(slopes @ added) > REACH_TOLERANCE * (np.abs(slopes) @ np.abs(added)), axis=1)
     return changing
 
 

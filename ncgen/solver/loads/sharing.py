@@ -29,16 +29,16 @@ from ncgen.symbolic.equations import Equations, build_equations
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
 
-LOOKS = 9
+N_SAMPLES = 9
 """Instants of a motion that are looked at: directions turn, and at one of them a share may just point past a coordinate."""
 
-REACHED = 1e-7
+REACH_TOLERANCE = 1e-7
 """A load is reached where more than this part of loads of size 1 arrives."""
 
-NOTHING = 1e-9
+LOAD_ROUNDING = 1e-9
 """Loads below this, relative to a body's largest, are none."""
 
-STEADY = 1e-3
+VARIATION_TOLERANCE = 1e-3
 """Totals that vary less, relatively, are said as one number."""
 
 
@@ -104,23 +104,23 @@ def find_shared(run: Trajectory, shares: list[Share], loads: dict[str, np.ndarra
     loads: {body: (K, elements, 3)}: forces (N) on points, moments (N m) through vectors
     Positions where more is free to choose than at others are singular and left out, unless the motion stays there.
     """
-    instants = np.unique(np.linspace(0, len(run.t) - 1, LOOKS).round().astype(int))
+    instants = np.unique(np.linspace(0, len(run.t) - 1, N_SAMPLES).round().astype(int))
     idle = [_idle_axes(share.body, loads[share.body.name]) for share in shares]
     changes = [_changes(run, shares, idle, run.t[k], run.q[k]) for k in map(int, instants)]
     least = min(change[0].shape[1] for change in changes) if shares else 0
     unique, sentences = {}, []
     for b, share in enumerate(shares):
         together = sum(np.abs(change[b] @ change[b].T) for change in changes if change[b].shape[1] == least)
-        reached = np.diag(together) > REACHED**2
+        reached = np.diag(together) > REACH_TOLERANCE**2
         names = [c.name for e in share.body.elements for c in e.components]
         unique[share.body.name] = dict(zip(names, (~reached).tolist(), strict=True))
-        groups = connected_components(together > REACHED**2, directed=False)[1] if len(names) else []
+        groups = connected_components(together > REACH_TOLERANCE**2, directed=False)[1] if len(names) else []
         for group in dict.fromkeys(np.asarray(groups)[reached].tolist()):
             sentences.append(_sentence(share.body, (groups == group).reshape(-1, 3), loads[share.body.name]))
     units = np.concatenate([_units(share) for share in shares]) if shares else np.zeros(0)
     kept = zip(map(int, instants), changes, strict=True)
     some = {k: np.vstack(change) for k, change in kept if change and change[0].shape[1] == least}
-    added = {k: np.where(np.abs(change) > REACHED, change, 0.0) / units[:, None] for k, change in some.items()}
+    added = {k: np.where(np.abs(change) > REACH_TOLERANCE, change, 0.0) / units[:, None] for k, change in some.items()}
     return Findings(unique, tuple(sentences), added)
 
 
@@ -218,7 +218,7 @@ def _idle_axes(body: Body, loads: np.ndarray) -> np.ndarray:
     points = [e for e in body.elements if isinstance(e, Point)]
     across = np.array([all(e.components[k].fixed for e in body.elements) for k in range(3)])
     forces = np.max(np.abs(loads[:, : len(points)]), axis=(0, 1), initial=0.0)
-    return across & (forces <= NOTHING * np.max(np.abs(loads), initial=0.0))
+    return across & (forces <= LOAD_ROUNDING * np.max(np.abs(loads), initial=0.0))
 
 
 # -- in words -------------------------------------------------------------------------------------
@@ -244,6 +244,6 @@ def _sentence(body: Body, group: np.ndarray, loads: np.ndarray) -> str:
 
 def _total(loads: np.ndarray, unit: str) -> str:
     sizes, largest = np.linalg.norm(loads.sum(axis=1), axis=-1), np.max(np.abs(loads), initial=0.0)
-    if sizes.max() <= NOTHING * largest:
+    if sizes.max() <= LOAD_ROUNDING * largest:
         return f"0 {unit}"
-    return f"{'up to ' if np.ptp(sizes) > STEADY * sizes.max() else ''}{sizes.max():.3g} {unit}"
+    return f"{'up to ' if np.ptp(sizes) > VARIATION_TOLERANCE * sizes.max() else ''}{sizes.max():.3g} {unit}"

@@ -35,10 +35,10 @@ from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
 from ncgen.toolchain.preparation import preparation_seconds
 
-WHOLE = 1 + 1e-12
+STEP_COUNT_TOLERANCE = 1 + 1e-12
 """A step that is longer than a grid's by this share: as many steps as there are instants, whatever rounding does."""
 
-MANY = 100
+MAX_PARTITIONED_DOF = 100
 """Degrees of freedom from which coordinate partitioning, whose matrices are dense, is worth a warning."""
 
 
@@ -97,7 +97,7 @@ def simulate(
     kernels = kernels.driven_by(run.signals)
     choice = choose(run)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
-    if not choice.method.is_constrained and (freedom := kernels.n - kernels.m) > MANY:
+    if not choice.method.is_constrained and (freedom := kernels.n - kernels.m) > MAX_PARTITIONED_DOF:
         warn(
             f"{kernels.name}: coordinate partitioning solves densely for {counted(freedom, 'degree of freedom')} in every evaluation; "
             "formalism='lagrange' solves sparsely, many times faster"
@@ -233,7 +233,7 @@ class _Motion:
             raise ModelError(f"{kernels.name} cannot be simulated in C{number}: {refused}; use {remedy}")
         if refused is None:
             refused = self._in_c(form)
-            if refused == compiled.STIFF:
+            if refused == compiled.STIFFNESS_REASON:
                 refused = self._go_on_implicit(form)
             if refused and needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it continues in Python")
@@ -284,7 +284,7 @@ class _Motion:
         try:
             other = stiff_choice(self.run, self.choice, form != "dense")
             if other is None:
-                return compiled.STIFF
+                return compiled.STIFFNESS_REASON
             self.choice = other
             if other.method.is_constrained:
                 return self._in_c(form)
@@ -336,7 +336,7 @@ class _Motion:
 
         ends = self.breaks
         if task.steps_to_rows:
-            ends, task = _with_neighbours(ends, task.grid), replace(task, max_step=task.max_step * WHOLE)
+            ends, task = _with_neighbours(ends, task.grid), replace(task, max_step=task.max_step * STEP_COUNT_TOLERANCE)
         segments.in_segments(engine, self.path, self.kernels, task, ends)
 
     def _task(self) -> Task:

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from ncgen.solver.events.steps import Past, Steps
     from ncgen.solver.trajectories.happening import Happening
 
-HELD = ("t", "work", "q", "qd", "p")
+ARRAYS_OF_C = ("t", "work", "q", "qd", "p")
 """Arrays of `Simulations` that C works on."""
 
 
@@ -140,7 +140,7 @@ class Simulations:
         stepping, start = prepared(kernels, self.integrator, rtol, atol, at)
         self._alone = Alone(kernels.name)
         self._now = now = MovingRows([stepping() for _ in range(threads)], size)
-        vars(self).update({name: getattr(now, name) for name in HELD})
+        vars(self).update({name: getattr(now, name) for name in ARRAYS_OF_C})
         self._mechanism = checked_compiled(kernels).fingerprint
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
         self.t[:], self.q[:], self.qd[:], self.p[:] = at.t, start.q, start.qd, start.p
@@ -155,7 +155,7 @@ class Simulations:
 
     def __setattr__(self, name: str, value: object) -> None:
         """Arrays that C works on stay where they are. Raises ModelError with what to write instead."""
-        if name in HELD:
+        if name in ARRAYS_OF_C:
             raise ModelError(f"sims.{name} cannot be replaced: C works on the array it has; write sims.{name}[:] = array")
         super().__setattr__(name, value)
 

@@ -24,10 +24,10 @@ LIMIT = 100
 LONGEST_STEP = 0.1
 """Largest change of any coordinate in one step, relative to its natural size."""
 
-SLOW = 0.5
+MAX_NEWTON_RATIO = 0.5
 """A step that leaves more than this of the residual is not one of Newton's method near a solution."""
 
-NAMED = 4
+MAX_NAMED_ROWS = 4
 """How many rows a failure names."""
 
 
@@ -98,7 +98,7 @@ def assemble(
 
 def _stands_still(history: list[float]) -> bool:
     """True if the last step has not made a residual smaller: rows that contradict each other do not close further."""
-    return len(history) > 1 and history[-1] > SLOW * history[-2]
+    return len(history) > 1 and history[-1] > MAX_NEWTON_RATIO * history[-2]
 
 
 def _damped_step(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, sizes: np.ndarray, value: np.ndarray) -> np.ndarray:
@@ -113,7 +113,7 @@ def _damped_step(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, sizes
 
 
 def _open_rows(kernels: Kernels, value: np.ndarray, tolerance: float) -> str:
-    worst = [i for i in np.argsort(-np.abs(value)) if not abs(value[i]) <= min(tolerance, CONSISTENT_RESIDUAL)][:NAMED] or [
+    worst = [i for i in np.argsort(-np.abs(value)) if not abs(value[i]) <= min(tolerance, CONSISTENT_RESIDUAL)][:MAX_NAMED_ROWS] or [
         int(np.argmax(np.abs(value)))
     ]
     rows = [(kernels.holonomic[i], value[i]) for i in worst]

@@ -12,7 +12,7 @@ from ncgen.mechanism.kernels import Kernels
 RESOLUTION = 1e-10
 """Fraction of a way to which the place where it ends is found."""
 
-DEAD = 1e-3
+MIN_SINGULAR_RATIO = 1e-3
 """Smallest singular value of the constraints over their largest, in natural sizes, below which a position is at a dead centre.
 
 At a distance d from it that ratio is of the order of √d; a place that is found to RESOLUTION of a way has about 1e-5.
@@ -44,4 +44,4 @@ def is_dead_centre(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, fre
     whole = kernels.jacobian(q, t, p)[rows] / kernels.row_sizes[rows, None] * kernels.column_sizes
     count = min(int(np.linalg.matrix_rank(whole, rtol=1e-9)), len(free))
     values = np.linalg.svd(whole[:, free], compute_uv=False)
-    return count > 0 and bool(values[count - 1] < DEAD * values[0])
+    return count > 0 and bool(values[count - 1] < MIN_SINGULAR_RATIO * values[0])

@@ -9,7 +9,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.bodies import LARGEST_BASIS, Body
 from ncgen.solver.positions.negative_mass import principal_motions, refuse_negative
 
-SMALL = 1e-9
+NULL_TOLERANCE = 1e-9
 """Singular values below this, relative to the largest, belong to motions without inertia."""
 
 CANCELLED = 1e-13
@@ -21,14 +21,14 @@ ROUNDING = 1e-12
 DIGITS = 3
 """Of how far coordinates move, relative to the farthest."""
 
-NAMED = 4
+MAX_NAMED_THINGS = 4
 """How many coordinates or bodies a message names."""
 
 
 def massless(kernels: Kernels, resistance: np.ndarray, basis: np.ndarray | None = None) -> SingularError:
     """The error for a matrix (k, n) that no motion without inertia resists, or (k, z) on motions `basis` (n, z); without units."""
     _, values, right = np.linalg.svd(resistance, full_matrices=True)
-    count = right.shape[0] - int(np.sum(values > SMALL * np.max(values, initial=0.0)))
+    count = right.shape[0] - int(np.sum(values > NULL_TOLERANCE * np.max(values, initial=0.0)))
     motions = right[-max(count, 1) :].T
     # What the rows of an orthonormal basis measure does not depend on the basis.
     return _error(kernels, np.linalg.norm(motions if basis is None else np.linalg.qr(basis @ motions)[0], axis=1))
@@ -94,5 +94,5 @@ def _remedy(kernels: Kernels, moving: set[str]) -> str:
 
 
 def _first(names: list[str]) -> str:
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return ", ".join(names[:NAMED]) + more
+    more = f" and {len(names) - MAX_NAMED_THINGS} more" if len(names) > MAX_NAMED_THINGS else ""
+    return ", ".join(names[:MAX_NAMED_THINGS]) + more

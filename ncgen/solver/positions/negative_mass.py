@@ -14,10 +14,10 @@ from ncgen.solver.positions.rank import null_space, scaled_jacobian
 ROUNDING = 1e-12
 """Eigenvalues of the mass matrix above minus this, relative to the largest, are rounding."""
 
-INSTANTS = 20
+N_SAMPLES = 20
 """Instants of a motion that are looked at."""
 
-AHEAD = 33
+N_POSITIONS_AHEAD = 33
 """Positions that are looked at where a motion ends."""
 
 
@@ -41,7 +41,7 @@ def refuse_negative_ahead(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: fl
     """Do the same for positions up to two intervals dt (s) after the last one of a motion that could not go on, reached with rates qd."""
     if not doubtful(kernels):
         return
-    for time in np.linspace(0.0, 2 * dt, AHEAD).tolist():
+    for time in np.linspace(0.0, 2 * dt, N_POSITIONS_AHEAD).tolist():
         try:
             position = solve_position(kernels, q + time * qd, t + time, p).q
         except (ConvergenceError, DomainError):
@@ -54,7 +54,7 @@ def negative_instant(kernels: Kernels, t: np.ndarray, q: np.ndarray, p: np.ndarr
     bodies = doubtful(kernels)
     if not bodies:
         return None
-    rows = np.unique(np.linspace(0, len(t) - 1, INSTANTS).astype(int)).tolist()
+    rows = np.unique(np.linspace(0, len(t) - 1, N_SAMPLES).astype(int)).tolist()
     instants = ((float(t[k]), q[k]) for k in rows)
     return next((_sentence(body, t) for t, q in instants if (body := _culprit(kernels, bodies, q, t, p))), None)
 

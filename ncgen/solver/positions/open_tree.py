@@ -11,7 +11,7 @@ from ncgen.program.tree.couplings import NoTables
 from ncgen.program.tree.tree_tables import Around, OpenTree, SampledPlace
 from ncgen.symbolic.tree import spanning_tree
 
-ASIDE = 0.03
+PARAMETER_PERTURBATION = 0.03
 """By which share of theirs other parameters differ."""
 
 
@@ -33,7 +33,8 @@ def _made(kernels: Kernels) -> OpenTree | None:
     if len(kernels.p0):
         generator = np.random.default_rng(1)
         parameters.append(
-            kernels.p0 + ASIDE * generator.uniform(-1, 1, len(kernels.p0)) * np.where(kernels.p0 == 0.0, 1.0, np.abs(kernels.p0))
+            kernels.p0
+            + PARAMETER_PERTURBATION * generator.uniform(-1, 1, len(kernels.p0)) * np.where(kernels.p0 == 0.0, 1.0, np.abs(kernels.p0))
         )
     around = Around(kernels.q0, [partial(_look, kernels, p) for p in parameters], kernels.row_sizes, kernels.column_sizes)
     try:

@@ -23,10 +23,10 @@ from ncgen.solver.positions.sparse_rows import DENSE
 Factors: TypeAlias = tuple[np.ndarray, np.ndarray] | tuple[()]
 """LU and exchanges of rows of a square matrix; nothing of an empty one."""
 
-WORST = 1e-7
+MIN_QUALITY = 1e-7
 """A partition of lower quality is refused."""
 
-BETTER = 1.3
+MIN_GAIN = 1.3
 """A new partition must be better by this factor to be worth a change."""
 
 
@@ -138,7 +138,7 @@ def choose_partition(
     pivots = column_order(jacobian[:, others]) if count else np.arange(len(others))
     dependent = np.sort(others[pivots[:count]])
     partition = Partition(rows, dependent, np.array(wanted + sorted(set(others[pivots[count:]].tolist())), dtype=int))
-    if quality(kernels, partition, q, t, p) < WORST:
+    if quality(kernels, partition, q, t, p) < MIN_QUALITY:
         names = ", ".join(independent) or "the coordinates"
         raise SingularError(f"{names} do not determine the position here: the partition is singular; choose other independent coordinates")
     return partition

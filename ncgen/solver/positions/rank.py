@@ -33,13 +33,13 @@ POSITIONS = 6
 DISTANCE = 0.1
 """How far the trial positions are from the given one, relative to the mechanism's size."""
 
-BADLY = 1e-4
+MIN_SINGULAR_FRACTION = 1e-4
 """Share of the least singular value of all rows below which that of the kept ones asks for others."""
 
 REMEMBERED = 16
 """How much of what was found for positions, such as degrees of freedom, is kept with the kernels."""
 
-KEPT = 40
+MIN_CACHED_ROWS = 40
 """Rows from which on the degrees of freedom in the position that a model describes are kept in the cache: finding them takes longer."""
 
 NEIGHBOUR = 1e-3
@@ -198,7 +198,7 @@ def rank_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[i
 def _is_described(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> bool:
     """True where a position is the one that the model describes, in which most runs begin, and its rows are many."""
     is_start = t == 0.0 and np.array_equal(q, kernels.q0) and np.array_equal(p, kernels.p0)
-    return is_start and kernels.m >= KEPT
+    return is_start and kernels.m >= MIN_CACHED_ROWS
 
 
 def _freedom_from_cache(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
@@ -258,7 +258,7 @@ def _largest_rows(jacobians: list[np.ndarray]) -> np.ndarray:
 def _represents_badly(jacobian: np.ndarray, kept: list[int]) -> bool:
     """True if rows, of which there are as many as the rank, are much nearer to being dependent than all rows together."""
     least = (np.linalg.svd(rows, compute_uv=False)[len(kept) - 1] for rows in (jacobian[kept], jacobian))
-    return len(kept) > 0 and next(least) < BADLY * next(least)
+    return len(kept) > 0 and next(least) < MIN_SINGULAR_FRACTION * next(least)
 
 
 def _independent_rows(jacobians: list[np.ndarray]) -> list[int]:

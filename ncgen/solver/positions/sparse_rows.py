@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 DENSE = 200
 """From this many rows on sparse algebra is tried before dense one."""
 
-CLEAR = 1e12
+MAX_CONDITION = 1e12
 """Rows are clearly independent when the condition number of Φ_q Φ_qᵀ, scaled, is below this."""
 
 
@@ -42,7 +42,7 @@ def independent_rows(matrix: scipy.sparse.csr_array) -> IndependentRows | None:
     """The factors of a sparse matrix (m, n) that certainly has full row rank; None leaves the question open.
 
     Φ_q Φ_qᵀ is factorised and its condition number estimated in the 1-norm (Higham and Tisseur 2000), which bounds
-    that in the 2-norm for a symmetric matrix: below CLEAR, every singular value of Φ_q is far above rounding.
+    that in the 2-norm for a symmetric matrix: below MAX_CONDITION, every singular value of Φ_q is far above rounding.
     """
     gram = (matrix @ matrix.T).tocsc()
     try:
@@ -52,7 +52,7 @@ def independent_rows(matrix: scipy.sparse.csr_array) -> IndependentRows | None:
     operator = cast(Any, scipy.sparse.linalg.LinearOperator)  # what it is made of stands in __new__, where no type is found
     inverse = operator(gram.shape, factors.solve, rmatvec=factors.solve, dtype=float)
     norm = cast(float, scipy.sparse.linalg.onenormest(inverse))  # with vectors only if they are asked for
-    return IndependentRows(matrix, factors) if norm * scipy.sparse.linalg.norm(gram, 1) < CLEAR else None
+    return IndependentRows(matrix, factors) if norm * scipy.sparse.linalg.norm(gram, 1) < MAX_CONDITION else None
 
 
 def least_damped(matrix: scipy.sparse.csr_array, right: np.ndarray, damping: float) -> np.ndarray:

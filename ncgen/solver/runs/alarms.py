@@ -11,22 +11,22 @@ from ncgen.solver.trajectories.energy import drift
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
 
-LOOKS = 8
+N_SAMPLES = 8
 """Instants inside a run at which the energy is looked at, besides its ends."""
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
-SHARES = np.sort(np.arange(1, LOOKS + 1) * GOLDEN % 1.0)
+SAMPLE_FRACTIONS = np.sort(np.arange(1, N_SAMPLES + 1) * GOLDEN % 1.0)
 """Of a run, where its energy is looked at: multiples of the golden section are as far from every even grid as can be, so a motion that
 rests at all instants of the grid does not rest at these. A run in C without other rows there is looked at where the step around ends."""
 
-LARGE = 1e-2
+MAX_ENERGY_CHANGE = 1e-2
 """Relative change of energy from which a motion whose constraints are held by feedback alone is not believed."""
 
-OPEN = 100.0
+MAX_RESIDUAL_OVER_RTOL = 100.0
 """Residuals of feedback, over rtol, from which they are told."""
 
-IMPOSSIBLE = 1e-6
+VELOCITY_TOLERANCE = 1e-6
 """Share of what all rows' velocities add up to that a row may be off by, in double precision."""
 
 ROUNDINGS = 64.0
@@ -37,7 +37,7 @@ def looks(run: Run, method: Method) -> np.ndarray:
     """Times inside a run at which its energy is looked at; none where they would change the steps."""
     if method.has_fixed_step:
         return np.empty(0)
-    return run.times[0] + SHARES * run.duration
+    return run.times[0] + SAMPLE_FRACTIONS * run.duration
 
 
 def doubts(run: Trajectory, rtol: float, method: Method) -> list[str]:
@@ -48,7 +48,7 @@ def doubts(run: Trajectory, rtol: float, method: Method) -> list[str]:
     feedback = method.options.get("stabilisation") in ("baumgarte", "none")
     reasons = [] if feedback or method.has_fixed_step else _contradiction(run)
     change = drift(run.kernels, run.t, run.q, run.qd, run.work, run.p)
-    if feedback and change > LARGE:
+    if feedback and change > MAX_ENERGY_CHANGE:
         reasons.append(
             f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "
             "the motion may have left its branch, take smaller steps or another formalism"
@@ -63,7 +63,7 @@ def doubts(run: Trajectory, rtol: float, method: Method) -> list[str]:
             f"the energy changes by {change:.1g} of what moves, although rtol is {rtol:g}: "
             f"the motion may have passed a singular position, {other}"
         )
-    if feedback and not method.has_fixed_step and (violation := float(run.violation().max())) > OPEN * rtol:
+    if feedback and not method.has_fixed_step and (violation := float(run.violation().max())) > MAX_RESIDUAL_OVER_RTOL * rtol:
         reasons.append(
             f"{method.formalism.name} holds the constraints to {violation:.1g} only (relative), although rtol is {rtol:g}; "
             + (
@@ -83,7 +83,11 @@ def _contradiction(run: Trajectory) -> list[str]:
     if len(kernels.holonomic) == kernels.m and "nu" not in kernels.programs.programs:
         return []
     rounding = float(np.finfo(NUMBERS[run.number].dtype).eps)
-    worst, reasons, slow = max(IMPOSSIBLE, ROUNDINGS * rounding), [], IMPOSSIBLE / max(run.t[-1] - run.t[0], np.finfo(float).tiny)
+    worst, reasons, slow = (
+        max(VELOCITY_TOLERANCE, ROUNDINGS * rounding),
+        [],
+        VELOCITY_TOLERANCE / max(run.t[-1] - run.t[0], np.finfo(float).tiny),
+    )
     for t, q, qd in zip(run.t, run.q, run.qd, strict=True):
         nu = kernels.nu(q, t, p)
         if len(kernels.holonomic) == kernels.m and not np.any(nu):

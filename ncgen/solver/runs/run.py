@@ -68,13 +68,13 @@ NUMBERS = ("double", "float", "long double")
 
 TWO_VELOCITIES = "zd0 and qd0 are both given; give the initial velocities once"
 
-FINEST = 100 * np.finfo(float).eps
+MIN_TIME_SPACING = 100 * np.finfo(float).eps
 """Instants nearer to each other than this, relative to the time, cannot be distinguished."""
 
 MOST_STEPS = 10**9
 """Fixed steps of a run; more take hours."""
 
-LARGEST = 10**300
+MAX_INTEGER = 10**300
 """Whole numbers beyond this are no doubles."""
 
 MOST_NUMBERS = 2**31
@@ -208,7 +208,7 @@ class Run:
         if self.max_step == np.inf:
             return
         fixed = self.integrator is not None and self.integrator.has_fixed_step
-        if self.max_step < FINEST * np.max(np.abs(self.times)):
+        if self.max_step < MIN_TIME_SPACING * np.max(np.abs(self.times)):
             raise ModelError(
                 f"max_step: {self.max_step:.6g} s cannot be distinguished at t = {np.max(np.abs(self.times)):.6g} s; take a longer one"
             )
@@ -315,12 +315,12 @@ def _grid(start: float, length: float, points: Any, n: int) -> np.ndarray:
     given = None if is_single else several(points, "points")
     size = count(points, "points", 2, "a trajectory has at least 2") if given is None else len(given)
     if size * (3 * n + 1) > MOST_NUMBERS:
-        room = min(size * (3 * n + 1), LARGEST) * 8 / 2**30
+        room = min(size * (3 * n + 1), MAX_INTEGER) * 8 / 2**30
         raise ModelError(f"points: {shown(size)} instants of {n} coordinates take {room:.3g} GiB; ask for fewer")
     end = start + length
     if not np.isfinite(end):
         raise ModelError(f"duration: {length:.6g} s from t0 = {start:.6g} s on is beyond all numbers; take a shorter one")
-    shortest = FINEST * max(abs(start), abs(end))
+    shortest = MIN_TIME_SPACING * max(abs(start), abs(end))
     if given is not None:
         return _instants(given, start, end, shortest)
     if length / (size - 1) < shortest:

@@ -22,7 +22,7 @@ HOLDS: tuple[Hold, ...] = get_args(Hold)
 Signal: TypeAlias = "ArrayLike | Callable[[float], float] | tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, Hold]"
 """An input over time, as `simulate` takes it, or numbers of many simulations, as `start_batch` takes them."""
 
-FEWEST = 2
+MIN_TIMES = 2
 """Instants of a table."""
 
 
@@ -130,8 +130,8 @@ def _table(given: Sequence[object], where: str) -> SignalTable:
     hold = given[2] if len(given) == 3 else "linear"
     if hold not in HOLDS:
         raise unknown_word(hold, f"{where}: hold", HOLDS)
-    if len(times) != len(values) or len(times) < FEWEST:
-        raise ModelError(f"{where}: {len(times)} times and {counted(len(values), 'value')}; give as many of both, {FEWEST} or more")
+    if len(times) != len(values) or len(times) < MIN_TIMES:
+        raise ModelError(f"{where}: {len(times)} times and {counted(len(values), 'value')}; give as many of both, {MIN_TIMES} or more")
     if not np.all(np.diff(times) > 0):
         k = int(np.argmin(np.diff(times) > 0))
         raise ModelError(f"{where}: time {k + 1} is {times[k + 1]:.6g} s after {times[k]:.6g} s; times must ascend")

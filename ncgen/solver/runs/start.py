@@ -24,10 +24,10 @@ from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.positions.sparse_rows import DENSE
 from ncgen.solver.runs.run import Initial
 
-NOTICEABLE = 1e-9
+MIN_REPORTED_CHANGE = 1e-9
 """Changes of a given velocity up to this, relative to the largest velocity, are rounding and not reported."""
 
-STANDSTILL = 1e-140
+VELOCITY_ROUNDING = 1e-140
 """Velocities (sizes of the mechanism per second) below this are what projections leave of 0: their squares are no normal numbers."""
 
 
@@ -164,7 +164,7 @@ def given_velocity(kernels: Kernels, qd0: dict[str, float] | np.ndarray, q: np.n
     qd = _least_energy(kernels, where, rates, q, t, p) if isinstance(qd0, dict) else rates
     allowed = project_velocity(kernels, q, qd, t, p)
     changed = np.abs(allowed[where] - rates) / kernels.column_sizes[where]
-    if np.max(changed, initial=0.0) > NOTICEABLE * np.max(np.abs(allowed / kernels.column_sizes), initial=STANDSTILL):
+    if np.max(changed, initial=0.0) > MIN_REPORTED_CHANGE * np.max(np.abs(allowed / kernels.column_sizes), initial=VELOCITY_ROUNDING):
         most = where[int(np.argmax(changed))]
         warn(
             f"{kernels.name}: the initial velocities contradict the constraints and have been projected; "

@@ -19,7 +19,7 @@ from ncgen.solver.runs.crossing import SAMPLES, first_crossing
 State = TypeVar("State", bound=tuple[Any, ...])
 """A state of a run: q, q̇, and whatever else an engine wants to know of it."""
 
-NOISE = 1000 * float(np.finfo(float).eps)
+GAP_ROUNDING = 1000 * float(np.finfo(float).eps)
 """A gap smaller than this, relative to the value and to the largest gap of a step, has no sign."""
 
 DIRECTIONS = {"falling": -1, "either": 0, "rising": 1}
@@ -53,7 +53,7 @@ class StopCondition:
 
         inner = [gap(t0 + float(s) * (t1 - t0)) for s in SAMPLES[1:-1]]
         values = np.array([self.gap(*before[:2]), *inner, self.gap(*after[:2])])
-        noise = NOISE * float(max(abs(self.value), np.max(np.abs(values))))
+        noise = GAP_ROUNDING * float(max(abs(self.value), np.max(np.abs(values))))
         bracket = first_crossing(values, noise, self.direction)
         if bracket is None:
             return None

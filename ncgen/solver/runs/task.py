@@ -18,7 +18,7 @@ from ncgen.solver.runs.signals import Signals
 from ncgen.solver.runs.stop import StopCondition
 from ncgen.solver.runs.tolerances import Tolerances
 
-CLOSE = 1e-6
+SPAN_TOLERANCE = 1e-6
 """A span that is longer than a number of steps by less than this share of one has no step more."""
 
 
@@ -86,7 +86,7 @@ class Task:
     @property
     def steps(self) -> int:
         """How many steps a stepper takes: one to each row, or equal ones of at most max_step, which as in C end with the grid."""
-        return len(self.grid) - 1 if self.steps_to_rows else max(1, ceil((self.grid[-1] - self.grid[0]) / self.max_step - CLOSE))
+        return len(self.grid) - 1 if self.steps_to_rows else max(1, ceil((self.grid[-1] - self.grid[0]) / self.max_step - SPAN_TOLERANCE))
 
     @property
     def step(self) -> float | None:

@@ -15,7 +15,7 @@ SHARED = 20.0
 NEAR_ZERO = 0.01
 """atol over rtol, in natural sizes, where atol is not given."""
 
-LEAST = 10.0
+MIN_ROUNDINGS = 10.0
 """Roundings that a relative tolerance is at least."""
 
 
@@ -38,13 +38,13 @@ class Tolerances:
         atol = NEAR_ZERO * run.rtol if run.atol is None else run.atol
         least = rounding * (1.0 if natural else length)
         span = run.duration / SHARED if run.promises else 0.0
-        return cls(max(run.rtol, LEAST * rounding), max(atol, least), natural, span)
+        return cls(max(run.rtol, MIN_ROUNDINGS * rounding), max(atol, least), natural, span)
 
     @classmethod
     def promised(cls, rtol: float, duration: float) -> Tolerances:
         """Those of a run in doubles for which rtol is promised as a whole, as where the method is ncgen's choice."""
         rounding = float(np.finfo(float).eps)
-        return cls(max(rtol, LEAST * rounding), max(NEAR_ZERO * rtol, rounding), True, duration / SHARED)
+        return cls(max(rtol, MIN_ROUNDINGS * rounding), max(NEAR_ZERO * rtol, rounding), True, duration / SHARED)
 
     def in_c(self, velocities: np.ndarray, positions: np.ndarray) -> dict[str, Any]:
         """Arguments of a run in C whose velocities and positions have these natural sizes."""

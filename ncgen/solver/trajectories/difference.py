@@ -13,7 +13,7 @@ from ncgen.solver.given import shortened
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
 
-SHOWN = 5
+MAX_LISTED = 5
 """Coordinates that a difference names when it is printed."""
 
 
@@ -41,7 +41,7 @@ class Difference:
         return {names[k]: (float(apart[at[k], k]), float(self.t[at[k]])) for k in order.tolist()}
 
     def __str__(self) -> str:
-        largest = [*self.largest.items()][:SHOWN]
+        largest = [*self.largest.items()][:MAX_LISTED]
         width = max((len(name) for name, _ in largest), default=0)
         lines = [f"{name:<{width}}  {value:.3e} at {t:g} s" for name, (value, t) in largest]
         return "\n".join([f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s; the largest differences", *lines])

@@ -12,13 +12,13 @@ ROUNDING = 64 * np.finfo(float).eps
 REST = 1e-10
 """Speeds below this, in natural sizes a second, are rest."""
 
-STILL = 1e-11
+DISPLACEMENT_ROUNDING = 1e-11
 """Displacements up to this, in natural sizes, are rounding: positions are closed to a tenth of it (`ncgen.solver.positions.position`)."""
 
-UNSEEN = 1e-8
+MIN_ALARMING_DRIFT = 1e-8
 """A drift below this raises no alarm at any tolerance (√rtol), so nobody needs to know whether anything moved."""
 
-NOTHING = 1e-300
+MIN_ENERGY = 1e-300
 """An energy that does no harm as a divisor where nothing has mass."""
 
 
@@ -35,7 +35,7 @@ def drift(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: 
     """
     energies_of_run = energies(kernels, t, q, qd, p)
     share = float(_relative(energies_of_run[:, 0], energies_of_run[:, 1], work, _least(kernels, t[0], q[0], p)))
-    return 0.0 if not share < UNSEEN and _is_still(kernels, q) else share
+    return 0.0 if not share < MIN_ALARMING_DRIFT and _is_still(kernels, q) else share
 
 
 def drifts(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -44,13 +44,13 @@ def drifts(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work:
     flat = q.reshape(-1, kernels.n), qd.reshape(-1, kernels.n)
     energies_of_runs = kernels.batch.energy(*flat, np.tile(t, count), np.repeat(p, instants, axis=0)).reshape(count, instants, 3)
     at_rest = np.tile(REST * kernels.column_sizes, (count, 1))
-    least = np.maximum(kernels.batch.energy(q[:, 0], at_rest, np.full(count, t[0]), p)[:, 0], NOTHING)
+    least = np.maximum(kernels.batch.energy(q[:, 0], at_rest, np.full(count, t[0]), p)[:, 0], MIN_ENERGY)
     return np.where(_is_still(kernels, q), 0.0, _relative(energies_of_runs[..., 0], energies_of_runs[..., 1], work, least))
 
 
 def _is_still(kernels: Kernels, q: np.ndarray) -> np.ndarray | np.bool_:
     """Whether motions (…, K, n) stay where they start but for rounding, (…)."""
-    return (np.abs(q - q[..., :1, :]) <= STILL * kernels.column_sizes).all(axis=(-2, -1))
+    return (np.abs(q - q[..., :1, :]) <= DISPLACEMENT_ROUNDING * kernels.column_sizes).all(axis=(-2, -1))
 
 
 def _relative(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray, least: np.ndarray | float) -> np.ndarray:
@@ -66,4 +66,4 @@ def _relative(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray, leas
 
 def _least(kernels: Kernels, t: float, q: np.ndarray, p: np.ndarray) -> float:
     """The kinetic energy of speeds that count as rest, or a number that does no harm where nothing has mass."""
-    return max(float(kernels.energy(q, REST * kernels.column_sizes, t, p)[0]), NOTHING)
+    return max(float(kernels.energy(q, REST * kernels.column_sizes, t, p)[0]), MIN_ENERGY)

@@ -24,7 +24,7 @@ from ncgen.solver.trajectories.energy import energies
 NEARLY_SINGULAR = 1e-3
 """σ below this means that the mechanism is near a bifurcation."""
 
-BAD = 0.05
+MIN_QUALITY_RATIO = 0.05
 """A partition whose quality is below this share of the best one's is called bad."""
 
 
@@ -57,7 +57,7 @@ class Health:
     @property
     def partition_is_bad(self) -> np.ndarray:
         """True where other independent coordinates would cure what these suffer from."""
-        return ~self.bifurcates & (self.quality < BAD * self.best)
+        return ~self.bifurcates & (self.quality < MIN_QUALITY_RATIO * self.best)
 
     def findings(self) -> list[str]:
         """Messages about the motion, a line each."""

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ncgen.comparisons.bench import aligned
-from ncgen.comparisons.hard import ABSOLUTE
+from ncgen.comparisons.hard import ATOL_OVER_RTOL
 from ncgen.comparisons.hard_cases import four_bars_position
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
@@ -107,7 +107,7 @@ def _own(count: int, limit: float) -> Iterator[tuple[str, str, Run]]:
         for integrator in (i for i in partners(formalism) if INTEGRATORS[i].in_c):
             tool = f"ncgen, {integrator} on {formalism.name}"
             steps = [(f"{INTERVALS * k} steps", {"max_step": DURATION / (INTERVALS * k)}) for k in STEPS]
-            tolerances = [(f"rtol {rtol:.1e}", {"rtol": rtol, "atol": ABSOLUTE * rtol}) for rtol in TOLERANCES]
+            tolerances = [(f"rtol {rtol:.1e}", {"rtol": rtol, "atol": ATOL_OVER_RTOL * rtol}) for rtol in TOLERANCES]
             for setting, options in steps if integrator in FIXED else tolerances:
                 yield tool, setting, _simulated(kernels, formalism.name, integrator, limit, options)
 
