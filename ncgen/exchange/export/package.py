@@ -158,8 +158,8 @@ class Package:
     @property
     def gaps(self) -> tuple[str, ...]:
         """The events whose gaps may be held closed."""
-        found = {k for mode in self._modes for k in mode.held}
-        return tuple(name for k, name in enumerate(self.kernels.model.events) if k in found)
+        modes_with_packages = {k for mode in self._modes for k in mode.held}
+        return tuple(name for k, name in enumerate(self.kernels.model.events) if k in modes_with_packages)
 
     @property
     def _described_modes(self) -> dict[str, object]:

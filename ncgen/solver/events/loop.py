@@ -207,8 +207,9 @@ class Loop:
     def _note(self, before: State, happened: list[Happening], modes: list[Happening], limits: dict[str, float]) -> None:
         """Add what happened to what the run has met, and its energy to the work."""
         kernels, passage = self.kernels, self.passage
-        energies = [float(np.sum(kernels.energy(at.q, at.qd, at.t, at.p)[:2])) for at in (before, self.at)]
-        self.work += energies[1] - energies[0]
+        if happened or before.q is not self.at.q or before.qd is not self.at.qd:  # else only what slips and sticks is other
+            energies = [float(np.sum(kernels.energy(at.q, at.qd, at.t, at.p)[:2])) for at in (before, self.at)]
+            self.work += energies[1] - energies[0]
         self._note_parameters(before)
         for each in (*happened, *modes):
             passage.happened.append(replace(each, limit=limits.get(each.name)))
