@@ -14,6 +14,7 @@ from ncgen.model.actions import Call, Locking, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gap, Gaps, Hit
+from ncgen.solver.events.mobility import is_blocked
 from ncgen.solver.events.state import Done, State
 from ncgen.solver.formalisms.projection import least_energy, project_velocity, velocity_residual
 from ncgen.solver.parameter_checks import refused_parameters
@@ -164,6 +165,11 @@ class Instant:
         all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
         values, scales = functions.weighed(start)
         taking = [k for k in all_impacts if k in due or abs(values[k]) <= CLOSED * scales[k]]
+        if self.at.locked:
+            still = is_blocked(functions.mode(start), self.kernels, start, functions.slopes(start)[0][taking])
+            taking = [k for k, fixed in zip(taking, still, strict=True) if not fixed]
+        if not taking:
+            return
         hitting = [*taking, *(k for k in functions.ratchets if values[k] <= 0)]
         gaps = Gaps(functions.mode(start), start, self._gaps(hitting))
         if not np.any(gaps.closing(start.qd)):

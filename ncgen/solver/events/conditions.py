@@ -165,7 +165,7 @@ class EventFunctions:
             return np.empty(0)
         last, numbers = self._last.get(name, (None, None))
         if last is not at or numbers is None:
-            numbers = self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
+            numbers = self._functions.at_state(name, at.t, (at.q, at.qd, self.kernels.present(at.t, at.p)))
             self._last[name] = at, numbers
         return numbers
 

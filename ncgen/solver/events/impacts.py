@@ -17,8 +17,8 @@ import scipy.optimize
 from ncgen.errors import ConvergenceError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.blows import Blow, simultaneous
+from ncgen.solver.events.mobility import response
 from ncgen.solver.events.state import State
-from ncgen.solver.formalisms.projection import least_energy
 
 MOST_TURNS = 10_000
 """Impacts in turn at one instant, after which they are said to accumulate."""
@@ -70,13 +70,9 @@ class Gaps:
         self.normal = np.array([place[0] for place in self.places])
         self.drift = np.zeros(len(self.W))
         self.drift[self.normal] = [gap.drift for gap in gaps]
-        n, sizes = kernels.n, kernels.column_sizes
+        sizes = kernels.column_sizes
         self._rounding = OPENING * (np.abs(self.W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(self.drift))
-        force = (sizes * self.W).T
-        change, _ = least_energy(kernels, at.q, at.t, at.p).solve(force, np.zeros((kernels.m, len(self.W))))
-        scaled = sizes**2 * kernels.mass(at.q, at.t, at.p).diagonal()
-        unit = float(np.max(scaled, initial=0.0)) or 1.0  # that `least_energy` measures inertia in
-        self.response = sizes[:, None] * change.reshape(n, len(self.W)) / unit
+        self.response = response(kernels, at, self.W)
         self.G = self.W @ self.response
         if (stuck := np.flatnonzero(np.diag(self.G)[self.normal] <= 0)).size:
             raise SingularError(

@@ -174,6 +174,7 @@ class Loop:
         """Take on a state that the loop was in before."""
         self.at, self.signs, self.held = at, signs, held
         self.mode = self.functions.mode(at, [self.settling.rows[k] for k in held])
+        self.settling.look(at, held)
 
     def _act(self, due: dict[int, Search], is_start: bool = False, crossed: tuple[int, ...] = ()) -> bool:
         """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
@@ -189,14 +190,14 @@ class Loop:
         resting = [k for k in rests if self.functions.events[k].name not in ended]
         unhit = self.held if np.array_equal(before.qd, self.at.qd) else ()
         found = self.settling.settle(self.at, self.held, due, [*resting, *instant.stuck, *unhit], before.qd)
-        self.at = found.at
+        held, changes = self.held, (found.held, found.at.locked) != (self.held, before.locked)
+        self.go_to(found.at, self.signs, found.held)
         self._note(before, instant.happened, found.happened, dict(rests.values()))
         self._set_signs(due)
         happened = (*instant.happened, *found.happened)
         stops = instant.stops or bool(ended)
-        self.passage.instants.append(Occurrence(before, self.at, self.held, found.held, crossed, tuple(instant.done), stops, happened))
-        if (found.held, self.at.locked) != (self.held, before.locked):
-            self.go_to(self.at, self.signs, found.held)
+        self.passage.instants.append(Occurrence(before, self.at, held, found.held, crossed, tuple(instant.done), stops, happened))
+        if changes:
             self.first_step = 0.0
             self.passage.modes.append(Mode(self.at.t, (*self.at.locked, *(self.settling.rows[k].name for k in found.held)), self.mode))
         if ended:
@@ -206,8 +207,9 @@ class Loop:
     def _note(self, before: State, happened: list[Happening], modes: list[Happening], limits: dict[str, float]) -> None:
         """Add what happened to what the run has met, and its energy to the work."""
         kernels, passage = self.kernels, self.passage
-        energies = [float(np.sum(kernels.energy(at.q, at.qd, at.t, at.p)[:2])) for at in (before, self.at)]
-        self.work += energies[1] - energies[0]
+        if happened or before.q is not self.at.q or before.qd is not self.at.qd:  # else only what slips and sticks is other
+            energies = [float(np.sum(kernels.energy(at.q, at.qd, at.t, at.p)[:2])) for at in (before, self.at)]
+            self.work += energies[1] - energies[0]
         self._note_parameters(before)
         for each in (*happened, *modes):
             passage.happened.append(replace(each, limit=limits.get(each.name)))

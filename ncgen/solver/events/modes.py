@@ -206,7 +206,7 @@ class _Compiled(LoadConditions):
         self._function, self.address, self._first = made, made.address("conditions"), 2 * len(conditions)
 
     def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:
-        found = self._function("conditions", at.t, at.q, at.qd, at.p)[self._first :]
+        found = self._function.at_state("conditions", at.t, (at.q, at.qd, at.p))[self._first :]
         return found[::2], found[1::2]
 
 

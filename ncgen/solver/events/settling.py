@@ -15,6 +15,7 @@ from ncgen.mechanism.conditions import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
+from ncgen.solver.events.mobility import is_blocked
 from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of
 from ncgen.solver.events.rubbing import check_determined, undetermined
 from ncgen.solver.events.state import State
@@ -50,6 +51,7 @@ class Settling:
         self.functions, self.kernels = functions, functions.kernels
         self.rows = {row.number: row for row in functions.rows}
         self.left: dict[int, np.ndarray] = {}
+        self.blocked: list[int] = []
         self._before = 0.0  # greatest velocity before the instant, with which what is left of others is compared
 
     # -- what C watches ------------------------------------------------------------------------
@@ -63,8 +65,19 @@ class Settling:
             ways[k] = -1 if gap in held and k not in held else UNWATCHED
         for number, k in self.functions.turns.items():
             ways[number] = ways[k]
-        ways[list(held)] = UNWATCHED
+        ways[[*held, *self.blocked]] = UNWATCHED
         return ways
+
+    def look(self, at: State, held: tuple[int, ...]) -> None:
+        """Note which gaps that are closed, and which joints at rest, cannot move while others are held: they are not watched."""
+        functions, self.blocked = self.functions, []
+        others = [k for k in self.rows if k not in held and k not in functions.contacts] if held or at.locked else []
+        candidates = [k for k in others if self.is_still(k, at) and (k in functions.moving or self._is_closed(k, at))]
+        if candidates:
+            slopes, rates = functions.slopes(at)[0], functions.rate_slopes(at)
+            W = np.array([rates[k] if k in functions.moving else slopes[k] for k in candidates])
+            still = is_blocked(functions.mode(at, [self.rows[k] for k in held]), self.kernels, at, W)
+            self.blocked = [k for k, fixed in zip(candidates, still, strict=True) if fixed]
 
     def release(self, held: tuple[int, ...], crossed: list[int], mode: Kernels, at: State) -> None:
         """Note what the load conditions of these numbers release, and in which direction. Raises ConvergenceError where the loads of
@@ -155,8 +168,11 @@ class Settling:
             return k in due or self.is_still(k, at)
         if k in self.functions.contacts:
             return self.is_still(k, at) or (k in due and self._stops(k, at))
+        return self._is_closed(k, at) and self.is_still(k, at) and (k in held or k not in due)
+
+    def _is_closed(self, k: int, at: State) -> bool:
         values, scales = self.functions.weighed(at)
-        return bool(abs(values[k]) <= CLOSED * scales[k]) and self.is_still(k, at) and (k in held or k not in due)
+        return bool(abs(values[k]) <= CLOSED * scales[k])
 
     def is_still(self, k: int, at: State) -> bool:
         """Whether a gap does not change, or a joint or a contact does not move, but for rounding."""
