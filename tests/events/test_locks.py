@@ -213,6 +213,20 @@ def test_a_brake_that_an_input_pulls():
     assert [t for _, t in seen] == pytest.approx([1.0, 10 / 3], rel=1e-9)
 
 
+def test_a_capstan():
+    """A rope around a bollard slips where T₂ = T₁ exp(μβ), T₁ = 2 + 10 s being a spring's; then s = (wτ − sin wτ)/w³, w² = 10 exp(μβ)."""
+    m, s = sliding_block("capstan")
+    grip = math.exp(0.3 * 3 * math.pi)
+    tension = 2 + 10 * s
+    m.torque(s, m.time - tension)
+    m.friction(s, coulomb=tension * (grip - 1), name="bollard")
+    run = ncgen.simulate(ncgen.compile(m), 2 * grip + 0.1, rtol=1e-11, points=2)
+    (slips,) = [event for event in run.events if event.t > 0]
+    assert (slips.name, slips.what) == ("bollard", "slips") and slips.t == pytest.approx(2 * grip, rel=1e-11)
+    w = math.sqrt(10 * grip)
+    assert run["s"][-1] == pytest.approx((0.1 * w - math.sin(0.1 * w)) / w**3, rel=1e-8)
+
+
 def test_backlash_is_a_chain_of_impacts():
     """Masses 1 and 2 with play 0.2: the first one hits at the end of the play, and momentum and (1 − e²) of the relative energy follow."""
     m = ncgen.Model("play")
