@@ -8,11 +8,11 @@ from typing import Literal, TypeAlias, get_args
 
 from ncgen.errors import ModelError, one_of
 from ncgen.model.actions import Action, Call, Doing, Impact, Locking, Stop
-from ncgen.model.conditions import Between, Bound
 from ncgen.model.displacements import Displacement
 from ncgen.model.expressions import is_symbolic, symbols_in
 from ncgen.model.facts import fact
 from ncgen.model.loads import Loads
+from ncgen.model.value_conditions import Between, Bound
 from ncgen.model.values import Driven, Scalar, Value
 
 Direction: TypeAlias = Literal["falling", "either", "rising"]

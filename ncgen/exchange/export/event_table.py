@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.errors import ModelError, shortened
-from ncgen.mechanism.conditions import basis
+from ncgen.mechanism.conditions_in_c import basis
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.model.actions import Change, Impact, Stop
@@ -16,7 +16,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.model.events import Event
 from ncgen.model.values import Scalar
 from ncgen.program.ir.blocks import Program
-from ncgen.program.motions.conditions import assemble_conditions
+from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.conditions import NOISE, most_degree
 from ncgen.solver.runs.stop import DIRECTIONS
 from ncgen.symbolic.numbering import Terms

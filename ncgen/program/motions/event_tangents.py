@@ -18,7 +18,7 @@ from ncgen.program.ir.derivatives import gradient, tangent
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
-from ncgen.program.motions.conditions import HeldLoad, Named, load_conditions
+from ncgen.program.motions.event_programs import HeldLoad, Named, load_conditions
 from ncgen.program.motions.expression_nodes import expression_node
 from ncgen.program.motions.full_motion import MotionSizes, directions
 from ncgen.program.motions.multipliers import AccelerationNodes

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.conditions import LINEAR, QUADRATIC, UNWATCHED, Conditions
+from ncgen.mechanism.conditions_in_c import LINEAR, QUADRATIC, UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.program_functions import CompiledFunctions, functions
 from ncgen.model.actions import Change
@@ -19,7 +19,7 @@ from ncgen.model.events import Event, Lock
 from ncgen.model.frictions import Friction
 from ncgen.model.one_sided import Ratchet
 from ncgen.model.values import Scalar, Value, is_number, symbol_of
-from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
+from ncgen.program.motions.event_programs import INPUTS, assemble_conditions, degree_of
 from ncgen.solver.events.modes import Held, LoadConditions, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.runs.stop import DIRECTIONS, StopCondition

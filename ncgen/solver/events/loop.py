@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.conditions import UNWATCHED, Conditions
+from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.events.actions import CLOSED, Instant
 from ncgen.solver.events.conditions import NOISE, EventFunctions
+from ncgen.solver.events.instants import CLOSED, Instant
 from ncgen.solver.events.modes import Mode, count_of, load_conditions, rank_of
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.settling import Settling
@@ -33,12 +33,12 @@ def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, pas
 
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
-    loop = Loop(engine, kernels, State(float(task.grid[0]), task.q, task.velocities, task.p), passage)
+    loop = EventLoop(engine, kernels, State(float(task.grid[0]), task.q, task.velocities, task.p), passage)
     ends = loop.begin()
     return loop.run(path, task, ends)
 
 
-class Loop:
+class EventLoop:
     """The state of a run between two events: at, work (J), signs (C,): sides on which conditions begin; what is held, and the kernels of
     that mode; first_step (s): what C tries first, 0 for its own choice."""
 

@@ -24,7 +24,7 @@ from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.model.contacts import Contact
 from ncgen.model.values import Scalar, Value, as_sympy, evaluate
-from ncgen.program.motions.conditions import INPUTS, HeldLoad, assemble_mode_conditions
+from ncgen.program.motions.event_programs import INPUTS, HeldLoad, assemble_mode_conditions
 from ncgen.program.motions.multipliers import STATE
 from ncgen.program.motions.sliding import Sliding, assemble_friction
 from ncgen.solver.events.state import State

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ConvergenceError
-from ncgen.mechanism.conditions import UNWATCHED
+from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
+from ncgen.solver.events.instants import CLOSED
 from ncgen.solver.events.mobility import is_blocked
 from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of
 from ncgen.solver.events.rubbing import check_determined, undetermined

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.mechanism.conditions import LINEAR as DEGREE
-from ncgen.mechanism.conditions import basis
+from ncgen.mechanism.conditions_in_c import LINEAR as DEGREE
+from ncgen.mechanism.conditions_in_c import basis
 
 PARTS = 2**30
 """Two changes of sign nearer to each other than 1 / PARTS are none."""
