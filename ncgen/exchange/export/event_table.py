@@ -124,7 +124,8 @@ def refusal_of_events(model: Model) -> str | None:
     if others := [*model.ratchets, *model.locks, *(name for name in model.beginnings if name in model.parameters)]:
         return f"locks and ratchets are not exported yet ({shortened(', '.join(others))}); use ncgen.simulate"
     if model.frictions:
-        return f"joints that stick are not exported yet ({shortened(', '.join(model.frictions))}); take a law that is smooth, or ncgen.simulate"
+        names = _listed(model.frictions)
+        return f"joints that stick are not exported yet ({names}); take a law that is smooth, or ncgen.simulate"
     if model.contacts:
         return f"friction of contacts is not exported yet ({shortened(', '.join(model.contacts))}); leave it out, or use ncgen.simulate"
     if called := [event.name for event in model.events.values() if event.is_called]:
