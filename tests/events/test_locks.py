@@ -79,6 +79,26 @@ def test_a_lock_by_events_of_others():
     assert np.max(np.abs(run["rate(rate(s))"][3:4])) < 1e-12
 
 
+def test_steps_and_batches_go_through_locks():
+    """As one run does, a state that is gone back to included."""
+    m, s = sliding_block("gripped")
+    m.torque(s, 1.0)
+    m.lock(s, when=1.0 - m.time, until=2.0 - m.time)
+    m.ratchet(s)
+    kernels = ncgen.compile(m)
+    run = ncgen.simulate(kernels, 3.0, points=7)
+    sim = ncgen.start(kernels)
+    sim.step(1.5)
+    state = sim.state
+    for _ in range(2):
+        sim.reset(state)
+        sim.step(1.5)
+        assert sim.q == pytest.approx(run.q[-1], abs=1e-12) and [e.name for e in sim.events] == [e.name for e in run.events]
+    batch = ncgen.simulate_batch(kernels, 3.0, qd0=[[0.0, 0.0], [1.0, 1.0]], points=7)
+    assert batch.q[0, -1] == pytest.approx(run.q[-1], abs=1e-12)
+    assert [[e.what for e in events if e.t > 0] for events in batch.events] == [["locks", "frees"]] * 2
+
+
 def test_files_say_locks(tmp_path):
     m, (psi1, psi2) = two_discs()
     m.clutch(psi1, psi2, closed=True, name="clutch")

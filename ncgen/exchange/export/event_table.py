@@ -18,7 +18,7 @@ from ncgen.model.events import Event
 from ncgen.model.values import Scalar
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_programs import assemble_conditions
-from ncgen.solver.events.conditions import NOISE, most_degree
+from ncgen.solver.events.conditions import VALUE_ROUNDING, most_degree
 from ncgen.solver.runs.stop import DIRECTIONS
 from ncgen.symbolic.numbering import Terms
 
@@ -100,7 +100,7 @@ class EventTable:
             "degree": degree,
             "nodes": nodes.tolist(),
             "inverse": np.ravel(inverse).tolist(),
-            "noise": NOISE[degree],
+            "noise": VALUE_ROUNDING[degree],
             "ends": any(event.is_last for event in self.events),
         }
 
