@@ -70,7 +70,7 @@ class Events(Loads):
 
     @fact
     def event(self, name: str, when: Driven, direction: str = "falling", do: Doing | None = None) -> Event:
-        """Something that happens where an expression passes zero; the run goes on unless the event stops it.
+        """Something that happens where an expression passes zero; the run continues unless the event stops it.
 
         when: an expression of m.time, coordinates, velocities, parameters and inputs, such as the gap between two points
         direction: "falling" (a gap closes), "rising" or "either"
@@ -85,8 +85,8 @@ class Events(Loads):
             self._check_restitution(f"event {name}, do", event.impact.restitution)
         if event.impact and direction != "falling":
             raise ModelError(f"event {name}: an impact happens where a gap closes; its direction is falling")
-        if event.impact and (found := self._no_position(event.when)):
-            raise ModelError(f"event {name}: {found} stands in the gap of an impact, which is one of positions, time and parameters")
+        if event.impact and (coordinate := self._no_position(event.when)):
+            raise ModelError(f"event {name}: {coordinate} stands in the gap of an impact, which is one of positions, time and parameters")
         return self._event(event)
 
     def _event(self, event: Event) -> Event:

@@ -235,6 +235,32 @@ def test_events_that_a_joint_has_at_the_start():
     assert [back.slopes[name] for name in names] == pytest.approx(expected, rel=1e-9)
 
 
+def test_inputs_over_time():
+    """By every value of a table that drives an input, with a bounce on the way; differences of runs."""
+    m = ncgen.Model("lifted")
+    P = m.point("P", (0, 1), fixed="x")
+    m.body("ball", [P], mass=1.0)
+    m.gravity((0, -G))
+    m.force(P, (0, m.input("lift")))
+    m.event("floor", when=P.y, do=ncgen.impact(restitution=0.5))
+    kernels, times, values = ncgen.compile(m), np.linspace(0, 0.7, 5), np.array([0.0, 2.0, 3.0, 1.0, 2.0])
+
+    def last(q, qd):
+        weight = np.zeros_like(q)
+        weight[-1, 0] = 1.0
+        return q[-1, 0], weight, None
+
+    found = ncgen.gradient(kernels, 0.7, 28, last, inputs={"lift": (times, values, "linear")})
+
+    def end(values):
+        return ncgen.simulate(kernels, 0.7, rtol=1e-12, inputs={"lift": (times, values, "linear")})["P.y"][-1]
+
+    step = 1e-3
+    slopes = [(end(values + step * row) - end(values - step * row)) / (2 * step) for row in np.eye(5)]
+    assert found.by_inputs["lift"] == pytest.approx(slopes, abs=1e-7)
+    assert found.slopes["lift"] == pytest.approx(np.sum(slopes), abs=1e-7)
+
+
 @pytest.mark.slow
 def test_a_double_pendulum_with_a_stop_and_friction():
     """It sticks, slips, hits its stop and turns; all event times, and the end, by differences of runs. The mode in which it sticks is as

@@ -35,8 +35,8 @@ UNLIMITED = 1e6
 FRICTION_RATE = 1e-2
 """The rate up to which dry friction is a damper (rad/s or m/s)."""
 
-RIGID, EXACT = "rigid", "exact"
-SMOOTH_OR = {"limits": RIGID, "friction": EXACT}
+RIGID_WORD, EXACT_WORD = "rigid", "exact"
+SMOOTH_OR = {"limits": RIGID_WORD, "friction": EXACT_WORD}
 """Words of `ncgen.load` for stops and friction of events, by its arguments."""
 
 RESTITUTION = "stop_restitution"
@@ -59,12 +59,12 @@ def check_smooth(value: object, argument: str) -> None:
 
 
 def add_stops(model: Model, joints: Iterable[tuple[Joint, Relative]], wanted: bool | str = True) -> int:
-    """Stops of the joints that have limits; how many there are. wanted: True for smooth ones, or the word RIGID"""
+    """Stops of the joints that have limits; how many there are. wanted: True for smooth ones, or the word RIGID_WORD"""
     limited = [(joint, coordinate) for joint, coordinate in joints if joint.limits is not None]
     if not limited:
         return 0
     _check_order(limited)
-    if wanted == RIGID:
+    if wanted == RIGID_WORD:
         restitution = model.parameter(RESTITUTION, 0.0)
         for joint, coordinate in limited:
             _add_rigid(model, joint, coordinate, restitution)
@@ -107,11 +107,11 @@ def _stop(lower: float, upper: float, k: sympy.Expr, d: sympy.Expr) -> Law:
 
 
 def add_friction(model: Model, joints: Iterable[tuple[Joint, Relative]], wanted: bool | str = True) -> int:
-    """Dry friction of the joints that have some; how many there are. wanted: True for smooth couples, or the word EXACT"""
+    """Dry friction of the joints that have some; how many there are. wanted: True for smooth couples, or the word EXACT_WORD"""
     rough = [(joint, coordinate) for joint, coordinate in joints if joint.friction]
     if not rough:
         return 0
-    if wanted == EXACT:
+    if wanted == EXACT_WORD:
         for joint, coordinate in rough:
             model.friction(coordinate, joint.friction)
         return len(rough)

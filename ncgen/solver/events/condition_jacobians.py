@@ -63,7 +63,7 @@ class EventTangents:
         sizes = {"condition_tangent": len(conditions) + count_of(held)}
         return functions_of(
             mode,
-            _word([*conditions, *((each.words, each.static) for each in loads)]),
+            _word("conditions", [*conditions, *((each.words, each.static) for each in loads)]),
             {name: INPUTS[name] for name in sizes},
             sizes,
             self._counts,
@@ -80,11 +80,11 @@ class EventTangents:
         sizes = {"value_tangent": len(values)} if values else {}
         sizes["impact_tangent"] = kernels.n + kernels.m + 2 * len(gaps)
         return functions_of(
-            kernels, _word([*values, *gaps]), {name: INPUTS[name] for name in sizes}, sizes, self._counts,
+            kernels, _word("actions", [*values, *gaps]), {name: INPUTS[name] for name in sizes}, sizes, self._counts,
             lambda: assemble_action_tangents(kernels.programs.equations, values, gaps),
         )  # fmt: skip
 
 
-def _word(expressions: list) -> str:
+def _word(what: str, expressions: list) -> str:
     """A word for functions of these (words, expression)."""
-    return f"event_tangents_{hashlib.sha256(repr([(where, str(e)) for where, e in expressions]).encode()).hexdigest()[:16]}"
+    return f"tangents_of_{what}_{hashlib.sha256(repr([(where, str(e)) for where, e in expressions]).encode()).hexdigest()[:16]}"

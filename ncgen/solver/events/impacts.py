@@ -20,7 +20,7 @@ from ncgen.solver.events.blows import Blow, simultaneous
 from ncgen.solver.events.mobility import response
 from ncgen.solver.events.state import State
 
-MOST_TURNS = 10_000
+MAX_ROUNDS = 10_000
 """Impacts in turn at one instant, after which they are said to accumulate."""
 
 OPENING = 1e-12
@@ -115,7 +115,7 @@ class Gaps:
     def in_turn(self, qd: np.ndarray, where: str) -> Hit:
         """One gap after the other, the one that closes fastest first, until none does. Raises ConvergenceError where that has no end."""
         before, impulses, lost, turns = qd, np.zeros(len(self.W)), np.zeros(len(self.gaps)), list[tuple[tuple[int, ...], np.ndarray]]()
-        for _ in range(MOST_TURNS):
+        for _ in range(MAX_ROUNDS):
             closing = np.flatnonzero(self.closing(qd))
             if not len(closing):
                 return self._hit(qd, impulses, lost, turns)
@@ -127,7 +127,7 @@ class Gaps:
             turns.append(((k,), qd))
             lost[k] -= float(push @ (u + self.velocities(qd))) / 2
         raise ConvergenceError(
-            f"{where}: impacts of {', '.join(self.names)} in turn do not end after {MOST_TURNS} of them, velocities from "
+            f"{where}: impacts of {', '.join(self.names)} in turn do not end after {MAX_ROUNDS} of them, velocities from "
             f"{np.max(np.abs(before)):.3g} to {np.max(np.abs(qd)):.3g}; take order='simultaneous'"
         )
 
@@ -136,13 +136,13 @@ class Gaps:
         blows = [
             Blow(self.places[k], gap.restitution, gap.friction, gap.tangential, gap.is_poisson) for k in chosen for gap in [self.gaps[k]]
         ]
-        found = simultaneous(self.G, u, blows)
-        if found is None:
+        impulses = simultaneous(self.G, u, blows)
+        if impulses is None:
             names = ", ".join(self.names[k] for k in chosen)
             raise ConvergenceError(
                 f"{where}: no impulses of {names} satisfy the laws of impact and friction together; take less friction, or order='in turn'"
             )
-        return found
+        return impulses
 
     def _hit(self, qd: np.ndarray, impulses: np.ndarray, lost: np.ndarray, turns: Sequence[tuple[tuple[int, ...], np.ndarray]]) -> Hit:
         normal = impulses[self.normal]

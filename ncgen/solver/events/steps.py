@@ -1,4 +1,4 @@
-"""A mechanism with events that goes on from call to call: the loop from event to event, begun anew where the last call ended."""
+"""A mechanism with events that is advanced from call to call: the loop from event to event, begun anew where the last call ended."""
 
 from __future__ import annotations
 

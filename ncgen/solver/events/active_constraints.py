@@ -14,7 +14,7 @@ from ncgen.errors import ConvergenceError
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.instants import CLOSED
+from ncgen.solver.events.instants import GAP_TOLERANCE
 from ncgen.solver.events.mobility import is_blocked
 from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of
 from ncgen.solver.events.rubbing import check_determined, undetermined
@@ -22,13 +22,13 @@ from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
-SLACK = 1e-10
+LOAD_TOLERANCE = 1e-10
 """A load on the wrong side by less than this share of the largest is held."""
 
-CLEAR = 1e-6
+PROJECTED_TOLERANCE = 1e-6
 """The same where velocities are those before a projection, which moves them by a rounding."""
 
-STANDSTILL = 1e-9
+VELOCITY_TOLERANCE = 1e-9
 """A gap opens, or a joint or a contact slips, if its velocity is above this share of what it adds up."""
 
 TURNING = 1e-9
@@ -36,7 +36,7 @@ TURNING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class ActiveSet:
     """The state, the numbers of what is held in it, and what happened."""
 
     at: State
@@ -44,7 +44,7 @@ class Settled:
     happened: list[Happening] = field(default_factory=list)
 
 
-class Settling:
+class ActiveConstraints:
     """rows: {number of a condition: what holds it}. left: {number of what was released at this instant: the direction in which it slips}"""
 
     def __init__(self, functions: EventFunctions) -> None:
@@ -106,7 +106,7 @@ class Settling:
             p[self._place(friction.slip)] = 0.0 if self.is_still(k, at) else np.sign(values[k])
         return replace(at, p=p)
 
-    def settle(self, at: State, held: tuple[int, ...], due: dict[int, Search], resting: Sequence[int], before: np.ndarray) -> Settled:
+    def find(self, at: State, held: tuple[int, ...], due: dict[int, Search], resting: Sequence[int], before: np.ndarray) -> ActiveSet:
         """The mode after an instant.
 
         resting: gaps whose bounces end, contacts that an impact leaves sticking, and those that nothing has hit; before (n,): velocities
@@ -137,7 +137,7 @@ class Settling:
                 f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
             )
         self.left = released
-        return Settled(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
+        return ActiveSet(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
 
     def _slipping(self, at: State, wanted: Sequence[int], released: Mapping[int, np.ndarray], due: Mapping[int, Search]) -> np.ndarray:
         """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""
@@ -175,19 +175,19 @@ class Settling:
 
     def _is_closed(self, k: int, at: State) -> bool:
         values, scales = self.functions.weighed(at)
-        return bool(abs(values[k]) <= CLOSED * scales[k])
+        return bool(abs(values[k]) <= GAP_TOLERANCE * scales[k])
 
     def is_still(self, k: int, at: State) -> bool:
         """Whether a gap does not change, or a joint or a contact does not move, but for rounding."""
         sizes = self.kernels.column_sizes
         speed = max(self._speed(at.qd), self._before)
         if k in self.functions.moving:
-            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * (np.abs(self.functions.rate_slopes(at)[k]) @ sizes) * speed
+            return abs(self.functions.values(at)[0][k]) <= VELOCITY_TOLERANCE * (np.abs(self.functions.rate_slopes(at)[k]) @ sizes) * speed
         if k in self.functions.contacts:
             velocity, slopes = self.functions.sliding(at)[k]
-            return bool(np.all(np.abs(velocity) <= STANDSTILL * np.max(np.abs(slopes) @ sizes) * speed))
+            return bool(np.all(np.abs(velocity) <= VELOCITY_TOLERANCE * np.max(np.abs(slopes) @ sizes) * speed))
         slopes, drift = self.functions.slopes(at)
-        return bool(abs(slopes[k] @ at.qd + drift[k]) <= STANDSTILL * (np.abs(slopes[k]) @ sizes * speed + abs(drift[k])))
+        return bool(abs(slopes[k] @ at.qd + drift[k]) <= VELOCITY_TOLERANCE * (np.abs(slopes[k]) @ sizes * speed + abs(drift[k])))
 
     def _speed(self, qd: np.ndarray) -> float:
         """The greatest velocity (1/s) in natural sizes."""
@@ -211,12 +211,12 @@ class Settling:
         kernels = self.functions.mode(at, rows)
         loads, p, worst = load_conditions(self.functions, kernels, rows), self.kernels.present(at.t, at.p), None
         if all(k in self.functions.frictions for k in held):  # joints that stand still: their loads there say it without projecting
-            worst = self._worst(loads.at(replace(start, p=p)), held, before, CLEAR)
+            worst = self._worst(loads.at(replace(start, p=p)), held, before, PROJECTED_TOLERANCE)
         if worst is None:
             q, _ = project_position(kernels, start.q, at.t, at.p)
             at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
             check_determined(self.functions, kernels, rows, at)
-            worst = self._worst(loads.at(replace(at, p=p)), held, before, SLACK)
+            worst = self._worst(loads.at(replace(at, p=p)), held, before, LOAD_TOLERANCE)
         if worst and self.rows[worst[0]].sticks:
             worst = worst[0], self._onwards(kernels, held, worst[0], at)
         return at, worst
@@ -236,7 +236,7 @@ class Settling:
         for k in held:
             is_joint = k in self.functions.frictions
             for side in (-1.0, 1.0) if is_joint else (1.0,):
-                over = (0.0 if is_joint or self.rows[k].sticks or k in before else 2 * SLACK) - next(margins)
+                over = (0.0 if is_joint or self.rows[k].sticks or k in before else 2 * LOAD_TOLERANCE) - next(margins)
                 if over > excess:
                     worst, excess = (k, np.array([side])), over
         return worst
