@@ -303,7 +303,7 @@ def _refusal(model: Model, events: bool) -> str | None:
     if model.callbacks:
         return "it calls a Python function"
     if has_events(model) and not events:
-        names = shortened(names_of_events(model))
+        names = shortened(", ".join(names_of_events(model)))
         return f"this export does not support events yet ({names}); take c, fmu2, fmu3, html, python or wasm"
     if reason := refusal_of_events(model):
         return reason
