@@ -235,6 +235,30 @@ def test_events_that_a_joint_has_at_the_start():
     assert [back.slopes[name] for name in names] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("order", ["in turn", "simultaneous"])
+def test_several_impacts_at_one_instant(order):
+    """Of three balls the last two touch; both laws, in closed form by a complex step: m₁ hits 2 kg, which hits or takes along 0.7 kg."""
+    m = ncgen.Model("balls")
+    heavy, e = m.parameter("heavy", 1.0), m.parameter("e", 0.8)
+    A, B, C = (m.point(name, (x, 0), fixed="y") for name, x in (("A", 1.0), ("B", 2.0), ("C", 2.5)))
+    for point, mass in ((A, heavy), (B, 2.0), (C, 0.7)):
+        m.body(f"ball.{point.name}", [point], mass=mass)
+    for name, first, second in (("AB", A, B), ("BC", B, C)):
+        m.event(name, when=second.x - first.x - 0.5, do=ncgen.impact(restitution=e, order=order))
+    names = ["heavy", "e", "rate(A.x)"]
+    found = ncgen.sensitivities(ncgen.compile(m), 1.5, 6, by=names, zd0={"A.x": 1.0})
+
+    def after(heavy, e, speed):
+        struck = 2.0 if order == "in turn" else 2.7
+        a, b = speed * (heavy - e * struck) / (heavy + struck), speed * heavy * (1 + e) / (heavy + struck)
+        return np.array([a, b, b] if order == "simultaneous" else [a, b * (2 - 0.7 * e) / 2.7, b * 2 * (1 + e) / 2.7])
+
+    step, at = 1e-30, np.array([1.0, 0.8, 1.0])
+    slopes = np.array([np.imag(after(*(at + 1j * step * row))) / step for row in np.eye(3)]).T
+    assert found.qd[-1] == pytest.approx(after(*at), rel=1e-12) and found.qd_by[-1] == pytest.approx(slopes, rel=1e-10, abs=1e-12)
+    assert found.events[0].t_by == pytest.approx([0.0, 0.0, -0.5], rel=1e-12, abs=1e-12)
+
+
 def test_inputs_over_time():
     """By every value of a table that drives an input, with a bounce on the way; differences of runs."""
     m = ncgen.Model("lifted")

@@ -33,14 +33,14 @@ def nut() -> ncgen.Kernels:
     ("push", "moves"),
     [
         (0.0, 0),
-        (SLOPE / LIFTING * (1 - 1e-6), 0),
-        (SLOPE / LIFTING * (1 + 1e-6), 1),
-        (-LOWERING * (1 - 1e-6), 0),
-        (-LOWERING * (1 + 1e-6), -1),
+        (SLOPE / LIFTING * (1 - 1e-9), 0),
+        (SLOPE / LIFTING * (1 + 1e-9), 1),
+        (-LOWERING * (1 - 1e-9), 0),
+        (-LOWERING * (1 + 1e-9), -1),
     ],
 )
 def test_it_locks_itself(nut, push, moves):
-    """At rest it stays without a push, and until one exceeds that of lifting or lowering, by 1e-6 of it."""
+    """At rest it stays without a push, and until one exceeds that of lifting or lowering, by 1e-9 of it."""
     run = ncgen.simulate(nut, 1.0, p={"push": push * G}, points=2)
     held = [event.what for event in run.events]
     assert ("slips" in held or "sticks" not in held) == bool(moves) and run["P.x"][-1] * moves >= 0

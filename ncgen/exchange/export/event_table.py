@@ -110,7 +110,7 @@ class EventTable:
         named = {event.name: event.impact.order for event in self.events if event.impact and event.impact.order}
         if len(laws := set(named.values())) > 1:
             raise ModelError(
-                f"{self.kernels.name}: impacts of {shortened(', '.join(named))} have different orders; an export needs the same one for all"
+                f"{self.kernels.name}: impacts of {_listed(named)} have different orders; an export needs the same one for all"
             )
         return laws.pop() if laws else ""
 
@@ -122,12 +122,12 @@ def _listed(names: Iterable[str]) -> str:
 def refusal_of_events(model: Model) -> str | None:
     """Why the events of a model cannot be exported, in words, or None."""
     if others := [*model.ratchets, *model.locks, *(name for name in model.beginnings if name in model.parameters)]:
-        return f"locks and ratchets are not exported yet ({shortened(', '.join(others))}); use ncgen.simulate"
+        return f"locks and ratchets are not exported yet ({_listed(others)}); use ncgen.simulate"
     if model.frictions:
         names = _listed(model.frictions)
         return f"joints that stick are not exported yet ({names}); take a law that is smooth, or ncgen.simulate"
     if model.contacts:
-        return f"friction of contacts is not exported yet ({shortened(', '.join(model.contacts))}); leave it out, or use ncgen.simulate"
+        return f"friction of contacts is not exported yet ({_listed(model.contacts)}); leave it out, or use ncgen.simulate"
     if called := [event.name for event in model.events.values() if event.is_called]:
         return f"event {called[0]} calls a Python function; write what it does as expressions"
     known = (Change, Impact, Stop)

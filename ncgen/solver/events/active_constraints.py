@@ -112,6 +112,9 @@ class ActiveConstraints:
         resting: gaps whose bounces end, contacts that an impact leaves sticking, and those that nothing has hit; before (n,): velocities
         Raises ConvergenceError where no mode is found.
         """
+        if self.left and held and np.array_equal(before, at.qd):  # what begins to move begins with no velocity, not with one of rounding
+            mode = self.functions.mode(at, [self.rows[k] for k in held])
+            at = replace(at, qd=project_velocity(mode, at.q, at.qd, at.t, at.p))
         functions, start, released = self.functions, at, dict(self.left)
         self._before = self._speed(before)
         wanted = [k for k in self.rows if self._may_hold(k, at, held, due, resting) and k not in released]

@@ -36,7 +36,7 @@ class EventTangents:
         return self._columns(self._actions, "value_tangent", at) if self.functions.named_values else np.zeros((0, len(self._seeds)))
 
     def impact(self, at: State, after: np.ndarray, mu: np.ndarray, push: Mapping[int, float]) -> tuple[np.ndarray, ...]:
-        """Of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n, N), of Φ_q (q̇⁺ − q̇) (m, N) and of all gaps' velocities before and after, (gaps, N) each.
+        """Of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n, N), of Φ_q q̇⁺ − ν (m, N) and of all gaps' velocities before and after, (gaps, N) each.
 
         after (n,): q̇⁺; mu (m,): impulses of the constraints; push: {number of an event: impulse of its gap}
         """
