@@ -141,6 +141,17 @@ def test_a_compliant_contact():
     assert run.qd[-1] == pytest.approx([-0.7484349315974342, 0.3], rel=1e-9)
 
 
+def test_a_compliant_contact_that_is_pressed_at_the_start():
+    """It pushes from the start on: half a period of the spring later it leaves with all its energy."""
+    m = ncgen.Model("pressed")
+    side, O, P = m.vector("side", (1, 0), fixed=True), m.point("O", (0, 0), fixed=True), m.point("P", (-0.1, 0))
+    m.contact("wall", m.body("block", [P], mass=1.0), P, m.ground, O, normal=side, stiffness=100.0)
+    run = ncgen.simulate(ncgen.compile(m), 0.8, rtol=1e-11)
+    (left,) = run.events
+    assert left.name == "wall.left" and left.t == pytest.approx(math.pi / 20, rel=1e-9)
+    assert run.qd[-1] == pytest.approx([1.0, 0.0], abs=1e-9)
+
+
 def test_starts_that_touch_and_that_overlap():
     m = disc(RADIUS, restitution=0.5)
     kernels = ncgen.compile(m)

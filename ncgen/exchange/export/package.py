@@ -21,7 +21,7 @@ from ncgen.emit.naming import labels, prefix_of
 from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError, shortened
-from ncgen.exchange.export.event_table import EventTable, refusal_of_events
+from ncgen.exchange.export.event_table import EventTable, refusal_of_events, refusal_of_pressed
 from ncgen.exchange.export.held_modes import HeldMode, held_modes
 from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
@@ -276,6 +276,8 @@ def package(model: Model, events: bool = False) -> Package:
     kernels = compile(sources, backend="numpy")
     run = _simulation(kernels)
     start = begin(kernels, run.initial, partitioned=True)
+    if reason := refusal_of_pressed(kernels, start.q):
+        raise ModelError(f"{model.name} cannot be exported: {reason}")
     positions = trial_positions(kernels, start.q, 0.0, None)
     sizes = MotionSizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):
