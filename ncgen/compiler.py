@@ -131,7 +131,7 @@ def compile(
         Takes the time of every stage.
     effort : str
         How much of a motion is compiled at its first run. "auto": what takes a few seconds; trees of bodies with more than 20 joint
-        velocities move in loops over tables. "most": all trees, which run about twice as fast after up to a minute.
+        velocities move in loops over tables. "most": all trees, which run two to three times as fast after up to half a minute.
 
     Returns
     -------

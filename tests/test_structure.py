@@ -325,11 +325,11 @@ def test_no_circle_of_modules():
     assert circles(needs) == []
 
 
-SHARED_MODULES = {"actions", "conditions", "files"}
-"""Names that several modules still have: `files`, since every language in `emit` has a module of this name; the others become less."""
+SHARED_MODULES = {"files"}
+"""Names that several modules have: every language in `emit` has a module `files`, and finds it by this name."""
 
-SHARED_CLASSES = {"Loop"}
-"""Names that several classes still have; the list may only become shorter."""
+SHARED_CLASSES: set[str] = set()
+"""Names that several classes have; the list stays empty."""
 
 
 def repeated(names: list[str]) -> set[str]:

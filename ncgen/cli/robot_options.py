@@ -13,8 +13,12 @@ import typer
 from ncgen.cli.terminal import ROBOTS
 from ncgen.errors import ModelError
 
-JOINTS = ("limits", "friction", "motors", "sensors")
-"""What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
+JOINTS: dict[str, tuple[str, bool | str]] = {
+    **{word: (word, True) for word in ("limits", "friction", "motors", "sensors")},
+    "rigid-limits": ("limits", "rigid"),
+    "exact-friction": ("friction", "exact"),
+}
+"""What a robot's joints have where it is asked for: {word: (argument of `ncgen.load`, its value)}."""
 
 PARAMETERS = ("inertia", "geometry")
 """What becomes parameters of a robot where it is asked for, by the words of `ncgen.load`; else names of links and joints."""
@@ -36,8 +40,9 @@ def options(
         list[str] | None,
         typer.Option(
             "--with",
-            help="take limits, friction, motors or sensors of joints from the file; may be repeated [default: none of them]",
-            autocompletion=lambda: JOINTS,
+            help="take limits, friction, motors or sensors of joints from the file, rigid-limits and exact-friction by events; may be "
+            "repeated [default: none of them]",
+            autocompletion=lambda: tuple(JOINTS),
             rich_help_panel=ROBOTS,
         ),
     ] = None,
@@ -76,7 +81,7 @@ def options(
         if word not in JOINTS:
             raise ModelError(f"--with {word}: a robot can have {', '.join(JOINTS)}")
     choices = {"loops": loops, "inertias": inertias and inertias.replace("-", " "), "parameters": parameters, "frames": frame}
-    return {"floating": floating, **dict.fromkeys(flags, True), **{name: value for name, value in choices.items() if value}}
+    return {"floating": floating, **dict(JOINTS[word] for word in flags), **{name: value for name, value in choices.items() if value}}
 
 
 def for_robots(command: Callable[..., None]) -> Callable[..., None]:

@@ -37,10 +37,10 @@ class RobotArguments(TypedDict, total=False):
     ----------
     floating : bool, optional
         Whether the robot's root is a free body or part of the ground. Default: as the file says.
-    limits : bool
-        Whether joints have the stops of the file, as springs.
-    friction : bool
-        Whether joints have the dry friction of the file, as smooth couples.
+    limits : bool or str
+        Whether joints have the stops of the file: True as springs, "rigid" as stops with restitution, whose parameter is stop_restitution.
+    friction : bool or str
+        Whether joints have the dry friction of the file: True as smooth couples, which creep, "exact" as friction that sticks.
     motors : bool
         Whether actuators, or joints where the file has no actuators, have inputs, with gears, servos and limits of the file.
     sensors : bool
@@ -59,8 +59,8 @@ class RobotArguments(TypedDict, total=False):
     """
 
     floating: bool | None
-    limits: bool
-    friction: bool
+    limits: bool | str
+    friction: bool | str
     motors: bool
     sensors: bool
     loops: str | Path | None
@@ -102,12 +102,17 @@ def load(path: str | Path, **robot: Unpack[RobotArguments]) -> Model:
     UserWarning
         Once, with the number of things in a robot's file that change the motion and are not modelled.
     """
+    from ncgen.exchange.robots.stops import SMOOTH_OR, check_smooth
+
     options = {**ROBOT_DEFAULTS, **robot}
     having = {word: options[word] for word in ("limits", "friction", "motors", "sensors")}
     floating, loops, inertias, parameters, frames = (options[word] for word in ("floating", "loops", "inertias", "parameters", "frames"))
     file = as_path(path, "the name of an example or the path of a file")
     for word, given in (("floating", False if floating is None else floating), *having.items()):
-        truth(given, word)
+        if word in SMOOTH_OR:
+            check_smooth(given, word)
+        else:
+            truth(given, word)
     suffix = file.suffix.lower()
     if suffix in robots.SUFFIXES and is_file(file):
         model = robots.load_robot(file, floating, loops=loops, inertias=inertias, parameters=parameters, stacklevel=3, **having)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.break_times import DOUBLE, MIN_GAP_ROUNDINGS, NO_BREAKS, break_times
-from ncgen.mechanism.conditions import Watched
+from ncgen.mechanism.conditions_in_c import Watched
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels

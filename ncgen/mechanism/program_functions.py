@@ -102,13 +102,14 @@ class CompiledFunctions(ProgramFunctions):
 
     def _evaluate(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
         if all(a.ndim == 1 for a in arrays):
-            return self._one(name, t, arrays)
+            return self.at_state(name, t, arrays)
         shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
         states = [np.broadcast_to(a, (*shape, a.shape[-1])).reshape(math.prod(shape), a.shape[-1]) for a in arrays]
-        rows = [self._one(name, t, row) for row in zip(*states, strict=True)]
+        rows = [self.at_state(name, t, row) for row in zip(*states, strict=True)]
         return np.array(rows).reshape(*shape, self.sizes[name])
 
-    def _one(self, name: str, t: float, arrays: tuple[np.ndarray, ...]) -> np.ndarray:
+    def at_state(self, name: str, t: float, arrays: tuple[np.ndarray, ...]) -> np.ndarray:
+        """The output of a function, (sizes[name],), for arrays of doubles, (counts[input],) each."""
         out = np.empty(self.sizes[name])
         given = zip(arrays, self._expected[name], strict=True)
         pointers = [pointer(self._ffi, np.ascontiguousarray(a), "double[]", count, what) for a, (what, count) in given]

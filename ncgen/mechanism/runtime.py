@@ -18,7 +18,7 @@ from ncgen.emit.naming import prefix_of
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import laid, pointer
 from ncgen.mechanism.callbacks import Choices, ExternalForces
-from ncgen.mechanism.conditions import Conditions, Watched
+from ncgen.mechanism.conditions_in_c import Conditions, Watched
 from ncgen.mechanism.driving import Driver, Function, InputPieces
 from ncgen.mechanism.in_python import in_python, tangents_of
 from ncgen.mechanism.kernels import Kernels

@@ -145,7 +145,7 @@ LOCKINGS: dict[str, Callable[[str], Locking]] = {"lock": lock, "free": free}
 
 
 def actions_of(model: Contents, given: object, where: str) -> tuple[Action, ...]:
-    """The actions that a user wrote. Raises ModelError for what is none, and for names that the model does not have."""
+    """The actions that a user wrote. Raises ModelError for anything else, and for names that the model does not have."""
     if given is None:
         return ()
     if isinstance(given, (list, tuple, Mapping)) and not given:

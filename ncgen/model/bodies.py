@@ -14,9 +14,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ncgen.errors import ModelError, counted, shown
-from ncgen.model.conditions import Bound, Condition, Moments
 from ncgen.model.elements import AXES, Point, Spatial, Vector
 from ncgen.model.rigid import Frame
+from ncgen.model.value_conditions import Bound, Condition, Moments
 from ncgen.model.values import (
     Parameter,
     Scalar,

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from ncgen.errors import ModelError, one_of, shown
 from ncgen.model.actions import impact
 from ncgen.model.bodies import Body
-from ncgen.model.conditions import Between, Bound
 from ncgen.model.curves import Curve
 from ncgen.model.elements import Direction, Point
 from ncgen.model.events import Event
 from ncgen.model.facts import fact
 from ncgen.model.frictions import Frictions
 from ncgen.model.touching import ContactSurface, Tip, Touching, touching
+from ncgen.model.value_conditions import Between, Bound
 from ncgen.model.values import Expression, Number, Scalar, Value, as_sympy, is_number, symbol_of
 
 LAWS = ("newton", "poisson")

@@ -13,7 +13,6 @@ from ncgen.model.elements import AXES, Point, Spatial
 
 if TYPE_CHECKING:
     from ncgen.model.bodies import Body, BodyFrame
-    from ncgen.model.conditions import Condition
     from ncgen.model.contacts import Contact
     from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from ncgen.model.outputs import Output
     from ncgen.model.rigid import Claims
     from ncgen.model.rows import Row
+    from ncgen.model.value_conditions import Condition
     from ncgen.model.values import Input, Parameter, Scalar, Value
 
 

@@ -12,7 +12,6 @@ from ncgen.model import arithmetic, curves, measures
 from ncgen.model import rows as row
 from ncgen.model.argument_readers import own_direction
 from ncgen.model.catalogue import BRANCH_WEIGHTS
-from ncgen.model.conditions import UNIT_LENGTH, Condition
 from ncgen.model.contents import Contents
 from ncgen.model.curves import Curve
 from ncgen.model.elements import AXES, Angle, Combination, Component, Direction, Length, Point, Relative, Vector, as_combination
@@ -20,6 +19,7 @@ from ncgen.model.facts import fact
 from ncgen.model.names import LAW, check_scalar
 from ncgen.model.outputs import Output
 from ncgen.model.rows import SIX_DIGITS, Row
+from ncgen.model.value_conditions import UNIT_LENGTH, Condition
 from ncgen.model.values import Driven, Input, Number, Numbers, Parameter, Value, Values, as_sympy, evaluate, is_number, mentioned, vanishes
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from typing import Literal, TypeAlias, get_args
 
 from ncgen.errors import ModelError, one_of
 from ncgen.model.actions import Action, Call, Doing, Impact, Locking, Stop
-from ncgen.model.conditions import Between, Bound
 from ncgen.model.displacements import Displacement
 from ncgen.model.expressions import is_symbolic, symbols_in
 from ncgen.model.facts import fact
 from ncgen.model.loads import Loads
+from ncgen.model.value_conditions import Between, Bound
 from ncgen.model.values import Driven, Scalar, Value
 
 Direction: TypeAlias = Literal["falling", "either", "rising"]
@@ -70,7 +70,7 @@ class Events(Loads):
 
     @fact
     def event(self, name: str, when: Driven, direction: str = "falling", do: Doing | None = None) -> Event:
-        """Something that happens where an expression passes zero; the run goes on unless the event stops it.
+        """Something that happens where an expression passes zero; the run continues unless the event stops it.
 
         when: an expression of m.time, coordinates, velocities, parameters and inputs, such as the gap between two points
         direction: "falling" (a gap closes), "rising" or "either"
@@ -85,8 +85,8 @@ class Events(Loads):
             self._check_restitution(f"event {name}, do", event.impact.restitution)
         if event.impact and direction != "falling":
             raise ModelError(f"event {name}: an impact happens where a gap closes; its direction is falling")
-        if event.impact and (found := self._no_position(event.when)):
-            raise ModelError(f"event {name}: {found} stands in the gap of an impact, which is one of positions, time and parameters")
+        if event.impact and (coordinate := self._no_position(event.when)):
+            raise ModelError(f"event {name}: {coordinate} stands in the gap of an impact, which is one of positions, time and parameters")
         return self._event(event)
 
     def _event(self, event: Event) -> Event:

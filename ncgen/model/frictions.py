@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ncgen.errors import ModelError
-from ncgen.model.conditions import Ordered
 from ncgen.model.displacements import Displacement
 from ncgen.model.elements import Component, Relative
 from ncgen.model.expressions import is_symbolic, symbols_in
 from ncgen.model.facts import fact
 from ncgen.model.kinks import without_kinks
 from ncgen.model.one_sided import OneSided
+from ncgen.model.value_conditions import Ordered
 from ncgen.model.values import Driven, Scalar, Value, as_sympy
 
 

@@ -17,11 +17,11 @@ from ncgen.errors import ModelError, shown
 from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.bodies import Body, BodyFrame
-from ncgen.model.conditions import UNIT_LENGTH, Bound
 from ncgen.model.elements import AXES, Angle, Combination, Constant, Direction, Length, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.rows import Owner, Row
 from ncgen.model.structure import Structure
+from ncgen.model.value_conditions import UNIT_LENGTH, Bound
 from ncgen.model.values import Scalar, Value, Values, as_sympy, is_number
 
 if TYPE_CHECKING:

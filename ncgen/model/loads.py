@@ -11,11 +11,11 @@ from ncgen.errors import ModelError, counted, shown
 from ncgen.model import measures
 from ncgen.model.argument_readers import expression, sequence
 from ncgen.model.bodies import Body
-from ncgen.model.conditions import Bound
 from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Angle, Component, Point, Relative, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor, Spring, TorsionSpring
+from ncgen.model.value_conditions import Bound
 from ncgen.model.values import Driven, Expression, Expressions, Moment, Value, Values, as_sympy, is_number
 
 if TYPE_CHECKING:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from ncgen.errors import ModelError, one_of
 from ncgen.model.actions import Impact, check_order
-from ncgen.model.conditions import Ordered
 from ncgen.model.displacements import Displacement
 from ncgen.model.elements import Component, Point, Relative
 from ncgen.model.events import Event, Events
 from ncgen.model.facts import fact
 from ncgen.model.kinks import without_kinks
+from ncgen.model.value_conditions import Ordered
 from ncgen.model.values import Number, Scalar, Value, as_sympy
 
 

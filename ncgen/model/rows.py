@@ -15,9 +15,9 @@ import numpy as np
 
 from ncgen.model import measures
 from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
-from ncgen.model.conditions import Bound, Condition, Cosine
 from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, Spatial, as_combination
 from ncgen.model.expressions import is_symbolic
+from ncgen.model.value_conditions import Bound, Condition, Cosine
 from ncgen.model.values import Parameter, Scalar, Value, is_number, text_of
 
 SIX_DIGITS = 1e-5

@@ -22,7 +22,6 @@ from ncgen.model.bodies import (
     rod_tensor,
     symmetric,
 )
-from ncgen.model.conditions import Bound
 from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Combination, Component, Constant, Direction, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
@@ -30,6 +29,7 @@ from ncgen.model.measures import Scalars
 from ncgen.model.names import numbered
 from ncgen.model.rigid import Frame, include
 from ncgen.model.rows import Owner, Row
+from ncgen.model.value_conditions import Bound
 from ncgen.model.values import Expression, Scalar, Tensor, Value, Values, as_number_if_constant, as_sympy, is_number
 
 USER = Owner("user", "model")

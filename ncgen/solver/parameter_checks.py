@@ -12,7 +12,7 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.model import Model, bodies, rows
-from ncgen.model.conditions import Condition
+from ncgen.model.value_conditions import Condition
 from ncgen.model.values import mentioned
 from ncgen.program.initial import assemble_values
 from ncgen.program.ir.blocks import Program

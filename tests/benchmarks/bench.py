@@ -32,7 +32,7 @@ if __name__ == "__main__":
 
 from benchmarks import tables  # noqa: E402
 from ncgen.cli.measuring import check_reports, show_comparison, show_sections  # noqa: E402
-from ncgen.cli.terminal import err, progress, show, tell  # noqa: E402
+from ncgen.cli.terminal import err, print_records, progress, show  # noqa: E402
 from ncgen.comparisons.bench import aligned  # noqa: E402
 from ncgen.errors import ModelError, NcgenError  # noqa: E402
 from ncgen.exchange.examples import example_names, load  # noqa: E402
@@ -103,7 +103,7 @@ def growth(options: argparse.Namespace) -> None:
         for done, record in enumerate(growth_records(options.model), 1):
             records.append(record)
             advance(done)
-    tell(records, lambda found: aligned(tables.generation_rows(found)), options.json)
+    print_records(records, lambda found: aligned(tables.generation_rows(found)), options.json)
 
 
 def instructions(options: argparse.Namespace) -> None:
@@ -111,7 +111,7 @@ def instructions(options: argparse.Namespace) -> None:
 
     with progress(f"counting instructions of {options.model}", None):
         records = list(instruction_records(load(options.model)))
-    tell(records, lambda found: aligned(table(found)), options.json)
+    print_records(records, lambda found: aligned(table(found)), options.json)
 
 
 def derivatives(options: argparse.Namespace, with_tables: bool = False) -> None:
@@ -137,7 +137,7 @@ def defaults(options: argparse.Namespace) -> None:
         for record in default_records(names, options.limit or 20.0):
             records.append(record)
             advance(len(records))
-    tell(records, default_lines, options.json)
+    print_records(records, default_lines, options.json)
 
 
 def _only(options: argparse.Namespace, *names: str) -> None:

@@ -91,3 +91,31 @@ def test_simulations_that_cannot_begin(dropped):
         sims.step(0.1)
     assert sims.stuck.tolist() == [False, True] and sims.t == pytest.approx([0.1, 0.0])
     assert sims.q[:, 0] == pytest.approx([1 - G / 200, -0.1]) and math.isclose(sims.t[0], 0.1)
+
+
+def test_rows_that_stick():
+    """T5 from its velocity and from half of it: each row rests at its own time and place, as alone."""
+    m, s = sliding_block("oscillator")
+    m.torque(s, -s)
+    m.friction(s, coulomb=1.0)
+    kernels = ncgen.compile(m)
+    method = {"rtol": 1e-11, "integrator": "dop853"}
+    batch = ncgen.simulate_batch(kernels, 30.0, q0=np.full((2, 2), 12.0), zd0=np.array([[6.0], [3.0]]), z=("s",), **method)
+    assert batch.ok.all() and [each[-1].what for each in batch.events] == ["sticks", "sticks"]
+    assert batch.events[0][-1].t == pytest.approx(22.42355635069909, rel=1e-9)
+    assert batch.q[0, -1, 0] == pytest.approx(1 - (math.sqrt(205) - 14), abs=1e-10)
+    alone = ncgen.simulate(kernels, 30.0, points=2, **method, q0={"s": 12.0, "A.x": 12.0}, qd0={"s": 3.0})
+    assert batch.q[1, -1] == pytest.approx(alone.q[-1], abs=1e-13) and len(batch.events[1]) == len(alone.events)
+
+
+def test_simulations_that_stick():
+    """Rows that are moved step by step go into modes of their own."""
+    m, s = sliding_block("oscillator")
+    m.torque(s, -s)
+    m.friction(s, coulomb=1.0)
+    sims = ncgen.start_batch(ncgen.compile(m), 2, rtol=1e-11, q0={"s": 12.0, "A.x": 12.0}, qd0={"s": 6.0})
+    sims.q[1], sims.qd[1] = 0.5, 0.0
+    for _ in range(60):
+        sims.step(0.5)
+    assert sims["s"] == pytest.approx([1 - (math.sqrt(205) - 14), 0.5], abs=1e-10) and np.max(np.abs(sims.qd)) < 1e-14
+    assert sims.qdd == pytest.approx(np.zeros((2, 2)), abs=1e-12)

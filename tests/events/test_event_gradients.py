@@ -235,6 +235,56 @@ def test_events_that_a_joint_has_at_the_start():
     assert [back.slopes[name] for name in names] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("order", ["in turn", "simultaneous"])
+def test_several_impacts_at_one_instant(order):
+    """Of three balls the last two touch; both laws, in closed form by a complex step: m₁ hits 2 kg, which hits or takes along 0.7 kg."""
+    m = ncgen.Model("balls")
+    heavy, e = m.parameter("heavy", 1.0), m.parameter("e", 0.8)
+    A, B, C = (m.point(name, (x, 0), fixed="y") for name, x in (("A", 1.0), ("B", 2.0), ("C", 2.5)))
+    for point, mass in ((A, heavy), (B, 2.0), (C, 0.7)):
+        m.body(f"ball.{point.name}", [point], mass=mass)
+    for name, first, second in (("AB", A, B), ("BC", B, C)):
+        m.event(name, when=second.x - first.x - 0.5, do=ncgen.impact(restitution=e, order=order))
+    names = ["heavy", "e", "rate(A.x)"]
+    found = ncgen.sensitivities(ncgen.compile(m), 1.5, 6, by=names, zd0={"A.x": 1.0})
+
+    def after(heavy, e, speed):
+        struck = 2.0 if order == "in turn" else 2.7
+        a, b = speed * (heavy - e * struck) / (heavy + struck), speed * heavy * (1 + e) / (heavy + struck)
+        return np.array([a, b, b] if order == "simultaneous" else [a, b * (2 - 0.7 * e) / 2.7, b * 2 * (1 + e) / 2.7])
+
+    step, at = 1e-30, np.array([1.0, 0.8, 1.0])
+    slopes = np.array([np.imag(after(*(at + 1j * step * row))) / step for row in np.eye(3)]).T
+    assert found.qd[-1] == pytest.approx(after(*at), rel=1e-12) and found.qd_by[-1] == pytest.approx(slopes, rel=1e-10, abs=1e-12)
+    assert found.events[0].t_by == pytest.approx([0.0, 0.0, -0.5], rel=1e-12, abs=1e-12)
+
+
+def test_inputs_over_time():
+    """By every value of a table that drives an input, with a bounce on the way; differences of runs."""
+    m = ncgen.Model("lifted")
+    P = m.point("P", (0, 1), fixed="x")
+    m.body("ball", [P], mass=1.0)
+    m.gravity((0, -G))
+    m.force(P, (0, m.input("lift")))
+    m.event("floor", when=P.y, do=ncgen.impact(restitution=0.5))
+    kernels, times, values = ncgen.compile(m), np.linspace(0, 0.7, 5), np.array([0.0, 2.0, 3.0, 1.0, 2.0])
+
+    def last(q, qd):
+        weight = np.zeros_like(q)
+        weight[-1, 0] = 1.0
+        return q[-1, 0], weight, None
+
+    found = ncgen.gradient(kernels, 0.7, 28, last, inputs={"lift": (times, values, "linear")})
+
+    def end(values):
+        return ncgen.simulate(kernels, 0.7, rtol=1e-12, inputs={"lift": (times, values, "linear")})["P.y"][-1]
+
+    step = 1e-3
+    slopes = [(end(values + step * row) - end(values - step * row)) / (2 * step) for row in np.eye(5)]
+    assert found.by_inputs["lift"] == pytest.approx(slopes, abs=1e-7)
+    assert found.slopes["lift"] == pytest.approx(np.sum(slopes), abs=1e-7)
+
+
 @pytest.mark.slow
 def test_a_double_pendulum_with_a_stop_and_friction():
     """It sticks, slips, hits its stop and turns; all event times, and the end, by differences of runs. The mode in which it sticks is as

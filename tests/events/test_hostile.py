@@ -46,6 +46,28 @@ def test_a_block_that_comes_to_rest_at_its_stop_with_friction(push, rests):
         assert run["s"][-1] == pytest.approx(0.5 - (2.0 - 1.0) * (3.0 - hit.t) ** 2 / 2, rel=1e-9)
 
 
+@pytest.mark.parametrize(("pull", "slips"), [(-0.5, False), (0.5, False), (3.0, False), (-3.0, True)])
+def test_a_start_at_a_stop_with_friction(pull, slips):
+    """Stop and friction share the load of one coordinate; what the other one holds is not watched, and so does not chatter."""
+    m, s = sliding_block("both")
+    m.torque(s, pull)
+    m.stop(s, upper=0.5)
+    m.friction(s, 1.0)
+    run = ncgen.simulate(ncgen.compile(m), 1.0, rtol=1e-11, q0={"s": 0.5, "A.x": 0.5}, points=3)
+    assert len(run.events) <= 2
+    assert run["s"][-1] == pytest.approx(0.5 - 1.0 if slips else 0.5, rel=1e-10)
+
+
+@pytest.mark.parametrize("excess", [1e-3, 1e-9, 1e-12])
+def test_a_push_that_only_just_exceeds_friction(excess):
+    """It slips once and moves by excess t²/2, without chattering at the velocities of rounding."""
+    m, s = sliding_block("pushed")
+    m.torque(s, 1.0 + excess)
+    m.friction(s, 1.0)
+    run = ncgen.simulate(ncgen.compile(m), 2.0, rtol=1e-9, points=3)
+    assert len(run.events) <= 2 and run["s"][-1] == pytest.approx(2 * excess, rel=1e-3, abs=1e-10)
+
+
 def test_accelerations_from_the_start_have_friction():
     m, s = sliding_block("start")
     m.friction(s, 1.5)

@@ -79,6 +79,26 @@ def test_a_lock_by_events_of_others():
     assert np.max(np.abs(run["rate(rate(s))"][3:4])) < 1e-12
 
 
+def test_steps_and_batches_go_through_locks():
+    """As one run does, a state that is gone back to included."""
+    m, s = sliding_block("gripped")
+    m.torque(s, 1.0)
+    m.lock(s, when=1.0 - m.time, until=2.0 - m.time)
+    m.ratchet(s)
+    kernels = ncgen.compile(m)
+    run = ncgen.simulate(kernels, 3.0, points=7)
+    sim = ncgen.start(kernels)
+    sim.step(1.5)
+    state = sim.state
+    for _ in range(2):
+        sim.reset(state)
+        sim.step(1.5)
+        assert sim.q == pytest.approx(run.q[-1], abs=1e-12) and [e.name for e in sim.events] == [e.name for e in run.events]
+    batch = ncgen.simulate_batch(kernels, 3.0, qd0=[[0.0, 0.0], [1.0, 1.0]], points=7)
+    assert batch.q[0, -1] == pytest.approx(run.q[-1], abs=1e-12)
+    assert [[e.what for e in events if e.t > 0] for events in batch.events] == [["locks", "frees"]] * 2
+
+
 def test_files_say_locks(tmp_path):
     m, (psi1, psi2) = two_discs()
     m.clutch(psi1, psi2, closed=True, name="clutch")
@@ -211,6 +231,20 @@ def test_a_brake_that_an_input_pulls():
     seen = [(event.what, event.t) for event in run.events if event.t > 0]
     assert [what for what, _ in seen] == ["sticks", "slips"]
     assert [t for _, t in seen] == pytest.approx([1.0, 10 / 3], rel=1e-9)
+
+
+def test_a_capstan():
+    """A rope around a bollard slips where T₂ = T₁ exp(μβ), T₁ = 2 + 10 s being a spring's; then s = (wτ − sin wτ)/w³, w² = 10 exp(μβ)."""
+    m, s = sliding_block("capstan")
+    grip = math.exp(0.3 * 3 * math.pi)
+    tension = 2 + 10 * s
+    m.torque(s, m.time - tension)
+    m.friction(s, coulomb=tension * (grip - 1), name="bollard")
+    run = ncgen.simulate(ncgen.compile(m), 2 * grip + 0.1, rtol=1e-11, points=2)
+    (slips,) = [event for event in run.events if event.t > 0]
+    assert (slips.name, slips.what) == ("bollard", "slips") and slips.t == pytest.approx(2 * grip, rel=1e-11)
+    w = math.sqrt(10 * grip)
+    assert run["s"][-1] == pytest.approx((0.1 * w - math.sin(0.1 * w)) / w**3, rel=1e-8)
 
 
 def test_backlash_is_a_chain_of_impacts():

@@ -166,3 +166,18 @@ def test_a_lock_that_opens():
     stepped(sim, 6, 0.1)
     assert sim["s"] == pytest.approx(0.55**2, rel=1e-12) and sim.q == pytest.approx(run.q[-1], abs=1e-12)
     assert [each.t for each in sim.events] == pytest.approx([each.t for each in run.events], abs=1e-12)
+
+
+def test_a_sphere_slides_and_rolls():
+    """T3: from 5 m/s it rolls at 2 v₀/(7 μ g) with 5/7 of the velocity; friction of a contact acts in steps as well."""
+    m = ncgen.Model("sphere")
+    up = m.vector("up", (0, 1), fixed=True)
+    O, C = m.point("O", (0, 0), fixed=True), m.point("C", (0, 0.1))
+    body = m.body("ball", [C, m.point("D", (0.1, 0.1))], mass=1.0, com=(0, 0.1), inertia=0.4 * 0.1**2)
+    m.gravity((0, -G))
+    m.contact("floor", body, C, m.ground, O, radius=0.1, normal=up, friction=0.2)
+    sim = ncgen.start(ncgen.compile(m), rtol=1e-11, qd0={"C.x": 5.0, "C.y": 0.0, "D.x": 5.0, "D.y": 0.0})
+    stepped(sim, 10, 0.1)
+    assert [each.what for each in sim.events] == ["rests", "sticks"] and sim.events[1].t == pytest.approx(0.72811999417504, rel=1e-9)
+    assert sim["rate(C.x)"] == pytest.approx(25 / 7, rel=1e-9)
+    assert sim["C.x"] == pytest.approx(3.120514260750172 + (1 - 0.72811999417504) * 25 / 7, rel=1e-9)

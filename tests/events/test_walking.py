@@ -43,6 +43,11 @@ def test_a_rimless_wheel_walks_down():
     times = [each.t for each in run.events]
     assert times[-1] - times[-2] == pytest.approx(1.034549811423279, rel=1e-9)
     assert run.energy_drift < 1e-9
+    cycle = 1.095462839647657
+    found = ncgen.sensitivities(kernels, 1.05, 420, by="rate(P.x)", z="P.x", zd0={"P.x": cycle * math.cos(begin)})
+    (step_by,) = found.events
+    multiplier = run.events[-1].after @ step_by.after_by[:, 0] / cycle * math.cos(begin)
+    assert multiplier == pytest.approx(loss, rel=1e-8)
 
 
 def test_a_block_rocks():

@@ -181,6 +181,18 @@ def test_changes_of_parameters_and_velocities(tmp_path):
     assert counts == [4] and last[5] == 4.0  # feet
 
 
+def test_one_event_sets_several_velocities(tmp_path):
+    """More of them than there are events."""
+    m = ncgen.Model("kicked")
+    A, B = m.point("A", (0, 0)), m.point("B", (1, 0))
+    m.body("a", [A], mass=1.0)
+    m.body("b", [B], mass=2.0)
+    m.event("kick", when=A.x - 0.5, direction="rising", do={"rate(A.x)": 0.0, "rate(A.y)": 1.0, "rate(B.x)": -1.0, "rate(B.y)": 0.5})
+    m.simulation(duration=1.0, qd0={"A.x": 1.0, "A.y": 0.0, "B.x": 0.0, "B.y": 0.0})
+    *_, last, counts, _, said = run_in_c(m, tmp_path, 1.0, flags="-O0 -g -fsanitize=address,undefined -fno-sanitize-recover=all")
+    assert said == "ok" and counts == [1] and last[1:10] == pytest.approx([0.5, 0.5, 0.5, 0.25, 0.0, 1.0, -1.0, 0.5, 1.25], abs=1e-12)
+
+
 def three_balls(order: str) -> ncgen.Model:
     m = ncgen.Model("balls")
     for k, x in enumerate((-1.0, 0.0, 0.1)):

@@ -49,7 +49,8 @@ def data_of(page):
 
 def unpacked(page, part: str) -> bytes:
     """What is compressed in a page."""
-    return zlib.decompress(base64.b64decode(re.search(f'id="{part}">([^<]*)<', page.read_text(encoding="utf-8"))[1]))
+    letters = re.search(f'id="{part}">([^<]*)<', page.read_text(encoding="utf-8"))[1]
+    return zlib.decompress(base64.a85decode(letters.replace("v", "<")))
 
 
 # -- what is in it ---------------------------------------------------------------------------------

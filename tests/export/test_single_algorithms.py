@@ -27,6 +27,7 @@ REASONS = {
         "dop853": "the name of a method of the runtime",
         "factori": "a message of the runtime",
     },
+    "package/dynamics.c.jinja": {"eliminat": "the plan by which the runtime eliminates, as data"},
     "package/joints/joints.c.jinja": {
         "newton": "joints have no runtime: it closes loops over them",
         "factored": "likewise: the mass matrix of the joints",

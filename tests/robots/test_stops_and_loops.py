@@ -53,6 +53,26 @@ def test_friction_is_dry_but_near_rest(bar):
         assert space.loads(q, [rate]) == pytest.approx([expected], abs=1e-12)
 
 
+def test_rigid_stops_and_friction_that_sticks(bar):
+    """The bar falls onto its stop, m g l (sin 0.4) less friction on the way, and stays exactly there."""
+    model = ncgen.load(bar, limits="rigid", friction="exact")
+    assert model.left_out == ("effort limits (1)", "velocity limits (1)") and list(model.events) == ["hinge.stop.lower", "hinge.stop.upper"]
+    run = ncgen.simulate(ncgen.compile(model), 2.0, rtol=1e-9, points=5)
+    hit = next(event for event in run.events if event.t > 0)
+    work = 2 * 9.81 * 0.5 * np.sin(0.4) - 1.5 * 0.4
+    assert hit.name == "hinge.stop.lower" and hit.energy_lost == pytest.approx(work, rel=1e-8)
+    assert run["hinge"][-2:] == pytest.approx([-0.4, -0.4], abs=1e-14)
+    bounces = ncgen.simulate(run.kernels, 2.0, p={"stop_restitution": 0.5}).events
+    hit = next(event for event in bounces if event.t > 0)
+    assert hit.energy_lost == pytest.approx(0.75 * work, rel=1e-6)
+
+
+@pytest.mark.parametrize(("word", "given"), [("limits", "soft"), ("friction", "rigid"), ("limits", 1)])
+def test_words_of_stops(bar, word, given):
+    with pytest.raises(ModelError, match=f'{word}: .* given; give True \\(smooth\\), "(rigid|exact)" or False'):
+        ncgen.load(bar, **{word: given})
+
+
 def test_they_are_for_robots():
     for word in ("limits", "friction"):
         with pytest.raises(ModelError, match=f"pendulum: {word} is for a robot's file"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from cffi import FFI
 
-from ncgen.mechanism.conditions import LINEAR, QUADRATIC, basis
+from ncgen.mechanism.conditions_in_c import LINEAR, QUADRATIC, basis
 from ncgen.solver.runs.crossing import SAMPLES, first_crossing
 
 NOISE = 1000 * float(np.finfo(float).eps)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ncgen.errors import ModelError, shortened
-from ncgen.mechanism.conditions import basis
+from ncgen.mechanism.conditions_in_c import basis
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.model.actions import Change, Impact, Stop
@@ -16,8 +17,8 @@ from ncgen.model.elements import coordinate_of
 from ncgen.model.events import Event
 from ncgen.model.values import Scalar
 from ncgen.program.ir.blocks import Program
-from ncgen.program.motions.conditions import assemble_conditions
-from ncgen.solver.events.conditions import NOISE, most_degree
+from ncgen.program.motions.event_programs import assemble_conditions
+from ncgen.solver.events.conditions import VALUE_ROUNDING, most_degree
 from ncgen.solver.runs.stop import DIRECTIONS
 from ncgen.symbolic.numbering import Terms
 
@@ -99,7 +100,7 @@ class EventTable:
             "degree": degree,
             "nodes": nodes.tolist(),
             "inverse": np.ravel(inverse).tolist(),
-            "noise": NOISE[degree],
+            "noise": VALUE_ROUNDING[degree],
             "ends": any(event.is_last for event in self.events),
         }
 
@@ -109,19 +110,24 @@ class EventTable:
         named = {event.name: event.impact.order for event in self.events if event.impact and event.impact.order}
         if len(laws := set(named.values())) > 1:
             raise ModelError(
-                f"{self.kernels.name}: impacts of {shortened(list(named))} have different orders; an export needs the same one for all"
+                f"{self.kernels.name}: impacts of {_listed(named)} have different orders; an export needs the same one for all"
             )
         return laws.pop() if laws else ""
+
+
+def _listed(names: Iterable[str]) -> str:
+    return shortened(", ".join(names))
 
 
 def refusal_of_events(model: Model) -> str | None:
     """Why the events of a model cannot be exported, in words, or None."""
     if others := [*model.ratchets, *model.locks, *(name for name in model.beginnings if name in model.parameters)]:
-        return f"locks and ratchets are not exported yet ({shortened(others)}); use ncgen.simulate"
+        return f"locks and ratchets are not exported yet ({_listed(others)}); use ncgen.simulate"
     if model.frictions:
-        return f"joints that stick are not exported yet ({shortened(list(model.frictions))}); take a law that is smooth, or ncgen.simulate"
+        names = _listed(model.frictions)
+        return f"joints that stick are not exported yet ({names}); take a law that is smooth, or ncgen.simulate"
     if model.contacts:
-        return f"friction of contacts is not exported yet ({shortened(list(model.contacts))}); leave it out, or use ncgen.simulate"
+        return f"friction of contacts is not exported yet ({_listed(model.contacts)}); leave it out, or use ncgen.simulate"
     if called := [event.name for event in model.events.values() if event.is_called]:
         return f"event {called[0]} calls a Python function; write what it does as expressions"
     known = (Change, Impact, Stop)

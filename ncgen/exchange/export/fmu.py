@@ -133,8 +133,12 @@ def _groups(package: Package) -> list[Group]:
     parameters = zip(package.records["parameters"], kernels.p0, strict=True)
     q, rate, work = 1, 1 + n, 1 + 2 * n  # where the states stand
 
+    loaded = loaded_elements(package.sources.programs.equations) if package.loads else []
     events, changed = kernels.model.events, package.events.changed if package.events else frozenset()
     conditions = [Variable(f"condition({name})", "", f"condition of event {name}", "local") for name in events]
+    conditions += [
+        Variable(f"load({name})", "N", f"condition of event {name}: load of its gap, 1 where it is open", "local") for name in package.gaps
+    ]
     attributes = ("output", "discrete", "exact", 0.0)
     counts = [Variable(f"count({name})", "", f"how often event {name} has happened", *attributes) for name in events]
 
@@ -156,7 +160,7 @@ def _groups(package: Package) -> list[Group]:
         "KINETIC": ("kinetic energy", [Variable("kinetic", "J", "kinetic energy")]),
         "POTENTIAL": ("potential energy", [Variable("potential", "J", "potential energy")]),
         "LAM": ("multipliers", [Variable(f"multiplier({i})", "", f"multiplier of row {i}: {r.label} ({r.owner})") for i, r in rows]),
-        "LOAD": ("joint loads", [v for load in loaded_elements(package.sources.programs.equations) for v in _load(*load)]),
+        "LOAD": ("joint loads", [v for load in loaded for v in _load(*load)]),
         **({"CONDITION": ("conditions of events", conditions), "COUNT": ("how often events have happened", counts)} if events else {}),
         "OUTPUT": ("outputs of the model", [Variable(o.label, o.unit, f"output {o.label}") for o in kernels.model.outputs.values()]),
         "P": ("parameters, then inputs", [_given(p, float(x), p.name in changed) for p, x in parameters]),

@@ -13,7 +13,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.model.events import Event
 from ncgen.program.ir.blocks import Program
-from ncgen.program.motions.conditions import HeldLoad, assemble_mode_conditions
+from ncgen.program.motions.event_programs import HeldLoad, assemble_mode_conditions
 from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
 from ncgen.solver.trajectories.output_values import uses_loads
 

@@ -86,7 +86,8 @@ class Package:
         """The same with the tangents of its motion, and with joint loads."""
         equations = self.sources.programs.equations
         tangents = assemble_full_tangents(equations, self.sizes, self.kernels.holonomic)
-        return replace(self, tangents=tangents, loads=assemble_loads(equations))
+        loads = () if self._modes else assemble_loads(equations)  # of joints alone they are not known where gaps are held
+        return replace(self, tangents=tangents, loads=loads)
 
     @property
     def prefix(self) -> str:
@@ -151,8 +152,14 @@ class Package:
 
     @cached_property
     def _modes(self) -> tuple[HeldMode, ...]:
-        """Gaps that may be held closed; () where derivatives are asked for, which these have not."""
-        return held_modes(self.kernels, self.kernels.model) if self.events and not self.tangents else ()
+        """Gaps that may be held closed."""
+        return held_modes(self.kernels, self.kernels.model) if self.events else ()
+
+    @property
+    def gaps(self) -> tuple[str, ...]:
+        """The events whose gaps may be held closed."""
+        modes_with_packages = {k for mode in self._modes for k in mode.held}
+        return tuple(name for k, name in enumerate(self.kernels.model.events) if k in modes_with_packages)
 
     @property
     def _described_modes(self) -> dict[str, object]:
@@ -207,6 +214,8 @@ class Package:
             "tangents": self.tangents is not None,
             "breaks": self.switching.described if self.switching else None,
             "events": self.events.described if self.events else None,
+            "gaps": [list(self.kernels.model.events).index(name) for name in self.gaps],
+            "joint_loads": bool(self.loads),
             "most_held": max((len(mode.held) for mode in self._modes), default=0),
             **program_records(self._motion_programs(), self.prefix, "motion"),
         }
@@ -294,7 +303,7 @@ def _refusal(model: Model, events: bool) -> str | None:
     if model.callbacks:
         return "it calls a Python function"
     if has_events(model) and not events:
-        names = shortened(names_of_events(model))
+        names = shortened(", ".join(names_of_events(model)))
         return f"this export does not support events yet ({names}); take c, fmu2, fmu3, html, python or wasm"
     if reason := refusal_of_events(model):
         return reason

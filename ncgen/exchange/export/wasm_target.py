@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 from ncgen.emit.environment import render
 from ncgen.emit.wasm.binary import LINK
@@ -76,7 +77,7 @@ def _integers(package: Package) -> list[int]:
     singular, rank = package.singular_mass, package.rank
     counts = [kernels.n, kernels.m, len(kernels.p0), rank if rank < kernels.m else 0, int(singular), int(package.conservative), len(drives)]
     counts += [breaks.lines, breaks.curves, int(breaks.jumps)] if breaks else [0, 0, 0]
-    happening = package.events.described if package.events else {}
+    happening: dict[str, Any] = package.events.described if package.events else {}
     counts += [happening[word] for word in ("count", "most")] if happening else [0, 0]
     counts += (
         [len(happening["rows"]), LAWS.index(happening["law"]), happening["values"], happening["degree"]] if happening else [0, 0, 0, 0]
@@ -103,6 +104,6 @@ def _numbers(package: Package) -> list[float]:
     sizes = [float(kernels.column_sizes[kernels.index[name]]) for name in package.independent]
     interval = package.switching.interval if package.switching else 0.0
     arrays = (kernels.column_sizes, kernels.row_sizes, sizes, package.q, package.qd, kernels.p0)
-    happening = package.events.described if package.events else {}
+    happening: dict[str, Any] = package.events.described if package.events else {}
     watched = [happening["noise"], *happening["nodes"], *happening["inverse"]] if happening else []
     return [interval, *(float(x) for array in arrays for x in array), *watched]

@@ -64,8 +64,8 @@ def _impossible(robot: Robot) -> list[str]:
 def load_robot(
     path: Path,
     floating: bool | None = None,
-    limits: bool = False,
-    friction: bool = False,
+    limits: bool | str = False,
+    friction: bool | str = False,
     loops: str | Path | None = None,
     motors: bool = False,
     sensors: bool = False,
@@ -76,7 +76,7 @@ def load_robot(
     """The model of a robot's file. Warns, in one line, of how many things that change the motion it does not have.
 
     floating: the root is a free body; None for what the file says
-    limits, friction: of joints, as springs and couples; else they are left out
+    limits, friction: of joints, as springs and couples, or "rigid" and "exact" as elements of events; else they are left out
     motors, sensors: inputs for actuators of the file, or for joints; outputs for its sensors; else they are left out
     loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml next to the robot's file, if there is one
     inertias: "refused", "balanced" or "as given" where no body has them

@@ -30,8 +30,8 @@ INERTIA_ROUNDING = 1e-15
 def model_of(
     robot: Robot,
     floating: bool | None = None,
-    limits: bool = False,
-    friction: bool = False,
+    limits: bool | str = False,
+    friction: bool | str = False,
     motors: bool = False,
     sensors: bool = False,
     parameters: Sequence[str] = (),
@@ -55,7 +55,7 @@ def model_of(
     model.limits = {coordinate.name: joint.limits for joint, coordinate in acting if joint.limits is not None}
     for wanted, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
         if wanted:
-            model.left_out = left(model.left_out, words, add(model, acting))
+            model.left_out = left(model.left_out, words, add(model, acting, wanted))
     if motors:
         _add_motors(builder, robot, {joint.name: joint for joint, _ in acting})
     if sensors:

@@ -2,7 +2,7 @@
 
 condition_tangent(t, q, qd, p, seed)                  -> of the conditions, and in a mode of those of loads behind them
 value_tangent(t, q, qd, p, seed)                      -> of what actions set, and of the values of elements
-impact_tangent(t, q, qd, p, after, mu, push, seed)    -> of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n), of Φ_q (q̇⁺ − q̇) (m), and of every gap, W being
+impact_tangent(t, q, qd, p, after, mu, push, seed)    -> of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n), of Φ_q q̇⁺ − ν (m), and of every gap, W being
     the gradients of the gaps, of its velocities W q̇ + ∂g/∂t before and W q̇⁺ + ∂g/∂t after; q̇⁺, μ and Λ are held
 """
 
@@ -18,7 +18,7 @@ from ncgen.program.ir.derivatives import gradient, tangent
 from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
-from ncgen.program.motions.conditions import HeldLoad, Named, load_conditions
+from ncgen.program.motions.event_programs import HeldLoad, Named, load_conditions
 from ncgen.program.motions.expression_nodes import expression_node
 from ncgen.program.motions.full_motion import MotionSizes, directions
 from ncgen.program.motions.multipliers import AccelerationNodes
@@ -71,7 +71,9 @@ def _impact(lines: Lines, gaps: Sequence[Named]) -> list[int]:
         balance[i].append(graph.mul(node, change[j]))
     for (r, i), node in sorted(lines.matrix(KERNELS["phi_q"]).items()):
         balance[i].append(graph.mul(node, graph.load("mu", r)))
-        rows[r].append(graph.mul(node, change[i]))
+        rows[r].append(graph.mul(node, after[i]))
+    for r, node in sorted(lines.vector(KERNELS["nu"]).items()):
+        rows[r].append(graph.neg(node))
     velocities = []
     for k, gap in enumerate(gaps):
         slopes = gradient(graph, expression_node(lines, *gap), [*q, graph.load("t", 0)])

@@ -11,9 +11,9 @@ enum { MOST = NCGEN_CROSSING_DEGREE + 1 };
 
 static const int whole = 1 << 30; /* places in the interval are counted in 2^-30 of it */
 
-/* What is known as parts of the interval are walked through from left to right: the last sign and where it was seen. */
+/* What is known as parts of the interval are walked through from left to right: the last sign, where it was seen, and if any was. */
 typedef struct walk {
-    int direction, sign;
+    int direction, sign, seen;
     ncgen_scalar at, next;
 } walk;
 
@@ -29,6 +29,7 @@ static int turns(walk *w, ncgen_scalar place, int sign)
     if (w->sign && sign && sign != w->sign && sign * w->direction >= 0)
         return 1;
     if (sign) {
+        w->seen = 1;
         w->sign = sign;
         w->at = place;
     }
@@ -96,7 +97,7 @@ int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int
                          ncgen_scalar *low, ncgen_scalar *high)
 {
     ncgen_real b[MOST];
-    walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0};
+    walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0, 0};
     int found = 0, place = 0, width = whole;
     to_coefficients(basis, values, stride, b);
     while (place < whole && !found) {
@@ -107,8 +108,8 @@ int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int
         for (place += width; width < whole && place % (2 * width) == 0;) /* the next part is as wide as its place among the halves allows */
             width *= 2;
     }
-    const int last = sign_of(b[basis->degree], 0), before = w.sign; /* to end at zero is to get there */
-    found = found || turns(&w, 1, last ? last : -w.sign);
+    const int last = sign_of(b[basis->degree], 0), before = w.sign; /* to end at zero is to get there, but not to be there throughout */
+    found = found || ((last || w.seen) && turns(&w, 1, last ? last : -w.sign));
     *low = w.at;
     *high = w.next;
     *sign = last || found ? w.sign : before;

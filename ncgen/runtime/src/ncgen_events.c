@@ -268,7 +268,7 @@ int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, con
         return status == NCGEN_OK ? some : -status;
     for (int k = 0; k < i.count; ++k)
         passage->wanted[i.count + k] = 0;
-    const int released = ncgen_release(events, p, moment, passage);
+    const int released = ncgen_release(events, p, moment, nearly, passage);
     return released < 0 ? released : some + released;
 }
 

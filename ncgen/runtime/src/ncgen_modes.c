@@ -48,7 +48,7 @@ void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_
     }
 }
 
-int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, ncgen_passage *passage)
+int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage)
 {
     const ncgen_mode *mode = present(events, passage);
     int some = 0;
@@ -57,7 +57,7 @@ int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_m
     const int status = mode->conditions(moment->t, moment->q, moment->qd, p, passage->room);
     for (int i = 0; i < mode->count && status == NCGEN_OK; ++i) {
         const ncgen_real *load = passage->room + 2 * (events->count + i);
-        if (load[0] < -slack * load[1]) {
+        if (load[0] < -slack * load[1] || (nearly && load[0] <= slack * load[1])) {
             passage->wanted[events->count + mode->held[i]] = 1;
             ++some;
         }

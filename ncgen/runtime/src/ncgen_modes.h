@@ -16,8 +16,9 @@ void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_
 /* Does the present mode hold the gap of an event? */
 int ncgen_holds(const ncgen_events *events, const ncgen_passage *passage, int event);
 
-/* Mark gaps that no longer push as released, in the second half of passage->wanted; how many, or a negative status. */
-int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, ncgen_passage *passage);
+/* Mark gaps that no longer push as released, in the second half of passage->wanted; how many, or a negative status. nearly: also where
+ * the load cannot be told from zero. */
+int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage);
 
 /* The largest part of the gaps in the first half of passage->wanted that all push, held from here on, with the moment on its constraints.
  * NCGEN_AT_REST where no mode holds these gaps. */

@@ -21,6 +21,7 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->mass = ncgen_take(space, ncgen_nonzeros(&r->model->mass_pattern));
     w->square = ncgen_take(space, tree->square_start[tree->n_links]);
     w->total = ncgen_take(space, tree->n_links);
+    w->moments = ncgen_take(space, 9 * tree->n_links);
     w->member = ncgen_take(space, 3 * tree->most_members);
     w->lever = ncgen_take(space, 3 * tree->n_elements);
     w->axis = ncgen_take(space, 3 * tree->n_screws);
@@ -250,6 +251,17 @@ static ncgen_real growth_of(int is_regular)
     return is_regular ? 0 : R(1.0e30);
 }
 
+/* Forces less M b, where b are the accelerations without those of the joints. */
+static void take_inertial(ncgen_run *r, ncgen_tree_work *w)
+{
+    for (int i = 0; i < r->n; ++i)
+        w->bias[i] = 0;
+    spread_changes(r, w, w->bias);
+    ncgen_times_mass(r, w->mass, w->bias, w->inertial);
+    for (int i = 0; i < r->n; ++i)
+        w->force[i] -= w->inertial[i];
+}
+
 void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
 {
     const int n = r->n;
@@ -257,17 +269,15 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     place(r, w, q);
     int is_regular = find_twists(r, w, qd, out) == NCGEN_OK;
     find_changes(w);
-    for (int i = 0; i < n; ++i)
-        w->bias[i] = 0;
-    spread_changes(r, w, w->bias);
     mass_at(r, w, t, q);
     if (ncgen_forces(r, t, q, out, w->force) != NCGEN_OK)
         is_regular = 0;
-    ncgen_times_mass(r, w->mass, w->bias, w->inertial);
-    for (int i = 0; i < n; ++i)
-        w->force[i] -= w->inertial[i];
-    find_wrenches(r, w, w->force);
     is_regular &= ncgen_tree_factor(w);
+    if (w->tree->single_start[w->tree->n_links] > 0)
+        take_inertial(r, w);
+    find_wrenches(r, w, w->force);
+    if (w->tree->single_start[w->tree->n_links] == 0)
+        ncgen_tree_take_inertial(w);
     ncgen_tree_solve(w, w->change);
     spread_changes(r, w, out + n);
     for (int i = 0; i < w->tree->n_measured; ++i)

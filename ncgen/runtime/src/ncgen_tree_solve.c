@@ -47,7 +47,9 @@ static void add_members(const ncgen_tree_work *w, int link, ncgen_real *inertia)
     const int count = tree->member_start[link + 1] - tree->member_start[link];
     const int *members = tree->members + tree->member_start[link];
     const ncgen_real *square = w->square + tree->square_start[link];
-    ncgen_real second[6] = {0}, first[3] = {0};
+    ncgen_real *second = w->moments + 9 * link, *first = second + 6;
+    for (int i = 0; i < 9; ++i)
+        second[i] = 0;
     for (int a = 0; a < count; ++a)
         lever_of(w, link, members[a], w->member + 3 * a);
     for (int a = 0; a < count; ++a) {
@@ -206,6 +208,27 @@ int ncgen_tree_factor(ncgen_tree_work *w)
         }
     }
     return is_regular & close_groups(w, -1);
+}
+
+/* Of a rigid body with P = sum of m x y' and h = sum of m x: I a + h x v + (P w) x w, and a x h + m v + w x (w x h). */
+void ncgen_tree_take_inertial(ncgen_tree_work *w)
+{
+    for (int link = 0; link < w->tree->n_links; ++link) {
+        const ncgen_real *second = w->moments + 9 * link, *first = second + 6;
+        const ncgen_real *turning = w->twist + 6 * link, *change = w->change + 6 * link, *lift = change + 3;
+        const ncgen_real trace = second[0] + second[1] + second[2], factor = -w->total[link];
+        ncgen_real *moment = w->wrench + 6 * link, *force = moment + 3, spun[3], moved[3];
+        ncgen_turned(second, change, spun); /* I a = tr(P) a - P a */
+        ncgen_add_times(-trace, change, moment);
+        ncgen_add_times(1, spun, moment);
+        ncgen_add_cross(lift, first, moment);
+        ncgen_turned(second, turning, spun);
+        ncgen_add_cross(turning, spun, moment);
+        ncgen_add_cross(first, change, force);
+        ncgen_add_times(factor, lift, force);
+        ncgen_cross(first, turning, moved);
+        ncgen_add_cross(turning, moved, force);
+    }
 }
 
 static ncgen_real dot6(const ncgen_real *a, const ncgen_real *b)

@@ -12,6 +12,7 @@ typedef struct ncgen_tree_work {
     ncgen_real *mass;     /* values of M */
     ncgen_real *square;   /* of every link: masses between its members, symmetric */
     ncgen_real *total;    /* of a link: the mass of its members */
+    ncgen_real *moments;  /* 9 a link: sum of m x y' of its members as xx, yy, zz, xy, xz, yz, and of their points m x */
     ncgen_real *member;   /* 3 a member of a link */
     ncgen_real *lever;    /* 3 an element: from its link's reference point, of a vector itself */
     ncgen_real *axis;     /* 3 a screw */

@@ -155,10 +155,10 @@ class EventJacobians:
             elif event == k:
                 rates[kernels.index[coordinate_of(name)]] = values[number]
         if rates:
-            rows = np.eye(n)[list(rates)]
-            mu, _ = self._impulses(done, rows)
-            balance, constraints, *_ = (self._along(a, time, after) for a in self.tangents.impact(done.before, done.after.qd, mu, {}))
-            x, _ = solved(self.kernels, done.before, rows, -balance, np.vstack([-constraints, np.array(list(rates.values()))]))
+            at, rows = replace(done.before, p=done.after.p), np.eye(n)[list(rates)]  # on the constraints with their new parameters
+            mu, _ = self._impulses(at, done.after.qd, rows)
+            balance, constraints, *_ = (self._along(a, time, after) for a in self.tangents.impact(at, done.after.qd, mu, {}))
+            x, _ = solved(kernels, at, rows, -balance, np.vstack([-constraints, np.array(list(rates.values()))]))
             after[n : 2 * n] = x
         return after
 
@@ -167,7 +167,7 @@ class EventJacobians:
         functions, n, at = self.functions, self.n, done.before
         slopes, drift = functions.slopes(at)
         rows = slopes[list(done.events)]
-        mu, impulses = self._impulses(done, rows)
+        mu, impulses = self._impulses(at, done.after.qd, rows)
         push = dict(zip(done.events, (-impulses).tolist(), strict=True))
         jacobians = self.tangents.impact(at, done.after.qd, mu, push)
         balance, constraints, before, after = (self._along(a, time, change) for a in jacobians)
@@ -193,12 +193,12 @@ class EventJacobians:
         names = [where for where, _ in self.functions.named_values[first:]]
         return values[first + names.index(words)]
 
-    def _impulses(self, done: Done, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Those of the constraints (m,), and along other rows (k, n), that change velocities as they changed."""
-        jump = done.after.qd - done.before.qd
-        right = np.concatenate([np.zeros(self.kernels.m), rows @ jump])[:, None]
-        _, y = solved(self.kernels, done.before, rows, np.zeros((self.n, 1)), right)
-        return y[: self.kernels.m, 0], y[self.kernels.m :, 0]
+    def _impulses(self, at: State, qd: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Those of the constraints (m,), and along other rows (k, n), that change velocities to qd (n,)."""
+        kernels, jump = self.kernels, qd - at.qd
+        right = np.concatenate([kernels.jacobian(at.q, at.t, at.p) @ jump, rows @ jump])[:, None]
+        _, y = solved(kernels, at, rows, np.zeros((self.n, 1)), right)
+        return y[: kernels.m, 0], y[kernels.m :, 0]
 
     # -- modes ---------------------------------------------------------------------------------
 

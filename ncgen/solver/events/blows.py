@@ -18,22 +18,22 @@ from typing import TypeAlias
 
 import numpy as np
 
-SWEEPS = 20_000
+MAX_SWEEPS = 20_000
 """Projections of all contacts in turn."""
 
-MOST_TRIED = 4
+MAX_TRIED = 4
 """Contacts in the plane of which all that they may do together is tried; of more, projections tell what they do."""
 
-INSIDE = 1e-7
+CONE_TOLERANCE = 1e-7
 """An impulse that is shorter than the radius of its disc by this share is inside it."""
 
 Manner: TypeAlias = "tuple[bool, np.ndarray | None]"
 """What a contact does: whether its gap does not open, and the direction (d,) in which it slides, None where it sticks."""
 
-SAME = 1e-15
+SWEEP_ROUNDING = 1e-15
 """Changes of a sweep, relative to the impulses, that are rounding."""
 
-CLOSE = 1e-10
+LAW_TOLERANCE = 1e-10
 """What the laws may miss, relative to the velocities and impulses."""
 
 
@@ -69,11 +69,11 @@ def simultaneous(G: np.ndarray, u: np.ndarray, blows: Sequence[Blow]) -> np.ndar
 def _solved(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.ndarray) -> np.ndarray | None:
     """Impulses whose velocities G Λ + bias obey the laws without restitution; least: of the impulses along gaps."""
     choices = [_manners(len(blow.places) - 1) for blow in blows]
-    if all(choices) and len(blows) <= MOST_TRIED:
-        found = (_of_manners(G, bias, blows, least, manners) for manners in product(*choices))
-        return next((impulses for impulses in found if _obeys(G, bias, blows, least, impulses)), None)
+    if all(choices) and len(blows) <= MAX_TRIED:
+        solutions = (_of_manners(G, bias, blows, least, manners) for manners in product(*choices))
+        return next((impulses for impulses in solutions if _obeys(G, bias, blows, least, impulses)), None)
     impulses = least.copy()
-    for _ in range(SWEEPS):
+    for _ in range(MAX_SWEEPS):
         before = impulses.copy()
         for blow in blows:
             gap, across = blow.places[0], blow.places[1:]
@@ -82,7 +82,7 @@ def _solved(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.nd
                 size = float(np.max(np.diag(G)[across]))
                 new = impulses[across] - (G[across] @ impulses + bias[across]) / size
                 impulses[across] = _into(new, blow.friction * impulses[gap])
-        if np.max(np.abs(impulses - before)) <= SAME * np.max(np.abs(impulses)):
+        if np.max(np.abs(impulses - before)) <= SWEEP_ROUNDING * np.max(np.abs(impulses)):
             break
     manners = [_manner(G @ impulses + bias, impulses, blow, least) for blow in blows]
     exact = _of_manners(G, bias, blows, least, manners)
@@ -119,15 +119,15 @@ def _manner(velocity: np.ndarray, impulses: np.ndarray, blow: Blow, least: np.nd
     """What a contact with this impulse does."""
     gap, across = blow.places[0], blow.places[1:]
     limit, push, speed = blow.friction * impulses[gap], float(np.linalg.norm(impulses[across])), float(np.linalg.norm(velocity[across]))
-    sticks = push < limit * (1 - INSIDE) or not len(across) or not speed
+    sticks = push < limit * (1 - CONE_TOLERANCE) or not len(across) or not speed
     return bool(impulses[gap] > least[gap]), None if sticks else velocity[across] / speed
 
 
 def _obeys(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.ndarray, impulses: np.ndarray) -> bool:
     """Whether impulses and their velocities obey the laws, but for rounding."""
     velocity = G @ impulses + bias
-    slack = CLOSE * float(np.max(np.abs(bias), initial=0.0) + np.max(np.abs(G) @ np.abs(impulses), initial=0.0))
-    size = CLOSE * float(np.max(np.abs(impulses), initial=0.0))
+    slack = LAW_TOLERANCE * float(np.max(np.abs(bias), initial=0.0) + np.max(np.abs(G) @ np.abs(impulses), initial=0.0))
+    size = LAW_TOLERANCE * float(np.max(np.abs(impulses), initial=0.0))
     for blow in blows:
         gap, across = blow.places[0], blow.places[1:]
         if velocity[gap] < -slack or impulses[gap] < least[gap] - size:

@@ -36,7 +36,7 @@ class EventTangents:
         return self._columns(self._actions, "value_tangent", at) if self.functions.named_values else np.zeros((0, len(self._seeds)))
 
     def impact(self, at: State, after: np.ndarray, mu: np.ndarray, push: Mapping[int, float]) -> tuple[np.ndarray, ...]:
-        """Of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n, N), of Φ_q (q̇⁺ − q̇) (m, N) and of all gaps' velocities before and after, (gaps, N) each.
+        """Of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n, N), of Φ_q q̇⁺ − ν (m, N) and of all gaps' velocities before and after, (gaps, N) each.
 
         after (n,): q̇⁺; mu (m,): impulses of the constraints; push: {number of an event: impulse of its gap}
         """
@@ -63,7 +63,7 @@ class EventTangents:
         sizes = {"condition_tangent": len(conditions) + count_of(held)}
         return functions_of(
             mode,
-            _word([*conditions, *((each.words, each.static) for each in loads)]),
+            _word("conditions", [*conditions, *((each.words, each.static) for each in loads)]),
             {name: INPUTS[name] for name in sizes},
             sizes,
             self._counts,
@@ -80,11 +80,11 @@ class EventTangents:
         sizes = {"value_tangent": len(values)} if values else {}
         sizes["impact_tangent"] = kernels.n + kernels.m + 2 * len(gaps)
         return functions_of(
-            kernels, _word([*values, *gaps]), {name: INPUTS[name] for name in sizes}, sizes, self._counts,
+            kernels, _word("actions", [*values, *gaps]), {name: INPUTS[name] for name in sizes}, sizes, self._counts,
             lambda: assemble_action_tangents(kernels.programs.equations, values, gaps),
         )  # fmt: skip
 
 
-def _word(expressions: list) -> str:
+def _word(what: str, expressions: list) -> str:
     """A word for functions of these (words, expression)."""
-    return f"event_tangents_{hashlib.sha256(repr([(where, str(e)) for where, e in expressions]).encode()).hexdigest()[:16]}"
+    return f"tangents_of_{what}_{hashlib.sha256(repr([(where, str(e)) for where, e in expressions]).encode()).hexdigest()[:16]}"

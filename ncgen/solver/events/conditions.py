@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.conditions import LINEAR, QUADRATIC, UNWATCHED, Conditions
+from ncgen.mechanism.conditions_in_c import LINEAR, QUADRATIC, UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.program_functions import CompiledFunctions, functions
 from ncgen.model.actions import Change
@@ -19,14 +19,14 @@ from ncgen.model.events import Event, Lock
 from ncgen.model.frictions import Friction
 from ncgen.model.one_sided import Ratchet
 from ncgen.model.values import Scalar, Value, is_number, symbol_of
-from ncgen.program.motions.conditions import INPUTS, assemble_conditions, degree_of
+from ncgen.program.motions.event_programs import INPUTS, assemble_conditions, degree_of
 from ncgen.solver.events.modes import Held, LoadConditions, variant
 from ncgen.solver.events.state import State
 from ncgen.solver.runs.stop import DIRECTIONS, StopCondition
 from ncgen.solver.trajectories.happening import Search
 from ncgen.toolchain.abi import InC
 
-NOISE = {LINEAR: 1000 * float(np.finfo(float).eps), QUADRATIC: 20000 * float(np.finfo(float).eps)}
+VALUE_ROUNDING = {LINEAR: 1000 * float(np.finfo(float).eps), QUADRATIC: 20000 * float(np.finfo(float).eps)}
 """Values below this times the sizes of their terms have no sign, as in ncgen_inside.c."""
 
 
@@ -116,8 +116,8 @@ class EventFunctions:
 
     def values(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """The conditions' values, and the sizes of their terms, (C,) each."""
-        found = self._call("conditions", at)
-        return found[::2], found[1::2]
+        pairs = self._call("conditions", at)
+        return pairs[::2], pairs[1::2]
 
     def scales(self, at: State) -> np.ndarray:
         """What the conditions' values are compared with, (C,): the sizes of their terms, and what moving by natural sizes changes."""
@@ -130,8 +130,8 @@ class EventFunctions:
 
     def slopes(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """Gradients ∂/∂q (C, n) and ∂/∂t (C,)."""
-        found = self._slopes(at)
-        return found[:, : self.kernels.n], found[:, -1]
+        gradients = self._slopes(at)
+        return gradients[:, : self.kernels.n], gradients[:, -1]
 
     def rate_slopes(self, at: State) -> np.ndarray:
         """Gradients ∂/∂q̇ (C, n)."""
@@ -144,8 +144,8 @@ class EventFunctions:
         """First and second derivatives along the motion (C,), the second of conditions without velocities; qdd (n,): accelerations."""
         if not self.count:
             return np.empty(0), np.empty(0)
-        found = self._functions("condition_rates", at.t, at.q, at.qd, qdd, self.kernels.present(at.t, at.p))
-        return found[: self.count], found[self.count :]
+        derivatives = self._functions("condition_rates", at.t, at.q, at.qd, qdd, self.kernels.present(at.t, at.p))
+        return derivatives[: self.count], derivatives[self.count :]
 
     def raw(self, name: str) -> InC:
         """The function in C itself."""
@@ -154,18 +154,18 @@ class EventFunctions:
     def numbers(self, at: State) -> dict[int, dict[str, float]]:
         """{position of the event: {name: new value}} of what actions change."""
         names = [(k, name) for k, name, _ in changes_of(self.events)]
-        found = self._call("action_values", at) if names else ()
-        told: dict[int, dict[str, float]] = {}
-        for (k, name), value in zip(names, found, strict=True):
-            told.setdefault(k, {})[name] = float(value)
-        return told
+        values_of_actions = self._call("action_values", at) if names else ()
+        by_event: dict[int, dict[str, float]] = {}
+        for (k, name), value in zip(names, values_of_actions, strict=True):
+            by_event.setdefault(k, {})[name] = float(value)
+        return by_event
 
     def _call(self, name: str, at: State) -> np.ndarray:
         if not self.count and name in ("conditions", "condition_slopes"):
             return np.empty(0)
         last, numbers = self._last.get(name, (None, None))
         if last is not at or numbers is None:
-            numbers = self._functions(name, at.t, at.q, at.qd, self.kernels.present(at.t, at.p))
+            numbers = self._functions.at_state(name, at.t, (at.q, at.qd, self.kernels.present(at.t, at.p)))
             self._last[name] = at, numbers
         return numbers
 
@@ -211,12 +211,12 @@ class EventFunctions:
         if not self.contacts:
             return {}
         numbers = self._call("contact_velocities", at)
-        sizes, n, found, place = [len(c.sliding) for c in self.contacts.values()], self.kernels.n, {}, 0
+        sizes, n, velocities, place = [len(c.sliding) for c in self.contacts.values()], self.kernels.n, {}, 0
         slopes = numbers[sum(sizes) :].reshape(sum(sizes), n)
         for k, size in zip(self.contacts, sizes, strict=True):
-            found[k] = numbers[place : place + size], slopes[place : place + size]
+            velocities[k] = numbers[place : place + size], slopes[place : place + size]
             place += size
-        return found
+        return velocities
 
     def place(self, of: Friction | Ratchet | Lock, at: State) -> float:
         """Where what is held is (m or rad)."""
@@ -266,11 +266,11 @@ class EventFunctions:
         }
         sizes = {name: size for name, size in sizes.items() if size}
         counts = {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)}
-        told = hashlib.sha256(
+        digest = hashlib.sha256(
             repr([(where, str(e)) for where, e in (*conditions, *values, *self._elements, *slides)]).encode()
         ).hexdigest()[:16]
         made = functions(
-            kernels, f"events_{told}", {name: INPUTS[name] for name in sizes}, sizes, counts,
+            kernels, f"events_{digest}", {name: INPUTS[name] for name in sizes}, sizes, counts,
             lambda: assemble_conditions(kernels.programs.equations, conditions, values, self._elements, slides),
         )  # fmt: skip
         if not isinstance(made, CompiledFunctions):
@@ -289,8 +289,8 @@ def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:
 
     if is_symbolic(when) and {s.name for s in symbols_in(when)} & set(kernels.inputs):
         return None  # it may change in any way
-    found = degree_of(when, {*kernels.coordinates, *map(rate_name, kernels.coordinates)})
-    return max(found, 1) if found is not None and found <= 2 else None
+    degree = degree_of(when, {*kernels.coordinates, *map(rate_name, kernels.coordinates)})
+    return max(degree, 1) if degree is not None and degree <= 2 else None
 
 
 def most_degree(kernels: Kernels) -> int:

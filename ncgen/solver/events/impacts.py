@@ -17,10 +17,10 @@ import scipy.optimize
 from ncgen.errors import ConvergenceError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.blows import Blow, simultaneous
+from ncgen.solver.events.mobility import response
 from ncgen.solver.events.state import State
-from ncgen.solver.formalisms.projection import least_energy
 
-MOST_TURNS = 10_000
+MAX_ROUNDS = 10_000
 """Impacts in turn at one instant, after which they are said to accumulate."""
 
 OPENING = 1e-12
@@ -70,13 +70,9 @@ class Gaps:
         self.normal = np.array([place[0] for place in self.places])
         self.drift = np.zeros(len(self.W))
         self.drift[self.normal] = [gap.drift for gap in gaps]
-        n, sizes = kernels.n, kernels.column_sizes
+        sizes = kernels.column_sizes
         self._rounding = OPENING * (np.abs(self.W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(self.drift))
-        force = (sizes * self.W).T
-        change, _ = least_energy(kernels, at.q, at.t, at.p).solve(force, np.zeros((kernels.m, len(self.W))))
-        scaled = sizes**2 * kernels.mass(at.q, at.t, at.p).diagonal()
-        unit = float(np.max(scaled, initial=0.0)) or 1.0  # that `least_energy` measures inertia in
-        self.response = sizes[:, None] * change.reshape(n, len(self.W)) / unit
+        self.response = response(kernels, at, self.W)
         self.G = self.W @ self.response
         if (stuck := np.flatnonzero(np.diag(self.G)[self.normal] <= 0)).size:
             raise SingularError(
@@ -119,7 +115,7 @@ class Gaps:
     def in_turn(self, qd: np.ndarray, where: str) -> Hit:
         """One gap after the other, the one that closes fastest first, until none does. Raises ConvergenceError where that has no end."""
         before, impulses, lost, turns = qd, np.zeros(len(self.W)), np.zeros(len(self.gaps)), list[tuple[tuple[int, ...], np.ndarray]]()
-        for _ in range(MOST_TURNS):
+        for _ in range(MAX_ROUNDS):
             closing = np.flatnonzero(self.closing(qd))
             if not len(closing):
                 return self._hit(qd, impulses, lost, turns)
@@ -131,7 +127,7 @@ class Gaps:
             turns.append(((k,), qd))
             lost[k] -= float(push @ (u + self.velocities(qd))) / 2
         raise ConvergenceError(
-            f"{where}: impacts of {', '.join(self.names)} in turn do not end after {MOST_TURNS} of them, velocities from "
+            f"{where}: impacts of {', '.join(self.names)} in turn do not end after {MAX_ROUNDS} of them, velocities from "
             f"{np.max(np.abs(before)):.3g} to {np.max(np.abs(qd)):.3g}; take order='simultaneous'"
         )
 
@@ -140,13 +136,13 @@ class Gaps:
         blows = [
             Blow(self.places[k], gap.restitution, gap.friction, gap.tangential, gap.is_poisson) for k in chosen for gap in [self.gaps[k]]
         ]
-        found = simultaneous(self.G, u, blows)
-        if found is None:
+        impulses = simultaneous(self.G, u, blows)
+        if impulses is None:
             names = ", ".join(self.names[k] for k in chosen)
             raise ConvergenceError(
                 f"{where}: no impulses of {names} satisfy the laws of impact and friction together; take less friction, or order='in turn'"
             )
-        return found
+        return impulses
 
     def _hit(self, qd: np.ndarray, impulses: np.ndarray, lost: np.ndarray, turns: Sequence[tuple[tuple[int, ...], np.ndarray]]) -> Hit:
         normal = impulses[self.normal]

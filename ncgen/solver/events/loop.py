@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.conditions import UNWATCHED, Conditions
+from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.events.actions import CLOSED, Instant
-from ncgen.solver.events.conditions import NOISE, EventFunctions
+from ncgen.solver.events.active_constraints import ActiveConstraints
+from ncgen.solver.events.conditions import VALUE_ROUNDING, EventFunctions
+from ncgen.solver.events.instants import GAP_TOLERANCE, Instant
 from ncgen.solver.events.modes import Mode, count_of, load_conditions, rank_of
 from ncgen.solver.events.passage import Passage
-from ncgen.solver.events.settling import Settling
 from ncgen.solver.events.state import Occurrence, State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.runs.path import Path
@@ -33,12 +33,12 @@ def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, pas
 
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
-    loop = Loop(engine, kernels, State(float(task.grid[0]), task.q, task.velocities, task.p), passage)
+    loop = EventLoop(engine, kernels, State(float(task.grid[0]), task.q, task.velocities, task.p), passage)
     ends = loop.begin()
     return loop.run(path, task, ends)
 
 
-class Loop:
+class EventLoop:
     """The state of a run between two events: at, work (J), signs (C,): sides on which conditions begin; what is held, and the kernels of
     that mode; first_step (s): what C tries first, 0 for its own choice."""
 
@@ -48,7 +48,7 @@ class Loop:
     def __init__(self, engine: Engine, kernels: Kernels, at: State, passage: Passage) -> None:
         self.engine, self.kernels, self.passage = engine, kernels, passage
         self.functions = EventFunctions(kernels)
-        self.settling = Settling(self.functions)
+        self.active_constraints = ActiveConstraints(self.functions)
         self.at, self.work, self.first_step = at, 0.0, 0.0
         self.signs = np.zeros(self.functions.count, dtype=int)
         self.held: tuple[int, ...] = ()
@@ -81,22 +81,22 @@ class Loop:
         task, first, path, at = self.task, len(self.path.q), self.path, self.at
         ahead = task.grid[first:]
         fresh = int(not (len(ahead) and ahead[0] == at.t))
-        looks = np.append(np.zeros(fresh, dtype=bool), task.looks_from(first))
-        settling, held = self.settling, self.held
-        loads = load_conditions(self.functions, self.mode, tuple(settling.rows[k] for k in held)) if held else None
-        conditions = self.functions.watched(self.signs, task.stop, settling.directions(held, at.p), loads)
-        here = replace(
-            task, grid=np.concatenate([[at.t] * fresh, ahead]), looks=looks, q=at.q, velocities=at.qd, p=at.p, conditions=conditions,
+        extra_times = np.append(np.zeros(fresh, dtype=bool), task.looks_from(first))
+        active, held = self.active_constraints, self.held
+        loads = load_conditions(self.functions, self.mode, tuple(active.rows[k] for k in held)) if held else None
+        conditions = self.functions.watched(self.signs, task.stop, active.directions(held, at.p), loads)
+        part_task = replace(
+            task, grid=np.concatenate([[at.t] * fresh, ahead]), looks=extra_times, q=at.q, velocities=at.qd, p=at.p, conditions=conditions,
             rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step, stop_when_stiff=False,
         )  # fmt: skip
         try:
-            return self.engine(part, self.mode, here)
+            return self.engine(part, self.mode, part_task)
         finally:
             count = len(part.q) - (part.stopped is not None)
             rows = slice(fresh, max(count, fresh))
             path.extend(part.q[rows], part.qd[rows], part.work[rows] + self.work, part.counts)
             path.take_counts(part)
-            task.looked_at(first, here.grid[rows])
+            task.looked_at(first, part_task.grid[rows])
             self.first_step = part.next_step
             if part.stopped is not None:
                 self.at = replace(at, t=part.stopped, q=part.q[-1], qd=part.qd[-1])
@@ -123,12 +123,12 @@ class Loop:
     def _due(self, crossed: tuple[int, ...]) -> dict[int, Search]:
         """Conditions of the mechanism that crossed; those of loads become constraints that are released."""
         functions = self.functions
-        self.settling.release(self.held, [k - functions.count for k in crossed if k >= functions.count], self.mode, self.at)
+        self.active_constraints.release(self.held, [k - functions.count for k in crossed if k >= functions.count], self.mode, self.at)
         return {k: functions.searches[k] for k in crossed if k < functions.count}
 
     def _is_stop(self, crossed: tuple[int, ...]) -> bool:
         """Whether the run was told to stop there: that condition follows those of the mechanism and of the loads."""
-        return self.task.stop is not None and self.functions.count + count_of(self.settling.rows[k] for k in self.held) in crossed
+        return self.task.stop is not None and self.functions.count + count_of(self.active_constraints.rows[k] for k in self.held) in crossed
 
     def begin(self) -> bool:
         """Events at the start: a condition that is zero there and moves on in its direction. Returns whether the run ends there.
@@ -140,16 +140,16 @@ class Loop:
         rates, _ = functions.rates(at, self._accelerations())
         due: dict[int, Search] = {}
         for k, event in enumerate(functions.events):
-            is_zero = abs(values[k]) <= CLOSED * scales[k]
+            is_zero = abs(values[k]) <= GAP_TOLERANCE * scales[k]
             if event.impact and values[k] < 0 and not is_zero:
                 raise ModelError(
                     f"event {event.name}: the gap is {values[k]:.6g} at the start; begin where it is not below 0, or make it another event"
                 )
-            moves = rates[k] and not (event.impact and self.settling.is_still(k, at))
+            moves = rates[k] and not (event.impact and self.active_constraints.is_still(k, at))
             if is_zero and moves and (np.sign(rates[k]) == functions.directions[k] or not functions.directions[k]):
                 due[k] = "start"
             self.signs[k] = 1 if event.impact else int(np.sign(rates[k] if is_zero else values[k]))
-        self.at = self.settling.begin(at)
+        self.at = self.active_constraints.begin(at)
         self._note_parameters(at)
         self.passage.begun = self.at
         return self._act(due, True) if due or functions.can_hold else False
@@ -168,12 +168,13 @@ class Loop:
 
     def watched(self) -> Conditions:
         """The conditions of the mechanism where nothing is held."""
-        return self.functions.watched(self.signs, None, self.settling.directions((), self.at.p), None)
+        return self.functions.watched(self.signs, None, self.active_constraints.directions((), self.at.p), None)
 
     def go_to(self, at: State, signs: np.ndarray, held: tuple[int, ...]) -> None:
         """Take on a state that the loop was in before."""
         self.at, self.signs, self.held = at, signs, held
-        self.mode = self.functions.mode(at, [self.settling.rows[k] for k in held])
+        self.mode = self.functions.mode(at, [self.active_constraints.rows[k] for k in held])
+        self.active_constraints.look(at, held)
 
     def _act(self, due: dict[int, Search], is_start: bool = False, crossed: tuple[int, ...] = ()) -> bool:
         """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
@@ -188,17 +189,19 @@ class Loop:
         ended = [name for name, _ in rests.values() if self.functions.named[name].impact.rest == "end"]  # type: ignore[union-attr]
         resting = [k for k in rests if self.functions.events[k].name not in ended]
         unhit = self.held if np.array_equal(before.qd, self.at.qd) else ()
-        found = self.settling.settle(self.at, self.held, due, [*resting, *instant.stuck, *unhit], before.qd)
-        self.at = found.at
-        self._note(before, instant.happened, found.happened, dict(rests.values()))
+        active = self.active_constraints.find(self.at, self.held, due, [*resting, *instant.stuck, *unhit], before.qd)
+        held, changes = self.held, (active.held, active.at.locked) != (self.held, before.locked)
+        self.go_to(active.at, self.signs, active.held)
+        self._note(before, instant.happened, active.happened, dict(rests.values()))
         self._set_signs(due)
-        happened = (*instant.happened, *found.happened)
+        happened = (*instant.happened, *active.happened)
         stops = instant.stops or bool(ended)
-        self.passage.instants.append(Occurrence(before, self.at, self.held, found.held, crossed, tuple(instant.done), stops, happened))
-        if (found.held, self.at.locked) != (self.held, before.locked):
-            self.go_to(self.at, self.signs, found.held)
+        self.passage.instants.append(Occurrence(before, self.at, held, active.held, crossed, tuple(instant.done), stops, happened))
+        if changes:
             self.first_step = 0.0
-            self.passage.modes.append(Mode(self.at.t, (*self.at.locked, *(self.settling.rows[k].name for k in found.held)), self.mode))
+            self.passage.modes.append(
+                Mode(self.at.t, (*self.at.locked, *(self.active_constraints.rows[k].name for k in active.held)), self.mode)
+            )
         if ended:
             self.passage.rests = f"event {ended[0]}: bounces accumulate at t = {dict(rests.values())[ended[0]]:.9g} s, where the run ends"
         return stops
@@ -206,8 +209,9 @@ class Loop:
     def _note(self, before: State, happened: list[Happening], modes: list[Happening], limits: dict[str, float]) -> None:
         """Add what happened to what the run has met, and its energy to the work."""
         kernels, passage = self.kernels, self.passage
-        energies = [float(np.sum(kernels.energy(at.q, at.qd, at.t, at.p)[:2])) for at in (before, self.at)]
-        self.work += energies[1] - energies[0]
+        if happened or before.q is not self.at.q or before.qd is not self.at.qd:  # else only what slips and sticks is other
+            energies = [float(np.sum(kernels.energy(at.q, at.qd, at.t, at.p)[:2])) for at in (before, self.at)]
+            self.work += energies[1] - energies[0]
         self._note_parameters(before)
         for each in (*happened, *modes):
             passage.happened.append(replace(each, limit=limits.get(each.name)))
@@ -218,36 +222,39 @@ class Loop:
             self.passage.changes.append((self.at.t, self.at.p))
 
     def _set_signs(self, due: dict[int, Search]) -> None:
-        """The side on which each condition goes on: beyond zero for those that happened, else where it is."""
+        """The side on which each condition continues: beyond zero for those that happened, else where it is."""
         functions = self.functions
         now, scales = functions.weighed(self.at)
-        clear = np.abs(now) > CLOSED * scales
+        clear = np.abs(now) > GAP_TOLERANCE * scales
         self.signs = np.where(clear, np.sign(now), self.signs).astype(int)
         for k in due:
             if k < len(functions.events):
                 way = functions.directions[k]
                 self.signs[k] = int(way) if way else (int(np.sign(now[k])) if clear[k] else 0)
-        ways = self.settling.directions(self.held, self.at.p)
+        ways = self.active_constraints.directions(self.held, self.at.p)
         for k in range(len(functions.events), functions.count):
             self.signs[k] = 0 if ways[k] == UNWATCHED else -int(ways[k])
-        for k in self.settling.left:
+        for k in self.active_constraints.left:
             if k < len(functions.events):
                 self.signs[k] = 1
 
     def _resting(self, due: dict[int, Search]) -> dict[int, tuple[str, float]]:
         """{number: (name, limit time in s)} of gaps that closed and whose next bounce cannot be told from none."""
-        found: dict[int, tuple[str, float]] = {}
+        resting_gaps: dict[int, tuple[str, float]] = {}
         impacts = [k for k in due if k < len(self.functions.events) and self.functions.events[k].impact]
         if not impacts:
-            return found
+            return resting_gaps
         rates, second = self.functions.rates(self.at, self._accelerations())
         scales = self.functions.scales(self.at)
         for k in impacts:
             restitution = self.functions.restitution(k, self.at)
             speed, pull = max(float(rates[k]), 0.0), -float(second[k])
-            if pull > 0 and speed**2 / (2 * pull) <= AT_REST * NOISE[self.functions.degree] * scales[k]:
-                found[k] = self.functions.events[k].name, self.at.t + (2 * speed / pull / (1 - restitution) if restitution < 1 else 0.0)
-        return found
+            if pull > 0 and speed**2 / (2 * pull) <= AT_REST * VALUE_ROUNDING[self.functions.degree] * scales[k]:
+                resting_gaps[k] = (
+                    self.functions.events[k].name,
+                    self.at.t + (2 * speed / pull / (1 - restitution) if restitution < 1 else 0.0),
+                )
+        return resting_gaps
 
     def _accelerations(self) -> np.ndarray:
         at = self.at

@@ -24,7 +24,7 @@ from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.model.contacts import Contact
 from ncgen.model.values import Scalar, Value, as_sympy, evaluate
-from ncgen.program.motions.conditions import INPUTS, HeldLoad, assemble_mode_conditions
+from ncgen.program.motions.event_programs import INPUTS, HeldLoad, assemble_mode_conditions
 from ncgen.program.motions.multipliers import STATE
 from ncgen.program.motions.sliding import Sliding, assemble_friction
 from ncgen.solver.events.state import State
@@ -120,9 +120,9 @@ def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
     names = ", ".join(each.name for each in sliding)
     if why := refusal_of_multipliers(kernels):
         raise ModelError(f"{kernels.name}: contact {names} cannot slide with friction: {why}; leave its friction out")
-    told = hashlib.sha256(repr([(s.name, s.row, str(s.friction), str(s.velocity), s.slip) for s in sliding]).encode()).hexdigest()[:16]
+    digest = hashlib.sha256(repr([(s.name, s.row, str(s.friction), str(s.velocity), s.slip) for s in sliding]).encode()).hexdigest()[:16]
     made = functions_of(
-        kernels, f"friction_{told}", {"friction_forces": STATE}, {"friction_forces": kernels.n},
+        kernels, f"friction_{digest}", {"friction_forces": STATE}, {"friction_forces": kernels.n},
         {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)},
         lambda: assemble_friction(kernels.programs.equations, motion_sizes(kernels), sliding),
     )  # fmt: skip
@@ -195,19 +195,19 @@ class _Compiled(LoadConditions):
         conditions, loads, sliding = functions.conditions, held_loads(mode, held), sliding_of(mode, held)
         words = [str((e.words, e.row, e.static, e.grip, e.directions)) for e in loads]
         words += [*(str((s.row, s.velocity, s.friction)) for s in sliding), *(str(pair) for pair in conditions)]
-        told = hashlib.sha256(repr(words).encode()).hexdigest()[:16]
+        digest = hashlib.sha256(repr(words).encode()).hexdigest()[:16]
         counts = {"q": mode.n, "qd": mode.n, "p": len(mode.p0)}
         self.count = count_of(held)
         made = functions_of(
-            mode, f"mode_{told}", {"conditions": INPUTS["conditions"]}, {"conditions": 2 * (len(conditions) + self.count)}, counts,
+            mode, f"mode_{digest}", {"conditions": INPUTS["conditions"]}, {"conditions": 2 * (len(conditions) + self.count)}, counts,
             lambda: assemble_mode_conditions(mode.programs.equations, conditions, loads, sliding, motion_sizes(mode), mode.row_sizes),
         )  # fmt: skip
         assert isinstance(made, CompiledFunctions), "events need compiled kernels"
         self._function, self.address, self._first = made, made.address("conditions"), 2 * len(conditions)
 
     def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:
-        found = self._function("conditions", at.t, at.q, at.qd, at.p)[self._first :]
-        return found[::2], found[1::2]
+        pairs = self._function.at_state("conditions", at.t, (at.q, at.qd, at.p))[self._first :]
+        return pairs[::2], pairs[1::2]
 
 
 class _InPython(LoadConditions):
@@ -235,15 +235,15 @@ class _InPython(LoadConditions):
     def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         rows = self._mode.row_sizes
         lam = accelerations_by("lagrange").motion(self._mode, at.q, at.qd, at.t, at.p, {}).lam
-        found, total = [], float(np.sum(rows * np.abs(lam)))
+        margins, total = [], float(np.sum(rows * np.abs(lam)))
         for each, load in zip(self._held, held_loads(self._mode, self._held), strict=True):
             k, most = load.row, self._functions.limit(each, at)
             if load.grip:
                 square = (most * lam[load.grip[0]]) ** 2
-                found.append((square - np.sum(lam[k : k + load.directions] ** 2), square + (total / rows[k]) ** 2))
+                margins.append((square - np.sum(lam[k : k + load.directions] ** 2), square + (total / rows[k]) ** 2))
             elif each.static is None:
-                found.append((-lam[k], total / rows[k]))
+                margins.append((-lam[k], total / rows[k]))
             else:
-                found += [(most + side * lam[k], most + total / rows[k]) for side in (1, -1)]
-        values, sizes = np.array(found).T
+                margins += [(most + side * lam[k], most + total / rows[k]) for side in (1, -1)]
+        values, sizes = np.array(margins).T
         return values, sizes

@@ -79,14 +79,15 @@ def _friction(functions: EventFunctions, sliding: Sliding, at: State) -> np.ndar
 
 def undetermined(functions: EventFunctions, sliding: Sequence[Sliding], at: State) -> ConvergenceError:
     """The refusal, with names, friction and place."""
-    told = []
+    contacts = []
     for k, contact in functions.contacts.items():
         if any(each.name == contact.name for each in sliding):
             place = ", ".join(f"{_number(functions, x, at):.6g}" for x in contact.place)
             where = f" at ({place}) m" if place else ""
-            told.append(f"{contact.name} with friction {functions.friction(k, at):g}{where}")
+            contacts.append(f"{contact.name} with friction {functions.friction(k, at):g}{where}")
     return ConvergenceError(
-        f"{functions.kernels.name}: at t = {at.t:.6g} s the load of contact {', '.join(told)} is not determined, its friction is too large "
+        f"{functions.kernels.name}: at t = {at.t:.6g} s the load of contact {', '.join(contacts)} is not determined, "
+        "its friction is too large "
         "for the direction in which it slides (Painlevé); take less friction, or a compliant contact"
     )
 

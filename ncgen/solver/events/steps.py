@@ -1,4 +1,4 @@
-"""A mechanism with events that goes on from call to call: the loop from event to event, begun anew where the last call ended."""
+"""A mechanism with events that is advanced from call to call: the loop from event to event, begun anew where the last call ended."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, warn
 from ncgen.mechanism.break_times import DOUBLE, MIN_GAP_ROUNDINGS, NO_BREAKS, break_times
-from ncgen.mechanism.conditions import Watched
+from ncgen.mechanism.conditions_in_c import Watched
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import Moving, MovingRow
@@ -18,7 +18,7 @@ from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.method import Method
 from ncgen.solver.engines import compiled
 from ncgen.solver.engines.segments import in_segments
-from ncgen.solver.events.loop import Loop
+from ncgen.solver.events.loop import EventLoop
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
@@ -94,7 +94,7 @@ class Steps:
 
     def _begin(self) -> None:
         now = self._now
-        loop = Loop(self._engine, self._kernels, State(now.t, now.q.copy(), now.qd.copy(), now.p.copy()), Passage())
+        loop = EventLoop(self._engine, self._kernels, State(now.t, now.q.copy(), now.qd.copy(), now.p.copy()), Passage())
         loop.work = now.work
         stopped = loop.begin()
         self._loop = loop

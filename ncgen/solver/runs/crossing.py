@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.mechanism.conditions import LINEAR as DEGREE
-from ncgen.mechanism.conditions import basis
+from ncgen.mechanism.conditions_in_c import LINEAR as DEGREE
+from ncgen.mechanism.conditions_in_c import basis
 
 PARTS = 2**30
 """Two changes of sign nearer to each other than 1 / PARTS are none."""
@@ -15,10 +15,10 @@ SAMPLES = np.arange(DEGREE + 1) / DEGREE
 
 
 class _Walk:
-    """What is known as parts of the interval are walked through from left to right: the last sign and where it was seen."""
+    """What is known as parts of the interval are walked through from left to right: the last sign, where it was seen, and if any was."""
 
     def __init__(self, direction: int, sign: int) -> None:
-        self.direction, self.sign, self.at, self.next = direction, sign, 0.0, 0.0
+        self.direction, self.sign, self.at, self.next, self.seen = direction, sign, 0.0, 0.0, False
 
     def turns(self, place: float, sign: int) -> bool:
         """Whether the sign at a place is the one that is waited for, and was the other one before."""
@@ -26,7 +26,7 @@ class _Walk:
         if self.sign * sign < 0 and sign * self.direction >= 0:
             return True
         if sign:
-            self.sign, self.at = sign, place
+            self.sign, self.at, self.seen = sign, place, True
         return False
 
 
@@ -58,8 +58,8 @@ def first_crossing(values: np.ndarray, noise: float, direction: int) -> tuple[fl
         place += width
         while width < PARTS and place % (2 * width) == 0:
             width *= 2
-    end = int(np.sign(values[-1])) or -walk.sign  # to end at zero is to get there
-    return (walk.at, walk.next) if walk.turns(1.0, end) else None
+    last = int(np.sign(values[-1]))  # to end at zero is to get there, but not to be there throughout
+    return (walk.at, walk.next) if (last or walk.seen) and walk.turns(1.0, last or -walk.sign) else None
 
 
 def _restricted(coefficients: np.ndarray, low: float, high: float) -> np.ndarray:

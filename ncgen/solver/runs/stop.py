@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ncgen.errors import ModelError, one_of, shown
-from ncgen.mechanism.conditions import Conditions
+from ncgen.mechanism.conditions_in_c import Conditions
 from ncgen.methods.table import is_real
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import Outline

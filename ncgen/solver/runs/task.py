@@ -9,7 +9,7 @@ from math import ceil
 import numpy as np
 
 from ncgen.mechanism.break_times import NO_BREAKS
-from ncgen.mechanism.conditions import Conditions
+from ncgen.mechanism.conditions_in_c import Conditions
 from ncgen.mechanism.driving import Function, InputPieces
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method

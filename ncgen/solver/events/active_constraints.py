@@ -11,23 +11,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ConvergenceError
-from ncgen.mechanism.conditions import UNWATCHED
+from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.events.actions import CLOSED
 from ncgen.solver.events.conditions import EventFunctions
+from ncgen.solver.events.instants import GAP_TOLERANCE
+from ncgen.solver.events.mobility import is_blocked
 from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of
 from ncgen.solver.events.rubbing import check_determined, is_prevented, undetermined
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
 
-SLACK = 1e-10
+LOAD_TOLERANCE = 1e-10
 """A load on the wrong side by less than this share of the largest is held."""
 
-CLEAR = 1e-6
+PROJECTED_TOLERANCE = 1e-6
 """The same where velocities are those before a projection, which moves them by a rounding."""
 
-STANDSTILL = 1e-9
+VELOCITY_TOLERANCE = 1e-9
 """A gap opens, or a joint or a contact slips, if its velocity is above this share of what it adds up."""
 
 TOGETHER = 1e-8
@@ -38,7 +39,7 @@ TURNING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class ActiveSet:
     """The state, the numbers of what is held in it, and what happened."""
 
     at: State
@@ -46,13 +47,14 @@ class Settled:
     happened: list[Happening] = field(default_factory=list)
 
 
-class Settling:
+class ActiveConstraints:
     """rows: {number of a condition: what holds it}. left: {number of what was released at this instant: the direction in which it slips}"""
 
     def __init__(self, functions: EventFunctions) -> None:
         self.functions, self.kernels = functions, functions.kernels
         self.rows = {row.number: row for row in functions.rows}
         self.left: dict[int, np.ndarray] = {}
+        self.blocked: list[int] = []
         self._prevented: set[int] = set()
         self._reserve = 0.0  # that contacts must have which go on sticking
         self._before = 0.0  # greatest velocity before the instant, with which what is left of others is compared
@@ -68,8 +70,19 @@ class Settling:
             ways[k] = -1 if gap in held and k not in held and k not in self._prevented else UNWATCHED
         for number, k in self.functions.turns.items():
             ways[number] = ways[k]
-        ways[list(held)] = UNWATCHED
+        ways[[*held, *self.blocked]] = UNWATCHED
         return ways
+
+    def look(self, at: State, held: tuple[int, ...]) -> None:
+        """Note which gaps that are closed, and which joints at rest, cannot move while others are held: they are not watched."""
+        functions, self.blocked = self.functions, []
+        others = [k for k in self.rows if k not in held and k not in functions.contacts] if held or at.locked else []
+        candidates = [k for k in others if self.is_still(k, at) and (k in functions.moving or self._is_closed(k, at))]
+        if candidates:
+            slopes, rates = functions.slopes(at)[0], functions.rate_slopes(at)
+            W = np.array([rates[k] if k in functions.moving else slopes[k] for k in candidates])
+            still = is_blocked(functions.mode(at, [self.rows[k] for k in held]), self.kernels, at, W)
+            self.blocked = [k for k, fixed in zip(candidates, still, strict=True) if fixed]
 
     def release(self, held: tuple[int, ...], crossed: list[int], mode: Kernels, at: State) -> None:
         """Note what the load conditions of these numbers release, and in which direction. Raises ConvergenceError where the loads of
@@ -98,12 +111,15 @@ class Settling:
             p[self._place(friction.slip)] = 0.0 if self.is_still(k, at) else np.sign(values[k])
         return replace(at, p=p)
 
-    def settle(self, at: State, held: tuple[int, ...], due: dict[int, Search], resting: Sequence[int], before: np.ndarray) -> Settled:
+    def find(self, at: State, held: tuple[int, ...], due: dict[int, Search], resting: Sequence[int], before: np.ndarray) -> ActiveSet:
         """The mode after an instant.
 
         resting: gaps whose bounces end, contacts that an impact leaves sticking, and those that nothing has hit; before (n,): velocities
         Raises ConvergenceError where no mode is found.
         """
+        if self.left and held and np.array_equal(before, at.qd):  # what begins to move begins with no velocity, not with one of rounding
+            mode = self.functions.mode(at, [self.rows[k] for k in held])
+            at = replace(at, qd=project_velocity(mode, at.q, at.qd, at.t, at.p))
         functions, start, released = self.functions, at, dict(self.left)
         self._before = self._speed(before)
         self._reserve = TOGETHER if any(self.rows[k].sticks for k in self.left) else 0.0
@@ -127,7 +143,7 @@ class Settling:
                 f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
             )
         self.left, self._prevented = released, self._held_by_others(wanted, at)
-        return Settled(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
+        return ActiveSet(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
 
     def _slipping(self, at: State, wanted: Sequence[int], released: Mapping[int, np.ndarray], due: Mapping[int, Search]) -> np.ndarray:
         """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""
@@ -169,20 +185,23 @@ class Settling:
             return k in due or self.is_still(k, at)
         if k in self.functions.contacts:
             return self.is_still(k, at) or (k in due and self._stops(k, at))
+        return self._is_closed(k, at) and self.is_still(k, at) and (k in held or k not in due)
+
+    def _is_closed(self, k: int, at: State) -> bool:
         values, scales = self.functions.weighed(at)
-        return bool(abs(values[k]) <= CLOSED * scales[k]) and self.is_still(k, at) and (k in held or k not in due)
+        return bool(abs(values[k]) <= GAP_TOLERANCE * scales[k])
 
     def is_still(self, k: int, at: State) -> bool:
         """Whether a gap does not change, or a joint or a contact does not move, but for rounding."""
         sizes = self.kernels.column_sizes
         speed = max(self._speed(at.qd), self._before)
         if k in self.functions.moving:
-            return abs(self.functions.values(at)[0][k]) <= STANDSTILL * (np.abs(self.functions.rate_slopes(at)[k]) @ sizes) * speed
+            return abs(self.functions.values(at)[0][k]) <= VELOCITY_TOLERANCE * (np.abs(self.functions.rate_slopes(at)[k]) @ sizes) * speed
         if k in self.functions.contacts:
             velocity, slopes = self.functions.sliding(at)[k]
-            return bool(np.all(np.abs(velocity) <= STANDSTILL * np.max(np.abs(slopes) @ sizes) * speed))
+            return bool(np.all(np.abs(velocity) <= VELOCITY_TOLERANCE * np.max(np.abs(slopes) @ sizes) * speed))
         slopes, drift = self.functions.slopes(at)
-        return bool(abs(slopes[k] @ at.qd + drift[k]) <= STANDSTILL * (np.abs(slopes[k]) @ sizes * speed + abs(drift[k])))
+        return bool(abs(slopes[k] @ at.qd + drift[k]) <= VELOCITY_TOLERANCE * (np.abs(slopes[k]) @ sizes * speed + abs(drift[k])))
 
     def _speed(self, qd: np.ndarray) -> float:
         """The greatest velocity (1/s) in natural sizes."""
@@ -206,12 +225,12 @@ class Settling:
         kernels = self.functions.mode(at, rows)
         loads, p, worst = load_conditions(self.functions, kernels, rows), self.kernels.present(at.t, at.p), None
         if all(k in self.functions.frictions for k in held):  # joints that stand still: their loads there say it without projecting
-            worst = self._worst(loads.at(replace(start, p=p)), held, before, CLEAR)
+            worst = self._worst(loads.at(replace(start, p=p)), held, before, PROJECTED_TOLERANCE)
         if worst is None:
             q, _ = project_position(kernels, start.q, at.t, at.p)
             at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
             check_determined(self.functions, kernels, rows, at)
-            worst = self._worst(loads.at(replace(at, p=p)), held, before, SLACK)
+            worst = self._worst(loads.at(replace(at, p=p)), held, before, LOAD_TOLERANCE)
         if worst and self.rows[worst[0]].sticks:
             worst = worst[0], self._onwards(kernels, held, worst[0], at)
         return at, worst
@@ -231,7 +250,7 @@ class Settling:
         for k in held:
             is_joint = k in self.functions.frictions
             for side in (-1.0, 1.0) if is_joint else (1.0,):
-                reserve = self._reserve if self.rows[k].sticks else 0.0 if is_joint or k in before else 2 * SLACK
+                reserve = self._reserve if self.rows[k].sticks else 0.0 if is_joint or k in before else 2 * LOAD_TOLERANCE
                 over = reserve - next(margins)
                 if over > excess:
                     worst, excess = (k, np.array([side])), over

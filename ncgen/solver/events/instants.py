@@ -14,12 +14,13 @@ from ncgen.model.actions import Call, Locking, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gap, Gaps, Hit
+from ncgen.solver.events.mobility import is_blocked
 from ncgen.solver.events.state import Done, State
 from ncgen.solver.formalisms.projection import least_energy, project_velocity, velocity_residual
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.trajectories.happening import LOCKS, Happening, Search
 
-MOST_ROUNDS = 1000
+MAX_ROUNDS = 1000
 """Rounds of events that bring about others at one instant."""
 
 GAIN = 1e-9
@@ -28,7 +29,7 @@ GAIN = 1e-9
 LOCKED = 1e-9
 """The largest share of its terms by which a velocity may miss the constraints after a lock has closed."""
 
-CLOSED = 1e-10
+GAP_TOLERANCE = 1e-10
 """A gap is closed where it is smaller than this share of its scale."""
 
 
@@ -57,7 +58,7 @@ class Instant:
         """
         events, done = self.functions.events, 0
         while due:
-            if (done := done + 1) > MOST_ROUNDS:
+            if (done := done + 1) > MAX_ROUNDS:
                 names = ", ".join(events[k].name for k in due)
                 raise ConvergenceError(
                     f"{self.kernels.name}: events {names} bring about each other without end at t = {self.at.t:.6g} s; "
@@ -73,7 +74,7 @@ class Instant:
     def turned(self, before: np.ndarray, done: Iterable[int]) -> dict[int, Search]:
         """Events, but for those done, whose conditions the last changes carried to the other side; before (C,): their values then."""
         after, scales = self.functions.weighed(self.at)
-        small, ways = CLOSED * scales, self.functions.directions
+        small, ways = GAP_TOLERANCE * scales, self.functions.directions
         ways = np.where(np.arange(len(ways)) < len(self.functions.events), ways, np.nan)  # velocities of joints and contacts are no events
         turned = (before * after < 0) & (np.abs(before) > small) & (np.abs(after) > small) & (np.sign(after) * ways >= 0)
         return {k: "action" for k in np.flatnonzero(turned).tolist() if k not in done}
@@ -128,10 +129,10 @@ class Instant:
                 self.lock([action.lock]) if action.closes else self.free(action.lock)
                 what = LOCKS[0 if action.closes else 1]
             elif isinstance(action, Call):
-                told = action.function(self.at, self.kernels)
-                if told is not None and not isinstance(told, Mapping):
-                    raise ModelError(f"event {event.name}: its function returned {shown(told)}; return {{name: value}} or None")
-                self._set(told or {}, event.name)
+                changes = action.function(self.at, self.kernels)
+                if changes is not None and not isinstance(changes, Mapping):
+                    raise ModelError(f"event {event.name}: its function returned {shown(changes)}; return {{name: value}} or None")
+                self._set(changes or {}, event.name)
         self._set(self.functions.numbers(self.at).get(k, {}), event.name)
         self.done.append(Done((k,), False, start, self.at))
         self._note(event.name, search, start, what)
@@ -163,7 +164,12 @@ class Instant:
         functions, start = self.functions, self.at
         all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
         values, scales = functions.weighed(start)
-        taking = [k for k in all_impacts if k in due or abs(values[k]) <= CLOSED * scales[k]]
+        taking = [k for k in all_impacts if k in due or abs(values[k]) <= GAP_TOLERANCE * scales[k]]
+        if self.at.locked:
+            still = is_blocked(functions.mode(start), self.kernels, start, functions.slopes(start)[0][taking])
+            taking = [k for k, fixed in zip(taking, still, strict=True) if not fixed]
+        if not taking:
+            return
         hitting = [*taking, *(k for k in functions.ratchets if values[k] <= 0)]
         gaps = Gaps(functions.mode(start), start, self._gaps(hitting))
         if not np.any(gaps.closing(start.qd)):
@@ -178,8 +184,8 @@ class Instant:
         for number, k in enumerate(taking):
             if hit.sticks[number]:
                 self.stuck.append(slides[k])
-        found = {functions.events[k].name: search for k, search in searches.items() if k < len(functions.events)}
-        self._note_impulses(gaps.names, found, hit, start)
+        due_searches = {functions.events[k].name: search for k, search in searches.items() if k < len(functions.events)}
+        self._note_impulses(gaps.names, due_searches, hit, start)
         for k in due:  # what else they do
             if len(functions.events[k].do) > 1:
                 self._act(k, searches[k])

@@ -1,0 +1,27 @@
+"""What impulses along some directions change: how far a mode lets gaps and joints move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.events.state import State
+from ncgen.solver.formalisms.projection import least_energy
+
+BLOCKED = 1e-9
+"""A direction is blocked in a mode that leaves less than this share of its mobility: that of rounding."""
+
+
+def response(kernels: Kernels, at: State, W: np.ndarray) -> np.ndarray:
+    """Changes of velocities (n, k) by unit impulses along the rows of W (k, n), with those of the constraints."""
+    n, sizes = kernels.n, kernels.column_sizes
+    change, _ = least_energy(kernels, at.q, at.t, at.p).solve((sizes * W).T, np.zeros((kernels.m, len(W))))
+    scaled = sizes**2 * kernels.mass(at.q, at.t, at.p).diagonal()
+    unit = float(np.max(scaled, initial=0.0)) or 1.0  # that `least_energy` measures inertia in
+    return sizes[:, None] * change.reshape(n, len(W)) / unit
+
+
+def is_blocked(mode: Kernels, mechanism: Kernels, at: State, W: np.ndarray) -> np.ndarray:
+    """Mask (k,) of the rows of W (k, n) along which the mechanism can move and a mode of it cannot."""
+    own, whole = (np.einsum("kn,nk->k", W, response(kernels, at, W)) for kernels in (mode, mechanism))
+    return own <= BLOCKED * whole
