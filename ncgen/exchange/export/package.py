@@ -270,14 +270,12 @@ class Package:
 
 def package(model: Model, events: bool = False) -> Package:
     """Generate a mechanism and its motion; events: whether the target supports them. Raises ModelError where its motion has no export."""
-    if reason := _refusal(model, events):
-        raise ModelError(f"{model.name} cannot be exported: {reason}")
+    _require_none(model, _refusal(model, events))
     sources = generate(model)
     kernels = compile(sources, backend="numpy")
     run = _simulation(kernels)
     start = begin(kernels, run.initial, partitioned=True)
-    if reason := refusal_of_pressed(kernels, start.q):
-        raise ModelError(f"{model.name} cannot be exported: {reason}")
+    _require_none(model, refusal_of_pressed(kernels, start.q))
     positions = trial_positions(kernels, start.q, 0.0, None)
     sizes = MotionSizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):
@@ -286,6 +284,12 @@ def package(model: Model, events: bool = False) -> Package:
         warn_of_shared(instant(kernels, 0.0, start.q, start.qd, kernels.p0))
     independent = determined(start.partitions).velocity.names(kernels)
     return Package(sources, kernels, sizes, start.q, start.qd, independent, run.duration, freedom(kernels).dof)
+
+
+def _require_none(model: Model, reason: str | None) -> None:
+    """Raise ModelError where there is a reason why a model has no export."""
+    if reason:
+        raise ModelError(f"{model.name} cannot be exported: {reason}")
 
 
 def _simulation(kernels: Kernels) -> Run:
