@@ -31,7 +31,7 @@ PROJECTED_TOLERANCE = 1e-6
 VELOCITY_TOLERANCE = 1e-9
 """A gap opens, or a joint or a contact slips, if its velocity is above this share of what it adds up."""
 
-TOGETHER = 1e-8
+FRICTION_RESERVE = 1e-8
 """Where a contact begins to slide, so do others whose friction has no more than this share left."""
 
 TURNING = 1e-9
@@ -122,7 +122,7 @@ class ActiveConstraints:
             at = replace(at, qd=project_velocity(mode, at.q, at.qd, at.t, at.p))
         functions, start, released = self.functions, at, dict(self.left)
         self._before = self._speed(before)
-        self._reserve = TOGETHER if any(self.rows[k].sticks for k in self.left) else 0.0
+        self._reserve = FRICTION_RESERVE if any(self.rows[k].sticks for k in self.left) else 0.0
         wanted = [k for k in self.rows if self._may_hold(k, at, held, due, resting) and k not in released]
         self._drop_what_is_open(wanted)
         p = at.p.copy()
