@@ -69,12 +69,12 @@ class ExternalForces(InPython):
     def _derivative(self, t: float, state: tuple[np.ndarray, np.ndarray], p: np.ndarray, part: int) -> np.ndarray:
         """∂force/∂q (part 0) or ∂force/∂q̇ (part 1), (n, n), by forward differences."""
         force, sizes = self._kernels.external_force, self._kernels.column_sizes
-        at = force(t, *(x.copy() for x in state), p)
+        at = force(t, state[0].copy(), state[1].copy(), p)
         full = np.empty((len(at), len(at)))
         for k, step in enumerate(ROUNDING * (sizes + np.abs(state[part]))):
             moved = [x.copy() for x in state]
             moved[part][k] += step
-            full[:, k] = (force(t, *moved, p) - at) / step
+            full[:, k] = (force(t, moved[0], moved[1], p) - at) / step
         return full
 
 

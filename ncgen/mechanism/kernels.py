@@ -11,7 +11,7 @@ from collections.abc import Callable, Hashable
 from copy import copy
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, TypeVar, cast
 
 import numpy as np
 import scipy
@@ -536,7 +536,8 @@ class Kernels(ABC):
         """
         total, shape = None, (self.n,)
         for function in self.model.callbacks:
-            value = function.at(t, q, qd, p) if isinstance(function, ReactiveForce) else function(t, q, qd, self)
+            is_compiled = isinstance(function, ReactiveForce)
+            value = function.at(cast("float", t), np.asarray(q), np.asarray(qd), p) if is_compiled else function(t, q, qd, self)
             force = np.asarray(value, dtype=float)
             if force.shape != shape:
                 raise ModelError(self._refused(function, t))
@@ -545,7 +546,7 @@ class Kernels(ABC):
 
     def _finite_external(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike, p: ArrayLike | None) -> np.ndarray:
         """The same; DomainError naming a function that returns NaN or an infinite number."""
-        total = self.external_force(t, q, qd, self.present(t, self.p0 if p is None else p))
+        total = self.external_force(t, q, qd, self.present(cast("float", t), self.p0 if p is None else np.asarray(p)))
         if not np.all(np.isfinite(total)):
             culprit = next((f for f in self.model.callbacks if not np.all(np.isfinite(f(t, q, qd, self)))), self.model.callbacks[0])
             raise DomainError(self._refused(culprit, t))

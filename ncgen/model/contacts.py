@@ -188,11 +188,11 @@ class Contacts(Frictions):
         """
         import sympy
 
-        where, velocity = f"contact {name}", sympy.sympify(sliding)
+        where, velocity = f"contact {name}", sympy.Add(as_sympy(sliding))
         rates = [c.rate for c in self.components if not c.fixed and c.rate in velocity.free_symbols]
         if not rates or any(velocity.diff(a, b) != 0 for a in rates for b in rates) or velocity.subs(dict.fromkeys(rates, 0)) != 0:
             raise ModelError(f"{where}: the sliding velocity is {shown(sliding)}; give a sum of coefficients times rates")
-        self._rub(name, Touching(gap, (), (velocity,)), friction, tangential, law)
+        self._rub(name, Touching(as_sympy(gap), (), (velocity,)), friction, tangential, law)
         return self.event(name, gap, "falling", impact(restitution, order, rest))
 
     # -- helpers -------------------------------------------------------------------------------

@@ -80,7 +80,7 @@ class Frictions(OneSided):
         self._require_sign(where, ">=", viscous=viscous)
         if stribeck is not None:
             self._require_sign(where, ">", stribeck=stribeck)
-        least, most = self._limits(where, coulomb, static)
+        least, most = self._limits(where, as_sympy(coulomb), None if static is None else as_sympy(static))
         slip, held = self.input(f"{where}.slip"), self.parameter(f"{where}.held", 0.0)
         sliding = least
         if stribeck is not None:

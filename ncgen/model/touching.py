@@ -147,7 +147,10 @@ def _carried(body: Body, vector: Three, where: str) -> Three:
     inverse = _without_rounding([[measures.dot(a, b) for b in dual] for a in dual])
     along = [vector.dot(each) for each in base]
     shares = [sum(w * x for w, x in zip(row, along, strict=True)) for row in inverse]
-    return sum((share * rate for share, rate in zip(shares, rates, strict=True)), 0 * vector)
+    turned = 0 * vector
+    for share, rate in zip(shares, rates, strict=True):
+        turned += share * rate
+    return turned
 
 
 def _without_rounding(matrix: list[list[Scalar]]) -> list[list[Scalar]]:

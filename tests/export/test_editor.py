@@ -220,4 +220,4 @@ def test_no_rule_of_accessibility_is_broken(browser, page, width, dark):
 
 def test_the_page_is_one_small_file(page):
     text = page.read_text()
-    assert len(text) < 600_000 and "http" not in text.replace("http://www.w3.org", "")
+    assert len(text) < 600_000 and "://" not in text.replace("http://www.w3.org", "")

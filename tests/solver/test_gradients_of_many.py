@@ -139,7 +139,7 @@ def test_refusals(kernels):
     assert "rows; a batch has one number of them" in refused(kernels, 0.1, 2, objective, p=np.ones((2, len(kernels.p0))))
     assert refused(kernels, 0.1, 2, objective, threads=0).startswith("threads: 0 given")
     plain = ncgen.compile(linkage(), backend="numpy")
-    assert "its motion is not written out in C" in refused(plain, 0.1, 2, objective, integrator="dop853")
+    assert "its motion is not emitted in C" in refused(plain, 0.1, 2, objective, integrator="dop853")
     found = ncgen.gradient_batch(kernels, 0.1, 4, objective, **given)
     assert repr(found).startswith("<BatchGradients by crank, rise, foot") and repr(found).endswith("3 of 3 states>")
     with pytest.raises(ModelError, match="there is no derivative by 'nothing'; there are crank"):

@@ -73,9 +73,10 @@ class EventJacobians:
     def _refuse(self) -> None:
         """Raise ModelError naming elements whose events have no derivatives yet."""
         model = self.kernels.model
-        if names := [*model.contacts, *model.locks, *model.ratchets]:
+        if elements := [*model.contacts, *model.locks, *model.ratchets]:
+            names = shortened(", ".join(elements))
             raise ModelError(
-                f"{model.name}: derivatives through friction of contacts, locks and ratchets ({shortened(names)}) are not supported yet; "
+                f"{model.name}: derivatives through friction of contacts, locks and ratchets ({shortened(', '.join(names))}) are not supported yet; "
                 "take differences of runs, or leave them out"
             )
 
@@ -97,14 +98,15 @@ class EventJacobians:
     def _time(self, o: Occurrence, flow: np.ndarray) -> np.ndarray:
         """How the instant moves (N,); 0 at the start of the run."""
         where = f"at t = {o.before.t:.9g} s"
-        if not o.crossed:
+        crossed: list[int] = list(o.crossed)
+        if not crossed:
             if any(done.is_impact for done in o.done):
                 raise self._none(o.names, f"{where} happens where the motion begins", "begin before it")
             return np.zeros(len(flow))
-        if len(o.crossed) > 1:
-            names = ", ".join(self._name(k, o.held_before) for k in o.crossed)
+        if len(crossed) > 1:
+            names = ", ".join(self._name(k, o.held_before) for k in crossed)
             raise self._none(names, f"{where} happen at one instant, where the order of events changes", "move one of them")
-        (k,) = o.crossed
+        k = crossed[0]
         name = self._name(k, o.held_before)
         if k > self.functions.count + count_of(self._held(o.held_before)) - 1:
             raise self._none("stop", f"{where} ends the motion", "leave it out")

@@ -214,12 +214,12 @@ class EventMotion:
             own[0, -1], own[1, -1] = weights[:n], weights[n : 2 * n]
             own[0, part.places] += by_q[part.rows]
             own[1, part.places] += by_qd[part.rows]
-            slopes, felt = part.motion.backward(*own, names)
+            slopes, felt = part.motion.backward(own[0], own[1], names)
             more, driven = part.weights(slopes), [felt, *driven]
             more[2 * n :] += weights[2 * n :]
             weights = more
         own, weights = np.zeros((2, len(self._begun.t), n)), self._first.T @ weights
         own[0, 0], own[1, 0] = weights[:n], weights[n : 2 * n]
-        slopes, _ = self._begun.backward(*own, names)
+        slopes, _ = self._begun.backward(own[0], own[1], names)
         slopes[: len(self.p)] += weights[2 * n :]
         return slopes, Driven.joined(driven)

@@ -81,7 +81,7 @@ def _solved(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.nd
             if len(across):
                 size = float(np.max(np.diag(G)[across]))
                 new = impulses[across] - (G[across] @ impulses + bias[across]) / size
-                impulses[across] = _into(new, blow.friction * impulses[gap])
+                impulses[across] = _into(new, blow.friction * float(impulses[gap]))
         if np.max(np.abs(impulses - before)) <= SWEEP_ROUNDING * np.max(np.abs(impulses)):
             break
     manners = [_manner(G @ impulses + bias, impulses, blow, least) for blow in blows]

@@ -18,7 +18,7 @@ from ncgen.model.elements import rate_name
 from ncgen.model.events import Event, Lock
 from ncgen.model.frictions import Friction
 from ncgen.model.one_sided import Ratchet
-from ncgen.model.values import Scalar, Value, is_number, symbol_of
+from ncgen.model.values import Scalar, Value, as_sympy, is_number, symbol_of
 from ncgen.program.motions.event_programs import INPUTS, assemble_conditions, degree_of
 from ncgen.solver.events.modes import Held, LoadConditions, variant
 from ncgen.solver.events.state import State
@@ -236,12 +236,12 @@ class EventFunctions:
         return float(self._call("element_values", at)[places[where]])
 
     @cached_property
-    def named_values(self) -> list[tuple[str, Value | Scalar]]:
+    def named_values(self) -> list[tuple[str, Scalar]]:
         """(words, value) of what actions change by expressions, in the order of `changes_of`, and then of elements."""
         return [*((f"event {self.events[k].name}, {name}", value) for k, name, value in changes_of(self.events)), *self._elements]
 
     @cached_property
-    def _elements(self) -> list[tuple[str, Value | Scalar]]:
+    def _elements(self) -> list[tuple[str, Scalar]]:
         """(words, value) of restitutions, friction, places and beginnings that are expressions."""
         pairs = [(f"event {event.name}", event.impact.restitution) for event in self.events if event.impact]
         pairs += [(f"friction {each.name}", each.static) for each in self.frictions.values()]
@@ -249,7 +249,7 @@ class EventFunctions:
         pairs += [(f"contact {each.name}, tangential", each.tangential) for each in self.contacts.values()]
         pairs += [(f"{each.name}, place", each.along.position) for each in (*self.moving.values(), *self.kernels.model.locks.values())]
         pairs += list(self.kernels.model.beginnings.items())
-        return [pair for pair in pairs if not is_number(pair[1])]
+        return [(words, as_sympy(value)) for words, value in pairs if not is_number(value)]
 
     def _made(self) -> CompiledFunctions:
         kernels, conditions = self.kernels, self.conditions

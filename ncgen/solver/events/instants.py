@@ -184,7 +184,7 @@ class Instant:
         for number, k in enumerate(taking):
             if hit.sticks[number]:
                 self.stuck.append(slides[k])
-        due_searches = {functions.events[k].name: search for k, search in searches.items() if k < len(functions.events)}
+        due_searches: dict[str, Search] = {functions.events[k].name: search for k, search in searches.items() if k < len(functions.events)}
         self._note_impulses(gaps.names, due_searches, hit, start)
         for k in due:  # what else they do
             if len(functions.events[k].do) > 1:

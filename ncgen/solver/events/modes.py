@@ -222,7 +222,7 @@ class _InPython(LoadConditions):
         def evaluate(t: float, q: InC, qd: InC, p: InC, out: InC) -> int:
             own(t, q, qd, p, out)
             state = [np.array(ffi.unpack(a, size) if size else [], dtype=float) for a, size in ((q, n), (qd, n), (p, n_p))]
-            for k, number in enumerate(np.column_stack(self.at(State(t, *state))).ravel().tolist()):
+            for k, number in enumerate(np.column_stack(self.at(State(t, state[0], state[1], state[2]))).ravel().tolist()):
                 out[first + k] = number
             return 0
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.expressions import symbols_in
 from ncgen.model.values import Scalar
 from ncgen.program.motions.sliding import Sliding
 from ncgen.solver.events.conditions import EventFunctions
@@ -98,5 +99,5 @@ def _number(functions: EventFunctions, expression: Scalar, at: State) -> float:
 
     kernels = functions.kernels
     known = dict(zip(kernels.coordinates, at.q, strict=True)) | dict(zip(kernels.parameters, at.p, strict=True))
-    formula = sympy.sympify(expression)
-    return float(formula.subs({s: known[s.name] for s in formula.free_symbols}))
+    formula = sympy.Add(expression)
+    return float(formula.subs({s: known[s.name] for s in symbols_in(formula)}))
