@@ -76,7 +76,7 @@ class EventJacobians:
         if elements := [*model.contacts, *model.locks, *model.ratchets]:
             names = shortened(", ".join(elements))
             raise ModelError(
-                f"{model.name}: derivatives through friction of contacts, locks and ratchets ({shortened(', '.join(names))}) are not supported yet; "
+                f"{model.name}: derivatives through friction of contacts, locks and ratchets ({names}) are not supported yet; "
                 "take differences of runs, or leave them out"
             )
 
