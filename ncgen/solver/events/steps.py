@@ -141,7 +141,7 @@ class Steps:
     def _has_moved(self, h: float) -> bool:
         """Whether a step without events and held constraints has succeeded, as most do; else nothing has moved."""
         now, loop = self._now, self._loop
-        if self._has_breaks or loop.held or loop.at.locked:
+        if self._has_breaks or loop.held or loop.at.locked or loop.functions.loaded:
             return False
         watched = self._watched or Watched(loop.watched(), runtime_abi("double"), NUMBERS["double"])
         numbers = now.t, now.work, now.next_step
