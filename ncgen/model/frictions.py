@@ -15,7 +15,6 @@ from ncgen.model.rows import Row
 from ncgen.model.value_conditions import Ordered
 from ncgen.model.values import Driven, Scalar, Value, as_sympy, is_number
 
-
 MOST_LOADED = 4
 """Frictions of one model that follow loads: their loads depend on each other, and all 2⁴ combinations of signs are looked at."""
 
@@ -124,7 +123,7 @@ class Frictions(OneSided):
             raise ModelError(f"{where}: {given[0]} does not go with the friction of a load; leave it out, or coefficient and load")
         if load.type is not None:
             raise ModelError(
-                f"{where}: load {load.label} is a scaled constraint, whose multiplier is no force; write it by m.constrain, as a length in m"
+                f"{where}: load {load.label} is a scaled constraint, whose multiplier is no force; write it by m.constrain, in m"
             )
         self._require_sign(where, ">=", coefficient=coefficient)
         if sum(each.load is not None for each in self.frictions.values()) == MOST_LOADED:

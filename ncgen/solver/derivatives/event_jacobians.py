@@ -76,8 +76,8 @@ class EventJacobians:
         pressed = [each.name for each in model.frictions.values() if each.load is not None]
         if names := [*model.contacts, *pressed, *model.locks, *model.ratchets]:
             raise ModelError(
-                f"{model.name}: derivatives through friction of contacts and of loads, locks and ratchets ({shortened(names)}) are not supported yet; "
-                "take differences of runs, or leave them out"
+                f"{model.name}: derivatives through friction of contacts and of loads, locks and ratchets ({shortened(names)}) are not "
+                "supported yet; take differences of runs, or leave them out"
             )
 
     def mode(self, held: tuple[int, ...]) -> Kernels:
