@@ -248,9 +248,7 @@ class Contacts(Frictions):
         self._require_sign(where, ">=", damping=damping)
         moving = {c.name: c for c in self.components if not c.fixed}
         slopes = {c: gap.diff(c.symbol) for n, c in moving.items() if c.symbol in gap.free_symbols}  # type: ignore[union-attr]
-        touches = self.input(f"{name}.touches")
+        touches = self._while_closed(name, gap)
         rate = sum(slope * c.rate for c, slope in slopes.items())
         push = touches * as_sympy(stiffness) * abs(gap) ** exponent * (1 - as_sympy(damping) * rate)
         self._apply(where, [(c, push * slope) for c, slope in slopes.items()])
-        self.event(name, gap, "falling", {touches.name: 1.0})
-        self.event(f"{name}.left", gap, "rising", {touches.name: 0.0})

@@ -12,7 +12,7 @@ from ncgen.model.events import Event, Events
 from ncgen.model.facts import fact
 from ncgen.model.kinks import without_kinks
 from ncgen.model.value_conditions import Ordered
-from ncgen.model.values import Number, Scalar, Value, as_sympy
+from ncgen.model.values import Input, Number, Scalar, Value, as_sympy
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,8 +217,6 @@ class OneSided(Events):
 
     def _stops(self, where: str, along: Displacement, lower: Value | None, upper: Value | None, law: _Law) -> None:
         """Rigid or compliant stops of a displacement."""
-        from sympy import Piecewise
-
         for side, limit, way in (("lower", lower, 1), ("upper", upper, -1)):
             if limit is None:
                 continue
@@ -226,12 +224,19 @@ class OneSided(Events):
             if law.stiffness is None:
                 self._hit(name, gap, law.restitution, law.order)
                 continue
-            touches = self.input(f"{name}.touches")
-            self.beginnings[touches.name] = without_kinks(Piecewise((1.0, gap < 0), (0.0, True)), name)
+            touches = self._while_closed(name, gap)
             push = as_sympy(touches) * as_sympy(law.stiffness) * abs(gap) ** law.exponent * (1 - as_sympy(law.damping) * way * along.rate)
             self._apply(name, along.forces(way * push))
-            self.event(name, gap, "falling", {touches.name: 1.0})
-            self.event(f"{name}.left", gap, "rising", {touches.name: 0.0})
+
+    def _while_closed(self, name: str, gap: Scalar) -> Input:
+        """An input that is 1 while a compliant gap is closed and else 0, at the start as well, and the events that change it."""
+        from sympy import Piecewise
+
+        touches = self.input(f"{name}.touches")
+        self.beginnings[touches.name] = without_kinks(Piecewise((1.0, gap < 0), (0.0, True)), name)  # type: ignore[operator]
+        self.event(name, gap, "falling", {touches.name: 1.0})
+        self.event(f"{name}.left", gap, "rising", {touches.name: 0.0})
+        return touches
 
     def _hit(self, name: str, gap: Scalar, restitution: Value, order: str) -> Event:
         """An event that hits where a gap closes."""

@@ -258,7 +258,7 @@ def test_stops_and_friction_of_a_robot(ncgen_main, folder):
     said = ncgen_main("run", "bar.urdf", *both, "--duration", "3", "--rtol", "1e-6", "--no-files", "--json")
     assert json.loads(said.out)["final"]["hinge"] == pytest.approx(-0.4, abs=2e-3)
     refused = ncgen_main("convert", "bar.urdf", "--with", "limit")
-    said = "ncgen: --with limit: a robot can have limits, friction, motors, sensors"
+    said = "ncgen: --with limit: a robot can have limits, friction, motors, sensors, rigid-limits, exact-friction"
     assert refused.code == 2 and refused.err.strip() == said
     refused = ncgen_main("convert", "pendulum", "--with", "limits")
     assert refused.code == 2 and "limits is for a robot's file" in refused.err

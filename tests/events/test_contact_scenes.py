@@ -141,6 +141,17 @@ def test_a_compliant_contact():
     assert run.qd[-1] == pytest.approx([-0.7484349315974342, 0.3], rel=1e-9)
 
 
+def test_a_compliant_contact_that_is_pressed_at_the_start():
+    """It pushes from the start on: half a period of the spring later it leaves with all its energy."""
+    m = ncgen.Model("pressed")
+    side, O, P = m.vector("side", (1, 0), fixed=True), m.point("O", (0, 0), fixed=True), m.point("P", (-0.1, 0))
+    m.contact("wall", m.body("block", [P], mass=1.0), P, m.ground, O, normal=side, stiffness=100.0)
+    run = ncgen.simulate(ncgen.compile(m), 0.8, rtol=1e-11)
+    (left,) = run.events
+    assert left.name == "wall.left" and left.t == pytest.approx(math.pi / 20, rel=1e-9)
+    assert run.qd[-1] == pytest.approx([1.0, 0.0], abs=1e-9)
+
+
 def test_starts_that_touch_and_that_overlap():
     m = disc(RADIUS, restitution=0.5)
     kernels = ncgen.compile(m)
@@ -188,3 +199,64 @@ def test_a_body_that_cannot_turn_has_no_sphere():
     body = m.body("mass", [P], mass=1.0)
     with pytest.raises(ncgen.ModelError, match="contact floor: body mass has no directions with which it turns; give it another point"):
         m.contact("floor", body, P, m.ground, O, radius=0.1, normal=up)
+
+
+def sliding_rod(t: float, y: np.ndarray, mu: float) -> list[float]:
+    """Another formulation of a rod of 1 m and 1 kg whose end slides to the right: its place x, the angle θ at which it leans to the left,
+    and their rates. Its load follows from Newton's and Euler's equations of the rod with a friction −μ N."""
+    _, angle, _, rate = y
+    s, c = math.sin(angle), math.cos(angle)
+    per_load = -6 * (c - mu * s)  # θ̈ for N = 1: moment of inertia 1/12
+    load = (G - s * rate**2 / 2) / (1 - c * per_load / 2)
+    turn = per_load * load
+    return [y[2], rate, -mu * load - (s * turn + c * rate**2) / 2, turn]
+
+
+@pytest.mark.parametrize("mu", [0.3, 1.5])
+def test_a_rod_slides_as_another_formulation_says(mu):
+    """Until it sticks."""
+    from scipy.integrate import solve_ivp
+    from test_contacts import rod
+
+    def slides(t, y, mu):
+        return y[2]
+
+    slides.terminal = True
+    angle = math.radians(45)
+    found = solve_ivp(sliding_rod, (0.0, 1.0), [0.0, angle, 1.0, 0.0], "DOP853", events=slides, args=(mu,), rtol=1e-13, atol=1e-14)
+    kernels = ncgen.compile(rod(mu, angle))
+    run = ncgen.simulate(kernels, 1.1 * found.t[-1], qd0={"A.x": 1.0, "A.y": 0.0, "B.x": 1.0, "B.y": 0.0}, rtol=1e-11)
+    stops = run.events[1]
+    assert stops.t == pytest.approx(found.t[-1], rel=1e-9)
+    x, theta = found.y[:2, -1]
+    assert stops.q == pytest.approx([x, 0.0, x - math.cos(theta), math.sin(theta)], abs=1e-9)
+
+
+def test_two_tips_begin_to_slide_together():
+    """Which of them friction holds is not determined; the time at which the push exceeds that of both is."""
+    m = ncgen.Model("block")
+    up, O = m.vector("up", (0, 1), fixed=True), m.point("O", (0, 0), fixed=True)
+    A, B, C = m.point("A", (0, 0)), m.point("B", (1, 0)), m.point("C", (0.5, 0.3))
+    body = m.body("block", [A, B, C], mass=1.0, com=(0.5, 0.3), inertia=0.1)
+    m.gravity((0, -G))
+    m.force(C, (m.time, 0))
+    for P in (A, B):
+        m.contact(f"tip_{P.name}", body, P, m.ground, O, normal=up, friction=0.3)
+    run = ncgen.simulate(ncgen.compile(m), 4.0, rtol=1e-11)
+    assert run.events[-1].what == "slips" and run.events[-1].t == pytest.approx(0.3 * G, rel=1e-10) and len(run.events) < 10
+
+
+def test_contacts_step_by_step():
+    kernels = ncgen.compile(disc(1.0))
+    sim = ncgen.start(kernels, qd0=velocity(0.0, 50.0), rtol=1e-11)
+    for _ in range(20):
+        sim.step(0.05)
+    assert [each.what for each in sim.events] == ["", "rests", "sticks"]
+    assert sim.events[2].t == pytest.approx(0.72811999417504, rel=1e-9) and sim.qd[0] == pytest.approx(-10 / 7, rel=1e-9)
+
+
+def test_models_that_call_python_do_not_slide():
+    m = disc(RADIUS)
+    m.callback(lambda t, q, qd, kernels: np.zeros(4))
+    with pytest.raises(ncgen.ModelError, match="ball: contact floor cannot slide with friction: the model calls a Python function"):
+        ncgen.simulate(ncgen.compile(m), 0.1, qd0=velocity(1.0, 0.0))

@@ -271,6 +271,24 @@ def touching() -> ncgen.Model:
     return m
 
 
+PRESSES = "exports begin with no compliant stop pressed, and the start presses"
+
+
+def pressed() -> ncgen.Model:
+    m, s = sliding_block("pressed")
+    m.stop(s, upper=0.0, stiffness=100.0, name="buffer")
+    m.stop(s, lower=-1.0, stiffness=100.0, name="far")
+    m.simulation(duration=1.0, q0={"s": 0.1, "A.x": 0.1})
+    return m
+
+
+def sunk() -> ncgen.Model:
+    m = ncgen.Model("sunk")
+    up, O, P = m.vector("up", (0, 1), fixed=True), m.point("O", (0, 0), fixed=True), m.point("P", (0, -0.25))
+    m.contact("mat", m.body("block", [P], mass=1.0), P, m.ground, O, normal=up, stiffness=100.0)
+    return m
+
+
 def called() -> ncgen.Model:
     m, s = sliding_block("called")
     m.event("seen", when=s - 0.5, do=lambda at, kernels: None)
@@ -282,6 +300,8 @@ def called() -> ncgen.Model:
     [
         (friction, "c", "rubbing cannot be exported: joints that stick are not exported yet (s.friction)"),
         (touching, "fmu2", "touching cannot be exported: friction of contacts is not exported yet (floor)"),
+        *((pressed, target, f"pressed cannot be exported: {PRESSES} buffer.upper by 0.1; ") for target in ("c", "fmu3", "python", "wasm")),
+        (sunk, "c", f"sunk cannot be exported: {PRESSES} mat by 0.25; change it, or use ncgen.simulate"),
         (called, "c", "called cannot be exported: event seen calls a Python function"),
         (ball, "casadi", "ball cannot be exported: this export does not support events yet (floor); take c,"),
     ],

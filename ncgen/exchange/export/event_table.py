@@ -17,6 +17,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.model.events import Event
 from ncgen.model.values import Scalar
 from ncgen.program.ir.blocks import Program
+from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.conditions import VALUE_ROUNDING, most_degree
 from ncgen.solver.runs.stop import DIRECTIONS
@@ -134,3 +135,17 @@ def refusal_of_events(model: Model) -> str | None:
     if unknown := [event.name for event in model.events.values() if not all(isinstance(action, known) for action in event.do)]:
         return f"what event {unknown[0]} does is not exported yet; use ncgen.simulate"
     return None
+
+
+def refusal_of_pressed(kernels: Kernels, q: np.ndarray) -> str | None:
+    """Why a motion that begins at q (n,) cannot be exported: exports begin with compliant gaps open. In words, or None."""
+    model = kernels.model
+    gaps = [(name, event.when) for name, event in model.events.items() if f"{name}.touches" in model.beginnings]
+    if not gaps:
+        return None
+    program = assemble_conditions(kernels.programs.equations, [], [], gaps, [])["element_values"]
+    values = evaluate(program, {"t": 0.0, "q": q, "qd": np.zeros_like(q), "p": kernels.p0})
+    pressed = ", ".join(f"{name} by {-value:.6g}" for (name, _), value in zip(gaps, values, strict=True) if value < 0)
+    if not pressed:
+        return None
+    return f"exports begin with no compliant stop pressed, and the start presses {shortened(pressed)}; change it, or use ncgen.simulate"

@@ -21,7 +21,7 @@ from ncgen.emit.naming import labels, prefix_of
 from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError, shortened
-from ncgen.exchange.export.event_table import EventTable, refusal_of_events
+from ncgen.exchange.export.event_table import EventTable, refusal_of_events, refusal_of_pressed
 from ncgen.exchange.export.held_modes import HeldMode, held_modes
 from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
@@ -270,12 +270,12 @@ class Package:
 
 def package(model: Model, events: bool = False) -> Package:
     """Generate a mechanism and its motion; events: whether the target supports them. Raises ModelError where its motion has no export."""
-    if reason := _refusal(model, events):
-        raise ModelError(f"{model.name} cannot be exported: {reason}")
+    _require_none(model, _refusal(model, events))
     sources = generate(model)
     kernels = compile(sources, backend="numpy")
     run = _simulation(kernels)
     start = begin(kernels, run.initial, partitioned=True)
+    _require_none(model, refusal_of_pressed(kernels, start.q))
     positions = trial_positions(kernels, start.q, 0.0, None)
     sizes = MotionSizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):
@@ -284,6 +284,12 @@ def package(model: Model, events: bool = False) -> Package:
         warn_of_shared(instant(kernels, 0.0, start.q, start.qd, kernels.p0))
     independent = determined(start.partitions).velocity.names(kernels)
     return Package(sources, kernels, sizes, start.q, start.qd, independent, run.duration, freedom(kernels).dof)
+
+
+def _require_none(model: Model, reason: str | None) -> None:
+    """Raise ModelError where there is a reason why a model has no export."""
+    if reason:
+        raise ModelError(f"{model.name} cannot be exported: {reason}")
 
 
 def _simulation(kernels: Kernels) -> Run:

@@ -17,7 +17,7 @@ from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.instants import GAP_TOLERANCE
 from ncgen.solver.events.mobility import is_blocked
 from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of
-from ncgen.solver.events.rubbing import check_determined, undetermined
+from ncgen.solver.events.rubbing import check_determined, is_prevented, undetermined
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
@@ -30,6 +30,9 @@ PROJECTED_TOLERANCE = 1e-6
 
 VELOCITY_TOLERANCE = 1e-9
 """A gap opens, or a joint or a contact slips, if its velocity is above this share of what it adds up."""
+
+FRICTION_RESERVE = 1e-8
+"""Where a contact begins to slide, so do others whose friction has no more than this share left."""
 
 TURNING = 1e-9
 """A contact in space whose sliding velocity has turned by 90° did not come to rest if it is above this share of what it was before."""
@@ -52,6 +55,8 @@ class ActiveConstraints:
         self.rows = {row.number: row for row in functions.rows}
         self.left: dict[int, np.ndarray] = {}
         self.blocked: list[int] = []
+        self._prevented: set[int] = set()
+        self._reserve = 0.0  # that contacts must have which go on sticking
         self._before = 0.0  # greatest velocity before the instant, with which what is left of others is compared
 
     # -- what C watches ------------------------------------------------------------------------
@@ -62,7 +67,7 @@ class ActiveConstraints:
         for k, friction in self.functions.frictions.items():
             ways[k] = -int(p[self._place(friction.slip)]) or UNWATCHED
         for k, gap in self.functions.gaps.items():
-            ways[k] = -1 if gap in held and k not in held else UNWATCHED
+            ways[k] = -1 if gap in held and k not in held and k not in self._prevented else UNWATCHED
         for number, k in self.functions.turns.items():
             ways[number] = ways[k]
         ways[[*held, *self.blocked]] = UNWATCHED
@@ -117,6 +122,7 @@ class ActiveConstraints:
             at = replace(at, qd=project_velocity(mode, at.q, at.qd, at.t, at.p))
         functions, start, released = self.functions, at, dict(self.left)
         self._before = self._speed(before)
+        self._reserve = FRICTION_RESERVE if any(self.rows[k].sticks for k in self.left) else 0.0
         wanted = [k for k in self.rows if self._may_hold(k, at, held, due, resting) and k not in released]
         self._drop_what_is_open(wanted)
         p = at.p.copy()
@@ -136,7 +142,7 @@ class ActiveConstraints:
             raise ConvergenceError(
                 f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
             )
-        self.left = released
+        self.left, self._prevented = released, self._held_by_others(wanted, at)
         return ActiveSet(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
 
     def _slipping(self, at: State, wanted: Sequence[int], released: Mapping[int, np.ndarray], due: Mapping[int, Search]) -> np.ndarray:
@@ -158,6 +164,14 @@ class ActiveConstraints:
             elif np.any(velocity):
                 p[places] = velocity if len(velocity) > 1 else np.sign(velocity)
         return p
+
+    def _held_by_others(self, wanted: Sequence[int], at: State) -> set[int]:
+        """Contacts that do not stick themselves and cannot slide: their velocities are rounding, which is not watched."""
+        rows, functions = tuple(self.rows[k] for k in wanted), self.functions
+        if not any(row.sticks for row in rows):
+            return set()
+        mode = functions.mode(at, rows)
+        return {k for k, gap in functions.gaps.items() if gap in wanted and k not in wanted and is_prevented(functions, mode, k, at)}
 
     def _drop_what_is_open(self, wanted: list[int]) -> None:
         """A contact that is open does not stick."""
@@ -237,7 +251,8 @@ class ActiveConstraints:
         for k in held:
             is_joint = k in self.functions.frictions
             for side in (-1.0, 1.0) if is_joint else (1.0,):
-                over = (0.0 if is_joint or self.rows[k].sticks or k in before else 2 * LOAD_TOLERANCE) - next(margins)
+                reserve = self._reserve if self.rows[k].sticks else 0.0 if is_joint or k in before else 2 * LOAD_TOLERANCE
+                over = reserve - next(margins)
                 if over > excess:
                     worst, excess = (k, np.array([side])), over
         return worst

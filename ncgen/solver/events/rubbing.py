@@ -83,6 +83,13 @@ def _responses(functions: EventFunctions, kernels: Kernels, sliding: Sequence[Sl
     return by_friction, np.linalg.inv(by_motion)
 
 
+def is_prevented(functions: EventFunctions, kernels: Kernels, k: int, at: State) -> bool:
+    """Whether a contact cannot slide whatever acts on it, since others stick. kernels: of the mode"""
+    now, slopes = instant(kernels, at.q, at.qd, at.t, at.p), functions.sliding(at)[k][1] * kernels.column_sizes
+    motion, _ = KKT(now.mass, now.jacobian, kernels).solve(slopes.T, np.zeros((kernels.m, len(slopes))))
+    return bool(np.max(np.abs(slopes @ motion)) <= POSITIVE * np.max(np.sum(slopes**2, axis=1)))
+
+
 def _friction(functions: EventFunctions, sliding: Sliding, at: State) -> np.ndarray:
     """Generalised friction (n,) of a contact or joint for a load of 1 N."""
     if sliding.is_joint:
