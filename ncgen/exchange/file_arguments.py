@@ -240,6 +240,7 @@ CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "Law": _law,
     "Direction": _direction,
     **dict.fromkeys(("Body", "Point", "Vector", "Spatial", "Relative", "Component | Relative"), _name),
+    "Row": _text,
     **dict.fromkeys(("Sequence[Point]", "Sequence[Vector]", "Sequence[Spatial]"), _names),
     "Curve": _curve,
     "option": _option,

@@ -21,6 +21,7 @@ from ncgen.model.facts import Fact
 from ncgen.model.kinks import without_kinks
 from ncgen.model.names import LAW, TIME, normal
 from ncgen.model.outputs import observable_loads
+from ncgen.model.rows import Row
 from ncgen.model.values import Parameter, is_number
 
 SINGLE_TABLES = ("gravity", "simulation")
@@ -50,7 +51,7 @@ class _Writer:
     """Turns facts into tables; what it writes, the reader accepts."""
 
     def __init__(self, model: Model) -> None:
-        self.curves = model.curves
+        self.curves, self.labels = model.curves, Counter(row.label for row in model.rows)
         self.known = {TIME, *LAW, *model.numbers, *observable_loads(model)} | {c.name for c in model.components}
 
     def table(self, word: str, arguments: dict, once: bool) -> str:
@@ -86,6 +87,10 @@ class _Writer:
             return _quoted(normal(value), where)
         if isinstance(value, (Element, Body, Parameter, Component, Curve)):
             return _quoted(value.name, where)
+        if isinstance(value, Row):
+            if self.labels[value.label] > 1:
+                raise ModelError(f"{where}: {self.labels[value.label]} constraints have the label {value.label}; give each its own")
+            return _quoted(value.label, where)
         if isinstance(value, (Impact, Change, Stop, Call, Locking)):
             return self.text(_action_in_file(value, where), where)
         if isinstance(value, Combination):

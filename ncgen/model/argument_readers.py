@@ -19,7 +19,7 @@ from ncgen.model.elements import AXES, Combination, Component, Constant, Element
 from ncgen.model.expressions import check_expression, is_symbolic, symbols_in
 from ncgen.model.kinks import without_kinks
 from ncgen.model.names import LAW, check_name, normal
-from ncgen.model.rows import Owner
+from ncgen.model.rows import Owner, Row
 from ncgen.model.values import MAX_NUMBER, Expression, Parameter, Scalar, Value, as_sympy, as_value, evaluate, is_number
 
 if TYPE_CHECKING:
@@ -195,6 +195,22 @@ def _owner(model: Contents, thing: object, where: str) -> Owner:
     return thing if isinstance(thing, Owner) else Owner("body", _body(model, thing, where).name)
 
 
+def _row(model: Contents, thing: object, where: str) -> Row:
+    """A constraint by itself, or by a label that no other one has."""
+    if isinstance(thing, str):
+        found = [row for row in model.rows if row.label == thing]
+        if not found:
+            raise ModelError(f"{where}: there is no constraint {shortened(thing, MAX_ECHO)}; give the label of one that stands before it")
+        if len(found) > 1:
+            raise ModelError(f"{where}: {len(found)} constraints have the label {shortened(thing, MAX_ECHO)}; give each its own")
+        return found[0]
+    if not isinstance(thing, Row):
+        raise ModelError(f"{where}: {shown(thing)} is not a constraint; give one that m.constrain returned, or its label")
+    if all(row is not thing for row in model.rows):
+        raise foreign(where, f"constraint {thing.label}")
+    return thing
+
+
 def _of(kind: type[E]) -> Reader[E]:
     return lambda model, thing, where: own(model, thing, kind, where)
 
@@ -278,6 +294,7 @@ READERS: dict[str, Reader[object]] = {
     "Numbers": _numbers,
     "Doing": actions_of,
     "Curve": _curve,
+    "Row": _row,
     "Sequence[Numbers]": _rows,
 }
 """{annotation: reader(model, what was given, where)}."""

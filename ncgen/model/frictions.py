@@ -11,21 +11,28 @@ from ncgen.model.expressions import is_symbolic, symbols_in
 from ncgen.model.facts import fact
 from ncgen.model.kinks import without_kinks
 from ncgen.model.one_sided import OneSided
+from ncgen.model.rows import Row
 from ncgen.model.value_conditions import Ordered
-from ncgen.model.values import Driven, Scalar, Value, as_sympy
+from ncgen.model.values import Driven, Scalar, Value, as_sympy, is_number
+
+MOST_LOADED = 4
+"""Frictions of one model that follow loads: their loads depend on each other, and all 2⁴ combinations of signs are looked at."""
 
 
 @dataclass(frozen=True, eq=False)
 class Friction:
-    """Dry friction along a displacement, by its name. static: N or N m
+    """Dry friction along a displacement, by its name. static: N or N m; with a load the coefficient that this is multiplied by
 
-    slip, held: names of the input that says in which direction it slips, and of the parameter that says where it sticks"""
+    slip, held: names of the input that says in which direction it slips, and of the parameter that says where it sticks
+    load: number of the constraint that presses, None where friction depends on none
+    """
 
     name: str
     along: Displacement
     static: Scalar
     slip: str
     held: str
+    load: int | None = None
 
 
 class Frictions(OneSided):
@@ -35,13 +42,15 @@ class Frictions(OneSided):
     def friction(
         self,
         coordinate: Component | Relative,
-        coulomb: Driven,
+        coulomb: Driven | None = None,
         static: Driven | None = None,
         viscous: Value = 0.0,
         stribeck: Value | None = None,
         other: Component | Relative | None = None,
         ratio: Value = 1.0,
         name: str = "",
+        coefficient: Value | None = None,
+        load: Row | None = None,
     ) -> Friction:
         """Add dry friction along a coordinate or between two, which sticks exactly: as a constraint, until it exceeds static friction.
 
@@ -49,7 +58,7 @@ class Frictions(OneSided):
         ----------
         coordinate : Component or Relative
             The coordinate, a length or an angle.
-        coulomb : float or expression
+        coulomb : float or expression, optional
             Sliding friction in N, or N m about an angle, of parameters, or of inputs, time, coordinates and velocities: a brake. Where
             such an expression is negative, there is no friction.
         static : float or expression, optional
@@ -65,11 +74,22 @@ class Frictions(OneSided):
             Of the other coordinate.
         name : str, optional
             Default: the coordinates with .friction.
+        coefficient : float or expression of parameters, optional
+            Friction over the size of the load, sliding and static: μ along a length, μ times the radius in m about an angle. It takes the
+            place of coulomb.
+        load : Row, optional
+            What presses: a constraint that `m.constrain` or `m.constrain_velocity` returned, or its label. Its load is in N where its
+            expression is a length in m, or a velocity in m/s, across the surfaces.
 
         Returns
         -------
         Friction
             The friction, whose name run.events has.
+
+        Raises
+        ------
+        ModelError
+            For numbers out of range, for a load without coefficient or with a friction of its own, and for what has no single load.
         """
         from sympy import exp
 
@@ -78,6 +98,10 @@ class Frictions(OneSided):
             raise ModelError(f"friction {where}: there is one of that name already; give another name")
         along = Displacement.of(where, coordinate, other, ratio)
         self._require_sign(where, ">=", viscous=viscous)
+        if load is not None or coefficient is not None:
+            return self._pressed(where, along, viscous, coefficient, load, {"coulomb": coulomb, "static": static, "stribeck": stribeck})
+        if coulomb is None:
+            raise ModelError(f"{where}: there is no friction; give coulomb, or coefficient and load")
         if stribeck is not None:
             self._require_sign(where, ">", stribeck=stribeck)
         least, most = self._limits(where, as_sympy(coulomb), None if static is None else as_sympy(static))
@@ -87,6 +111,28 @@ class Frictions(OneSided):
             sliding += (most - least) * exp(-as_sympy(slip) * along.rate / as_sympy(stribeck))
         self._apply(where, along.forces(-as_sympy(slip) * sliding - as_sympy(viscous) * along.rate))
         self.frictions[where] = Friction(where, along, most, slip.name, held.name)
+        return self.frictions[where]
+
+    def _pressed(
+        self, where: str, along: Displacement, viscous: Value, coefficient: Value | None, load: Row | None, others: dict[str, object]
+    ) -> Friction:
+        """Friction that follows the load of a constraint."""
+        if coefficient is None or load is None:
+            raise ModelError(f"{where}: coefficient and load belong together; give both, or coulomb")
+        if given := [word for word, value in others.items() if value is not None]:
+            raise ModelError(f"{where}: {given[0]} does not go with the friction of a load; leave it out, or coefficient and load")
+        if load.type is not None:
+            raise ModelError(
+                f"{where}: load {load.label} is a scaled constraint, whose multiplier is no force; write it by m.constrain, in m"
+            )
+        self._require_sign(where, ">=", coefficient=coefficient)
+        if sum(each.load is not None for each in self.frictions.values()) == MOST_LOADED:
+            raise ModelError(f"{where}: {MOST_LOADED} frictions follow loads already, as many as a model can have; give coulomb")
+        slip, held = self.input(f"{where}.slip"), self.parameter(f"{where}.held", 0.0)
+        if not (is_number(viscous) and viscous == 0.0):
+            self._apply(where, along.forces(-as_sympy(viscous) * along.rate))
+        number = next(k for k, row in enumerate(self.rows) if row is load)
+        self.frictions[where] = Friction(where, along, as_sympy(coefficient), slip.name, held.name, number)
         return self.frictions[where]
 
     def _limits(self, where: str, coulomb: Scalar, static: Scalar | None) -> tuple[Scalar, Scalar]:

@@ -89,8 +89,8 @@ def assemble_conditions(
 class HeldLoad:
     """What holds a constraint of a mode. row: number of its first constraint; words, as messages call it
 
-    static: friction that holds a joint; grip: (number of the constraint of its gap, coefficient) of a contact that sticks, which has as
-    many constraints as `directions`. A gap has neither
+    static: friction that holds a joint, times the load of the constraint `pressed` where there is one; grip: (number of the constraint of
+    its gap, coefficient) of a contact that sticks, which has as many constraints as `directions`. A gap has neither
     """
 
     words: str
@@ -98,6 +98,7 @@ class HeldLoad:
     static: Scalar | None = None
     grip: tuple[int, Scalar] | None = None
     directions: int = 1
+    pressed: int | None = None
 
 
 def assemble_mode_conditions(
@@ -140,6 +141,8 @@ def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], 
             nodes += [graph.sub(most, force), graph.sum([most, graph.mul(size, size)])]
         elif each.static is not None:
             most = expression_node(lines, each.words, each.static)
+            if each.pressed is not None:
+                most = graph.mul(most, graph.call("abs", lam[each.pressed]))
             size = graph.add(most, size)
             nodes += [graph.sub(most, load), size, graph.add(most, load), size]
         else:

@@ -1,15 +1,20 @@
-"""Friction of contacts that slide, as programs: its force is the coefficient times the load of the gap, which depends on the forces.
+"""Friction of contacts and joints that slide, as programs: its force is the coefficient times a load, which depends on the forces.
 
-friction_forces(t, q, qd, p)  -> generalised forces (n) of all contacts that slide
+friction_forces(t, q, qd, p)  -> generalised forces (n) of all contacts and joints that slide
 
 The loads N of the k gaps are affine in the friction forces F: N = N0 − L F, L being the multipliers of the gaps for a force of 1 N along
 each direction of sliding. With F = −μ N they follow from (1 − L μ) N = N0.
+
+The constraint that presses a joint may push and pull: F = −μ |N| = −μ s N, s being the sign of N. From all s = 1 on, the first s that does
+not agree with its load is changed, 2ᵏ − 1 times at most: the method of least indices (K. G. Murty, Linear Complementarity, 1988), which
+finds the one solution that there is if and only if the determinants of all 2ᵏ combinations of signs are positive.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 from ncgen.model.values import Scalar
 from ncgen.program.assemble import input_lengths
@@ -29,9 +34,10 @@ MIN_SLIDING_VELOCITY = 1e-150
 
 @dataclass(frozen=True, eq=False)
 class Sliding:
-    """A contact that slides. row: number of the constraint that holds its gap; friction: coefficient
+    """A contact or joint that slides. row: number of the constraint whose load presses; friction: coefficient
 
     velocity: its sliding velocity (m/s), one expression in the plane, two in space; slip: as of `Contact`
+    is_joint: whether the load may push and pull
     """
 
     name: str
@@ -39,6 +45,12 @@ class Sliding:
     friction: Scalar
     velocity: tuple[Scalar, ...]
     slip: tuple[str, ...]
+    is_joint: bool = False
+
+    @property
+    def words(self) -> str:
+        """What messages call it."""
+        return f"{'friction' if self.is_joint else 'contact'} {self.name}"
 
 
 class SlidingNodes:
@@ -51,13 +63,24 @@ class SlidingNodes:
         self.lam, zero, one = list(motion.lam), graph.const(0.0), graph.const(1.0)
         along = [_direction(lines, each) for each in sliding]
         answers = [motion.saddle.refined(column) for column in along]
-        mu = [expression_node(lines, f"contact {each.name}", each.friction) for each in sliding]
-        matrix = [
-            [graph.sub(one if i == j else zero, graph.mul(x.get(n + each.row, zero), mu[j])) for j, x in enumerate(answers)]
-            for i, each in enumerate(sliding)
-        ]
-        loads, self.margin = _solved(graph, matrix, [graph.neg(motion.lam[each.row]) for each in sliding])
-        friction = [graph.neg(graph.mul(m, load)) for m, load in zip(mu, loads, strict=True)]
+        mu = [expression_node(lines, each.words, each.friction) for each in sliding]
+        shares = [[graph.mul(x.get(n + each.row, zero), m) for x, m in zip(answers, mu, strict=True)] for each in sliding]
+        joints = [k for k, each in enumerate(sliding) if each.is_joint]
+
+        def solved(signs: Sequence[int]) -> tuple[list[int], int]:
+            matrix = [
+                [graph.sub(one if i == j else zero, graph.mul(share, s)) for j, (share, s) in enumerate(zip(row, signs, strict=True))]
+                for i, row in enumerate(shares)
+            ]
+            return _solved(graph, matrix, [graph.neg(motion.lam[each.row]) for each in sliding])
+
+        signs = [one] * len(sliding)
+        for _ in range(2 ** len(joints) - 1):
+            signs = _corrected(graph, signs, solved(signs)[0], joints)
+        loads, _ = solved(signs)
+        sides = [[one, graph.const(-1.0)] if each.is_joint else [one] for each in sliding]
+        self.margin = _least(graph, [solved(combination)[1] for combination in product(*sides)])
+        friction = [graph.neg(graph.mul(m, graph.mul(s, load))) for m, s, load in zip(mu, signs, loads, strict=True)]
         for r in range(len(self.lam)):
             parts = [graph.mul(x[n + r], f) for x, f in zip(answers, friction, strict=True) if n + r in x]
             self.lam[r] = graph.sum([self.lam[r], *parts])
@@ -81,8 +104,7 @@ def assemble_friction(equations: Terms, sizes: MotionSizes, sliding: Sequence[Sl
 def _direction(lines: Lines, sliding: Sliding) -> dict[int, int]:
     """{coordinate: generalised force} of 1 N along the direction in which a contact slides."""
     graph, n = lines.graph, len(lines.equations.free)
-    where = f"contact {sliding.name}"
-    velocities = [expression_node(lines, where, each) for each in sliding.velocity]
+    velocities = [expression_node(lines, sliding.words, each) for each in sliding.velocity]
     names = [parameter.name for parameter in lines.equations.parameters]
     unit = [graph.load("p", names.index(name)) for name in sliding.slip]
     if len(unit) > 1:
@@ -99,6 +121,27 @@ def _direction(lines: Lines, sliding: Sliding) -> dict[int, int]:
             if rate in slopes:
                 sums.setdefault(c, []).append(graph.mul(slopes[rate], d))
     return {c: graph.sum(nodes) for c, nodes in sums.items()}
+
+
+def _corrected(graph: Graph, signs: Sequence[int], loads: Sequence[int], joints: Sequence[int]) -> list[int]:
+    """The signs of loads (1 or −1), the first one of a joint that does not agree with its load being changed."""
+    one, two, half = graph.const(1.0), graph.const(2.0), graph.const(0.5)
+    corrected, before = list(signs), one  # before: 1 as long as all agree, then 0
+    for k in joints:
+        side = graph.call("sign", graph.mul(signs[k], loads[k]))
+        side = graph.call("sign", graph.add(graph.mul(two, side), one))  # a load of 0 agrees
+        corrected[k] = graph.mul(signs[k], graph.add(one, graph.mul(before, graph.sub(side, one))))
+        before = graph.mul(before, graph.mul(half, graph.add(one, side)))
+    return corrected
+
+
+def _least(graph: Graph, nodes: Sequence[int]) -> int:
+    """The least of some nodes."""
+    least = nodes[0]
+    for node in nodes[1:]:
+        difference = graph.call("abs", graph.sub(least, node))
+        least = graph.mul(graph.const(0.5), graph.sub(graph.add(least, node), difference))
+    return least
 
 
 def _solved(graph: Graph, matrix: list[list[int]], right: list[int]) -> tuple[list[int], int]:

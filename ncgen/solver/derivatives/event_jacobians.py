@@ -73,10 +73,11 @@ class EventJacobians:
     def _refuse(self) -> None:
         """Raise ModelError naming elements whose events have no derivatives yet."""
         model = self.kernels.model
-        if elements := [*model.contacts, *model.locks, *model.ratchets]:
+        pressed = [each.name for each in model.frictions.values() if each.load is not None]
+        if elements := [*model.contacts, *pressed, *model.locks, *model.ratchets]:
             names = shortened(", ".join(elements))
             raise ModelError(
-                f"{model.name}: derivatives through friction of contacts, locks and ratchets ({names}) are not supported yet; "
+                f"{model.name}: derivatives through friction of contacts and of loads, locks and ratchets ({names}) are not supported yet; "
                 "take differences of runs, or leave them out"
             )
 

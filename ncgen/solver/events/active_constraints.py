@@ -96,7 +96,7 @@ class ActiveConstraints:
                 number += 1
         if any(k in self.functions.frictions for k in self.left):  # what a joint bore may push a gap closed
             self.left = {k: side for k, side in self.left.items() if k in self.functions.frictions or self.rows[k].rubs}
-        if number in crossed and (sliding := sliding_of(mode, rows)):
+        if number in crossed and (sliding := sliding_of(mode, rows, self.functions.loaded)):
             raise undetermined(self.functions, sliding, at)
         self.left |= {k: self._onwards(mode, held, k, at) for k in self.left if self.rows[k].sticks}
 
@@ -219,9 +219,10 @@ class ActiveConstraints:
 
         before: what was held; a gap that was not is held only if it is pushed
         """
-        if not held:
-            return replace(at, q=start.q, qd=start.qd), None
         rows = tuple(self.rows[k] for k in held)
+        if not held:
+            check_determined(self.functions, self.functions.mode(at), rows, at)
+            return replace(at, q=start.q, qd=start.qd), None
         kernels = self.functions.mode(at, rows)
         loads, p, worst = load_conditions(self.functions, kernels, rows), self.kernels.present(at.t, at.p), None
         if all(k in self.functions.frictions for k in held):  # joints that stand still: their loads there say it without projecting

@@ -74,7 +74,7 @@ class EventFunctions:
         closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         rubbing = self.kernels.model.contacts
         held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
-        sticking = [held_where_it_is(k, f, f.static) for k, f in self.frictions.items()]
+        sticking = [held_where_it_is(k, f, f.static, f.load) for k, f in self.frictions.items()]
         rests = {event.name for _, event in closing}
         rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
         caught = [held_where_it_is(k, r) for k, r in self.ratchets.items()]
@@ -88,6 +88,11 @@ class EventFunctions:
     def mode(self, at: State, held: Sequence[Held] = ()) -> Kernels:
         """The kernels of the mode in which these are held and the locks of a state are closed; held constraints are the last ones."""
         return variant(self.kernels, (*(self.locks[name] for name in at.locked), *held))
+
+    @property
+    def loaded(self) -> tuple[Friction, ...]:
+        """Frictions that follow the load of a constraint; with one of these every mode is a variant of the mechanism."""
+        return tuple(each for each in self.frictions.values() if each.load is not None)
 
     @property
     def can_hold(self) -> bool:
@@ -189,7 +194,7 @@ class EventFunctions:
         return self._number(f"event {event.name}", event.impact.restitution, at) if event.impact else 0.0
 
     def static(self, k: int, at: State) -> float:
-        """Static friction of a friction (N or N m)."""
+        """Static friction of a friction (N or N m), or its coefficient where it follows a load."""
         return self._number(f"friction {self.frictions[k].name}", self.frictions[k].static, at)
 
     def limit(self, held: Held, at: State) -> float:
@@ -278,9 +283,9 @@ class EventFunctions:
         return made
 
 
-def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None) -> Held:
+def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None, pressed: int | None = None) -> Held:
     """The constraint of what is held at the place where it is at that instant."""
-    return Held(number, of.name, (of.along.position - symbol_of(of.held),), static, place=(of.held, of.along.initial))
+    return Held(number, of.name, (of.along.position - symbol_of(of.held),), static, place=(of.held, of.along.initial), pressed=pressed)
 
 
 def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:

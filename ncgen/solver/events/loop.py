@@ -83,7 +83,7 @@ class EventLoop:
         fresh = int(not (len(ahead) and ahead[0] == at.t))
         extra_times = np.append(np.zeros(fresh, dtype=bool), task.looks_from(first))
         active, held = self.active_constraints, self.held
-        loads = load_conditions(self.functions, self.mode, tuple(active.rows[k] for k in held)) if held else None
+        loads = load_conditions(self.functions, self.mode, tuple(active.rows[k] for k in held)) if held or self.functions.loaded else None
         conditions = self.functions.watched(self.signs, task.stop, active.directions(held, at.p), loads)
         part_task = replace(
             task, grid=np.concatenate([[at.t] * fresh, ahead]), looks=extra_times, q=at.q, velocities=at.qd, p=at.p, conditions=conditions,
@@ -128,7 +128,8 @@ class EventLoop:
 
     def _is_stop(self, crossed: tuple[int, ...]) -> bool:
         """Whether the run was told to stop there: that condition follows those of the mechanism and of the loads."""
-        return self.task.stop is not None and self.functions.count + count_of(self.active_constraints.rows[k] for k in self.held) in crossed
+        loads = count_of((self.active_constraints.rows[k] for k in self.held), self.functions.loaded)
+        return self.task.stop is not None and self.functions.count + loads in crossed
 
     def begin(self) -> bool:
         """Events at the start: a condition that is zero there and moves on in its direction. Returns whether the run ends there.
@@ -197,7 +198,7 @@ class EventLoop:
         happened = (*instant.happened, *active.happened)
         stops = instant.stops or bool(ended)
         self.passage.instants.append(Occurrence(before, self.at, held, active.held, crossed, tuple(instant.done), stops, happened))
-        if changes:
+        if changes or (is_start and self.functions.loaded):
             self.first_step = 0.0
             self.passage.modes.append(
                 Mode(self.at.t, (*self.at.locked, *(self.active_constraints.rows[k].name for k in active.held)), self.mode)

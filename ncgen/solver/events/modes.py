@@ -23,6 +23,7 @@ from ncgen.mechanism.program_functions import CompiledFunctions
 from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.model.contacts import Contact
+from ncgen.model.frictions import Friction
 from ncgen.model.values import Scalar, Value, as_sympy, evaluate
 from ncgen.program.motions.event_programs import INPUTS, HeldLoad, assemble_mode_conditions
 from ncgen.program.motions.multipliers import STATE
@@ -44,8 +45,9 @@ DOMAIN = STATUS.index("domain")
 class Held:
     """Constraints that a mode can have together. number: of the condition that they belong to; rows: expressions that stay zero in the mode
 
-    static: the friction that holds a joint, None for others; rubs: the friction of a contact; sticks: whether these are the velocities of
-    such a contact, and not its gap; place: name of the parameter that says where it is held, and where it is in the initial position
+    static: the friction that holds a joint, None for others; pressed: number of the constraint whose load it is multiplied by
+    rubs: the friction of a contact; sticks: whether these are the velocities of such a contact, and not its gap
+    place: name of the parameter that says where it is held, and where it is in the initial position
     """
 
     number: int
@@ -55,6 +57,7 @@ class Held:
     rubs: Contact | None = None
     sticks: bool = False
     place: tuple[str, Scalar] | None = None
+    pressed: int | None = None
 
     @property
     def key(self) -> tuple[str, bool]:
@@ -73,7 +76,7 @@ class Mode:
 
 def variant(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
     """The kernels of a mechanism with more constraints, which have the coordinates and parameters of the mechanism itself."""
-    if not held:
+    if not held and not any(each.load is not None for each in kernels.model.frictions.values()):
         return kernels
     key = tuple(each.key for each in held)
     return kernels.remember("modes", key, lambda: _made(kernels, held)).driven_by(kernels._drive)
@@ -94,33 +97,47 @@ def _made(kernels: Kernels, held: tuple[Held, ...]) -> Kernels:
         raise ModelError(
             f"{kernels.name}: {', '.join(each.name for each in held)} cannot be held; their constraints change the coordinates"
         )
-    if sliding := sliding_of(made, held):
+    if sliding := sliding_of(made, held, kernels.model.frictions.values()):
         made.model.callbacks.append(_friction(made, sliding))
     return made
 
 
-def sliding_of(kernels: Kernels, held: tuple[Held, ...]) -> tuple[Sliding, ...]:
-    """The contacts that slide in a mode: those whose gap is held while they do not stick. kernels: of the mode"""
+def sliding_of(kernels: Kernels, held: tuple[Held, ...], frictions: Iterable[Friction]) -> tuple[Sliding, ...]:
+    """What slides in a mode with friction that follows loads: the contacts whose gap is held while they do not stick, and joints that do
+    not. kernels: of the mode; frictions: of the mechanism"""
     sticking = {each.name for each in held if each.sticks}
-    return tuple(
+    contacts = (
         Sliding(c.name, row, as_sympy(c.friction), c.sliding, c.slip)
         for each, row in zip(held, first_rows(kernels, held), strict=True)
         if (c := each.rubs) and c.name not in sticking
     )
+    joints = (
+        Sliding(each.name, each.load, as_sympy(each.static), (each.along.rate,), (each.slip,), is_joint=True)
+        for each in frictions
+        if each.load is not None and not _stick(each, held)
+    )
+    return (*contacts, *joints)
+
+
+def _stick(friction: Friction, held: Iterable[Held]) -> bool:
+    """Whether a joint's friction holds it."""
+    return any(each.static is not None and each.name == friction.name for each in held)
 
 
 def first_rows(kernels: Kernels, held: Sequence[Held]) -> list[int]:
     """The numbers of the first constraints of what is held, which are the last ones of a mode."""
+    if not held:
+        return []
     ends = np.cumsum([len(each.rows) for each in held])
     return [int(kernels.m - ends[-1] + end - len(each.rows)) for each, end in zip(held, ends, strict=True)]
 
 
 def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
-    """The friction of contacts that slide. Raises ModelError where it cannot be compiled."""
-    names = ", ".join(each.name for each in sliding)
+    """The friction of contacts and joints that slide. Raises ModelError where it cannot be compiled."""
+    names = ", ".join(each.words for each in sliding)
     if why := refusal_of_multipliers(kernels):
-        raise ModelError(f"{kernels.name}: contact {names} cannot slide with friction: {why}; leave its friction out")
-    digest = hashlib.sha256(repr([(s.name, s.row, str(s.friction), str(s.velocity), s.slip) for s in sliding]).encode()).hexdigest()[:16]
+        raise ModelError(f"{kernels.name}: {names} cannot slide: {why}; leave the friction out")
+    digest = hashlib.sha256(repr([(s.words, s.row, str(s.friction), str(s.velocity), s.slip) for s in sliding]).encode()).hexdigest()[:16]
     made = functions_of(
         kernels, f"friction_{digest}", {"friction_forces": STATE}, {"friction_forces": kernels.n},
         {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)},
@@ -142,19 +159,21 @@ def rank_of(kernels: Kernels, mode: Kernels, at: State) -> int:
     return mode.remember("rank in a mode", kernels.of_rows(at.p).tobytes(), lambda: freedom_at(mode, at.q, at.t, at.p).rank, 64)
 
 
-def count_of(held: Iterable[Held]) -> int:
-    """How many conditions loads have: one of a gap or a contact that sticks, two of a joint; and one of all contacts that slide."""
+def count_of(held: Iterable[Held], frictions: Iterable[Friction] = ()) -> int:
+    """How many conditions loads have: one of a gap or a contact that sticks, two of a joint; and one of all that slides with friction that
+    follows loads. frictions: of the mechanism"""
     held = tuple(held)
     slides = {each.name for each in held if each.rubs and not each.sticks} - {each.name for each in held if each.sticks}
-    return sum(1 if each.static is None else 2 for each in held) + bool(slides)
+    rubs = bool(slides) or any(each.load is not None and not _stick(each, held) for each in frictions)
+    return sum(1 if each.static is None else 2 for each in held) + rubs
 
 
 class LoadConditions(ABC):
     """The conditions of a mechanism, and behind them those of the loads of what a mode holds, which are positive as long as it holds.
 
     A gap has one, its load; a joint two, static friction less and plus its load; a contact that sticks one, friction less its force, both
-    squared; all contacts that slide one together, which is positive as long as their loads are determined. Sizes are those of all loads
-    together, by energy.
+    squared; all that slides with friction of loads one together, which is positive as long as these are determined. Sizes are those of all
+    loads together, by energy.
 
     address: of the function, as `Conditions` has it; count: how many there are of loads; raised: what went wrong in a call of Python
     """
@@ -183,7 +202,7 @@ def held_loads(kernels: Kernels, held: tuple[Held, ...]) -> list[HeldLoad]:
     return [
         HeldLoad(each.name, row, grip=(gaps[each.name], as_sympy(each.rubs.friction)), directions=len(each.rows))
         if each.rubs and each.sticks
-        else HeldLoad(each.name, row, None if each.static is None else as_sympy(each.static))
+        else HeldLoad(each.name, row, None if each.static is None else as_sympy(each.static), pressed=each.pressed)
         for each, row in zip(held, rows, strict=True)
     ]
 
@@ -192,12 +211,13 @@ class _Compiled(LoadConditions):
     """In one program with those of the mechanism."""
 
     def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> None:
-        conditions, loads, sliding = functions.conditions, held_loads(mode, held), sliding_of(mode, held)
-        words = [str((e.words, e.row, e.static, e.grip, e.directions)) for e in loads]
-        words += [*(str((s.row, s.velocity, s.friction)) for s in sliding), *(str(pair) for pair in conditions)]
+        frictions = functions.kernels.model.frictions.values()
+        conditions, loads, sliding = functions.conditions, held_loads(mode, held), sliding_of(mode, held, frictions)
+        words = [str((e.words, e.row, e.static, e.grip, e.directions, e.pressed)) for e in loads]
+        words += [*(str((s.words, s.row, s.velocity, s.friction)) for s in sliding), *(str(pair) for pair in conditions)]
         digest = hashlib.sha256(repr(words).encode()).hexdigest()[:16]
         counts = {"q": mode.n, "qd": mode.n, "p": len(mode.p0)}
-        self.count = count_of(held)
+        self.count = count_of(held, frictions)
         made = functions_of(
             mode, f"mode_{digest}", {"conditions": INPUTS["conditions"]}, {"conditions": 2 * (len(conditions) + self.count)}, counts,
             lambda: assemble_mode_conditions(mode.programs.equations, conditions, loads, sliding, motion_sizes(mode), mode.row_sizes),
@@ -244,6 +264,7 @@ class _InPython(LoadConditions):
             elif each.static is None:
                 margins.append((-lam[k], total / rows[k]))
             else:
+                most *= 1.0 if each.pressed is None else abs(lam[each.pressed])
                 margins += [(most + side * lam[k], most + total / rows[k]) for side in (1, -1)]
         values, sizes = np.array(margins).T
         return values, sizes

@@ -1,14 +1,17 @@
-"""Contacts that slide with friction: whether their loads are determined.
+"""Contacts and joints that slide with friction of their loads: whether these are determined.
 
 With the response A of the gaps' accelerations to their loads N, of which each brings a friction −μ N along its direction of sliding, the
 accelerations are A N + b. For every b there is exactly one 0 ≤ N ⊥ A N + b ≥ 0 if and only if all principal minors of A are positive.
 Otherwise there may be no N or several, which Painlevé noticed on a rod (Sur les lois du frottement de glissement, 1895).
+
+The constraint that presses a joint always holds and may push and pull, and its friction is −μ s N with the sign s of N. So it belongs to
+all minors, which have to be positive for both signs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain, combinations
+from itertools import chain, combinations, product
 
 import numpy as np
 
@@ -22,30 +25,52 @@ from ncgen.solver.events.modes import Held, sliding_of
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.instant import instant
 from ncgen.solver.formalisms.kkt import KKT
+from ncgen.solver.positions.rank import null_space, scaled_jacobian
 
 MOST_SLIDING = 12
 """Contacts that slide at one time whose 2¹² minors are all computed; of more only the single ones and pairs."""
+
+SHARED = 1e-6
+"""A constraint shares its load with others if it takes more than this part in loads that cancel each other."""
 
 POSITIVE = 1e-9
 """A minor is positive that is above this share of that without friction."""
 
 
 def check_determined(functions: EventFunctions, kernels: Kernels, held: tuple[Held, ...], at: State) -> None:
-    """Raise ConvergenceError where the loads of the contacts that slide in a mode are not determined. kernels: of the mode"""
-    sliding = sliding_of(kernels, held)
+    """Raise ConvergenceError where loads that friction follows in a mode are not determined. kernels: of the mode"""
+    if functions.loaded:
+        _check_unshared(functions, kernels, at)
+    sliding = sliding_of(kernels, held, functions.loaded)
     if not sliding:
         return
-    A, plain = _responses(functions, kernels, sliding, at)
-    count = len(sliding)
-    sizes = range(1, (count if count <= MOST_SLIDING else 2) + 1)
-    for chosen in chain.from_iterable(combinations(range(count), size) for size in sizes):
-        part = np.ix_(chosen, chosen)
-        if not np.linalg.det(A[part]) > POSITIVE * abs(np.linalg.det(plain[part])):
-            raise undetermined(functions, [sliding[k] for k in chosen], at)
+    by_friction, plain = _responses(functions, kernels, sliding, at)
+    joints = [k for k, each in enumerate(sliding) if each.is_joint]
+    contacts = [k for k, each in enumerate(sliding) if not each.is_joint]
+    sizes = range(0 if joints else 1, (len(contacts) if len(contacts) <= MOST_SLIDING else 2) + 1)
+    for signs in product(*[(1.0, -1.0) if each.is_joint else (1.0,) for each in sliding]):
+        A = plain @ (np.eye(len(sliding)) - by_friction * signs)
+        for some in chain.from_iterable(combinations(contacts, size) for size in sizes):
+            chosen = [*some, *joints]
+            part = np.ix_(chosen, chosen)
+            if not np.linalg.det(A[part]) > POSITIVE * abs(np.linalg.det(plain[part])):
+                raise undetermined(functions, [sliding[k] for k in chosen], at)
+
+
+def _check_unshared(functions: EventFunctions, kernels: Kernels, at: State) -> None:
+    """Raise ConvergenceError where a constraint that presses a joint shares its load with others."""
+    cancelling = null_space(scaled_jacobian(kernels, at.q, at.t, at.p).T)
+    for each in functions.loaded:
+        if cancelling.size and np.max(np.abs(cancelling[each.load])) > SHARED:
+            raise ConvergenceError(
+                f"{functions.kernels.name}: at t = {at.t:.6g} s the load of friction {each.name}, constraint "
+                f"{kernels.rows[each.load].label}, is shared with redundant constraints; leave these out"
+            )
 
 
 def _responses(functions: EventFunctions, kernels: Kernels, sliding: Sequence[Sliding], at: State) -> tuple[np.ndarray, np.ndarray]:
-    """A (k, k), and the same without friction: accelerations of gaps, all else that is held staying so, for loads of 1 N."""
+    """Loads (k, k) that friction brings about for loads of 1 N, and accelerations (k, k) of gaps for loads of 1 N without friction, all
+    else that is held staying so."""
     now = instant(kernels, at.q, at.qd, at.t, at.p)
     matrix = KKT(now.mass, now.jacobian, kernels)
     rows = [each.row for each in sliding]
@@ -56,8 +81,7 @@ def _responses(functions: EventFunctions, kernels: Kernels, sliding: Sequence[Sl
     zero = np.zeros_like
     by_motion = -scale * matrix.solve(zero(forces), units)[1][rows]  # loads for an acceleration of 1 m/s² of each gap
     by_friction = -scale * matrix.solve(kernels.column_sizes[:, None] * forces / now.unit, zero(units))[1][rows]
-    plain = np.linalg.inv(by_motion)
-    return plain @ (np.eye(len(rows)) - by_friction), plain
+    return by_friction, np.linalg.inv(by_motion)
 
 
 def is_prevented(functions: EventFunctions, kernels: Kernels, k: int, at: State) -> bool:
@@ -68,7 +92,10 @@ def is_prevented(functions: EventFunctions, kernels: Kernels, k: int, at: State)
 
 
 def _friction(functions: EventFunctions, sliding: Sliding, at: State) -> np.ndarray:
-    """Generalised friction (n,) of a contact for a load of 1 N."""
+    """Generalised friction (n,) of a contact or joint for a load of 1 N."""
+    if sliding.is_joint:
+        k = next(k for k, friction in functions.frictions.items() if friction.name == sliding.name)
+        return -functions.static(k, at) * functions.rate_slopes(at)[k] * at.p[functions.kernels.parameters.index(*sliding.slip)]
     k = next(k for k, contact in functions.contacts.items() if contact.name == sliding.name)
     velocity, slopes = functions.sliding(at)[k]
     direction = at.p[[functions.kernels.parameters.index(name) for name in sliding.slip]]
@@ -80,16 +107,19 @@ def _friction(functions: EventFunctions, sliding: Sliding, at: State) -> np.ndar
 
 def undetermined(functions: EventFunctions, sliding: Sequence[Sliding], at: State) -> ConvergenceError:
     """The refusal, with names, friction and place."""
-    contacts = []
+    names, rubbing = {each.words for each in sliding}, []
     for k, contact in functions.contacts.items():
-        if any(each.name == contact.name for each in sliding):
+        if f"contact {contact.name}" in names:
             place = ", ".join(f"{_number(functions, x, at):.6g}" for x in contact.place)
             where = f" at ({place}) m" if place else ""
-            contacts.append(f"{contact.name} with friction {functions.friction(k, at):g}{where}")
+            rubbing.append(f"contact {contact.name} with friction {functions.friction(k, at):g}{where}")
+    for k, friction in functions.frictions.items():
+        if f"friction {friction.name}" in names:
+            rubbing.append(f"friction {friction.name} with coefficient {functions.static(k, at):g}")
+    compliant = "" if any(each.is_joint for each in sliding) else ", or a compliant contact"
     return ConvergenceError(
-        f"{functions.kernels.name}: at t = {at.t:.6g} s the load of contact {', '.join(contacts)} is not determined, "
-        "its friction is too large "
-        "for the direction in which it slides (Painlevé); take less friction, or a compliant contact"
+        f"{functions.kernels.name}: at t = {at.t:.6g} s the load of {', '.join(rubbing)} is not determined, "
+        f"its friction is too large for the direction in which it slides (Painlevé); take less friction{compliant}"
     )
 
 

@@ -79,9 +79,9 @@ class Steps:
         return accelerations_by("lagrange").motion(self._loop.mode, at.q, at.qd, at.t, at.p, {}).qdd
 
     def check_outputs(self) -> None:
-        """Raise ModelError for outputs of joint loads where gaps rest or joints stick."""
-        if self._loop.held and uses_loads(self._kernels.model):
-            raise ModelError(f"{self._kernels.name}: outputs of joint loads need a motion in which no gap and no joint is held")
+        """Raise ModelError for outputs of joint loads where gaps rest, joints stick, or friction follows loads."""
+        if (self._loop.held or self._loop.functions.loaded) and uses_loads(self._kernels.model):
+            raise ModelError(f"{self._kernels.name}: outputs of joint loads need a motion in which no gap and no joint is held or rubs")
 
     def _follow(self) -> None:
         """Take on what the simulation was given since the last step: a state begins anew, and inputs may bring about events."""
@@ -141,7 +141,7 @@ class Steps:
     def _has_moved(self, h: float) -> bool:
         """Whether a step without events and held constraints has succeeded, as most do; else nothing has moved."""
         now, loop = self._now, self._loop
-        if self._has_breaks or loop.held or loop.at.locked:
+        if self._has_breaks or loop.held or loop.at.locked or loop.functions.loaded:
             return False
         watched = self._watched or Watched(loop.watched(), runtime_abi("double"), NUMBERS["double"])
         numbers = now.t, now.work, now.next_step

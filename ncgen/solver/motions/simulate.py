@@ -384,10 +384,11 @@ class _Motion:
             path.fallbacks, preparation,
         )  # fmt: skip
         kernels = self.passage.driving(self.kernels, self.start.p)
+        modes = tuple(replace(each, kernels=self.passage.driving(each.kernels, self.start.p)) for each in self.passage.modes)
         return Trajectory(
             kernels, times[wanted], path.q[wanted], path.qd[wanted], path.work[wanted], self.start.p, path.partitions,
             spent, method.formalism.name, method.integrator.name, self.engine,
             run.initial.z or self.kernels.model.chosen_independent, kernels, method.options, path.stopped is not None, run.number,
             f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses), tuple(self.passage.happened),
-            tuple(self.passage.modes), bool(self.passage.changes),
+            modes, bool(self.passage.changes),
         )  # fmt: skip

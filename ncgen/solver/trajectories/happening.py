@@ -65,5 +65,5 @@ class Happening:
 def refuse_pieces(run: Trajectory, what: str) -> None:
     """Raise ModelError where a run is not one motion of one mechanism, which `what` needs."""
     if run.modes or run.changed:
-        why = "gaps or joints were held on the way" if run.modes else "events changed parameters"
+        why = "gaps or joints were held or rubbed on the way" if run.modes else "events changed parameters"
         raise ModelError(f"{run.name}: {what} need a motion of one mechanism, and {why}; take a run without these events")
