@@ -14,6 +14,7 @@ from ncgen.errors import ModelError, shown
 from ncgen.exchange.words import NOT_IN_FILES, kind_of, signature_of
 from ncgen.model import Model
 from ncgen.model.actions import STOP, Action, Call, Change, Impact, Locking, Stop
+from ncgen.model.argument_readers import row
 from ncgen.model.bodies import WORDS_OF_INERTIA, Body
 from ncgen.model.curves import Curve
 from ncgen.model.elements import Combination, Component, Element
@@ -51,7 +52,7 @@ class _Writer:
     """Turns facts into tables; what it writes, the reader accepts."""
 
     def __init__(self, model: Model) -> None:
-        self.curves, self.labels = model.curves, Counter(row.label for row in model.rows)
+        self.model, self.curves = model, model.curves
         self.known = {TIME, *LAW, *model.numbers, *observable_loads(model)} | {c.name for c in model.components}
 
     def table(self, word: str, arguments: dict, once: bool) -> str:
@@ -88,9 +89,7 @@ class _Writer:
         if isinstance(value, (Element, Body, Parameter, Component, Curve)):
             return _quoted(value.name, where)
         if isinstance(value, Row):
-            if self.labels[value.label] > 1:
-                raise ModelError(f"{where}: {self.labels[value.label]} constraints have the label {value.label}; give each its own")
-            return _quoted(value.label, where)
+            return _quoted(row(self.model, value.label, where).label, where)
         if isinstance(value, (Impact, Change, Stop, Call, Locking)):
             return self.text(_action_in_file(value, where), where)
         if isinstance(value, Combination):

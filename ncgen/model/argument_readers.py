@@ -195,10 +195,10 @@ def _owner(model: Contents, thing: object, where: str) -> Owner:
     return thing if isinstance(thing, Owner) else Owner("body", _body(model, thing, where).name)
 
 
-def _row(model: Contents, thing: object, where: str) -> Row:
+def row(model: Contents, thing: object, where: str) -> Row:
     """A constraint by itself, or by a label that no other one has."""
     if isinstance(thing, str):
-        found = [row for row in model.rows if row.label == thing]
+        found = [each for each in model.rows if each.label == thing]
         if not found:
             raise ModelError(f"{where}: there is no constraint {shortened(thing, MAX_ECHO)}; give the label of one that stands before it")
         if len(found) > 1:
@@ -206,7 +206,7 @@ def _row(model: Contents, thing: object, where: str) -> Row:
         return found[0]
     if not isinstance(thing, Row):
         raise ModelError(f"{where}: {shown(thing)} is not a constraint; give one that m.constrain returned, or its label")
-    if all(row is not thing for row in model.rows):
+    if all(each is not thing for each in model.rows):
         raise foreign(where, f"constraint {thing.label}")
     return thing
 
@@ -294,7 +294,7 @@ READERS: dict[str, Reader[object]] = {
     "Numbers": _numbers,
     "Doing": actions_of,
     "Curve": _curve,
-    "Row": _row,
+    "Row": row,
     "Sequence[Numbers]": _rows,
 }
 """{annotation: reader(model, what was given, where)}."""
