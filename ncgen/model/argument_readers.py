@@ -198,12 +198,12 @@ def _owner(model: Contents, thing: object, where: str) -> Owner:
 def row(model: Contents, thing: object, where: str) -> Row:
     """A constraint by itself, or by a label that no other one has."""
     if isinstance(thing, str):
-        found = [each for each in model.rows if each.label == thing]
-        if not found:
+        rows = [each for each in model.rows if each.label == thing]
+        if not rows:
             raise ModelError(f"{where}: there is no constraint {shortened(thing, MAX_ECHO)}; give the label of one that stands before it")
-        if len(found) > 1:
-            raise ModelError(f"{where}: {len(found)} constraints have the label {shortened(thing, MAX_ECHO)}; give each its own")
-        return found[0]
+        if len(rows) > 1:
+            raise ModelError(f"{where}: {len(rows)} constraints have the label {shortened(thing, MAX_ECHO)}; give each its own")
+        return rows[0]
     if not isinstance(thing, Row):
         raise ModelError(f"{where}: {shown(thing)} is not a constraint; give one that m.constrain returned, or its label")
     if all(each is not thing for each in model.rows):

@@ -61,10 +61,11 @@ def _check_unshared(functions: EventFunctions, kernels: Kernels, at: State) -> N
     """Raise ConvergenceError where a constraint that presses a joint shares its load with others."""
     cancelling = null_space(scaled_jacobian(kernels, at.q, at.t, at.p).T)
     for each in functions.loaded:
-        if cancelling.size and np.max(np.abs(cancelling[each.load])) > SHARED:
+        load = each.load
+        if load is not None and cancelling.size and np.max(np.abs(cancelling[load])) > SHARED:
             raise ConvergenceError(
                 f"{functions.kernels.name}: at t = {at.t:.6g} s the load of friction {each.name}, constraint "
-                f"{kernels.rows[each.load].label}, is shared with redundant constraints; leave these out"
+                f"{kernels.rows[load].label}, is shared with redundant constraints; leave these out"
             )
 
 
@@ -95,7 +96,7 @@ def _friction(functions: EventFunctions, sliding: Sliding, at: State) -> np.ndar
     """Generalised friction (n,) of a contact or joint for a load of 1 N."""
     if sliding.is_joint:
         k = next(k for k, friction in functions.frictions.items() if friction.name == sliding.name)
-        return -functions.static(k, at) * functions.rate_slopes(at)[k] * at.p[functions.kernels.parameters.index(*sliding.slip)]
+        return -functions.static(k, at) * functions.rate_slopes(at)[k] * at.p[functions.kernels.parameters.index(sliding.slip[0])]
     k = next(k for k, contact in functions.contacts.items() if contact.name == sliding.name)
     velocity, slopes = functions.sliding(at)[k]
     direction = at.p[[functions.kernels.parameters.index(name) for name in sliding.slip]]
