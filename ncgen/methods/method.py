@@ -18,7 +18,7 @@ class Method:
     options: dict[str, Any] = field(default_factory=dict, hash=False)
 
     @classmethod
-    def of(cls, formalism: str, integrator: str, options: dict[str, Any] | None = None) -> Method:
+    def of(cls, formalism: str | Formalism, integrator: str, options: dict[str, Any] | None = None) -> Method:
         """The method of two names. Raises ModelError for unknown names and options, and for names that do not go together."""
         pair = table.find_formalism(formalism), table.find_integrator(integrator)
         table.check_pair(*pair)

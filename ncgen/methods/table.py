@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from numbers import Real
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard, cast
 
 from ncgen.errors import MAX_ECHO, ModelError, one_of, shortened, shown, unknown_word
 from ncgen.methods.explicit import EXPLICIT, Published
+from ncgen.methods.own import OwnFormalism, check_own, is_own
 
 if TYPE_CHECKING:
     from ncgen.methods.tableau import Tableau
@@ -90,7 +91,7 @@ class Formalism:
 
     is_constrained: all coordinates are integrated, not the independent ones alone; is_ordinary: it has a state derivative that
         ordinary integrators take
-    options: what may be set, with defaults
+    options: what may be set, with defaults; own: the user's object that computes the accelerations, None for ncgen's formalisms
     """
 
     name: str
@@ -99,6 +100,7 @@ class Formalism:
     is_ordinary: bool = True
     in_c: bool = True
     options: dict[str, Any] = field(default_factory=dict, hash=False)
+    own: OwnFormalism | None = field(default=None, hash=False)
 
     @property
     def constant(self) -> str:
@@ -162,6 +164,7 @@ INTEGRATORS = {
 
 
 def _of_accelerations(name: str, help: str, stabilisation: str = "projection", is_ordinary: bool = True, **defaults: float) -> Formalism:
+    """A formalism over all coordinates."""
     return Formalism(name, help, is_ordinary=is_ordinary, options={"stabilisation": stabilisation, "omega": 10.0, "xi": 1.0, **defaults})
 
 
@@ -213,7 +216,13 @@ def find_integrator(name: object) -> Integrator:
 
 
 def find_formalism(name: object) -> Formalism:
-    """The formalism of a name. Raises ModelError listing the known ones."""
+    """The formalism of a name, the entry of a user's own object, or an entry itself. Raises ModelError listing the known ones."""
+    if isinstance(name, Formalism):
+        return name
+    if is_own(name):
+        check_own(name, (AUTO, *FORMALISMS))
+        own = cast(OwnFormalism, name)
+        return replace(_of_accelerations(own.name, "the user's own"), in_c=False, own=own)
     if not isinstance(name, str) or name not in FORMALISMS:
         raise unknown_word(name, "formalism", (AUTO, *FORMALISMS))
     return FORMALISMS[name]
@@ -223,6 +232,8 @@ def goes_with(formalism: Formalism, integrator: Integrator) -> bool:
     """True if a formalism and an integrator make a method."""
     if formalism.name in integrator.steps:
         return True
+    if not (formalism.in_c or integrator.in_python):
+        return False
     return formalism.is_ordinary and integrator.is_ordinary and not (formalism.is_constrained and integrator.keeps_history)
 
 

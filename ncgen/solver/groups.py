@@ -18,6 +18,7 @@ from ncgen.errors import ModelError, shown
 from ncgen.solver.name_lists import offer
 
 if TYPE_CHECKING:
+    from ncgen.methods.own import OwnFormalism
     from ncgen.solver.given import Given
     from ncgen.solver.runs.signals import Signal
 
@@ -70,12 +71,13 @@ class MethodArguments(TypedDict, total=False):
 
     Parameters
     ----------
-    formalism : str
+    formalism : str or object
         How accelerations are computed. "auto": ncgen's choice, which `made_with` of the trajectory names, with the reason.
         "coordinate-partitioning" (the paper's Table 8) integrates the independent coordinates. "lagrange" (index 1), "null-space",
         "augmented-lagrangian" (index 1), "udwadia-phohomsiri" and "penalty" integrate all coordinates, and project onto the
         constraints after every step (penalty: Baumgarte's terms). "ali3p" is the index-3 augmented Lagrangian formulation with
-        mass-orthogonal projections, by the trapezoidal rule.
+        mass-orthogonal projections, by the trapezoidal rule. An object with a `name` and a function `accelerations` is a formalism of
+        your own, which runs in Python (docs/methods.md).
     integrator : str
         "auto", dopri5, dop853, rk23, adams, bdf, radau, lsoda, or with the fixed step `max_step` rk4 and trapezoidal; or Matlab's and
         SciPy's names (ode45, RK45, ode113 …). With SUNDIALS (`pip install 'ncgen[sundials]'`) cvode-adams and cvode-bdf, on
@@ -103,7 +105,7 @@ class MethodArguments(TypedDict, total=False):
         energy-momentum; rho, the spectral radius ρ∞ of generalized-alpha, or hht, the α of HHT, in its place.
     """
 
-    formalism: str
+    formalism: str | OwnFormalism
     integrator: str
     rtol: float | None
     atol: float | None

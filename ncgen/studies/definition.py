@@ -14,6 +14,7 @@ import numpy as np
 
 from ncgen.errors import MAX_ECHO, ModelError, counted, shortened
 from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.own import is_own
 from ncgen.methods.table import AUTO
 from ncgen.model import Model
 from ncgen.model.digest import OF_EVENTS, digest, digest_of_events
@@ -79,6 +80,8 @@ class Study:
             raise ModelError(
                 f"{model.name}: event {called[0]} calls a Python function, which is no data; write what it does as expressions"
             )
+        if is_own(options.get("formalism")):
+            raise ModelError("formalism: an object is no data; a study takes the name of a formalism of ncgen's")
         for name, signal in (options.get("inputs") or {}).items():
             if callable(signal):
                 raise ModelError(f"inputs, {name}: a Python function is no data; give a number or a table of times and values")

@@ -35,7 +35,7 @@ class MotionInC:
     @classmethod
     def of(cls, kernels: Kernels, task: Task, rank: int) -> MotionInC | None:
         """None for a run of the reference in Python, and where C refuses the mechanism."""
-        if not task.calls_c or compiled.refusal(kernels, Method.of(task.method.formalism.name, EXPLICIT), "c", "double"):
+        if not task.calls_c or compiled.refusal(kernels, Method.of(task.method.formalism, EXPLICIT), "c", "double"):
             return None
         return cls(kernels, task.method, rank)
 

@@ -191,7 +191,7 @@ class AllCoordinates(ReferenceRun):
 
     def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
         super().__init__(path, kernels, task)
-        self.accelerations, self.options = accelerations_by(task.method.formalism.name), task.method.options
+        self.accelerations, self.options = accelerations_by(task.method.formalism), task.method.options
         self.is_projected, self.rows = self.options["stabilisation"] == "projection", None
         self.rank = task.rank_at(kernels, task.q, float(task.grid[0]))
         self.in_c = MotionInC.of(kernels, task, self.rank)

@@ -9,26 +9,27 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
-from ncgen.methods.table import FORMALISMS
+from ncgen.methods.table import FORMALISMS, Formalism
 from ncgen.solver.formalisms.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.instant import Baumgarte, instant
+from ncgen.solver.formalisms.own import solved_by
 
 
 @dataclass(frozen=True)
 class Accelerations:
     """Accelerations over all coordinates by one formalism.
 
-    name: in `ncgen.methods.table`; solve: the function of its module; own: names of the options that it takes
+    entry: of `ncgen.methods.table`; solve: the function of its module, or of a user's object; own: names of the options that it takes
     """
 
-    name: str
+    entry: Formalism
     solve: Callable[..., tuple[np.ndarray, np.ndarray]]
     own: tuple[str, ...]
 
@@ -46,7 +47,7 @@ class Accelerations:
 
         Raises SingularError where they are not determined.
         """
-        options = {**FORMALISMS[self.name].options, **options}
+        options = {**self.entry.options, **options}
         now = instant(kernels, q, qd, t, p, rows, self.gains(options))
         qdd, lam = now.accelerations(*self.solve(now, **{name: options[name] for name in self.own}))
         power = float(kernels.energy(q, qd, t, p)[2] - kernels.nu(q, t, p) @ lam)
@@ -58,9 +59,15 @@ class Accelerations:
         return Baumgarte(options["omega"], options["xi"]) if options["stabilisation"] == "baumgarte" else None
 
 
-@cache
-def accelerations_by(name: str) -> Accelerations:
+def accelerations_by(formalism: str | Formalism) -> Accelerations:
     """The accelerations of a formalism over all coordinates."""
+    if isinstance(formalism, Formalism) and formalism.own is not None:
+        return Accelerations(formalism, partial(solved_by, formalism.own), ())
+    return _by_name(formalism if isinstance(formalism, str) else formalism.name)
+
+
+@cache
+def _by_name(name: str) -> Accelerations:
     word = name.replace("-", "_")
     solve = getattr(import_module(f"{__name__}.{word}"), word)
-    return Accelerations(name, solve, tuple(inspect.signature(solve).parameters)[1:])
+    return Accelerations(FORMALISMS[name], solve, tuple(inspect.signature(solve).parameters)[1:])

@@ -390,5 +390,5 @@ class _Motion:
             spent, method.formalism.name, method.integrator.name, self.engine,
             run.initial.z or self.kernels.model.chosen_independent, kernels, method.options, path.stopped is not None, run.number,
             f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses), tuple(self.passage.happened),
-            modes, bool(self.passage.changes),
+            modes, bool(self.passage.changes), method.formalism if method.formalism.own else None,
         )  # fmt: skip

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from ncgen.errors import ModelError, one_of, shown, written
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
+from ncgen.methods.own import OwnFormalism
 from ncgen.methods.table import (
     AUTO,
     FORMALISMS,
@@ -355,14 +356,14 @@ def _rates(subject: Outline, given: Given | None, name: str, whole: bool) -> dic
     return rates
 
 
-def _entries(formalism: str, integrator: str, options: dict[str, Any] | None) -> tuple[Formalism | None, Integrator | None]:
+def _entries(formalism: str | OwnFormalism, integrator: str, options: dict[str, Any] | None) -> tuple[Formalism | None, Integrator | None]:
     """Entries of the table, None for "auto". Raises ModelError where they do not go together or an option is not theirs."""
     one = None if isinstance(formalism, str) and formalism == AUTO else find_formalism(formalism)
     other = None if isinstance(integrator, str) and integrator.lower() == AUTO else find_integrator(integrator)
     if one and not other and not one.is_ordinary:
         other = next(entry for entry in INTEGRATORS.values() if one.name in entry.steps)  # the only one that there can be
     if one and other:
-        Method.of(one.name, other.name, options)
+        Method.of(one, other.name, options)
     elif one:  # whatever is chosen beside it, an option must belong to one of the methods that there may be
         _some_option([(one, INTEGRATORS[i]) for i in partners(one)], options)
     elif other:

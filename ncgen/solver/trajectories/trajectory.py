@@ -15,7 +15,7 @@ import numpy as np
 from ncgen.errors import ModelError, NcgenError, counted
 from ncgen.files import output_was, path_of, write_bytes, write_text
 from ncgen.mechanism.kernels import Kernels
-from ncgen.methods.table import FORMALISMS
+from ncgen.methods.table import FORMALISMS, Formalism
 from ncgen.model.elements import Element, Point, Vector, coordinate_of
 from ncgen.solver import frames, geometry
 from ncgen.solver.formalisms import accelerations_by
@@ -88,7 +88,8 @@ class Trajectory:
     run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid; number: the number
     type that it was computed with; made_with: the method and the engine in words, and why they were taken; impulses: what drivers did
     where the velocity of one jumped, events: what happened at the model's events, both in the order of time; modes: which gaps
-    and joints were held from when on; changed: events changed parameters, of which p has those of the start.
+    and joints were held from when on; changed: events changed parameters, of which p has those of the start; own: the user's formalism,
+    None with ncgen's.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity, `run["rate(rate(psi2))"]` its acceleration;
     like a dictionary a trajectory has the coordinates' names to go
     through, and `"psi2" in run`. Two trajectories are equal if they are the same one.
@@ -115,6 +116,7 @@ class Trajectory:
     events: tuple[Happening, ...] = ()
     modes: tuple[Mode, ...] = ()
     changed: bool = False
+    own: Formalism | None = None
 
     def __repr__(self) -> str:
         grid = f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no instant"
@@ -143,8 +145,9 @@ class Trajectory:
             if mode.t <= t:
                 kernels = mode.kernels
         p = refresh_branches(kernels, q, self.p)
-        if FORMALISMS[self.formalism].is_constrained:
-            return accelerations_by(self.formalism).motion(kernels, q, qd, t, p, self.options)
+        formalism = self.own or FORMALISMS[self.formalism]
+        if formalism.is_constrained:
+            return accelerations_by(formalism).motion(kernels, q, qd, t, p, self.options)
         present = determined(self.partitions)
         part = present.velocity
         if quality(kernels, part, q, t, p) < CONDITION:
