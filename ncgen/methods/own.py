@@ -24,6 +24,7 @@ class OwnFormalism(Protocol):
         now.mass (n, n), now.jacobian (k, n), now.force (n,), now.gamma (k,): M, Φ_q, Q and γ of M q̈ + Φ_qᵀ λ = Q and Φ_q q̈ = γ, with
         the k constraints that are in use. Lengths are measured in the mechanism's size, inertia in its largest entry.
         """
+        ...
 
 
 def is_own(given: object) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import ncgen
+from ncgen.report.along import Recorded
 from ncgen.solver.formalisms.udwadia_phohomsiri import udwadia_phohomsiri
 
 START = {"zd0": {"B.y": -3.0}}
@@ -63,7 +64,8 @@ def test_a_formalism_of_ncgens_as_an_object(name):
 def test_its_accelerations_are_what_is_integrated(pendulum):
     """Where they are zero and nothing is projected, the point goes straight on."""
     idle = own(lambda now: np.zeros_like(now.force), "idle")
-    run = ncgen.simulate(pendulum, 0.01, formalism=idle, options={"stabilisation": "none"}, **START)
+    with pytest.warns(UserWarning, match="idle holds the constraints to 0.0009 only"):
+        run = ncgen.simulate(pendulum, 0.01, formalism=idle, options={"stabilisation": "none"}, **START)
     assert run.q[-1] == pytest.approx(run.q[0] + 0.01 * run.qd[0], abs=1e-12)
     assert run.qd[-1] == pytest.approx([0.0, -3.0], abs=1e-12)
     assert not np.any(run.qdd)
@@ -119,6 +121,16 @@ def test_other_functions_refuse_it(pendulum):
             call(*(pendulum, 0.1)[: 2 if call is ncgen.simulate_batch else 1], formalism=own())
     with pytest.raises(ncgen.ModelError, match="formalism: an object is no data"):
         ncgen.study(ncgen.load("pendulum"), {"g": [1.0]}, duration=0.1, formalism=own(), keep="B.y")
+
+
+def test_files_keep_the_numbers(pendulum, tmp_path):
+    """What ncgen does not know it does not make a trajectory of."""
+    run = ncgen.simulate(pendulum, 0.1, formalism=own(), **START)
+    run.to_npz(tmp_path / "run.npz")
+    recorded = Recorded.read(tmp_path / "run.npz")
+    assert np.array_equal(recorded.arrays["qdd"], run.qdd) and recorded.health(pendulum) is not None
+    with pytest.raises(ncgen.NcgenError, match="is not what this ncgen knows: 'gauss'"):
+        recorded.trajectory(pendulum)
 
 
 def test_exceptions_arrive_unchanged(pendulum):

@@ -18,7 +18,7 @@ from ncgen.errors import ConvergenceError, DomainError, NcgenError, SingularErro
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.engines.motion_in_c import MotionInC
 from ncgen.solver.finite import on_the_way, watched
-from ncgen.solver.formalisms import accelerations_by
+from ncgen.solver.formalisms import accelerations_of
 from ncgen.solver.formalisms.coordinate_partitioning import Motion, StepStart, motion, motion_at
 from ncgen.solver.formalisms.dynamics_jacobian import full_jacobian, partitioned_jacobian
 from ncgen.solver.formalisms.projection import project
@@ -191,7 +191,7 @@ class AllCoordinates(ReferenceRun):
 
     def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
         super().__init__(path, kernels, task)
-        self.accelerations, self.options = accelerations_by(task.method.formalism), task.method.options
+        self.accelerations, self.options = accelerations_of(task.method.formalism), task.method.options
         self.is_projected, self.rows = self.options["stabilisation"] == "projection", None
         self.rank = task.rank_at(kernels, task.q, float(task.grid[0]))
         self.in_c = MotionInC.of(kernels, task, self.rank)

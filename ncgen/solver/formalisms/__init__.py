@@ -59,15 +59,16 @@ class Accelerations:
         return Baumgarte(options["omega"], options["xi"]) if options["stabilisation"] == "baumgarte" else None
 
 
-def accelerations_by(formalism: str | Formalism) -> Accelerations:
-    """The accelerations of a formalism over all coordinates."""
-    if isinstance(formalism, Formalism) and formalism.own is not None:
-        return Accelerations(formalism, partial(solved_by, formalism.own), ())
-    return _by_name(formalism if isinstance(formalism, str) else formalism.name)
-
-
 @cache
-def _by_name(name: str) -> Accelerations:
+def accelerations_by(name: str) -> Accelerations:
+    """The accelerations of a formalism of ncgen's over all coordinates."""
     word = name.replace("-", "_")
     solve = getattr(import_module(f"{__name__}.{word}"), word)
     return Accelerations(FORMALISMS[name], solve, tuple(inspect.signature(solve).parameters)[1:])
+
+
+def accelerations_of(formalism: Formalism) -> Accelerations:
+    """The accelerations of an entry over all coordinates, which a user's own object may have made."""
+    if formalism.own is None:
+        return accelerations_by(formalism.name)
+    return Accelerations(formalism, partial(solved_by, formalism.own), ())

@@ -18,7 +18,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS, Formalism
 from ncgen.model.elements import Element, Point, Vector, coordinate_of
 from ncgen.solver import frames, geometry
-from ncgen.solver.formalisms import accelerations_by
+from ncgen.solver.formalisms import accelerations_of
 from ncgen.solver.formalisms.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.given import echo, offer
@@ -147,7 +147,7 @@ class Trajectory:
         p = refresh_branches(kernels, q, self.p)
         formalism = self.own or FORMALISMS[self.formalism]
         if formalism.is_constrained:
-            return accelerations_by(formalism).motion(kernels, q, qd, t, p, self.options)
+            return accelerations_of(formalism).motion(kernels, q, qd, t, p, self.options)
         present = determined(self.partitions)
         part = present.velocity
         if quality(kernels, part, q, t, p) < CONDITION:
