@@ -58,9 +58,10 @@ def page() -> str:
 def _card(name: str) -> str:
     says = escape((inspect.getdoc(example_module(name)) or "").partition("\n\n")[0].replace("\n", " "))
     living = f' · <a href="living/{name}.html">move it</a>'
-    picture = Path(example_module(name).__file__ or "").with_name(f"{name}.png")
+    folder = Path(example_module(name).__file__ or "").parent
+    picture, title = folder / f"{name}.png", (folder / "README.md").read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
     image = f'<img src="{name}/{name}.png" alt="" loading="lazy">' if picture.is_file() else ""
-    return f'<div><a href="{name}/index.html">{image}<b>{name}</b></a>{living}<p>{says}</p></div>'
+    return f'<div><a href="{name}/index.html">{image}<b>{escape(title)}</b></a>{living}<p>{says}</p></div>'
 
 
 def write_living_pages(folder: Path) -> None:
