@@ -9,8 +9,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ncgen.cli.assignments import assigned, with_model_parameters
 from ncgen.cli.completion import models, words_of
-from ncgen.cli.terminal import PAGES, PICTURES, RESULTS, Json, ModelName, out, print_records, progress, show, writable
+from ncgen.cli.terminal import (
+    PAGES,
+    PICTURES,
+    RESULTS,
+    Duration,
+    Json,
+    ModelName,
+    Parameters,
+    Velocities,
+    out,
+    print_records,
+    progress,
+    show,
+    writable,
+)  # fmt: skip
 from ncgen.errors import ModelError
 
 if TYPE_CHECKING:
@@ -24,6 +39,9 @@ def bench(
     ],
     files: Annotated[list[Path] | None, typer.Argument(help="after the word robots: robots' files, or folders with such files")] = None,
     precision: Annotated[bool, typer.Option("--precision", help="simulate by every method and print error against time")] = False,
+    duration: Duration = None,
+    param: Parameters = None,
+    velocity: Velocities = None,
     limit: Annotated[float | None, typer.Option(min=0.0, help="with robots: time limit of a file, in seconds [default: 120]")] = None,
     html: Annotated[
         Path | None, typer.Option(help="with --precision: write a report into this file [default: no report]", rich_help_panel=RESULTS)
@@ -49,8 +67,12 @@ def bench(
     if files:
         raise ModelError(f"bench {model} {files[0]}: only `robots` takes files; name one model")
     if precision or html or plot:
-        _precision(load(model), html, plot, json_output)
+        chosen = {"duration": duration, "p": assigned("--param", param), "zd0": assigned("--velocity", velocity)}
+        _precision(load(model), html, plot, json_output, **chosen)
         return
+    for option, value in (("--duration", duration), ("--param", param), ("--velocity", velocity)):
+        if value is not None:
+            raise ModelError(f"{option}: only with --precision a motion can be chosen; add --precision")
     show_sections(model, measurements(load(model)), json_output)
 
 
@@ -87,8 +109,8 @@ def _robots(paths: list[Path], limit: float | None, json_output: bool) -> None:
     print_records(records, robots.summary, json_output)
 
 
-def _precision(model: Model, html: Path | None, plot: Path | None, json_output: bool) -> None:
-    """Every method from loose to tight; the front in words."""
+def _precision(model: Model, html: Path | None, plot: Path | None, json_output: bool, **chosen: Any) -> None:
+    """Every method from loose to tight; the front in words. chosen: duration, p and zd0 of `simulate`, None for the model's"""
     from ncgen.comparisons import precision
     from ncgen.comparisons.bench import aligned
     from ncgen.files import write_text
@@ -96,7 +118,8 @@ def _precision(model: Model, html: Path | None, plot: Path | None, json_output: 
     from ncgen.report.machine import machine
 
     with progress(f"simulating {model.name}", None):
-        records = precision.precision_records(model)
+        chosen["p"] = with_model_parameters(model, chosen["p"])
+        records = precision.precision_records(model, **chosen)
     doubt = f"the reference is known to {records[0]['doubt']:.1e}: by so much two methods at tight tolerance differ"
     rows, front = precision.table(records), precision.front(records)
     if json_output:

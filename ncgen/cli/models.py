@@ -12,9 +12,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ncgen.cli.assignments import assigned, with_model_parameters
-from ncgen.cli.completion import coordinates, parameters, stops, words_of
+from ncgen.cli.completion import stops, words_of
 from ncgen.cli.robot_options import for_robots
-from ncgen.cli.terminal import METHOD, MOTION, RESULTS, Backend, Emission, Json, ModelName, err, out, progress
+from ncgen.cli.terminal import (
+    METHOD,
+    MOTION,
+    RESULTS,
+    Backend,
+    Duration,
+    Emission,
+    Json,
+    ModelName,
+    Parameters,
+    Velocities,
+    err,
+    out,
+    progress,
+)  # fmt: skip
 from ncgen.errors import Interrupted
 
 if TYPE_CHECKING:
@@ -98,21 +112,9 @@ def generate(
 def run(
     model: ModelName,
     robot: dict[str, Any],
-    duration: Annotated[float | None, typer.Option(help="seconds to simulate [default: the model's]", rich_help_panel=MOTION)] = None,
-    param: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="value of a parameter, as k=3; may be repeated [default: the model's]", autocompletion=parameters, rich_help_panel=MOTION
-        ),
-    ] = None,
-    velocity: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="initial velocity of a coordinate, as psi1=2.5; may be repeated [default: the model's]",
-            autocompletion=coordinates,
-            rich_help_panel=MOTION,
-        ),
-    ] = None,
+    duration: Duration = None,
+    param: Parameters = None,
+    velocity: Velocities = None,
     stop: Annotated[
         str | None,
         typer.Option(

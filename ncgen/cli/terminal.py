@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from ncgen.cli.completion import models, words_of
+from ncgen.cli.completion import coordinates, models, parameters, words_of
 from ncgen.errors import ModelError
 from ncgen.files import is_file, is_folder, is_there
 from ncgen.report.bar import err, progress, timed
@@ -46,6 +46,21 @@ Emission = Annotated[
         help="equal equations as loops over tables (tabled), as straight-line code (unrolled), or by their number (auto)",
         autocompletion=words_of("ncgen.program.programs", "EMISSIONS"),
         rich_help_panel=CODE,
+    ),
+]
+Duration = Annotated[float | None, typer.Option(help="seconds to simulate [default: the model's]", rich_help_panel=MOTION)]
+Parameters = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="value of a parameter, as k=3; may be repeated [default: the model's]", autocompletion=parameters, rich_help_panel=MOTION
+    ),
+]
+Velocities = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="initial velocity of a coordinate, as psi1=2.5; may be repeated [default: the model's]",
+        autocompletion=coordinates,
+        rich_help_panel=MOTION,
     ),
 ]
 

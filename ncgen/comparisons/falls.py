@@ -69,9 +69,9 @@ def fall_records(kernels: Kernels, others: Others = lambda *given: iter(())) -> 
     yield from others(kernels, duration, reference)
 
 
-def own_run(kernels: Kernels) -> tuple[float, dict[str, Any]]:
-    """Duration (s) and beginning of the model's own simulation, as arguments of `simulate`."""
-    options = simulation_of(kernels.model)
+def own_run(kernels: Kernels, **others: Any) -> tuple[float, dict[str, Any]]:
+    """Duration (s) and beginning of the model's own simulation, with others that are not None in their place, for `simulate`."""
+    options = simulation_of(kernels.model, **others)
     return float(options["duration"]), {k: options[k] for k in StartArguments.__annotations__ if k in options}
 
 

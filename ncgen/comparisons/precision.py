@@ -21,7 +21,7 @@ from ncgen import __version__
 from ncgen.comparisons.compare import NOISE_MARK
 from ncgen.comparisons.falls import own_run
 from ncgen.compiler import compile
-from ncgen.errors import NcgenError
+from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism import runtime_library
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
@@ -29,6 +29,7 @@ from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model
 from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.runs.simulation_options import check_simulation
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
 from ncgen.toolchain.cache_location import keep, kept
@@ -99,15 +100,20 @@ def tried() -> list[tuple[str, str]]:
     return list(dict.fromkeys([*methods(), *((entry.name, name) for entry, name in pairs if INTEGRATORS[name].in_c)]))
 
 
-def precision_records(model: Model, limit: float = LIMIT) -> list[dict]:
+def precision_records(model: Model, limit: float = LIMIT, **chosen: Any) -> list[dict]:
     """Records of runs, a method after the other, each from loose to tight.
 
+    chosen: duration and arguments of the start for `simulate`, in place of the model's own where they are not None
     method: in words; formalism, integrator, engine ("emitted", "c" or "python"), kernels ("c" or "numpy"), number type, setting; error;
     doubt: of the reference; seconds, low, high: of the run, median and quartiles; noisy; steps, evaluations; reason: in words,
     where there is no result
+
+    Raises ModelError where nothing moves: every method is exact then.
     """
+    check_simulation(model, **chosen)
     kernels = compile(model, "c")
-    duration, start = own_run(kernels)
+    duration, start = own_run(kernels, **chosen)
+    _check_motion(kernels, duration, start)
     known = reference(kernels, duration, start)
     numpy = compile(model, "numpy")
     measured = []
@@ -117,6 +123,14 @@ def precision_records(model: Model, limit: float = LIMIT) -> list[dict]:
             measured += _ladder(used, known, duration, start, formalism, integrator, engine, number, limit)
     _repeat([(record, again) for record, again in measured if record["seconds"] is not None and record["seconds"] < MIN_SECONDS])
     return [record for record, _ in measured]
+
+
+def _check_motion(kernels: Kernels, duration: float, start: dict[str, Any]) -> None:
+    """Raise ModelError where a mechanism moves less than the smallest error that is shown."""
+    run = _run(kernels, duration, start, np.inf)
+    if max(_distance(kernels, q, run.q[0]) for q in run.q) < min(TARGETS):
+        advice = f"give a start velocity, such as --velocity {run.independent[0]}=1" if run.independent else "it has no degrees of freedom"
+        raise ModelError(f"{kernels.name}: nothing moves in {duration:g} s, so every method is exact; {advice}")
 
 
 def _repeat(runs: list[tuple[dict, Callable[[], float]]]) -> None:

@@ -16,8 +16,7 @@ def records():
         patch.setattr(precision, "TOLERANCES", (1e-4, 1e-8))
         patch.setattr(precision, "STEPS", (50, 100))
         patch.setattr(precision, "ROUNDS", 2)
-        patch.setattr(precision, "own_run", lambda kernels: (0.1, {"zd0": {"B.y": -5.0}}))
-        return precision.precision_records(ncgen.load("pendulum"), limit=3.0)
+        return precision.precision_records(ncgen.load("pendulum"), limit=3.0, duration=0.1, zd0={"B.y": -5.0})
 
 
 def test_every_method_is_there(records):
@@ -88,3 +87,70 @@ def test_the_reference_is_trusted_and_kept(tmp_path, monkeypatch):
     monkeypatch.setattr(precision, "simulate", None)
     again = precision.reference(kernels, 1.0, {})
     assert np.array_equal(first.q, again.q) and first.doubt == again.doubt
+
+
+# -- the motion that is chosen ------------------------------------------------------------------
+
+
+ROD = """
+import ncgen
+
+
+def build():
+    m = ncgen.Model("rod")
+    L = m.parameter("L", 1.0)
+    A, B = m.point("A", (0, 0), fixed=True), m.point("B", (L, 0))
+    m.body("bob", [B], mass=1.0)
+    m.distance(A, B)
+    return m
+"""
+"""It has no weight, so it turns evenly from the velocity that it is given, and rests without."""
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch, capsys):
+    """`ncgen bench rod.py …` with one method only: (what it prints, its exit code)."""
+    from ncgen import cli
+
+    (tmp_path / "rod.py").write_text(ROD)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(precision, "tried", lambda: [("lagrange", "dop853")])
+    monkeypatch.setattr(precision, "TOLERANCES", (1e-6,))
+
+    def call(*arguments):
+        monkeypatch.setattr("sys.argv", ["ncgen", "bench", "rod.py", *arguments])
+        try:
+            code = cli.main()
+        except SystemExit as end:
+            code = end.code
+        said = capsys.readouterr()
+        return said.out + said.err, code or 0
+
+    return call
+
+
+def test_the_motion_is_chosen_as_for_run(bench, monkeypatch):
+    """2 m long and at 2 m/s at its end: after 0.5 s it has turned by 0.5 rad."""
+    ends, of = [], precision.reference
+    monkeypatch.setattr(precision, "reference", lambda *given: ends.append(of(*given)) or ends[-1])
+    printed, code = bench("--precision", "--duration", "0.5", "--velocity", "B.y=2", "--param", "L=2", "--json")
+    assert code == 0
+    assert ends[0].q == pytest.approx([2 * np.cos(0.5), 2 * np.sin(0.5)], abs=1e-10)
+    assert 0 < json.loads(printed)["records"][0]["error"] < 1e-4
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--precision"], "rod: nothing moves in 1 s, so every method is exact; give a start velocity, such as --velocity B.y=1"),
+        (["--precision", "--velocity", "C.y=1"], "--velocity C.y=1: the mechanism has no free coordinate C.y; it has B.x, B.y"),
+        (["--precision", "--velocity", "B.y"], "--velocity B.y: write it as name=number"),
+        (["--precision", "--duration", "-1"], "duration: -1.0 given; it must be a positive number of seconds"),
+        (["--velocity", "B.y=1"], "--velocity: only with --precision a motion can be chosen; add --precision"),
+        (["--duration", "0"], "--duration: only with --precision a motion can be chosen; add --precision"),
+    ],
+)
+def test_motions_are_refused_before_anything_is_measured(bench, monkeypatch, options, words):
+    monkeypatch.setattr(precision, "reference", None)
+    printed, code = bench(*options)
+    assert code == 2 and words in printed and len(printed.strip().splitlines()) == 1, printed
