@@ -1,4 +1,4 @@
-"""The examples side by side, some of them as pages that compute their motion."""
+"""The examples side by side, each with a page that computes its motion."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ from pathlib import Path
 
 import ncgen
 from ncgen.exchange.examples import example_module, example_names
-
-LIVING = tuple("cartpole doublependulum excavator fourbar jansen nfourbar pendulum robot slidercrank stewart suspension".split())
-"""Examples whose page is made for the site; `ncgen export NAME --to html` makes that of any other."""
 
 FIRST = "fourbar"
 """The one that is shown at once."""
@@ -33,7 +30,7 @@ def with_living_page(path: str, text: str) -> str:
     example = folder.removeprefix("examples/")
     if path == "README.md":
         shown = ENTRIES
-    elif name == "README.md" and example in LIVING:
+    elif name == "README.md" and example in example_names():
         shown = (
             f'\n<iframe class="living" src="../living/{example}.html" title="{example}, computed in this page" loading="lazy"></iframe>\n'
         )
@@ -60,15 +57,16 @@ def page() -> str:
 
 def _card(name: str) -> str:
     says = escape((inspect.getdoc(example_module(name)) or "").partition("\n\n")[0].replace("\n", " "))
-    living = f' · <a href="living/{name}.html">move it</a>' if name in LIVING else ""
-    picture = Path(example_module(name).__file__ or "").with_name(f"{name}.png")
+    living = f' · <a href="living/{name}.html">move it</a>'
+    folder = Path(example_module(name).__file__ or "").parent
+    picture, title = folder / f"{name}.png", (folder / "README.md").read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
     image = f'<img src="{name}/{name}.png" alt="" loading="lazy">' if picture.is_file() else ""
-    return f'<div><a href="{name}/index.html">{image}<b>{name}</b></a>{living}<p>{says}</p></div>'
+    return f'<div><a href="{name}/index.html">{image}<b>{escape(title)}</b></a>{living}<p>{says}</p></div>'
 
 
 def write_living_pages(folder: Path) -> None:
     """Pages that compute, beside the gallery in a folder of pages."""
-    for name in LIVING:
+    for name in example_names():
         ncgen.export(ncgen.load(name), "html", folder / "examples" / "living")
     course = Path(__file__).resolve().parents[1] / "course"
     ncgen.export(ncgen.load(course / "linkage.py"), "html", folder / "docs" / "course" / "living")

@@ -273,6 +273,12 @@ def refuse_events(model: Model, what: str) -> None:
         raise ModelError(f"{model.name}: {what} does not support events yet ({names}); take ncgen.simulate, or leave them out")
 
 
+def refuse_sticking(model: Model, what: str) -> None:
+    """Raise ModelError for a model with dry friction, locks or ratchets, which `what`, a public function, would leave out."""
+    if names := [*model.frictions, *model.contacts, *model.ratchets, *model.locks]:
+        raise ModelError(f"{model.name}: {what} has no dry friction, locks or ratchets ({shortened(names)}); take a model without them")
+
+
 def echo(given: object) -> str:
     """What was given, shortened."""
     text = given if isinstance(given, str) and given.isprintable() and given else written(given)

@@ -310,3 +310,14 @@ def test_parameters_out_of_their_range_are_refused_where_they_are_given(declare,
         with pytest.raises(ncgen.ModelError) as refused:
             ncgen.simulate(kernels, duration, p={"k": given})
         assert str(refused.value).endswith(f"{where}: with k = {p:g}, {message}")
+
+
+@pytest.mark.parametrize("call", [ncgen.linearise, ncgen.equilibrium], ids=lambda f: f.__name__)
+def test_dry_friction_has_no_small_motions(call):
+    m = ncgen.Model("slope")
+    P = m.point("P", (0, 0), fixed="y")
+    m.body("block", [P], mass=1.0)
+    m.friction(P.x, coulomb=1.0)
+    words = rf"slope: {call.__name__} has no dry friction, locks or ratchets \(P.x.friction\); take a model without them"
+    with pytest.raises(ncgen.ModelError, match=words):
+        call(ncgen.compile(m))

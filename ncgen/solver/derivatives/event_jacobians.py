@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ncgen.errors import ModelError, shortened
+from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call
 from ncgen.model.elements import coordinate_of
@@ -26,6 +26,7 @@ from ncgen.solver.events.state import Done, Occurrence, State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.instant import scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
+from ncgen.solver.name_lists import shortened
 from ncgen.solver.positions.rank import scaled_jacobian
 
 RATE_ROUNDING, MIN_RELATIVE_RATE = 1e-9, 1e-6
@@ -75,11 +76,19 @@ class EventJacobians:
         model = self.kernels.model
         pressed = [each.name for each in model.frictions.values() if each.load is not None]
         if elements := [*model.contacts, *pressed, *model.locks, *model.ratchets]:
-            names = shortened(", ".join(elements))
+            names = shortened(elements)
             raise ModelError(
                 f"{model.name}: derivatives through friction of contacts and of loads, locks and ratchets ({names}) are not supported yet; "
                 "take differences of runs, or leave them out"
             )
+
+        geometry = set(self.kernels.parameters_of_rows)
+        for k, name, _ in changes_of(self.functions.events):
+            if name in geometry:
+                raise ModelError(
+                    f"{model.name}: event {self.functions.events[k].name} changes {name}, on which constraints depend, so positions jump "
+                    "and have no derivative there; take differences of runs"
+                )
 
     def mode(self, held: tuple[int, ...]) -> Kernels:
         """The kernels of a mode."""

@@ -27,7 +27,7 @@ from ncgen.solver.formalisms.dynamics_jacobian import (
     multiplier_changes,
     partitioned_jacobian,
 )
-from ncgen.solver.given import checked_kernels, known_name, refuse_callbacks, several
+from ncgen.solver.given import checked_kernels, known_name, refuse_callbacks, refuse_sticking, several
 from ncgen.solver.groups import StartArguments, takes
 from ncgen.solver.linear.poles import Pole, poles_of, response_of, zeros_of
 from ncgen.solver.linear.steady import drift
@@ -276,7 +276,7 @@ def linearise(kernels: Kernels, **arguments: Unpack[StartArguments]) -> Linearis
     SingularError
         At a singular position.
     ModelError
-        For invalid arguments, and where a force of a Python function has no derivative.
+        For invalid arguments, dry friction, locks and ratchets, and where a force of a Python function has no derivative.
     DomainError
         Where a value or a derivative is NaN or infinite, with the name of its term.
     """
@@ -287,6 +287,7 @@ def linearise(kernels: Kernels, **arguments: Unpack[StartArguments]) -> Linearis
         raise ModelError("inputs: linearise needs numbers, the values about which inputs change")
     t, p = initial.t, initial.p
     refuse_callbacks(kernels)
+    refuse_sticking(kernels.model, "linearise")
     q = solve_position(kernels, initial.q, t, p).q
     partitions = choose_partitions(kernels, q, t, p, initial.z or kernels.model.chosen_independent)
     velocities, positions = partitions.velocity.independent, partitions.position.independent

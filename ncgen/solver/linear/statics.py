@@ -10,7 +10,7 @@ from ncgen.errors import ConvergenceError, ModelError, counted, one_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import watched
-from ncgen.solver.given import Given
+from ncgen.solver.given import Given, refuse_sticking
 from ncgen.solver.positions.assembly import assemble
 from ncgen.solver.positions.position import solve_position
 from ncgen.solver.positions.rank import null_space, scaled_jacobian
@@ -83,12 +83,13 @@ def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Giv
     ConvergenceError
         With the force that remains if no equilibrium is found.
     ModelError
-        For rolling constraints and invalid arguments.
+        For rolling constraints, dry friction, locks and ratchets, and for invalid arguments.
     """
     p = given.parameters(kernels, p)
     one_of(kind, "kind", KINDS)
     if len(kernels.holonomic) < kernels.m:
         raise ModelError(f"{kernels.name}: an equilibrium with rolling conditions is one of many; hold the position instead")
+    refuse_sticking(kernels.model, "equilibrium")
     q = assemble(kernels, q, t, p)
     steps = 0
     while True:
