@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard, cast
 
 from ncgen.errors import MAX_ECHO, ModelError, one_of, shortened, shown, unknown_word
 from ncgen.methods.explicit import EXPLICIT, Published
-from ncgen.methods.own import OwnFormalism, check_own, is_own
+from ncgen.methods.own_formalism import OwnFormalism, check_own, is_own
 
 if TYPE_CHECKING:
     from ncgen.methods.tableau import Tableau

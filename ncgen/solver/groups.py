@@ -18,7 +18,7 @@ from ncgen.errors import ModelError, shown
 from ncgen.solver.name_lists import offer
 
 if TYPE_CHECKING:
-    from ncgen.methods.own import OwnFormalism
+    from ncgen.methods.own_formalism import OwnFormalism
     from ncgen.solver.given import Given
     from ncgen.solver.runs.signals import Signal
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ncgen.errors import MAX_ECHO, ModelError, counted, shortened
 from ncgen.mechanism.kernels import Kernels
-from ncgen.methods.own import is_own
+from ncgen.methods.own_formalism import is_own
 from ncgen.methods.table import AUTO
 from ncgen.model import Model
 from ncgen.model.digest import OF_EVENTS, digest, digest_of_events

@@ -61,6 +61,7 @@ def test_a_formalism_of_ncgens_as_an_object(name):
     assert one.lam == pytest.approx(other.lam, rel=1e-6, abs=1e-8)
 
 
+@pytest.mark.filterwarnings("ignore:pendulum. idle without projection")
 def test_its_accelerations_are_what_is_integrated(pendulum):
     """Where they are zero and nothing is projected, the point goes straight on."""
     idle = own(lambda now: np.zeros_like(now.force), "idle")

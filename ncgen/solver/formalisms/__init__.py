@@ -19,7 +19,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS, Formalism
 from ncgen.solver.formalisms.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.instant import Baumgarte, instant
-from ncgen.solver.formalisms.own import solved_by
+from ncgen.solver.formalisms.own_accelerations import solved_by
 
 
 @dataclass(frozen=True)

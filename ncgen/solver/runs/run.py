@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from ncgen.errors import ModelError, one_of, shown, written
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.methods.own import OwnFormalism
+from ncgen.methods.own_formalism import OwnFormalism
 from ncgen.methods.table import (
     AUTO,
     FORMALISMS,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import ModelError, SingularError, shown
-from ncgen.methods.own import OwnFormalism
+from ncgen.methods.own_formalism import OwnFormalism
 from ncgen.solver.formalisms.instant import InstantMatrices
 
 
