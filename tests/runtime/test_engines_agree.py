@@ -126,6 +126,8 @@ def test_the_trapezoidal_rule_is_what_it_says(name, formalism):
         return
     if run.statistics.partition_changes:
         pytest.skip("its rows are of several choices of independent coordinates")
+    if run.partitions is not None and not len(run.partitions.velocity.independent):
+        pytest.skip("drivers leave nothing free")
     q, qd = trapezoidal_residual(run)
     assert q < 1e6 * np.finfo(float).eps
     assert qd < 1e7 * np.finfo(float).eps
