@@ -187,11 +187,6 @@ class Kernels(ABC):
         """
         return p[self._read_by_rows]
 
-    @property
-    def parameters_of_rows(self) -> tuple[str, ...]:
-        """Names of the parameters that constraints depend on."""
-        return tuple(self.parameters[k] for k in self._read_by_rows)
-
     @cached_property
     def _read_by_rows(self) -> np.ndarray:
         """Positions in p."""

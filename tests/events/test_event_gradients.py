@@ -317,14 +317,3 @@ def test_a_double_pendulum_with_a_stop_and_friction():
         assert mine == pytest.approx(slope, rel=1e-6, abs=1e-6)
     back = ncgen.gradient(kernels, 1.3, 13, lambda q, qd: (np.sum(q), np.ones_like(q), None), by=list(at), **given)
     assert [back.slopes[name] for name in at] == pytest.approx(np.sum(found.q_by, axis=(0, 1)), rel=1e-9)
-
-
-def test_an_event_that_changes_a_length_has_no_derivative():
-    m = ncgen.Model("rod")
-    L = m.parameter("L", 1.0)
-    O, A = m.point("O", (0, 0), fixed=True), m.point("A", (1, 0))
-    m.body("mass", [A], mass=1.0)
-    m.distance(O, A, length=L)
-    m.event("longer", when=0.3 - m.time, do={"L": 1.1})
-    with pytest.raises(ncgen.ModelError, match="rod: event longer changes L, on which constraints depend, so positions jump"):
-        ncgen.sensitivities(ncgen.compile(m), 0.6, 20, by=["L"])

@@ -82,14 +82,6 @@ class EventJacobians:
                 "take differences of runs, or leave them out"
             )
 
-        geometry = set(self.kernels.parameters_of_rows)
-        for k, name, _ in changes_of(self.functions.events):
-            if name in geometry:
-                raise ModelError(
-                    f"{model.name}: event {self.functions.events[k].name} changes {name}, on which constraints depend, so positions jump "
-                    "and have no derivative there; take differences of runs"
-                )
-
     def mode(self, held: tuple[int, ...]) -> Kernels:
         """The kernels of a mode."""
         return variant(self.kernels, self._held(held))

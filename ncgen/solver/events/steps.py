@@ -60,6 +60,11 @@ class Steps:
 
     # -- where it is ---------------------------------------------------------------------------
 
+    @staticmethod
+    def is_past(given: object) -> bool:
+        """Whether it is what `past` returns."""
+        return isinstance(given, Past)
+
     @property
     def past(self) -> Past:
         """As a state keeps it."""

@@ -334,10 +334,12 @@ class Simulation:
         arrays = [array_of(getattr(state, name), getattr(now, name).shape, f"reset: {name}") for name in ("q", "qd", "p")]
         if not np.array_equal(arrays[2], now.p):
             check_parameters(self.kernels, arrays[2])
+        if not (self._steps.is_past(state.past) if self._steps else state.past is None):
+            raise ModelError(f"reset: past: {echo(state.past)} given; give a state that was kept, such as kept = sim.state")
         with self._alone:
             now.t, now.work, now.next_step = numbers
             now.q[:], now.qd[:], now.p[:] = arrays
-            if self._steps and state.past:
+            if self._steps and state.past is not None:
                 self._steps.go_back(state.past)
         return self
 

@@ -327,6 +327,9 @@ class Simulations:
         check_next_step(float(np.min(values["next_step"])))
         if refused := {} if np.array_equal(values["p"], now.p) else refused_parameters(self.kernels, values["p"]):
             raise ModelError(f"reset: p of simulation {min(refused)}: {refused[min(refused)]}")
+        is_whole = isinstance(source.pasts, tuple) and len(source.pasts) == len(self._steps)
+        if not is_whole or not all(each.is_past(past) for each, past in zip(self._steps, source.pasts, strict=True)):
+            raise ModelError(f"reset: pasts: {echo(source.pasts)} given; give states that were kept, such as kept = sims.states")
         with self._alone:
             for name, array in values.items():
                 getattr(now, name)[chosen] = array[chosen]
