@@ -43,7 +43,7 @@ def gradient_records(model: Model) -> Iterator[dict]:
     """
     found = first_written_out(model, ALL)
     if found is None:
-        raise ModelError(f"{model.name}: its motion is not written out in C, so there is nothing to compare")
+        raise ModelError(f"{model.name}: its motion is not emitted in C, so there is nothing to compare")
     case = _Case(compile(found[0], "c"))
     count = len(case.kernels.parameters)
     every = np.eye(count)
@@ -81,7 +81,7 @@ class _Case:
         given |= {"p": p} if q0 is None else {"p": p, "q0": q0}
         motion = motion_of(self.kernels, float(options["duration"]), STEPS, "rk4", **given)
         if not isinstance(motion, TapedMotion):
-            raise ModelError(f"{self.kernels.name}: its motion is not written out in C, so there is nothing to compare")
+            raise ModelError(f"{self.kernels.name}: its motion is not emitted in C, so there is nothing to compare")
         return motion
 
     def value(self, p: np.ndarray, q0: np.ndarray | None = None) -> float:

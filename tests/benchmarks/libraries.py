@@ -41,7 +41,7 @@ def library_records(model: Model) -> Iterator[dict]:
     """
     found = first_written_out(model, ALL)
     if found is None:
-        raise ModelError(f"{model.name}: its motion is not written out in C, so there is nothing to compare")
+        raise ModelError(f"{model.name}: its motion is not emitted in C, so there is nothing to compare")
     many = _Many(compile(found[0], "c"))
     for title, calls in (("motions", many.moved()), ("gradients", many.back())):
         results = {tool: call() for tool, call in calls.items()}

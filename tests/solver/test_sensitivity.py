@@ -281,7 +281,7 @@ def test_steps_with_error_control(case):
     kernels, rates, columns, method = case
     at = {"zd0": rates, "z": tuple(rates)}
     if method == "rk4":
-        with pytest.raises(ModelError, match="its motion is not written out in C"):
+        with pytest.raises(ModelError, match="its motion is not emitted in C"):
             ncgen.sensitivities(kernels, DURATION, 2, integrator="dopri5", rtol=1e-10, **at)
         return
     found = ncgen.sensitivities(kernels, DURATION, 2, integrator="dopri5", rtol=1e-11, **at)
@@ -318,7 +318,7 @@ def test_integrators(case):
     with pytest.raises(ModelError, match="integrator: 'radau' given; derivatives go through steps of"):
         ncgen.sensitivities(kernels, 0.1, 2, integrator="radau", z=tuple(rates))
     if method == "rk4":
-        with pytest.raises(ModelError, match=f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4"):
+        with pytest.raises(ModelError, match=f"{kernels.name}: its motion is not emitted in C, so derivatives go through steps of rk4"):
             ncgen.sensitivities(kernels, 0.1, 2, integrator="dop853", z=tuple(rates))
 
 

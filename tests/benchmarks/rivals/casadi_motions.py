@@ -49,7 +49,7 @@ def motion(kernels: Kernels, duration: float, steps: int) -> CasadiMotion | None
     seen = own_positions(kernels)
     programs = assemble_motion(kernels.programs.equations, *seen, kernels.column_sizes) if seen else None
     if programs is None:
-        raise ModelError(f"{kernels.name}: its motion is not written out in C, so there is nothing to compare")
+        raise ModelError(f"{kernels.name}: its motion is not emitted in C, so there is nothing to compare")
     x, p = casadi.SX.sym("x", 2 * n), casadi.SX.sym("p", n_p)
     every = _prepared(casadi, programs, p)
     prepare = casadi.Function("prepare", [p], [every])
