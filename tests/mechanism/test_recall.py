@@ -151,15 +151,15 @@ def test_what_starts_slowly_stays_away(runtime):
     text = "import sys, ncgen; k = ncgen.compile(ncgen.load('robot'), 'c'); ncgen.simulate(k, 0.01)\n"
     text += "print(*({'jinja2', 'scipy.integrate', 'scipy.linalg', 'scipy.sparse', 'sympy'} & {*sys.modules}))"
     said = [subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True).stdout.split() for _ in range(2)]
-    assert {"jinja2", "sympy"} <= {*said[0]} and not said[1]
+    assert "jinja2" in said[0] and "sympy" not in said[0] and not said[1]
 
 
-def test_a_run_at_the_shell_needs_no_sympy_again(runtime, tmp_path):
+def test_a_run_at_the_shell_needs_no_sympy(runtime, tmp_path):
     """Sources, figures and all: what was generated once is kept for the command line, too."""
     text = f"import sys\nfrom ncgen.cli import main\nsys.argv = ['ncgen', 'run', 'pendulum', '--output', {str(tmp_path / 'out')!r}]\n"
     text += "try:\n    main()\nexcept SystemExit:\n    pass\nprint('sympy' in sys.modules, file=sys.stderr)"
     said = [subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True).stderr.split()[-1] for _ in range(2)]
-    assert said == ["True", "False"]
+    assert said == ["False", "False"]
 
 
 def test_tangents_are_derived_once(monkeypatch):
