@@ -5,6 +5,7 @@ Most joints in natural coordinates are elements that two bodies share, so they a
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 from ncgen.model.bodies import Body
 from ncgen.model.contents import Contents
 from ncgen.model.elements import Point, Spatial
-from ncgen.model.pairs import Screw, joint_between, joint_to_ground, own_directions, sliding_of
+from ncgen.model.pairs import Screw, Slide, joint_between, joint_to_ground, own_directions, sliding_of
 from ncgen.model.rows import Row
 from ncgen.model.values import as_sympy
 
@@ -81,21 +82,25 @@ def joints_of(model: Contents) -> tuple[ModelJoint, ...]:
     for row in model.rows:
         if row.owner.kind == "joint":
             owned.setdefault(row.owner.bodies or (row.label,), []).append(row)
-    pairs = [*_to_ground(model, owned), *_among_bodies(model, owned)]
+    slides = sliding_of(model)
+    pairs = [*_to_ground(model, owned, slides), *_among_bodies(model, owned, slides)]
     words_by_pair = {
         frozenset(b for b in fact.arguments.values() if isinstance(b, Body)): fact.word for fact in model.facts if fact.word in WORDS
     }
     order = sorted(range(len(pairs)), key=lambda k: (len(pairs[k].screws), frozenset(pairs[k].bodies) not in words_by_pair, k))
     kept: list[int] = []
+    holding: dict[Spatial, list[_Shared]] = defaultdict(list)  # by each of their elements
     for k in order:
-        if pairs[k].rows or not _is_implied(pairs[k], [pairs[i] for i in kept]):
+        elements = pairs[k].elements
+        if pairs[k].rows or not _is_implied(pairs[k], holding[elements[0]]):
             kept.append(k)
+            for element in elements:
+                holding[element].append(pairs[k])
     rest = [ModelJoint(kind=rows[0].owner.joint, bodies=rows[0].owner.bodies, constraints=tuple(rows)) for rows in owned.values()]
     return (*(_joint(pairs[k], words_by_pair.get(frozenset(pairs[k].bodies), "")) for k in sorted(kept)), *rest)
 
 
-def _to_ground(model: Contents, owned: dict[tuple[str, ...], list[Row]]) -> Iterator[_Shared]:
-    slides = sliding_of(model)
+def _to_ground(model: Contents, owned: dict[tuple[str, ...], list[Row]], slides: dict[frozenset[Body], Slide]) -> Iterator[_Shared]:
     for body in model.bodies.values():
         rows = _between(owned, body, model.ground)
         held = tuple(e for e in body.elements if any(c.fixed for c in (e.components[:2] if body.frame.planar else e.components)))
@@ -104,13 +109,13 @@ def _to_ground(model: Contents, owned: dict[tuple[str, ...], list[Row]]) -> Iter
             yield _Shared((model.ground, body), held, screws, rows)
 
 
-def _among_bodies(model: Contents, owned: dict[tuple[str, ...], list[Row]]) -> Iterator[_Shared]:
-    slides, rank = sliding_of(model), {body: k for k, body in enumerate(model.bodies.values())}
-    users: dict[Spatial, list[Body]] = {}
+def _among_bodies(model: Contents, owned: dict[tuple[str, ...], list[Row]], slides: dict[frozenset[Body], Slide]) -> Iterator[_Shared]:
+    rank = {body: k for k, body in enumerate(model.bodies.values())}
+    users: dict[Point, list[Body]] = defaultdict(list)  # a direction alone, such as that of parallel axes, is no joint
     for body in rank:
-        for element in body.elements:
-            users.setdefault(element, []).append(body)
-    moving = [sharing for element, sharing in users.items() if not element.fixed]
+        for point in body.points:
+            users[point].append(body)
+    moving = [sharing for point, sharing in users.items() if not point.fixed]
     named = [[model.bodies[name] for name in names] for names in owned if len(names) == 2 and set(names) <= set(model.bodies)]
     pairs = {tuple(sorted(pair, key=rank.__getitem__)) for sharing in (*moving, *named) for pair in combinations(sharing, 2)}
     for a, b in sorted(pairs, key=lambda pair: (rank[pair[0]], rank[pair[1]])):
@@ -135,7 +140,7 @@ def _is_implied(pair: _Shared, others: list[_Shared]) -> bool:
 
 
 def _joint(pair: _Shared, word: str) -> ModelJoint:
-    """said: what the model's user called it, or nothing"""
+    """word: what the model's user called it, or nothing"""
     body = pair.bodies[1]
     moves = sum(screw.point is None for screw in pair.screws)
     turns = len(pair.screws) - moves

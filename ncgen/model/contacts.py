@@ -248,7 +248,6 @@ class Contacts(Frictions):
         self._require_sign(where, ">=", damping=damping)
         moving = {c.name: c for c in self.components if not c.fixed}
         slopes = {c: gap.diff(c.symbol) for n, c in moving.items() if c.symbol in gap.free_symbols}  # type: ignore[union-attr]
-        touches = self._while_closed(name, gap)
         rate = sum(slope * c.rate for c, slope in slopes.items())
-        push = touches * as_sympy(stiffness) * abs(gap) ** exponent * (1 - as_sympy(damping) * rate)
+        push = self._compliant_push(name, gap, rate, stiffness, damping, exponent)
         self._apply(where, [(c, push * slope) for c, slope in slopes.items()])

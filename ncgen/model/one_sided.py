@@ -12,7 +12,7 @@ from ncgen.model.events import Event, Events
 from ncgen.model.facts import fact
 from ncgen.model.kinks import without_kinks
 from ncgen.model.value_conditions import Ordered
-from ncgen.model.values import Input, Number, Scalar, Value, as_sympy
+from ncgen.model.values import Number, Scalar, Value, as_sympy
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,19 +224,21 @@ class OneSided(Events):
             if law.stiffness is None:
                 self._hit(name, gap, law.restitution, law.order)
                 continue
-            touches = self._while_closed(name, gap)
-            push = as_sympy(touches) * as_sympy(law.stiffness) * abs(gap) ** law.exponent * (1 - as_sympy(law.damping) * way * along.rate)
+            push = self._compliant_push(name, gap, way * along.rate, law.stiffness, law.damping, law.exponent)
             self._apply(name, along.forces(way * push))
 
-    def _while_closed(self, name: str, gap: Scalar) -> Input:
-        """An input that is 1 while a compliant gap is closed and else 0, at the start as well, and the events that change it."""
+    def _compliant_push(self, name: str, gap: Scalar, rate: Scalar, stiffness: Value, damping: Value, exponent: Number) -> Scalar:
+        """The load k δⁿ (1 + d δ̇) of a gap that is −δ, while it is closed, at the start as well (Hunt and Crossley).
+
+        With the events that begin and end it, where steps end. rate: of the gap
+        """
         from sympy import Piecewise
 
         touches = self.input(f"{name}.touches")
         self.beginnings[touches.name] = without_kinks(Piecewise((1.0, gap < 0), (0.0, True)), name)  # type: ignore[operator]
         self.event(name, gap, "falling", {touches.name: 1.0})
         self.event(f"{name}.left", gap, "rising", {touches.name: 0.0})
-        return touches
+        return as_sympy(touches) * as_sympy(stiffness) * abs(gap) ** exponent * (1 - as_sympy(damping) * rate)
 
     def _hit(self, name: str, gap: Scalar, restitution: Value, order: str) -> Event:
         """An event that hits where a gap closes."""

@@ -17,7 +17,7 @@ from ncgen.errors import ModelError, NcgenError, counted, shown, written
 from ncgen.mechanism.arguments import numbers
 from ncgen.methods.table import is_real
 from ncgen.model import Model
-from ncgen.solver.name_lists import offer, shortened
+from ncgen.solver.name_lists import listed_names, offer
 from ncgen.solver.parameter_checks import check_parameters
 
 Given: TypeAlias = "ArrayLike | Mapping[str, ArrayLike]"
@@ -238,7 +238,7 @@ def _numbers(names: tuple[str, ...], defaults: np.ndarray, given: Given | None, 
         given_text = (
             echo(given) if array is None else counted(len(array), "number") if array.ndim == 1 else f"an array of shape {array.shape}"
         )
-        needed = f"{len(names)} needed: {shortened(names)}" if names else f"the mechanism has no {kind}"
+        needed = f"{len(names)} needed: {listed_names(names)}" if names else f"the mechanism has no {kind}"
         raise ModelError(f"{what}: {given_text} given, {needed}")
     for k in np.flatnonzero(~np.isfinite(array))[:1]:
         finite(array[k], f"{what}: {names[k]}")
@@ -269,14 +269,14 @@ def names_of_events(model: Model) -> list[str]:
 def refuse_events(model: Model, what: str) -> None:
     """Raise ModelError for a model with events, which `what`, a public function, does not have yet."""
     if has_events(model):
-        names = shortened(names_of_events(model))
+        names = listed_names(names_of_events(model))
         raise ModelError(f"{model.name}: {what} does not support events yet ({names}); take ncgen.simulate, or leave them out")
 
 
 def refuse_sticking(model: Model, what: str) -> None:
     """Raise ModelError for a model with dry friction, locks or ratchets, which `what`, a public function, would leave out."""
     if names := [*model.frictions, *model.contacts, *model.ratchets, *model.locks]:
-        raise ModelError(f"{model.name}: {what} has no dry friction, locks or ratchets ({shortened(names)}); take a model without them")
+        raise ModelError(f"{model.name}: {what} has no dry friction, locks or ratchets ({listed_names(names)}); take a model without them")
 
 
 def echo(given: object) -> str:

@@ -18,10 +18,10 @@ def offer(name: object, known: Sequence[str], introduction: str = "it has") -> s
         return f"{introduction} {listed}"
     if near := difflib.get_close_matches(str(name), known, n=1):
         return f"did you mean {near[0]}?"
-    return f"{introduction} {shortened(known)}"
+    return f"{introduction} {listed_names(known)}"
 
 
-def shortened(names: Sequence[str]) -> str:
+def listed_names(names: Sequence[str]) -> str:
     """Names with commas between them, as many as a message can take."""
     listed = ", ".join(names)
     if len(listed) <= LISTED:

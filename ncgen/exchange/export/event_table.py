@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ncgen.errors import ModelError, shortened
+from ncgen.errors import ModelError
 from ncgen.mechanism.conditions_in_c import basis
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
@@ -20,6 +19,7 @@ from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.conditions import VALUE_ROUNDING, most_degree
+from ncgen.solver.name_lists import listed_names
 from ncgen.solver.runs.stop import DIRECTIONS
 from ncgen.symbolic.numbering import Terms
 
@@ -111,24 +111,20 @@ class EventTable:
         named = {event.name: event.impact.order for event in self.events if event.impact and event.impact.order}
         if len(laws := set(named.values())) > 1:
             raise ModelError(
-                f"{self.kernels.name}: impacts of {_listed(named)} have different orders; an export needs the same one for all"
+                f"{self.kernels.name}: impacts of {listed_names(list(named))} have different orders; an export needs the same one for all"
             )
         return laws.pop() if laws else ""
-
-
-def _listed(names: Iterable[str]) -> str:
-    return shortened(", ".join(names))
 
 
 def refusal_of_events(model: Model) -> str | None:
     """Why the events of a model cannot be exported, in words, or None."""
     if others := [*model.ratchets, *model.locks, *(name for name in model.beginnings if name in model.parameters)]:
-        return f"locks and ratchets are not exported yet ({_listed(others)}); use ncgen.simulate"
+        return f"locks and ratchets are not exported yet ({listed_names(others)}); use ncgen.simulate"
     if model.frictions:
-        names = _listed(model.frictions)
+        names = listed_names(list(model.frictions))
         return f"joints that stick are not exported yet ({names}); take a law that is smooth, or ncgen.simulate"
     if model.contacts:
-        return f"friction of contacts is not exported yet ({_listed(model.contacts)}); leave it out, or use ncgen.simulate"
+        return f"friction of contacts is not exported yet ({listed_names(list(model.contacts))}); leave it out, or use ncgen.simulate"
     if called := [event.name for event in model.events.values() if event.is_called]:
         return f"event {called[0]} calls a Python function; write what it does as expressions"
     known = (Change, Impact, Stop)
@@ -145,7 +141,7 @@ def refusal_of_pressed(kernels: Kernels, q: np.ndarray) -> str | None:
         return None
     program = assemble_conditions(kernels.programs.equations, [], [], gaps, [])["element_values"]
     values = evaluate(program, {"t": 0.0, "q": q, "qd": np.zeros_like(q), "p": kernels.p0})
-    pressed = ", ".join(f"{name} by {-value:.6g}" for (name, _), value in zip(gaps, values, strict=True) if value < 0)
+    pressed = [f"{name} by {-value:.6g}" for (name, _), value in zip(gaps, values, strict=True) if value < 0]
     if not pressed:
         return None
-    return f"exports begin with no compliant stop pressed, and the start presses {shortened(pressed)}; change it, or use ncgen.simulate"
+    return f"exports begin with no compliant stop pressed, and the start presses {listed_names(pressed)}; change it, or use ncgen.simulate"

@@ -26,7 +26,7 @@ from ncgen.solver.events.state import Done, Occurrence, State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.instant import scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
-from ncgen.solver.name_lists import shortened
+from ncgen.solver.name_lists import listed_names
 from ncgen.solver.positions.rank import scaled_jacobian
 
 RATE_ROUNDING, MIN_RELATIVE_RATE = 1e-9, 1e-6
@@ -76,7 +76,7 @@ class EventJacobians:
         model = self.kernels.model
         pressed = [each.name for each in model.frictions.values() if each.load is not None]
         if elements := [*model.contacts, *pressed, *model.locks, *model.ratchets]:
-            names = shortened(elements)
+            names = listed_names(elements)
             raise ModelError(
                 f"{model.name}: derivatives through friction of contacts and of loads, locks and ratchets ({names}) are not supported yet; "
                 "take differences of runs, or leave them out"

@@ -14,7 +14,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, SingularError, counted, warn
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.given import echo, names_of, offer, shortened
+from ncgen.solver.given import echo, listed_names, names_of, offer
 from ncgen.solver.positions.branches import refresh_branches
 from ncgen.solver.positions.partition import choose_partition, kinematics
 from ncgen.solver.positions.rank import freedom, freedom_at
@@ -132,6 +132,6 @@ def _drivers(kernels: Kernels) -> dict[int, str]:
 def _instead(kernels: Kernels) -> str:
     """Where to look for the forces of what is driven already."""
     driven = tuple(dict.fromkeys(_drivers(kernels).values()))
-    return (
-        f"; {shortened(driven)} {'is' if len(driven) == 1 else 'are'} driven, and run.driver_forces() has what that takes" if driven else ""
-    )
+    if not driven:
+        return ""
+    return f"; {listed_names(driven)} {'is' if len(driven) == 1 else 'are'} driven, and run.driver_forces() has what that takes"

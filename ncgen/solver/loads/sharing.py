@@ -22,7 +22,7 @@ from ncgen.model.elements import AXES, Point, Vector
 from ncgen.model.rows import Owner
 from ncgen.program.assemble import assemble
 from ncgen.solver import geometry
-from ncgen.solver.given import shortened
+from ncgen.solver.given import listed_names
 from ncgen.solver.positions.rank import RELATIVE_ZERO, null_space, scaled_jacobian, sparse_jacobian
 from ncgen.symbolic.equations import Equations, build_equations
 
@@ -238,7 +238,7 @@ def _sentence(body: Body, group: np.ndarray, loads: np.ndarray) -> str:
             names.append(f"{name} about {' and '.join(axis for axis, member in zip(AXES, members, strict=True) if member)}")
     forces, moments = is_point & group.any(axis=1), ~is_point & group.any(axis=1)
     total = _total(group[forces] * loads[:, forces], "N") if forces.any() else _total(group[moments] * loads[:, moments], "N m")
-    listed = f"{', '.join(names[:-1])} and {names[-1]}" if len(", ".join(names)) < 150 else shortened(names)
+    listed = f"{', '.join(names[:-1])} and {names[-1]}" if len(", ".join(names)) < 150 else listed_names(names)
     return f"{body.name}: {listed} share {total}{' and a moment' if forces.any() and moments.any() else ''}"
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.solver.given import shortened
+from ncgen.solver.given import listed_names
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
@@ -55,7 +55,7 @@ def difference(one: Trajectory, other: Trajectory) -> Difference:
     """
     if one.coordinates != other.coordinates:
         apart = [name for name in (*one.coordinates, *other.coordinates) if (name in one) != (name in other)]
-        what = f"{shortened(apart)} only in one of them" if apart else "in another order"
+        what = f"{listed_names(apart)} only in one of them" if apart else "in another order"
         raise ModelError(f"{one.name} and {other.name} cannot be compared: the models differ in their coordinates, {what}")
     common = (one.t >= other.t[0]) & (one.t <= other.t[-1])
     if not common.any():
