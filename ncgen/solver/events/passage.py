@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.kernels import Drive, Kernels
+from ncgen.mechanism.kernel_data import Drive
+from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.events.state import Occurrence, State
 from ncgen.solver.runs.run import Run
