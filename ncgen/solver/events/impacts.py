@@ -18,9 +18,6 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.mobility import response
 from ncgen.solver.events.state import State
 
-OPENING = 1e-12
-"""A gap whose velocity is above minus this, relative to all velocities before, does not close."""
-
 
 @dataclass(frozen=True, eq=False)
 class Gap:
@@ -68,10 +65,10 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     drift = np.zeros(len(W))
     drift[places] = [gap.drift for gap in gaps]
     sizes = kernels.column_sizes
-    rounding = OPENING * (np.abs(W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(drift))
+    terms = np.abs(W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(drift)
     responses = response(kernels, at, W)
     energy = float(kernels.energy(at.q, at.qd, at.t, at.p)[0])
-    found = impact(W @ responses, W @ at.qd + drift, blows, LAWS[next(iter(orders))] if len(orders) == 1 else LAWS[""], rounding, energy)
+    found = impact(W @ responses, W @ at.qd + drift, blows, LAWS[next(iter(orders))] if len(orders) == 1 else LAWS[""], terms, energy)
     if found.failure:
         raise _failure(kernels, at, [gap.name for gap in gaps], orders, found, at.qd + responses @ found.impulses)
     if not found.closes:
