@@ -123,7 +123,10 @@ class ActiveConstraints:
         functions, start, released = self.functions, at, dict(self.left)
         self._before = self._speed(before)
         self._reserve = FRICTION_RESERVE if any(self.rows[k].sticks for k in self.left) else 0.0
-        wanted = [k for k in self.rows if self._may_hold(k, at, held, due, resting) and k not in released]
+        may = [k for k in self.rows if self._may_hold(k, at, held, due, resting)]
+        if any(self.rows[k].sticks and k not in held and k not in released for k in may):  # that can take over: loads are shared anew
+            released = {k: side for k, side in released.items() if not self.rows[k].sticks}
+        wanted = [k for k in may if k not in released]
         self._drop_what_is_open(wanted)
         p = at.p.copy()
         for k in wanted:
