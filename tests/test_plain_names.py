@@ -71,7 +71,7 @@ DIALECT = VAGUE | {
 EVENT_NAMES = {"slopes", "SLOPES", "_condition_slopes"}
 """What the tables of events still call derivatives of conditions: `ncgen_events.slopes`."""
 
-UNCHECKED = ("ncgen_events", "ncgen_impacts", "ncgen_modes", "ncgen_tree", "ncgen_tree_solve")
+UNCHECKED = ("ncgen_events", "ncgen_impacts", "ncgen_impulses", "ncgen_least", "ncgen_modes", "ncgen_tree", "ncgen_tree_solve")
 """C of the library that is not checked yet."""
 
 
