@@ -48,22 +48,41 @@ class Blow:
     is_poisson: bool
 
 
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """Impulses (r,), along gaps at least `least` (r,), whose velocities G Λ + bias, (r,), obey the laws without restitution."""
+
+    bias: np.ndarray
+    least: np.ndarray
+    impulses: np.ndarray
+
+
 def simultaneous(G: np.ndarray, u: np.ndarray, blows: Sequence[Blow]) -> np.ndarray | None:
     """Impulses (r,) for velocities u (r,) and responses G (r, r); those of places that no contact has are zero. None if none are found."""
+    found = phases(G, u, blows)
+    return None if found is None else sum((phase.impulses for phase in found), np.zeros(len(u)))
+
+
+def phases(G: np.ndarray, u: np.ndarray, blows: Sequence[Blow]) -> tuple[Phase, ...] | None:
+    """What these impulses consist of: one phase, or with Poisson's law compression and restitution."""
     bias = u.copy()
     for blow in blows:
         if not blow.is_poisson:
             bias[blow.places[0]] *= 1 + blow.restitution
             bias[blow.places[1:]] *= 1 + blow.tangential
-    first = _solved(G, bias, blows, np.zeros(len(u)))
-    if first is None or not any(blow.is_poisson and blow.restitution for blow in blows):
-        return first
+    nothing = np.zeros(len(u))
+    if (first := _solved(G, bias, blows, nothing)) is None:
+        return None
+    compression = Phase(bias, nothing, first)
+    if not any(blow.is_poisson and blow.restitution for blow in blows):
+        return (compression,)
     least = np.zeros(len(u))
     for blow in blows:
         if blow.is_poisson:
             least[blow.places[0]] = blow.restitution * first[blow.places[0]]
-    second = _solved(G, bias + G @ first, blows, least)
-    return None if second is None else first + second
+    bias = bias + G @ first
+    second = _solved(G, bias, blows, least)
+    return None if second is None else (compression, Phase(bias, least, second))
 
 
 def _solved(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.ndarray) -> np.ndarray | None:
@@ -84,7 +103,7 @@ def _solved(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: np.nd
                 impulses[across] = _into(new, blow.friction * float(impulses[gap]))
         if np.max(np.abs(impulses - before)) <= SWEEP_ROUNDING * np.max(np.abs(impulses)):
             break
-    manners = [_manner(G @ impulses + bias, impulses, blow, least) for blow in blows]
+    manners = [manner_of(G @ impulses + bias, impulses, blow, least) for blow in blows]
     exact = _of_manners(G, bias, blows, least, manners)
     return next((each for each in (exact, impulses) if _obeys(G, bias, blows, least, each)), None)
 
@@ -115,7 +134,7 @@ def _of_manners(G: np.ndarray, bias: np.ndarray, blows: Sequence[Blow], least: n
     return np.linalg.lstsq(matrix, right, rcond=None)[0]
 
 
-def _manner(velocity: np.ndarray, impulses: np.ndarray, blow: Blow, least: np.ndarray) -> Manner:
+def manner_of(velocity: np.ndarray, impulses: np.ndarray, blow: Blow, least: np.ndarray) -> Manner:
     """What a contact with this impulse does."""
     gap, across = blow.places[0], blow.places[1:]
     limit, push, speed = blow.friction * impulses[gap], float(np.linalg.norm(impulses[across])), float(np.linalg.norm(velocity[across]))

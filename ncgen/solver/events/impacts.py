@@ -8,7 +8,7 @@ rows for the velocities at which contacts with friction slide (`blows`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +60,7 @@ class Hit:
 
 
 class Gaps:
-    """Some gaps at an instant. places: of each gap the rows of W: its own, then those at which it slides"""
+    """Some gaps at an instant. places: of each gap the rows of W: its own, then those at which it slides; start (r,): their velocities"""
 
     def __init__(self, kernels: Kernels, at: State, gaps: Sequence[Gap]) -> None:
         self.gaps, self.names = tuple(gaps), tuple(gap.name for gap in gaps)
@@ -70,6 +70,7 @@ class Gaps:
         self.normal = np.array([place[0] for place in self.places])
         self.drift = np.zeros(len(self.W))
         self.drift[self.normal] = [gap.drift for gap in gaps]
+        self.start = self.velocities(at.qd)
         sizes = kernels.column_sizes
         self._rounding = OPENING * (np.abs(self.W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(self.drift))
         self.response = response(kernels, at, self.W)
@@ -133,16 +134,18 @@ class Gaps:
 
     def _blow(self, chosen: Sequence[int], u: np.ndarray, where: str) -> np.ndarray:
         """Impulses of some gaps together, as the rows of W."""
-        blows = [
-            Blow(self.places[k], gap.restitution, gap.friction, gap.tangential, gap.is_poisson) for k in chosen for gap in [self.gaps[k]]
-        ]
-        impulses = simultaneous(self.G, u, blows)
+        impulses = simultaneous(self.G, u, self.blows(chosen))
         if impulses is None:
             names = ", ".join(self.names[k] for k in chosen)
             raise ConvergenceError(
                 f"{where}: no impulses of {names} satisfy the laws of impact and friction together; take less friction, or order='in turn'"
             )
         return impulses
+
+    def blows(self, chosen: Iterable[int]) -> list[Blow]:
+        """Some of the gaps, by their numbers here."""
+        gaps = ((k, self.gaps[k]) for k in chosen)
+        return [Blow(self.places[k], gap.restitution, gap.friction, gap.tangential, gap.is_poisson) for k, gap in gaps]
 
     def _hit(self, qd: np.ndarray, impulses: np.ndarray, lost: np.ndarray, turns: Sequence[tuple[tuple[int, ...], np.ndarray]]) -> Hit:
         normal = impulses[self.normal]
