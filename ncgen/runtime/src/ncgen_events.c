@@ -214,7 +214,7 @@ static int happen(ncgen_instant *i)
     return status;
 }
 
-int ncgen_happen(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
+int ncgen_apply_events(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
     ncgen_instant i;
     begin(&i, d, events, p, moment, passage);
@@ -247,7 +247,7 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
     return status == NCGEN_OK && (some || events->n_modes) ? happen(&i) : status;
 }
 
-int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
+int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
     ncgen_passage *passage)
 {
     ncgen_moment here = *moment;
@@ -280,19 +280,19 @@ static long events_so_far(const ncgen_events *events, const ncgen_passage *passa
     return sum;
 }
 
-int ncgen_go_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
+int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
     const long before = events_so_far(events, passage);
     if (*passage->stopped)
         return NCGEN_STOPPED;
-    const int some = ncgen_look_for_events(d, events, p, moment, 0, passage);
-    int status = some < 0 ? -some : some > 0 ? ncgen_happen(d, events, p, moment, passage) : NCGEN_OK;
+    const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
+    int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
         ncgen_entered in;
         ncgen_enter(d, events, passage, &in);
         const ncgen_driven *mode = &in.driven;
-        status = breaks ? ncgen_go_on_in_parts(mode, breaks, p, moment, t_end, statistics) : ncgen_go_on(mode, p, moment, t_end, statistics);
+        status = breaks ? ncgen_advance_over_breaks(mode, breaks, p, moment, t_end, statistics) : ncgen_advance(mode, p, moment, t_end, statistics);
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
         for (int k = 0; k < events->count; ++k)
@@ -300,7 +300,7 @@ int ncgen_go_through_events(const ncgen_driven *d, const struct ncgen_breaks *br
         for (int k = events->count; k < in.watched.count; ++k)
             if (d->options->event->crossed[k])
                 passage->wanted[events->count + events->modes[*passage->mode - 1].held[k - events->count]] = 1;
-        status = ncgen_happen(d, events, p, moment, passage);
+        status = ncgen_apply_events(d, events, p, moment, passage);
     }
     return status;
 }
