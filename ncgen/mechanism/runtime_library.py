@@ -21,6 +21,7 @@ from ncgen.emit.runtime_files import (
     RUNTIME_HEADERS,
     STIFF_TREE,
     adjoint_names,
+    event_names,
     explicit_names,
     indifferent,
     ordinary_names,
@@ -39,9 +40,9 @@ from ncgen.toolchain.compilers import FLAGS, flags_for
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
 
-Part: TypeAlias = Literal["ordinary", "stiff", "ordinary tree", "stiff tree", "explicit", "whole", "adjoint"]
+Part: TypeAlias = Literal["ordinary", "stiff", "ordinary tree", "stiff tree", "explicit", "whole", "adjoint", "events"]
 """Of the runtime: what emitted accelerations over all coordinates need of explicit methods, or of Radau's; what those in loops over tables
-need; all explicit methods, all of it, or what goes back over a run."""
+need; all explicit methods, all of it; what goes back over a run, or what happens at an instant of events."""
 
 PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
     "ordinary": (ordinary_names, OMITTED_FOR_EXPLICIT),
@@ -51,6 +52,7 @@ PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
     "explicit": (explicit_names, (EXPLICIT_ONLY,)),
     "whole": (runtime_names, ()),
     "adjoint": (adjoint_names, ()),
+    "events": (event_names, ()),
 }
 """The files of a part, and the macros that choose it."""
 
@@ -60,6 +62,9 @@ Recursion: TypeAlias = Literal["emitted", "tree"] | None
 EXPLICIT: dict[Recursion, Part] = {None: "explicit", "emitted": "ordinary", "tree": "ordinary tree"}
 IMPLICIT: dict[Recursion, Part] = {None: "whole", "emitted": "stiff", "tree": "stiff tree"}
 """The parts for explicit methods and for Radau's."""
+
+HEADERS_OF_FUNCTIONS = ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h", "ncgen_impulses.h")
+"""What declares the functions that Python calls."""
 
 RUNS: tuple[Part, ...] = ("whole", "explicit", "ordinary", "stiff", "ordinary tree", "stiff tree")
 """Parts that carry runs out, the one with most objects for others first."""
@@ -77,7 +82,7 @@ def interface_of(number: str) -> Interface:
     """What passes arguments to the runtime."""
     ffi = FFI()
     ffi.include(runtime_abi(number))
-    ffi.cdef("".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h")))
+    ffi.cdef("".join(declared(file, "functions") for file in HEADERS_OF_FUNCTIONS))
     return ffi
 
 

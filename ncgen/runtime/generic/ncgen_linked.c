@@ -248,7 +248,8 @@ static int kept(const int *integers)
 
 static size_t integers_of_run(void)
 {
-    return ((size_t)(4 * n + 3 * (m + n_drives) + 7 * events.count + 1) * sizeof(int) + sizeof(ncgen_real) - 1) / sizeof(ncgen_real);
+    const int of_all = 4 * n + 3 * (m + n_drives) + NCGEN_EVENTS_INTEGERS(events.count) + 3 * events.count + 1;
+    return ((size_t)of_all * sizeof(int) + sizeof(ncgen_real) - 1) / sizeof(ncgen_real);
 }
 
 static int size_of_state(void)
@@ -270,8 +271,8 @@ static void place_events(const int *integers, const ncgen_real *numbers)
     watched.signs = passage.signs = whole;
     passage.happened = whole + count;
     passage.due = whole + 2 * count;
-    watched.crossed = whole + 6 * count;
-    passage.stopped = whole + 7 * count;
+    watched.crossed = passage.due + NCGEN_EVENTS_INTEGERS(count);
+    passage.stopped = watched.crossed + count;
     watched.samples = multipliers + m + n_drives;
     passage.workspace = watched.samples + (watched.degree + 3) * 2 * count;
 }

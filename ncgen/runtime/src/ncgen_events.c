@@ -29,10 +29,15 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->slopes = ncgen_take(&space, count * (2 * n + 1));
     i->responses = ncgen_take(&space, events->most * (n + 1));
     i->G = ncgen_take(&space, count * count);
-    i->velocities = ncgen_take(&space, 2 * count);
+    i->velocities = ncgen_take(&space, count);
     i->impulses = ncgen_take(&space, count);
-    i->restitution = ncgen_take(&space, count);
-    i->needed = ncgen_take(&space, count);
+    i->lost = ncgen_take(&space, count);
+    i->rounding = ncgen_take(&space, count);
+    i->coefficients = ncgen_take(&space, 3 * count);
+    i->space = ncgen_take(&space, NCGEN_IMPACT_WORKSPACE(count));
+    i->taking = passage->due + count;
+    i->places = passage->due + 4 * count;
+    i->sticks = passage->due + 7 * count;
     i->kept = ncgen_take(&space, n);
     i->numbers = ncgen_take(&space, 0); /* the rest */
 }

@@ -37,7 +37,7 @@ def solved(
     return columns * x, unit * y / sizes
 
 
-def impulses(kernels: Kernels, at: State, qd: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulses_to(kernels: Kernels, at: State, qd: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Those of the constraints (m,), and along other rows (k, n), that change velocities to qd (n,)."""
     jump = qd - at.qd
     right = np.concatenate([kernels.jacobian(at.q, at.t, at.p) @ jump, rows @ jump])[:, None]

@@ -19,7 +19,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call
 from ncgen.model.elements import coordinate_of
 from ncgen.model.values import is_number
-from ncgen.solver.derivatives.event_equations import along, impulses, no_derivative, solved
+from ncgen.solver.derivatives.event_equations import along, impulses_to, no_derivative, solved
 from ncgen.solver.derivatives.impact_jacobians import ImpactJacobians
 from ncgen.solver.events.condition_jacobians import EventTangents
 from ncgen.solver.events.conditions import EventFunctions, changes_of
@@ -160,7 +160,7 @@ class EventJacobians:
         if rates:
             at, rows = replace(done.before, p=done.after.p), np.eye(n)[list(rates)]  # on the constraints with their new parameters
             mode = self.functions.mode(at)
-            mu, _ = impulses(mode, at, done.after.qd, rows)
+            mu, _ = impulses_to(mode, at, done.after.qd, rows)
             balance, constraints, *_ = (along(a, time, after) for a in self.tangents.impact(mode, at, done.after.qd, mu))
             x, _ = solved(mode, at, rows, -balance, np.vstack([-constraints, np.array(list(rates.values()))]))
             after[n : 2 * n] = x
@@ -179,7 +179,7 @@ class EventJacobians:
 
     def _projected(self, mode: Kernels, at: State, qd: np.ndarray, time: np.ndarray, change: np.ndarray) -> np.ndarray:
         """How velocities qd (n,) change to which a mode's constraints take those of a state."""
-        balance, constraints, *_ = self.tangents.impact(mode, at, qd, impulses(mode, at, qd, np.zeros((0, self.n)))[0])
+        balance, constraints, *_ = self.tangents.impact(mode, at, qd, impulses_to(mode, at, qd, np.zeros((0, self.n)))[0])
         return solved(mode, at, np.zeros((0, self.n)), -along(balance, time, change), -along(constraints, time, change))[0]
 
     # -- modes ---------------------------------------------------------------------------------
