@@ -64,6 +64,13 @@ int ncgen_set_velocities(ncgen_instant *i, int event)
     return NCGEN_OK;
 }
 
+/* The velocity of gap k as it is now. */
+static ncgen_real velocity(const ncgen_instant *i, int k)
+{
+    const ncgen_real *w = ncgen_gradient(i, k);
+    return w[2 * i->n] + ncgen_dot(i->n, w, i->moment->qd);
+}
+
 /* Of the gaps, and whether they close. */
 static int find_velocities(ncgen_instant *i, const int *taking, int count)
 {
@@ -126,12 +133,13 @@ static int hit_in_turn(ncgen_instant *i, const int *taking, int count)
         const ncgen_real impulse = -(1 + i->restitution[fastest]) * i->velocities[2 * fastest] / *entry(i, fastest, fastest);
         push(i, fastest, impulse);
         i->impulses[fastest] += impulse;
+        i->lost[fastest] -= impulse * (i->velocities[2 * fastest] + velocity(i, taking[fastest])) / 2;
     }
     return NCGEN_ENDLESS;
 }
 
 /* All together: sweeps of Gauss and Seidel, each impulse as much as its gap needs and none that pulls. */
-static int hit_all(ncgen_instant *i, int count)
+static int hit_all(ncgen_instant *i, const int *taking, int count)
 {
     for (int a = 0; a < count; ++a)
         i->needed[a] = (1 + i->restitution[a]) * i->velocities[2 * a];
@@ -153,6 +161,8 @@ static int hit_all(ncgen_instant *i, int count)
     }
     for (int a = 0; a < count; ++a)
         push(i, a, i->impulses[a]);
+    for (int a = 0; a < count; ++a)
+        i->lost[a] = -i->impulses[a] * (i->velocities[2 * a] + velocity(i, taking[a])) / 2;
     return NCGEN_OK;
 }
 
@@ -166,7 +176,7 @@ int ncgen_hit(ncgen_instant *i, int *hit)
             continue;
         wanted += due[k];
         i->restitution[count] = i->numbers[impact->value];
-        i->impulses[count] = 0;
+        i->impulses[count] = i->lost[count] = 0;
         taking[count++] = k;
     }
     *hit = wanted && find_velocities(i, taking, count);
@@ -175,10 +185,14 @@ int ncgen_hit(ncgen_instant *i, int *hit)
     int status = find_responses(i, taking, count);
     if (status != NCGEN_OK)
         return status;
+    ncgen_copy(i->n, i->moment->qd, i->prior);
     if (i->events->law == NCGEN_NO_LAW && are_coupled(i, count))
         return NCGEN_NO_ORDER;
-    status = i->events->law == NCGEN_IN_TURN ? hit_in_turn(i, taking, count) : hit_all(i, count);
+    status = i->events->law == NCGEN_IN_TURN ? hit_in_turn(i, taking, count) : hit_all(i, taking, count);
     for (int a = 0; a < count; ++a)
-        i->passage->happened[taking[a]] += i->impulses[a] > 0;
+        if (i->impulses[a] > 0) {
+            i->passage->happened[taking[a]] += 1;
+            ncgen_note(i->passage->log, i->n, i->moment, taking[a], NCGEN_HAPPENS, i->prior, i->impulses[a], i->lost[a]);
+        }
     return status;
 }

@@ -2,7 +2,7 @@
 #ifndef NCGEN_IMPACTS_H
 #define NCGEN_IMPACTS_H
 
-#include "ncgen_event_table.h"
+#include "ncgen_event_log.h"
 #include "ncgen_vectors.h"
 
 /* An instant on its way; its arrays are in the workspace of the passage. */
@@ -18,6 +18,7 @@ typedef struct ncgen_instant {
     ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
     ncgen_real *velocities, *impulses, *numbers; /* count, count, what actions set */
     ncgen_real *restitution, *needed, *kept;     /* count, count, n */
+    ncgen_real *lost, *prior;                    /* count: energy that impacts take; n: velocities before what is noted */
 } ncgen_instant;
 
 /* A gap is closed where it is smaller than `closed` times its scale; a velocity above minus `opening` times its terms does not close it. */
