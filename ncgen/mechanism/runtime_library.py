@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
+from pathlib import Path
 from threading import Thread
 from typing import Literal, TypeAlias
 
@@ -21,6 +22,7 @@ from ncgen.emit.runtime_files import (
     RUNTIME_HEADERS,
     STIFF_TREE,
     adjoint_names,
+    event_names,
     explicit_names,
     indifferent,
     ordinary_names,
@@ -39,9 +41,9 @@ from ncgen.toolchain.compilers import FLAGS, flags_for
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
 
-Part: TypeAlias = Literal["ordinary", "stiff", "ordinary tree", "stiff tree", "explicit", "whole", "adjoint"]
+Part: TypeAlias = Literal["ordinary", "stiff", "ordinary tree", "stiff tree", "explicit", "whole", "events", "adjoint"]
 """Of the runtime: what emitted accelerations over all coordinates need of explicit methods, or of Radau's; what those in loops over tables
-need; all explicit methods, all of it, or what goes back over a run."""
+need; all explicit methods, all of it, what carries many motions through events, or what goes back over a run."""
 
 PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
     "ordinary": (ordinary_names, OMITTED_FOR_EXPLICIT),
@@ -50,6 +52,7 @@ PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
     "stiff tree": (partial(stiff_names, STIFF_TREE), STIFF_TREE),
     "explicit": (explicit_names, (EXPLICIT_ONLY,)),
     "whole": (runtime_names, ()),
+    "events": (event_names, (EXPLICIT_ONLY,)),
     "adjoint": (adjoint_names, ()),
 }
 """The files of a part, and the macros that choose it."""
@@ -84,12 +87,29 @@ def interface_of(number: str) -> Interface:
 @once
 def runtime_of(number: str, part: Part) -> InC:
     """The runtime, the same for all mechanisms; most runs do without three quarters of it. What parts have in common is compiled once."""
+    return opened_by(interface_of(number), _library(number, part))
+
+
+@once
+def event_runtime() -> tuple[Interface, InC]:
+    """What carries many motions through events, and what passes arguments to it."""
+    ffi, headers = FFI(), ("ncgen_event_table.h", "ncgen_event_runs.h")
+    ffi.include(runtime_abi("double"))
+    ffi.cdef("".join(map(declared, headers)))
+    ffi.cdef("".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_event_runs.h")))
+    for name in ("ncgen_action", "ncgen_mode", "ncgen_events", "ncgen_log", "ncgen_event_runs"):
+        ffi.sizeof(name)
+    return ffi, opened_by(ffi, _library("double", "events"))
+
+
+def _library(number: str, part: Part) -> Path:
     files, flags = _sources(number, part)
 
     def siblings() -> list[Sibling]:
-        return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in RUNS if other != part and part in RUNS]
+        others = [other for other in RUNS if other != part and part != "adjoint"]
+        return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in others]
 
-    return opened_by(interface_of(number), compiled(files, flags, siblings=siblings).library)
+    return compiled(files, flags, siblings=siblings).library
 
 
 def _shared_sources(part: Part, other: Part) -> tuple[str, ...]:
