@@ -23,7 +23,7 @@ STATE = 8
 
 
 @dataclass(frozen=True)
-class EventTable:
+class EventsInC:
     """The events of a mechanism as C has them.
 
     actions: (event, name of its kind in C, place, value); law: of several impacts, its name in C; most: velocities that one event sets, or
@@ -80,7 +80,7 @@ class Note:
 
 
 @dataclass(frozen=True, eq=False)
-class Motions:
+class MotionRows:
     """Where motions begin and what becomes of them.
 
     times (points,): s; q, qd (B, n), p (B, n_p): starts; out_q, out_qd (B, points, n), out_work (B, points)
@@ -100,13 +100,13 @@ class Motions:
 
 
 class EventRuns:
-    """Motions with events, carried out in C one after the other."""
+    """MotionRows with events, carried out in C one after the other."""
 
     def __init__(
         self,
-        table: EventTable,
+        table: EventsInC,
         mechanism: HeldGaps,
-        motions: Motions,
+        motions: MotionRows,
         options: dict[str, Any],
         sizes: np.ndarray | None,
         listener: Listener,
@@ -130,16 +130,23 @@ class EventRuns:
         )  # fmt: skip
         more = {} if sizes is None else {"sizes": pointer(ffi, sizes)}
         settings = self._new(
-            "ncgen_options *", event=watched, watch=watch("double"), context=self._context, patience=listener.patience, **more, **options
+            "ncgen_options *",
+            event=watched,
+            progress=watch("double"),
+            context=self._context,
+            attempts_left=listener.attempts,
+            **more,
+            **options,
         )
         self._events = self._new("ncgen_events *", **self._described(table))
         self._rows = np.zeros((NOTES, STATE + 3 * self._n))
         self._log = self._new("ncgen_log *", room=NOTES, due=self._ints(np.zeros(count)), rows=pointer(ffi, self._rows.ravel()))
-        workspace = count * (2 * self._n + count + 12) + table.most * (self._n + 1) + 2 * self._n + table.n_values
+        workspace = self._library.ncgen_events_workspace(count, table.most, self._n, table.n_values)
+        due = self._library.ncgen_events_integers(count)
         model, described = mechanism.dynamics.described(mechanism.rank)
         self._kept.append(described)
         passage = {
-            "signs": self._at(self._signs), "happened": self._ints(np.zeros(count)), "due": self._ints(np.zeros(4 * count)),
+            "signs": self._at(self._signs), "happened": self._ints(np.zeros(count)), "due": self._ints(np.zeros(due)),
             "stopped": self._at(self._stopped), "workspace": self._reals(np.zeros(workspace)), "mode": self._at(self._mode),
             "directions": self._ints(np.zeros(most)), "wanted": self._at(self._wanted),
             "room": self._reals(np.zeros(2 * self._n + 2 * most)), "log": self._log,
@@ -187,7 +194,7 @@ class EventRuns:
     def _function(self, address: int, kind: str = "ncgen_velocity_kernel *") -> InC:
         return self._ffi.cast(kind, address)
 
-    def _described(self, table: EventTable) -> dict[str, Any]:
+    def _described(self, table: EventsInC) -> dict[str, Any]:
         rows = [
             {"event": event, "kind": getattr(self._library, kind), "place": place, "value": value}
             for event, kind, place, value in table.actions

@@ -97,7 +97,7 @@ class Sweep:
         if not len(prepared):
             return own
         more = self._empty(len(own))
-        self.numbers.library.ncgen_prepare_back(self.numbers.transposed, *map(self._real, (self._p, prepared, more)))
+        self.numbers.library.ncgen_prepare_vjp(self.numbers.transposed, *map(self._real, (self._p, prepared, more)))
         return own + more
 
     def _empty(self, size: int) -> np.ndarray:

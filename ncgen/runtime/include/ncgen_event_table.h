@@ -6,21 +6,31 @@
 
 /* As much workspace as the functions of ncgen_events.h need for `count` events, at most `most` velocities that one of them sets, or count if that is
  * more, n coordinates and the numbers that actions set. */
-#define NCGEN_EVENTS_WORKSPACE(count, most, n, values) ((count) * (2 * (n) + (count) + 12) + (most) * ((n) + 1) + 2 * (n) + (values))
+#define NCGEN_EVENTS_WORKSPACE(count, most, n, values) \
+    ((count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 2 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
+
+/* The same for integers. */
+#define NCGEN_EVENTS_INTEGERS(count) (8 * (count))
+
+/* Numbers of workspace of an impact of gaps that have so many velocities. */
+#define NCGEN_IMPACT_WORKSPACE(rows) (3 * (rows) * (rows) + 16 * (rows))
 
 /* begin cdef */
 
 /* What the functions of ncgen_events.h return besides: bounces accumulate at a gap that is to be held closed, which nobody does here; events bring about
  * each other without end; there are several impacts at one instant without a law; a gap is below zero at the start; an event has ended the
- * motion before; a log is full. */
-enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED, NCGEN_LOG_FULL };
+ * motion before; no impulses obey the laws of impact and friction; an impact would give energy; a log is full. */
+enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED, NCGEN_NO_IMPULSES, NCGEN_GAIN, NCGEN_LOG_FULL };
+
+/* Laws of several impacts at one instant; without one they are refused. */
+enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
+
+/* end cdef */
+/* begin table */
 
 /* What an event does: p[place] or qd[place] becomes the value; an impact along the gradient of the condition, whose restitution is the
  * value, place being 1 where the motion ends at a gap in which bounces accumulate; the end of the motion. */
 enum { NCGEN_SET, NCGEN_SET_VELOCITY, NCGEN_IMPACT, NCGEN_STOP };
-
-/* Laws of several impacts at one instant; without one they are refused. */
-enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
 
 typedef struct ncgen_action {
     int event, kind, place, value; /* value: its number among those of `values` */
@@ -68,7 +78,7 @@ typedef struct ncgen_log {
 typedef struct ncgen_passage {
     int *signs;    /* of each: the side on which it is, 0 for that of its value; with modes as many more as the largest holds gaps */
     int *happened; /* how often each has happened */
-    int *due;      /* 1 for those that are to happen at this instant, 0 afterwards; 4 count numbers, of which these are the first */
+    int *due;      /* 1 for those that are to happen at this instant, 0 afterwards; NCGEN_EVENTS_INTEGERS(count) numbers, of which these are the first */
     int *stopped;  /* 1: an event has ended the motion */
     ncgen_real *workspace;
     int *mode;        /* with modes: the number of the present one, 0 where no gap is held */
@@ -78,6 +88,6 @@ typedef struct ncgen_passage {
     ncgen_log *log;   /* NULL: nobody wants to know what happens */
 } ncgen_passage;
 
-/* end cdef */
+/* end table */
 
 #endif

@@ -5,6 +5,16 @@
 #include "ncgen_modes.h"
 #include "ncgen_vectors.h"
 
+size_t ncgen_events_workspace(int count, int most, int n, int values)
+{
+    return (size_t)(NCGEN_EVENTS_WORKSPACE(count, most, n, values));
+}
+
+int ncgen_events_integers(int count)
+{
+    return NCGEN_EVENTS_INTEGERS(count);
+}
+
 /* What is needed to go back to the begin of a part, besides arrays. */
 typedef struct ncgen_kept {
     ncgen_moment moment;
@@ -141,7 +151,7 @@ static int advance(ncgen_event_runs *runs)
     int status = run(runs, &in, &statistics);
     if (status == NCGEN_OK && statistics.stopped) {
         ncgen_mark_crossed(runs->events, in.watched.count, in.watched.crossed, passage);
-        status = ncgen_happen(&runs->driven, runs->events, runs->own_p, &runs->moment, passage);
+        status = ncgen_apply_events(&runs->driven, runs->events, runs->own_p, &runs->moment, passage);
     }
     if (status == NCGEN_OK && is_full(runs))
         status = NCGEN_LOG_FULL;

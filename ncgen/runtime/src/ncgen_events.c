@@ -29,13 +29,17 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->slopes = ncgen_take(&space, count * (2 * n + 1));
     i->responses = ncgen_take(&space, events->most * (n + 1));
     i->G = ncgen_take(&space, count * count);
-    i->velocities = ncgen_take(&space, 2 * count);
+    i->velocities = ncgen_take(&space, count);
     i->impulses = ncgen_take(&space, count);
-    i->restitution = ncgen_take(&space, count);
-    i->needed = ncgen_take(&space, count);
+    i->lost = ncgen_take(&space, count);
+    i->rounding = ncgen_take(&space, count);
+    i->coefficients = ncgen_take(&space, 3 * count);
+    i->space = ncgen_take(&space, NCGEN_IMPACT_WORKSPACE(count));
+    i->taking = passage->due + count;
+    i->places = passage->due + 4 * count;
+    i->sticks = passage->due + 7 * count;
     i->kept = ncgen_take(&space, n);
     i->prior = ncgen_take(&space, n);
-    i->lost = ncgen_take(&space, count);
     i->numbers = ncgen_take(&space, 0); /* the rest */
 }
 
@@ -162,10 +166,10 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
     }
     ncgen_copy(i->n, i->moment->qd, i->prior);
     for (int k = 0; k < i->count; ++k)
-        i->restitution[k] = ncgen_holds(i->events, passage, k); /* room for what was held */
+        i->rounding[k] = ncgen_holds(i->events, passage, k); /* room for what was held */
     const int status = ncgen_choose_mode(i->d, i->events, i->p, i->moment, passage);
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
-        const int holds = ncgen_holds(i->events, passage, k), held = i->restitution[k] > 0;
+        const int holds = ncgen_holds(i->events, passage, k), held = i->rounding[k] > 0;
         if (holds != held)
             ncgen_note(passage->log, i->n, i->moment, k, holds ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
     }
@@ -186,7 +190,7 @@ static int finish(ncgen_instant *i, const int *happened, int *resting)
         const int clear = !ncgen_is_closed(i, k), way = i->events->directions[k], side = i->passage->signs[k];
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
         resting[k] = 0;
-        i->needed[k] = -1; /* room for the time in which bounces end */
+        i->velocities[k] = -1; /* room for the time in which bounces end */
         if (happened[k])
             i->passage->signs[k] = way ? way : clear ? sign_of(i->values[2 * k]) : -side;
         else if (clear)
@@ -194,7 +198,7 @@ static int finish(ncgen_instant *i, const int *happened, int *resting)
         ncgen_real ends = 0;
         if (!happened[k] || !impact || !rests(i, k, i->numbers[impact->value], &ends))
             continue;
-        i->needed[k] = ends;
+        i->velocities[k] = ends;
         if (impact->place)
             *i->passage->stopped = 1;
         else
@@ -205,8 +209,8 @@ static int finish(ncgen_instant *i, const int *happened, int *resting)
         rested = 0;
     }
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
-        if (!(i->needed[k] < 0))
-            ncgen_note_limit(i->passage->log, i->n, k, i->needed[k]);
+        if (!(i->velocities[k] < 0))
+            ncgen_note_limit(i->passage->log, i->n, k, i->velocities[k]);
     return status == NCGEN_OK && rested ? NCGEN_AT_REST : status;
 }
 
@@ -244,7 +248,7 @@ static int happen(ncgen_instant *i)
     return status;
 }
 
-int ncgen_happen(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
+int ncgen_apply_events(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
     ncgen_instant i;
     begin(&i, d, events, p, moment, passage);
@@ -277,7 +281,7 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
     return status == NCGEN_OK && (some || events->n_modes) ? happen(&i) : status;
 }
 
-int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
+int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
     ncgen_passage *passage)
 {
     ncgen_moment here = *moment;
@@ -310,23 +314,23 @@ static long events_so_far(const ncgen_events *events, const ncgen_passage *passa
     return sum;
 }
 
-int ncgen_go_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
+int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
     const long before = events_so_far(events, passage);
     if (*passage->stopped)
         return NCGEN_STOPPED;
-    const int some = ncgen_look_for_events(d, events, p, moment, 0, passage);
-    int status = some < 0 ? -some : some > 0 ? ncgen_happen(d, events, p, moment, passage) : NCGEN_OK;
+    const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
+    int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
         ncgen_entered in;
         ncgen_enter(d, events, passage, &in);
         const ncgen_driven *mode = &in.driven;
-        status = breaks ? ncgen_go_on_in_parts(mode, breaks, p, moment, t_end, statistics) : ncgen_go_on(mode, p, moment, t_end, statistics);
+        status = breaks ? ncgen_advance_over_breaks(mode, breaks, p, moment, t_end, statistics) : ncgen_advance(mode, p, moment, t_end, statistics);
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
         ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
-        status = ncgen_happen(d, events, p, moment, passage);
+        status = ncgen_apply_events(d, events, p, moment, passage);
     }
     return status;
 }

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ncgen.errors import NcgenError
-from ncgen.mechanism.event_runs import EventRuns, EventTable, HeldGaps, Motions, Note
+from ncgen.mechanism.event_runs import EventRuns, EventsInC, HeldGaps, MotionRows, Note
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.listening import REACTION, Listener
 from ncgen.mechanism.program_functions import CompiledFunctions
@@ -38,7 +38,7 @@ from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.happening import GAPS, Happening, Search
 
 CHUNK = 16
-"""Motions of one call of C, between which a batch can be ended and says how far it has come."""
+"""MotionRows of one call of C, between which a batch can be ended and says how far it has come."""
 
 FOUND: tuple[Search, ...] = ("proof", "start", "action", "sampled")
 """How an event was found, by the numbers of C; the first one is what the condition allows."""
@@ -65,7 +65,7 @@ def refusal_in_c(kernels: Kernels, method: Method) -> str | None:
 
 @dataclass(eq=False)
 class ManyRuns:
-    """Motions of a mechanism over the times of a run.
+    """MotionRows of a mechanism over the times of a run.
 
     carried: {number of a motion that C carried out: its events}
     """
@@ -73,7 +73,7 @@ class ManyRuns:
     kernels: Kernels
     run: Run
     method: Method
-    motions: Motions
+    motions: MotionRows
     carried: dict[int, tuple[Happening, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -169,11 +169,11 @@ class ManyRuns:
     # -- what C is given ---------------------------------------------------------------------------------------------------------------
 
     @property
-    def _table(self) -> EventTable:
+    def _table(self) -> EventsInC:
         functions, actions = self.functions, Actions.of(self.kernels)
         address = {name: functions.address(name) for name in ("conditions", "condition_slopes", "condition_rates")}
         rows = [(row.event, row.kind, row.place, row.value) for row in actions.rows]
-        return EventTable(
+        return EventsInC(
             actions.directions, rows, actions.law, actions.most, len(actions.values), actions.degree, actions.noise,
             address["conditions"], address["condition_slopes"], address["condition_rates"], self._values(actions), bool(functions.rows),
         )  # fmt: skip

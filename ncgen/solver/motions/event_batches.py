@@ -41,7 +41,7 @@ def through_events(
     done = not_begun(run, states)
     if not has_events(kernels.model):
         return done, {}
-    from ncgen.mechanism.event_runs import Motions
+    from ncgen.mechanism.event_runs import MotionRows
     from ncgen.mechanism.kernel_batch import thread_count
     from ncgen.solver.events.many_runs import ManyRuns, refusal_in_c
 
@@ -57,7 +57,7 @@ def through_events(
         run.initial.t, states.q, states.zd, states.p, (q, qd, np.empty(states.zd.shape)), threads, tolerance=TOLERANCE
     )
     rows = np.zeros(len(q), dtype=np.intc)
-    motions = Motions(single.times, q, qd, np.array(states.p), done.q, done.qd, done.work, rows, done.steps, done.reached)
+    motions = MotionRows(single.times, q, qd, np.array(states.p), done.q, done.qd, done.work, rows, done.steps, done.reached)
     many = ManyRuns(kernels, single, chosen, motions)
     raised: BaseException | None = None
     try:
