@@ -59,15 +59,8 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
 
     Raises SingularError, ConvergenceError or ModelError with the names of gaps that cannot be hit.
     """
-    W = np.vstack([np.vstack([gap.gradient[None], gap.rubs]) for gap in gaps])
-    places = np.cumsum([0, *(1 + len(gap.rubs) for gap in gaps[:-1])])
-    blows = [
-        Blow(int(place), len(gap.rubs), gap.is_poisson, gap.restitution, gap.friction, gap.tangential)
-        for place, gap in zip(places, gaps, strict=True)
-    ]
-    drift = np.zeros(len(W))
-    drift[places] = [gap.drift for gap in gaps]
-    sizes = kernels.column_sizes
+    W, drift, blows = rows_of(gaps)
+    places, sizes = [blow.gap for blow in blows], kernels.column_sizes
     rounding = OPENING * (np.abs(W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(drift))
     responses = response(kernels, at, W)
     energy = float(kernels.energy(at.q, at.qd, at.t, at.p)[0])
@@ -84,6 +77,19 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     if not found.turns:
         turns = [(tuple(np.flatnonzero(impulses > 0).tolist()), qd)]
     return Hit(qd, impulses, found.sticks, found.lost, tuple(turns))
+
+
+def rows_of(gaps: Sequence[Gap]) -> tuple[np.ndarray, np.ndarray, list[Blow]]:
+    """W (r, n), ∂g/∂t (r,), 0 for velocities at which contacts slide, and what C has of each gap."""
+    W = np.vstack([np.vstack([gap.gradient[None], gap.rubs]) for gap in gaps])
+    places = np.cumsum([0, *(1 + len(gap.rubs) for gap in gaps[:-1])])
+    drift = np.zeros(len(W))
+    drift[places] = [gap.drift for gap in gaps]
+    blows = [
+        Blow(int(place), len(gap.rubs), gap.is_poisson, gap.restitution, gap.friction, gap.tangential)
+        for place, gap in zip(places, gaps, strict=True)
+    ]
+    return W, drift, blows
 
 
 def _failure(kernels: Kernels, at: State, names: list[str], orders: set[str], found: ImpactInC, after: np.ndarray) -> NcgenError:
