@@ -101,3 +101,8 @@ def is_zero(value: float, scale: float) -> bool:
 def is_at_rest(value: float, scale: float, rate: float, acceleration: float, noise: float) -> bool:
     """Whether the next bounce of a gap cannot be told from none; noise: share of a scale that has no sign."""
     return bool(runtime_of("double", "events").ncgen_is_at_rest(value, scale, rate, acceleration, noise))
+
+
+def time_of_bounces(rate: float, acceleration: float, restitution: float) -> float:
+    """The time (s) in which all bounces of a gap at rest end."""
+    return float(runtime_of("double", "events").ncgen_time_of_bounces(rate, acceleration, restitution))

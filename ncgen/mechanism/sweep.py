@@ -86,7 +86,7 @@ class Sweep:
     def _part(self, name: str, weights: np.ndarray, *state: np.ndarray) -> np.ndarray:
         """What a transposed part says at the start; state: what it reads besides time and p."""
         gradient = self._empty(sum(map(len, state)) + len(self._p))
-        function = getattr(self.numbers.library, f"ncgen_{name}_back")
+        function = getattr(self.numbers.library, f"ncgen_{name}_vjp")
         given = *map(self._real, (*state, self._p)), self._real(weights, self._sizes.n_coordinates), self._real(gradient)
         function(self.numbers.transposed, self._times[0], *given)
         return gradient

@@ -114,7 +114,7 @@ class Taped:
         kernels, method_in_c = self._kernels, number_in_c(INTEGRATORS[method])
         self._step_size = step_size(method, kernels.n)
         self._times, self._states = np.empty(steps + 1), np.empty(steps * self._step_size + 2 * kernels.n)
-        tape = {"room": steps, "times": self._real(self._times), "states": self._real(self._states)}
+        tape = {"capacity": steps, "times": self._real(self._times), "states": self._real(self._states)}
         self._tape = self._ffi.new("ncgen_tape *", tape)
         is_driven = "nu" in kernels.programs.programs
         self._sizes = Sizes(kernels.n, self._parameters, self._dynamics.prepared, is_driven, method_in_c, 0)

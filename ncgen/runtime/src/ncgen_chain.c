@@ -83,3 +83,8 @@ int ncgen_is_at_rest(ncgen_scalar value, ncgen_scalar scale, ncgen_scalar rate, 
     const ncgen_scalar deep = NCGEN_ABS(value), least = at_rest * noise * scale, speed = rate > 0 ? rate : 0;
     return acceleration < 0 && speed * speed <= -2 * acceleration * (deep > least ? deep : least);
 }
+
+ncgen_scalar ncgen_time_of_bounces(ncgen_scalar rate, ncgen_scalar acceleration, ncgen_scalar restitution)
+{
+    return rate > 0 && restitution < 1 ? -2 * rate / acceleration / (1 - restitution) : 0;
+}

@@ -46,6 +46,9 @@ int ncgen_is_zero(ncgen_scalar value, ncgen_scalar scale);
  * gap; noise: share of a scale that has no sign. */
 int ncgen_is_at_rest(ncgen_scalar value, ncgen_scalar scale, ncgen_scalar rate, ncgen_scalar acceleration, ncgen_scalar noise);
 
+/* The time in which all bounces of such a gap end. */
+ncgen_scalar ncgen_time_of_bounces(ncgen_scalar rate, ncgen_scalar acceleration, ncgen_scalar restitution);
+
 /* end functions */
 
 #endif

@@ -35,6 +35,7 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->places = passage->due + 4 * count;
     i->sticks = passage->due + 7 * count;
     i->kept = ncgen_take(&space, n);
+    i->prior = ncgen_take(&space, n);
     i->numbers = ncgen_take(&space, 0); /* the rest */
 }
 
@@ -65,11 +66,21 @@ static int find_numbers(ncgen_instant *i)
     return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
 }
 
+static ncgen_real energy(const ncgen_instant *i)
+{
+    ncgen_real out[3] = {0, 0, 0};
+    if (i->d->model->energy)
+        i->d->model->energy(i->moment->t, i->moment->q, i->moment->qd, i->p, out);
+    return out[0] + out[1];
+}
+
 /* What an event does besides impacts, with the numbers of the state before it. */
 static int act(ncgen_instant *i, int event)
 {
     const ncgen_events *e = i->events;
+    const ncgen_real before = i->passage->log ? energy(i) : 0;
     int status = find_numbers(i), others = 0;
+    ncgen_copy(i->n, i->moment->qd, i->prior);
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         const ncgen_action *a = e->actions + k;
         if (a->event != event || a->kind == NCGEN_IMPACT)
@@ -84,15 +95,11 @@ static int act(ncgen_instant *i, int event)
     }
     if (!ncgen_impact_of(e, event))
         i->passage->happened[event] += 1;
-    return status == NCGEN_OK && others ? ncgen_set_velocities(i, event) : status;
-}
-
-static ncgen_real energy(const ncgen_instant *i)
-{
-    ncgen_real out[3] = {0, 0, 0};
-    if (i->d->model->energy)
-        i->d->model->energy(i->moment->t, i->moment->q, i->moment->qd, i->p, out);
-    return out[0] + out[1];
+    if (status == NCGEN_OK && others)
+        status = ncgen_set_velocities(i, event);
+    if (i->passage->log && (others || !ncgen_impact_of(e, event)))
+        ncgen_note(i->passage->log, i->n, i->moment, event, NCGEN_HAPPENS, i->prior, 0, before - energy(i));
+    return status;
 }
 
 static int is_still(const ncgen_instant *i, int k)
@@ -130,7 +137,15 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
             passage->signs[k] = 1;
         released[k] = 0;
     }
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    for (int k = 0; k < i->count; ++k)
+        i->terms[k] = ncgen_holds(i->events, passage, k); /* room for what was held */
     const int status = ncgen_choose_mode(i->d, i->events, i->p, i->moment, passage);
+    for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
+        const int holds = ncgen_holds(i->events, passage, k), held = i->terms[k] > 0;
+        if (holds != held)
+            ncgen_note(passage->log, i->n, i->moment, k, holds ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
+    }
     return status == NCGEN_OK ? accelerate(i) : status;
 }
 
@@ -139,6 +154,9 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
 {
     const ncgen_real *rates = i->responses, *accelerations = rates + i->count; /* responses are no longer needed */
     int status = accelerate(i), rested = 0;
+    ncgen_notes_follow(i->passage->log, 0);
+    if (status == NCGEN_OK)
+        status = find_numbers(i);
     if (status == NCGEN_OK)
         status = i->events->rates(i->moment->t, i->moment->q, i->moment->qd, i->moment->qdd, i->p, i->responses);
     if (status != NCGEN_OK)
@@ -147,16 +165,23 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
     for (int k = 0; k < i->count; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
         resting[k] = 0;
+        i->velocities[k] = -1; /* room for the time in which bounces end */
         if (!chain->happened[k] || !impact || !ncgen_is_at_rest(i->values[2 * k], i->scales[k], rates[k], accelerations[k], i->events->noise))
             continue;
+        i->velocities[k] = ncgen_time_of_bounces(rates[k], accelerations[k], i->numbers[impact->value]);
         if (impact->place)
             *i->passage->stopped = 1;
         else
             rested = resting[k] = 1;
     }
-    if (i->events->n_modes)
-        return choose_mode(i, chain->happened, resting);
-    return rested ? NCGEN_AT_REST : NCGEN_OK;
+    if (i->events->n_modes) {
+        status = choose_mode(i, chain->happened, resting);
+        rested = 0;
+    }
+    for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
+        if (!(i->velocities[k] < 0))
+            ncgen_note_limit(i->passage->log, i->n, k, i->velocities[k]);
+    return status == NCGEN_OK && rested ? NCGEN_AT_REST : status;
 }
 
 /* The impacts and actions that are due. */
@@ -175,7 +200,9 @@ static int act_all(void *context)
 
 static int look_again(void *context)
 {
-    return look((ncgen_instant *)context);
+    ncgen_instant *i = (ncgen_instant *)context;
+    ncgen_notes_follow(i->passage->log, 1);
+    return look(i);
 }
 
 /* The chain of events of an instant. */
@@ -191,6 +218,7 @@ static int happen(ncgen_instant *i)
 {
     const ncgen_real before = energy(i);
     ncgen_chain chain = chain_of(i);
+    ncgen_begin_notes(i->passage->log, i->count, chain.due);
     int status = ncgen_follow_chain(&chain);
     if (status == NCGEN_OK)
         status = finish(i, &chain, chain.done);
@@ -283,11 +311,7 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
         status = breaks ? ncgen_advance_over_breaks(mode, breaks, p, moment, t_end, statistics) : ncgen_advance(mode, p, moment, t_end, statistics);
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
-        for (int k = 0; k < events->count; ++k)
-            passage->due[k] = d->options->event->crossed[k];
-        for (int k = events->count; k < in.watched.count; ++k)
-            if (d->options->event->crossed[k])
-                passage->wanted[events->count + events->modes[*passage->mode - 1].held[k - events->count]] = 1;
+        ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         status = ncgen_apply_events(d, events, p, moment, passage);
     }
     return status;

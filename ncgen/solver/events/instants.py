@@ -81,16 +81,17 @@ class Instant:
         for name in new:
             lock = self.kernels.model.locks[name]
             p[self.kernels.parameters.index(lock.held)] = functions.place(lock, at)
-        locked = tuple(name for name in functions.locks if name in (*at.locked, *new))
+        start, locked = at, tuple(name for name in functions.locks if name in (*at.locked, *new))
         self.at = at = replace(at, p=p, locked=locked)
         mode = functions.mode(at)
         qd = project_velocity(mode, at.q, at.qd, at.t, at.p)
-        if not velocity_residual(mode, at.q, qd, at.t, at.p) <= LOCKED:
+        if not velocity_residual(mode, at.q, qd, at.qd, at.t, at.p) <= LOCKED:
             raise ModelError(
                 f"{self.kernels.name}: {', '.join(new)} cannot be locked at t = {at.t:.6g} s, since drivers or other locks move it; "
                 "free these first"
             )
         self.at = replace(at, qd=qd)
+        self.done.append(Done((), False, start, self.at, tuple(new)))
 
     def free(self, name: str) -> None:
         """Open a lock."""
@@ -108,9 +109,10 @@ class Instant:
         """Stop ratchets that run backward, but for those that are due as they only just turn, by impulses that only push."""
         start = self.at
         taking = [k for k in self.functions.ratchets if k not in due and self.functions.values(start)[0][k] <= 0]
-        gaps = self._gaps(taking)
+        gaps = gaps_of(self.functions, start, taking)
         if taking and (hit := hit_gaps(self.functions.mode(start), start, gaps, {"simultaneous"})):
             self.at = replace(start, qd=hit.qd)
+            self._note_turns(hit, taking, start)
             self._note_impulses(gaps, {}, hit, start)
 
     def _act(self, k: int, search: Search) -> None:
@@ -126,8 +128,9 @@ class Instant:
                 if changes is not None and not isinstance(changes, Mapping):
                     raise ModelError(f"event {event.name}: its function returned {shown(changes)}; return {{name: value}} or None")
                 self._set(changes or {}, event.name)
-        self._set(self.functions.numbers(self.at).get(k, {}), event.name)
-        self.done.append(Done((k,), False, start, self.at))
+        before = self.at
+        self._set(self.functions.numbers(before).get(k, {}), event.name)
+        self.done.append(Done((k,), False, before, self.at))
         self._note(event.name, search, start, what)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
@@ -164,7 +167,7 @@ class Instant:
         if not taking:
             return
         hitting = [*taking, *(k for k in functions.ratchets if values[k] <= 0)]
-        gaps, orders = self._gaps(hitting), {functions.events[k].impact.order for k in taking} - {""}  # type: ignore[union-attr]
+        gaps, orders = gaps_of(functions, start, hitting), {functions.events[k].impact.order for k in taking} - {""}  # type: ignore[union-attr]
         if not (hit := hit_gaps(functions.mode(start), start, gaps, orders)):
             return
         self.at = replace(start, qd=hit.qd)
@@ -186,26 +189,6 @@ class Instant:
             self.done.append(Done(tuple(hitting[number] for number in turn), True, start, after))
             start = after
 
-    def _gaps(self, taking: list[int]) -> list[Gap]:
-        """The gaps that take part in impacts, with their friction, and ratchets."""
-        functions, at, nothing = self.functions, self.at, np.zeros((0, self.kernels.n))
-        gradients, drift = functions.slopes(at)
-        sliding, gaps = functions.sliding(at), []
-        slides = {gap: number for number, gap in functions.gaps.items()}
-        for k in taking:
-            if k in functions.ratchets:
-                gaps.append(Gap(functions.ratchets[k].name, functions.rate_slopes(at)[k], 0.0, 0.0, nothing))
-                continue
-            gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), nothing)
-            if k in slides:
-                number = slides[k]
-                gap = replace(
-                    gap, rubs=sliding[number][1], friction=functions.friction(number, at),
-                    tangential=functions.tangential(number, at), is_poisson=functions.contacts[number].law == "poisson",
-                )  # fmt: skip
-            gaps.append(gap)
-        return gaps
-
     def _note(self, name: str, search: Search, start: State, what: str) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
         self.happened.append(Happening(start.t, name, search, start.q, start.qd, self.at.qd, 0.0, lost, what=what))
@@ -220,6 +203,27 @@ class Instant:
     def _energy(self, at: State) -> np.ndarray:
         """Kinetic and potential energy (J)."""
         return self.kernels.energy(at.q, at.qd, at.t, at.p)[:2]
+
+
+def gaps_of(functions: EventFunctions, at: State, taking: Sequence[int]) -> list[Gap]:
+    """The gaps that take part in impacts, with their friction, and ratchets, by the numbers of their conditions."""
+    nothing = np.zeros((0, functions.kernels.n))
+    gradients, drift = functions.slopes(at)
+    sliding, gaps = functions.sliding(at), []
+    slides = {gap: number for number, gap in functions.gaps.items()}
+    for k in taking:
+        if k in functions.ratchets:
+            gaps.append(Gap(functions.ratchets[k].name, functions.rate_slopes(at)[k], 0.0, 0.0, nothing))
+            continue
+        gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), nothing)
+        if k in slides:
+            number = slides[k]
+            gap = replace(
+                gap, rubs=sliding[number][1], friction=functions.friction(number, at),
+                tangential=functions.tangential(number, at), is_poisson=functions.contacts[number].law == "poisson",
+            )  # fmt: skip
+        gaps.append(gap)
+    return gaps
 
 
 def _with_rates(kernels: Kernels, at: State, held: Mapping[int, float]) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.chain_in_c import is_at_rest
+from ncgen.mechanism.chain_in_c import is_at_rest, time_of_bounces
 from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.active_constraints import ActiveConstraints
@@ -240,13 +240,9 @@ class EventLoop:
         rates, second = self.functions.rates(self.at, self._accelerations())
         values, scales = self.functions.weighed(self.at)
         for k in impacts:
-            restitution = self.functions.restitution(k, self.at)
-            speed, pull = max(float(rates[k]), 0.0), -float(second[k])
             if is_at_rest(values[k], scales[k], rates[k], second[k], VALUE_ROUNDING[self.functions.degree]):
-                resting_gaps[k] = (
-                    self.functions.events[k].name,
-                    self.at.t + (2 * speed / pull / (1 - restitution) if restitution < 1 else 0.0),
-                )
+                ends = time_of_bounces(rates[k], second[k], self.functions.restitution(k, self.at))
+                resting_gaps[k] = self.functions.events[k].name, self.at.t + ends
         return resting_gaps
 
     def _accelerations(self) -> np.ndarray:
