@@ -11,8 +11,8 @@ from ncgen.resources import folder
 RULES = {
     "chain of events": (r"most_rounds|max_rounds|while due", "ncgen_chain.c"),
     "zero of a condition": (r"closed_below|gap_tolerance|ncgen_closed\b", "ncgen_chain.c"),
-    "bounces that accumulate": (r"\bat_rest\b(?!\()", "ncgen_chain.c"),
-    "laws of impact": (r"restitution[^=\n]{0,30}\*|1 \+ [^\n]*restitution", "ncgen_impulses.c"),
+    "bounces that accumulate": (r"\bat_rest\b(?!\()|1 - [^\n]*restitution", "ncgen_chain.c"),
+    "laws of impact": (r"restitution[\])]*\s*\*|1 \+ [^\n]*restitution", "ncgen_impulses.c"),
     "least squares of impulses": (r"nnls|lstsq|lawson", "ncgen_impulses.c"),
     "contacts in turn": (r"fastest\b", "ncgen_impulses.c"),
 }
