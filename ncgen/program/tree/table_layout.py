@@ -10,6 +10,9 @@ import numpy as np
 from ncgen.model.elements import Point
 from ncgen.program.tree.tree_tables import OpenTree
 
+LEAST_MEMBERS = 3
+"""Members that every body has in the tables: with this number, which most have, loops over them need no branches."""
+
 
 @dataclass(frozen=True, eq=False)
 class TreeTables:
@@ -45,7 +48,7 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "elements": _flat(tree.components),
         "pair_start": _starts(_count(len(links), [pair[0] for pair in tree.pairs])),
         "member_start": _starts([len(each) for each in members]),
-        "members": [c for each in members for e in each for c in tree.components[e]],
+        "members": [c for each, link in zip(members, links, strict=True) for e in each for c in _components(tree, link, e)],
         "mass_start": _starts([1 + len(each) + len(each) ** 2 for each in members]),
         "pairs": _flat([(_place(members[link], a), _place(members[link], b), value) for link, a, b, value in tree.pairs]),
         "single_start": _starts(_count(len(links), [single[0] for single in tree.singles])),
@@ -68,7 +71,7 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "weights": [weight for terms in tree.terms for weight, _ in terms],
         "is_point": [_is_point(tree, e) for e in range(len(tree.elements))],
         "heaviness": tree.heaviness,
-        "member_is_point": [_is_point(tree, e) for each in members for e in each],
+        "member_is_point": [1.0 if e is None else _is_point(tree, e) for each in members for e in each],
         "ratios": [ratio for _, ratio in tree.measured.values()],
         "ratio": [coupled.leaders[k][1] if k in coupled.leaders else 1.0 for k in screws],
         "gears": [rotor[2] for rotor in tree.rotors],
@@ -81,12 +84,18 @@ def _is_point(tree: OpenTree, element: int) -> float:
     return float(isinstance(tree.elements[element], Point))
 
 
-def _members(tree: OpenTree, link: int) -> list[int]:
-    """Elements between which a link's body has mass that is the same along all axes, without the reference point."""
-    return sorted({e for pair in tree.pairs if pair[0] == link for e in pair[1:3] if tree.components[e] != tree.references[link]})
+def _members(tree: OpenTree, link: int) -> list[int | None]:
+    """Elements between which a link's body has mass that is the same along all axes, without the reference point; at least
+    LEAST_MEMBERS, of which None is the reference point without mass."""
+    elements = sorted({e for pair in tree.pairs if pair[0] == link for e in pair[1:3] if tree.components[e] != tree.references[link]})
+    return [*elements, *[None] * (LEAST_MEMBERS - len(elements))]
 
 
-def _place(members: list[int], element: int) -> int:
+def _components(tree: OpenTree, link: int, element: int | None) -> list[int]:
+    return tree.references[link] if element is None else tree.components[element]
+
+
+def _place(members: Sequence[int | None], element: int) -> int:
     """The number of a member; of the reference point the one behind the last."""
     return members.index(element) if element in members else len(members)
 

@@ -93,7 +93,7 @@ typedef struct ncgen_tree {
     const ncgen_scalar *heaviness; /* of an element: how much its velocity counts where a joint's rates are found */
     const int *member_start;       /* n_links + 1 */
     const int *members;            /* 3 components of elements between which a body has mass that is the same along all axes, without the
-                                    * reference point */
+                                    * reference point, but with it, without mass, where they are less than three */
     const ncgen_scalar *member_is_point;
     const int *mass_start;         /* n_links + 1: where the masses of its members begin */
     const int *pair_start;         /* n_links + 1 */

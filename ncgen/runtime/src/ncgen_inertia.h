@@ -8,6 +8,20 @@
 enum { TURNING = 0, MIXED = 6, ALONG = 15, INERTIA = 21 };
 
 /* In space: three numbers a vector. */
+static inline void ncgen_set3(const ncgen_real *from, ncgen_real *to)
+{
+    const ncgen_real x = from[0], y = from[1], z = from[2];
+    to[0] = x;
+    to[1] = y;
+    to[2] = z;
+}
+
+static inline void ncgen_set6(const ncgen_real *from, ncgen_real *to)
+{
+    ncgen_set3(from, to);
+    ncgen_set3(from + 3, to + 3);
+}
+
 static inline void ncgen_cross(const ncgen_real *a, const ncgen_real *b, ncgen_real *out)
 {
     out[0] = a[1] * b[2] - a[2] * b[1];
@@ -70,27 +84,22 @@ static inline void ncgen_add_own_product(ncgen_real factor, const ncgen_real *a,
 static inline void ncgen_add_shifted(const ncgen_real *inertia, const ncgen_real *d, ncgen_real *sum)
 {
     const ncgen_real *B = inertia + MIXED, *M = inertia + ALONG;
-    const ncgen_real full[9] = {M[0], M[3], M[4], M[3], M[1], M[5], M[4], M[5], M[2]};
-    ncgen_real mixed[9], both[9], left[3], right[3];
-    for (int j = 0; j < 3; ++j) {
-        mixed[j] = B[j] + d[1] * full[6 + j] - d[2] * full[3 + j];
-        mixed[3 + j] = B[3 + j] + d[2] * full[j] - d[0] * full[6 + j];
-        mixed[6 + j] = B[6 + j] + d[0] * full[3 + j] - d[1] * full[j];
+    const ncgen_real x = d[0], y = d[1], z = d[2];
+    /* Rows of B + D M; of B D what is on the diagonal and above, of (B + D M) D what is on it and below. */
+    const ncgen_real a[3] = {B[0] + y * M[4] - z * M[3], B[1] + y * M[5] - z * M[1], B[2] + y * M[2] - z * M[5]};
+    const ncgen_real b[3] = {B[3] + z * M[0] - x * M[4], B[4] + z * M[3] - x * M[5], B[5] + z * M[4] - x * M[2]};
+    const ncgen_real c[3] = {B[6] + x * M[3] - y * M[0], B[7] + x * M[1] - y * M[3], B[8] + x * M[5] - y * M[4]};
+    sum[TURNING] += inertia[0] - (B[1] * z - B[2] * y) - (a[1] * z - a[2] * y);
+    sum[TURNING + 1] += inertia[1] - (B[5] * x - B[3] * z) - (b[2] * x - b[0] * z);
+    sum[TURNING + 2] += inertia[2] - (B[6] * y - B[7] * x) - (c[0] * y - c[1] * x);
+    sum[TURNING + 3] += inertia[3] - (B[2] * x - B[0] * z) - (b[1] * z - b[2] * y);
+    sum[TURNING + 4] += inertia[4] - (B[0] * y - B[1] * x) - (c[1] * z - c[2] * y);
+    sum[TURNING + 5] += inertia[5] - (B[3] * y - B[4] * x) - (c[2] * x - c[0] * z);
+    for (int i = 0; i < 3; ++i) {
+        sum[MIXED + i] += a[i];
+        sum[MIXED + 3 + i] += b[i];
+        sum[MIXED + 6 + i] += c[i];
     }
-    for (int i = 0; i < 3; ++i) { /* rows of B D from the diagonal on, and of (B + D M) D up to it: b x d */
-        ncgen_cross(B + 3 * i, d, left);
-        ncgen_cross(mixed + 3 * i, d, right);
-        for (int j = 0; j < 3; ++j)
-            both[3 * i + j] = j < i ? right[j] : j > i ? left[j] : left[j] + right[j];
-    }
-    sum[TURNING] += inertia[0] - both[0];
-    sum[TURNING + 1] += inertia[1] - both[4];
-    sum[TURNING + 2] += inertia[2] - both[8];
-    sum[TURNING + 3] += inertia[3] - both[1] - both[3];
-    sum[TURNING + 4] += inertia[4] - both[2] - both[6];
-    sum[TURNING + 5] += inertia[5] - both[5] - both[7];
-    for (int i = 0; i < 9; ++i)
-        sum[MIXED + i] += mixed[i];
     for (int i = 0; i < 6; ++i)
         sum[ALONG + i] += M[i];
 }
@@ -101,11 +110,13 @@ static inline void ncgen_find_momentum(const ncgen_real *inertia, int turns, con
     const ncgen_real *B = inertia + MIXED;
     if (turns) {
         ncgen_turned(inertia, axis, momentum);
-        for (int i = 0; i < 3; ++i)
-            momentum[3 + i] = B[i] * axis[0] + B[3 + i] * axis[1] + B[6 + i] * axis[2];
+        momentum[3] = B[0] * axis[0] + B[3] * axis[1] + B[6] * axis[2];
+        momentum[4] = B[1] * axis[0] + B[4] * axis[1] + B[7] * axis[2];
+        momentum[5] = B[2] * axis[0] + B[5] * axis[1] + B[8] * axis[2];
     } else {
-        for (int i = 0; i < 3; ++i)
-            momentum[i] = ncgen_dot3(B + 3 * i, axis);
+        momentum[0] = ncgen_dot3(B, axis);
+        momentum[1] = ncgen_dot3(B + 3, axis);
+        momentum[2] = ncgen_dot3(B + 6, axis);
         ncgen_turned(inertia + ALONG, axis, momentum + 3);
     }
 }

@@ -2,7 +2,7 @@
 #include "ncgen_tree_closing.h"
 
 /* The right sides of the rows that close a link: `step` is zero for its own coordinates. */
-static void find_right(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, const ncgen_real *step)
+NCGEN_SHORT_LOOPS static void find_right(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, const ncgen_real *step)
 {
     const ncgen_tree *tree = w->tree;
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
@@ -17,7 +17,7 @@ static void find_right(const ncgen_run *r, ncgen_tree_work *w, int link, const n
 }
 
 /* The products of the rows of a link, below the diagonal and on it, in w->gram. */
-static void multiply_rows(ncgen_tree_work *w, int link, int count)
+NCGEN_SHORT_LOOPS static void multiply_rows(ncgen_tree_work *w, int link, int count)
 {
     const ncgen_tree *tree = w->tree;
     int entry = tree->entry_start[link];
@@ -31,7 +31,7 @@ static void multiply_rows(ncgen_tree_work *w, int link, int count)
 }
 
 /* L D L' x = right, row by row: of a row above only what is eliminated already is read. A row that those before it imply is left out. */
-static inline void solve(const int count, ncgen_scalar rounding, ncgen_real *a, ncgen_real *right, ncgen_real *pivot)
+NCGEN_SHORT_LOOPS static void solve(int count, ncgen_scalar rounding, ncgen_real *a, ncgen_real *right, ncgen_real *pivot)
 {
     for (int i = 0; i < count; ++i) {
         ncgen_real *own = a + i * count;
@@ -65,7 +65,7 @@ static inline void solve(const int count, ncgen_scalar rounding, ncgen_real *a, 
 }
 
 /* The smallest change, in natural sizes, of a link's coordinates that closes its rows, the others' changes being known. */
-static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, ncgen_real *step)
+NCGEN_SHORT_LOOPS static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, ncgen_real *step)
 {
     const ncgen_tree *tree = w->tree;
     const int *indices = r->model->phi_q_pattern.indices;

@@ -20,14 +20,12 @@ static inline void take_share(ncgen_real share, const ncgen_real *momentum, ncge
 }
 
 /* Forces along the coordinates of a link's elements. */
-static inline void add_forces(const ncgen_tree_work *w, int link, ncgen_real *wrench)
+static inline void add_forces(const ncgen_real *forces, const ncgen_tree_element *e, const ncgen_tree_element *end, ncgen_real *wrench)
 {
-    const ncgen_tree *tree = w->tree;
-    for (int e = tree->element_start[link]; e < tree->element_start[link + 1]; ++e) {
-        const int *c = tree->elements + 3 * e;
-        const ncgen_real force[3] = {w->force[c[0]], w->force[c[1]], w->force[c[2]]};
-        ncgen_add_cross(w->lever + 3 * e, force, wrench);
-        ncgen_add_times(tree->is_point[e], force, wrench + 3);
+    for (; e < end; ++e) {
+        const ncgen_real force[3] = {forces[e->c[0]], forces[e->c[1]], forces[e->c[2]]};
+        ncgen_add_cross(e->lever, force, wrench);
+        ncgen_add_times(e->is_point, force, wrench + 3);
     }
 }
 
@@ -41,8 +39,7 @@ static inline int eliminate(ncgen_tree_screw *screw, int turns, ncgen_real *iner
     const ncgen_real push = screw->push + ncgen_dot3(screw->axis, wrench + along);
     screw->pivot = inverse;
     screw->push = push;
-    for (int i = 0; i < 6; ++i)
-        screw->momentum[i] = momentum[i];
+    ncgen_set6(momentum, screw->momentum);
     ncgen_add_own_product(-inverse, momentum, inertia);
     take_share(inverse * push, momentum, wrench);
     return pivot > 0;
@@ -51,34 +48,32 @@ static inline int eliminate(ncgen_tree_screw *screw, int turns, ncgen_real *iner
 /* Groups of joints that follow one another ------------------------------------------------------------------------ */
 
 /* What a link hands on of its group's momentum: to the link before it in the group, else to the carrier's sum. */
-static ncgen_real *joined_before(const ncgen_tree_work *w, int link)
+static ncgen_real *joined_before(const ncgen_tree_work *w, const ncgen_tree_link *own)
 {
-    const ncgen_tree *tree = w->tree;
-    const int group = tree->coupling[link], before = tree->parent[link];
-    return w->joined + 6 * (before >= 0 && tree->coupling[before] == group ? before : tree->n_links + group);
+    const int is_inside = own->parent >= 0 && w->link[own->parent].group == own->group;
+    return w->joined + 6 * (is_inside ? own->parent : w->tree->n_links + own->group);
 }
 
-/* A link of a group takes nothing from what is beyond it: its screw adds to the group's momentum, pivot and push, and the carrier takes all. */
-static void join(ncgen_tree_work *w, int link, const ncgen_real *inertia, const ncgen_real *wrench)
+/* A link of a group takes nothing from what is beyond it: its screw adds to the group's momentum, pivot and push, and the carrier
+ * takes all. */
+static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw)
 {
-    const ncgen_tree *tree = w->tree;
-    const int k = tree->screw_start[link], along = tree->turns[k] ? 0 : 3;
-    const ncgen_scalar ratio = tree->ratio[k];
-    ncgen_tree_screw *screw = w->screw + k;
-    ncgen_real *own = w->group + 2 * tree->coupling[link], *joined = w->joined + 6 * link;
-    ncgen_find_momentum(inertia, tree->turns[k], screw->axis, screw->momentum);
-    own[0] += ratio * (2 * ncgen_dot3(screw->axis, joined + along) +
-                       ratio * (screw->rotor + ncgen_dot3(screw->axis, screw->momentum + along)));
-    screw->push += ncgen_dot3(screw->axis, wrench + along);
-    own[1] += ratio * screw->push;
-    ncgen_add_times(ratio, screw->momentum, joined);
-    ncgen_add_times(ratio, screw->momentum + 3, joined + 3);
-    if (tree->parent[link] >= 0)
-        ncgen_add_wrench(joined, w->link[link].offset, joined_before(w, link));
+    const ncgen_tree_link *own = w->link + link;
+    const int along = screw->turns ? 0 : 3;
+    ncgen_real *sums = w->group + 2 * own->group, *joined = w->joined + 6 * link;
+    ncgen_find_momentum(own->inertia, screw->turns, screw->axis, screw->momentum);
+    sums[0] += screw->ratio * (2 * ncgen_dot3(screw->axis, joined + along) +
+                               screw->ratio * (screw->rotor + ncgen_dot3(screw->axis, screw->momentum + along)));
+    screw->push += ncgen_dot3(screw->axis, own->wrench + along);
+    sums[1] += screw->ratio * screw->push;
+    ncgen_add_times(screw->ratio, screw->momentum, joined);
+    ncgen_add_times(screw->ratio, screw->momentum + 3, joined + 3);
+    if (own->parent >= 0)
+        ncgen_add_wrench(joined, own->offset, joined_before(w, own));
 }
 
 /* The pivots of groups that hang on a link, whose inertia and wrench lose what they do not pass on; 0 where one of them moves nothing. */
-static int close_groups(ncgen_tree_work *w, int link, ncgen_real *inertia, ncgen_real *wrench)
+static int close_groups(ncgen_tree_work *w, int link)
 {
     int is_regular = 1;
     for (int group = 0; group < w->tree->n_groups; ++group) {
@@ -88,8 +83,8 @@ static int close_groups(ncgen_tree_work *w, int link, ncgen_real *inertia, ncgen
         is_regular &= own[0] > 0;
         own[0] = 1 / own[0];
         if (link >= 0) {
-            ncgen_add_own_product(-own[0], momentum, inertia);
-            take_share(own[0] * own[1], momentum, wrench);
+            ncgen_add_own_product(-own[0], momentum, w->link[link].inertia);
+            take_share(own[0] * own[1], momentum, w->link[link].wrench);
         }
     }
     return is_regular;
@@ -117,55 +112,53 @@ static void release_groups(ncgen_tree_work *w, int link, const ncgen_real *known
 
 int ncgen_tree_reduce(ncgen_tree_work *w)
 {
-    const ncgen_tree *tree = w->tree;
+    const int n_groups = w->tree->n_groups;
+    const ncgen_tree_element *element = w->element + w->tree->n_elements;
+    ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
     int is_regular = 1;
-    if (tree->n_groups)
+    if (n_groups)
         clear_groups(w);
-    for (int link = tree->n_links - 1; link >= 0; --link) {
-        const ncgen_tree_link *own = w->link + link;
-        const int parent = tree->parent[link], is_joined = tree->coupling[link] >= 0;
-        ncgen_real inertia[INERTIA], wrench[6];
-        for (int i = 0; i < INERTIA; ++i)
-            inertia[i] = own->inertia[i];
-        for (int i = 0; i < 6; ++i)
-            wrench[i] = own->wrench[i];
-        add_forces(w, link, wrench);
-        if (tree->n_groups)
-            is_regular &= close_groups(w, link, inertia, wrench);
-        if (is_joined)
-            join(w, link, inertia, wrench);
-        for (int k = tree->screw_start[link + 1] - 1; !is_joined && k >= tree->screw_start[link]; --k)
-            is_regular &= eliminate(w->screw + k, tree->turns[k], inertia, wrench);
-        if (parent >= 0) {
-            ncgen_add_shifted(inertia, own->offset, w->link[parent].inertia);
-            ncgen_add_wrench(wrench, own->offset, w->link[parent].wrench);
+    for (int link = w->tree->n_links - 1; link >= 0; --link) {
+        ncgen_tree_link *own = w->link + link, *parent = w->link + own->parent;
+        element -= own->n_elements;
+        add_forces(w->force, element, element + own->n_elements, own->wrench);
+        if (n_groups)
+            is_regular &= close_groups(w, link);
+        if (own->is_hinge)
+            is_regular &= eliminate(--screw, 1, own->inertia, own->wrench);
+        else if (own->group >= 0)
+            join(w, link, --screw);
+        else
+            for (int k = 0; k < own->n_screws; ++k) {
+                --screw;
+                is_regular &= eliminate(screw, screw->turns, own->inertia, own->wrench);
+            }
+        if (own->parent >= 0) {
+            ncgen_add_shifted(own->inertia, own->offset, parent->inertia);
+            ncgen_add_wrench(own->wrench, own->offset, parent->wrench);
         }
     }
-    return tree->n_groups ? is_regular & close_groups(w, -1, NULL, NULL) : is_regular;
+    return n_groups ? is_regular & close_groups(w, -1) : is_regular;
 }
 
-void ncgen_tree_release(ncgen_tree_work *w, ncgen_real *first)
+void ncgen_tree_release(ncgen_tree_work *w)
 {
-    const ncgen_tree *tree = w->tree;
-    const size_t stride = sizeof(ncgen_tree_link) / sizeof(ncgen_real);
-    release_groups(w, -1, ncgen_nothing);
-    for (int link = 0; link < tree->n_links; ++link) {
-        ncgen_tree_link *own = w->link + link;
-        const ncgen_tree_link *before = w->link + tree->parent[link];
-        const int group = tree->coupling[link];
-        ncgen_real added[6], *sum = first + (size_t)link * stride;
-        for (int i = 0; i < 6; ++i)
-            added[i] = before->wrench[i];
-        ncgen_add_cross(before->wrench, own->offset, added + 3);
-        for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k) {
-            ncgen_tree_screw *screw = w->screw + k;
-            screw->push = group < 0 ? screw->pivot * (screw->push - dot6(screw->momentum, added)) : tree->ratio[k] * w->group[2 * group + 1];
-            ncgen_add_times(screw->push, screw->axis, added + (tree->turns[k] ? 0 : 3));
+    const int n_groups = w->tree->n_groups;
+    ncgen_tree_screw *screw = w->screw;
+    if (n_groups)
+        release_groups(w, -1, ncgen_nothing);
+    for (ncgen_tree_link *own = w->link; own < w->link + w->tree->n_links; ++own) {
+        const ncgen_real *before = w->link[own->parent].wrench;
+        ncgen_real added[6];
+        ncgen_set6(before, added);
+        ncgen_add_cross(before, own->offset, added + 3);
+        for (const ncgen_tree_screw *end = screw + own->n_screws; screw < end; ++screw) {
+            screw->push = own->group < 0 ? screw->pivot * (screw->push - dot6(screw->momentum, added))
+                                         : screw->ratio * w->group[2 * own->group + 1];
+            ncgen_add_times(screw->push, screw->axis, added + (screw->turns ? 0 : 3));
         }
-        release_groups(w, link, added);
-        for (int i = 0; i < 6; ++i) {
-            own->wrench[i] = added[i];
-            sum[i] += added[i];
-        }
+        if (n_groups)
+            release_groups(w, (int)(own - w->link), added);
+        ncgen_set6(added, own->wrench);
     }
 }

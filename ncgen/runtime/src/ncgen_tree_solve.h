@@ -8,7 +8,7 @@
  * 0 where a screw or a group moves nothing. */
 int ncgen_tree_reduce(ncgen_tree_work *w);
 
-/* What the joints' rates change by, in pushes, and the links by that, added to 6 numbers each; first: those of the first link. */
-void ncgen_tree_release(ncgen_tree_work *w, ncgen_real *first);
+/* What the joints' rates change by, in pushes, and the links by that, in wrenches. */
+void ncgen_tree_release(ncgen_tree_work *w);
 
 #endif
