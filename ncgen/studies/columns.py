@@ -15,7 +15,7 @@ from ncgen.studies.kept import OF_EVENTS, Histories, with_events
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class StudiedMotion:
     """t (K,): s; q, qd (K, n); events; steps: accepted ones; outputs: gives those of the model (K, outputs); energy_drift: gives that"""
 
     t: np.ndarray
@@ -27,7 +27,7 @@ class Motion:
     energy_drift: Callable[[], float]
 
 
-def columns_of(study: Study, kernels: Kernels, motion: Motion) -> dict[str, Any]:
+def columns_of(study: Study, kernels: Kernels, motion: StudiedMotion) -> dict[str, Any]:
     """{column: what is kept of a motion}."""
     outputs = np.zeros((len(motion.t), 0))
     if any(column.is_output(study.model) for column in study.values):

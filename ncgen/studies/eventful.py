@@ -23,7 +23,7 @@ from ncgen.solver.runs.run import COMPILED, Run
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.trajectories.energy import drift
 from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations
-from ncgen.studies.columns import Motion, columns_of
+from ncgen.studies.columns import StudiedMotion, columns_of
 from ncgen.studies.definition import Study
 
 NOT_IN_C = ("stop", "inputs")
@@ -101,7 +101,7 @@ class EventfulVariants:
             if any(column.over == "energy_drift" for column in self.study.values) or events[-1].limit is not None:
                 return None  # the work at the end is not known, or the run warns of bounces that accumulate
             t, q, qd = np.append(t, motions.ended[k]), np.vstack([q, events[-1].q]), np.vstack([qd, events[-1].after])
-        motion = Motion(
+        motion = StudiedMotion(
             t, q, qd, events, int(motions.steps[k]), lambda: outputs_of(kernels, t, q, qd, p),
             lambda: drift(kernels, t, q, qd, work, p),
         )  # fmt: skip

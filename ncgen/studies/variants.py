@@ -29,7 +29,7 @@ from ncgen.solver.runs.start import begin, check_count, check_independent
 from ncgen.solver.trajectories.energy import drifts
 from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations
 from ncgen.solver.trajectories.trajectory import Trajectory
-from ncgen.studies.columns import Motion, columns_of
+from ncgen.studies.columns import StudiedMotion, columns_of
 from ncgen.studies.definition import Study
 from ncgen.studies.design import argument_of
 from ncgen.studies.eventful import EventfulVariants
@@ -326,7 +326,7 @@ class Bench:
 
     def _kept(self, run: Trajectory) -> dict[str, Any]:
         """What is kept of one motion."""
-        motion = Motion(
+        motion = StudiedMotion(
             run.t, run.q, run.qd, run.events, run.statistics.steps, lambda: np.column_stack([*run.outputs.values()]),
             lambda: run.energy_drift,
         )  # fmt: skip
