@@ -111,9 +111,9 @@ ncgen_real *ncgen_linked_pull(void)
 
 static const int *taken(const int **at, int count)
 {
-    const int *found = *at;
+    const int *first = *at;
     *at += count;
-    return found;
+    return first;
 }
 
 static void read_elimination(const int **at, int size, ncgen_elimination *e)

@@ -160,12 +160,12 @@ static void step(run *r, double t, double h, ncgen_real *tape)
     r->good &= derivative(r, t + h, r->state, r->stage_derivatives) < max_step_growth;
 }
 
-/* n numbers of each lane into rows that lie `apart` numbers from one another. */
-static void write_rows(const run *r, int count, const ncgen_real *lanes, long apart, double *to)
+/* n numbers of each lane into rows that lie `stride` numbers from one another. */
+static void write_rows(const run *r, int count, const ncgen_real *lanes, long stride, double *to)
 {
     ncgen_collect(r->n, count, lanes, r->rows);
     for (int lane = 0; lane < count; ++lane)
-        memcpy(to + (long)lane * apart, r->rows + (long)lane * r->n, (size_t)r->n * sizeof(double));
+        memcpy(to + (long)lane * stride, r->rows + (long)lane * r->n, (size_t)r->n * sizeof(double));
 }
 
 static void write_state(const run *r, int count, long rows, long row, double *out_q, double *out_qd)

@@ -116,9 +116,13 @@ int ncgen_hit(ncgen_instant *i, int *hit)
     if (status == NCGEN_OK)
         status = ncgen_impact_of_gaps(&impact);
     *hit = impact.closes;
+    ncgen_copy(i->n, i->moment->qd, i->prior);
     for (int a = 0; a < impact.count && status == NCGEN_OK && impact.closes; ++a) {
         push(i, a, i->impulses[a]);
         i->passage->happened[i->taking[a]] += i->impulses[a] > 0;
     }
+    for (int a = 0; a < impact.count && status == NCGEN_OK && impact.closes; ++a)
+        if (i->impulses[a] > 0)
+            ncgen_note(i->passage->log, i->n, i->moment, i->taking[a], NCGEN_HAPPENS, i->prior, i->impulses[a], i->lost[a]);
     return status;
 }

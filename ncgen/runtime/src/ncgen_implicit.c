@@ -69,11 +69,11 @@ int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int pa
     return ncgen_lu_factor(size, shifted->matrix, shifted->order, &orientation);
 }
 
-/* Part k of x / s, where the parts of x are `apart` numbers from each other. */
-static ncgen_real over(const ncgen_shifted *s, const ncgen_real *x, int apart, int k)
+/* Part k of x / s, where the parts of x are `stride` numbers from each other. */
+static ncgen_real over(const ncgen_shifted *s, const ncgen_real *x, int stride, int k)
 {
-    const ncgen_real own = s->inverse[0] * x[k * apart];
-    return s->parts == 1 ? own : own + (k == 0 ? -s->inverse[1] : s->inverse[1]) * x[(1 - k) * apart];
+    const ncgen_real own = s->inverse[0] * x[k * stride];
+    return s->parts == 1 ? own : own + (k == 0 ? -s->inverse[1] : s->inverse[1]) * x[(1 - k) * stride];
 }
 
 /* x of (s - J) x = f over all coordinates, where J sees along the constraints alone: with the measured part u of the velocities and the

@@ -63,7 +63,7 @@ static int find_rolled(ncgen_run *r, ncgen_scalar t)
 }
 
 /* sum += factor d(Phi_q qd - nu)/dq x. */
-static void add_rate_slope(const ncgen_run *r, const ncgen_real *x, ncgen_real factor, ncgen_real *sum)
+static void add_phidd_change(const ncgen_run *r, const ncgen_real *x, ncgen_real factor, ncgen_real *sum)
 {
     const ncgen_tangents *tangents = r->dynamics->tangents;
     const ncgen_linearisation *w = r->linearisation;
@@ -75,7 +75,7 @@ static void add_rate_slope(const ncgen_run *r, const ncgen_real *x, ncgen_real f
 }
 
 /* The four matrices at r->q, r->qd and the accelerations and multipliers in w. */
-static int find_slopes(ncgen_run *r, ncgen_scalar t)
+static int find_linearisation(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_tangents *tangents = r->dynamics->tangents;
     const ncgen_linearisation *w = r->linearisation;
@@ -136,7 +136,7 @@ static void velocity_change(ncgen_run *r)
     ncgen_real *rate = w->change + r->n;
     for (int i = 0; i < r->m; ++i)
         rate[i] = 0;
-    add_rate_slope(r, w->dq, -1, rate);
+    add_phidd_change(r, w->dq, -1, rate);
     ncgen_partitioning_solve(r, rate, part->column);
     for (int i = 0; i < r->n; ++i)
         w->dqd[i] = 0;
@@ -175,7 +175,7 @@ int ncgen_partitioning_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncg
     for (int i = 0; i < n; ++i)
         part->missing[i] = part->force[i] - part->missing[i];
     ncgen_partitioning_multipliers(r, part->missing, w->lam);
-    if ((status = find_slopes(r, t)) != NCGEN_OK)
+    if ((status = find_linearisation(r, t)) != NCGEN_OK)
         return status;
     for (int z = 0; z < nz; ++z) {
         for (int i = 0; i < n; ++i)
@@ -205,7 +205,7 @@ static int full_change(ncgen_run *r, ncgen_real *column, int stride)
     if (stiffness > 0) {
         const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
         const ncgen_real *values = all->kkt.values + all->n_mass;
-        add_rate_slope(r, w->dq, -2 * damping, w->change + r->n);
+        add_phidd_change(r, w->dq, -2 * damping, w->change + r->n);
         for (int i = 0; i < r->m; ++i) {
             w->change[r->n + i] -= 2 * damping * ncgen_row_times(phi_q, values, w->dqd, i);
             if (!(r->dynamics->rolling && r->dynamics->rolling[i]))
@@ -233,7 +233,7 @@ int ncgen_constrained_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncge
     ncgen_copy(n, all->solution, w->qdd);
     ncgen_copy(r->m, all->solution + n, w->lam);
     if (status == NCGEN_OK)
-        status = find_slopes(r, t);
+        status = find_linearisation(r, t);
     for (int j = 0; j < 2 * n && status == NCGEN_OK; ++j) {
         for (int i = 0; i < n; ++i) {
             w->dqd[i] = i == j;

@@ -8,8 +8,8 @@
 enum {
     STAGES = NCGEN_STAGES,
     ITERATION_LIMIT = 6,
-    REPEAT_LIMIT = 20,   /* of one step */
-    PATIENCE = 1000,     /* repeats in all, after which the run must get on better than every other step */
+    REPEAT_LIMIT = 20,        /* of one step */
+    ALL_REPEATS_LIMIT = 1000, /* repeats in all, after which the run must get on better than every other step */
     ORDER = 3 /* of the error estimate */
 };
 
@@ -186,10 +186,10 @@ static int attempt(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_sca
         }
         if (status == NCGEN_OK || status == NCGEN_INTERRUPTED || m->is_current)
             return status;
-        const int found = ncgen_implicit_jacobian(r, m, t, r->y);
+        const int evaluated = ncgen_implicit_jacobian(r, m, t, r->y);
         m->is_current = 1;
-        if (found != NCGEN_OK)
-            return found;
+        if (evaluated != NCGEN_OK)
+            return evaluated;
     }
 }
 
@@ -303,7 +303,7 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         if (tried != NCGEN_OK || !(error < R(1.0e30))) {
             const long all = r->statistics->repeated += 1;
             trouble = tried != NCGEN_OK ? tried : NCGEN_NOT_CONVERGED;
-            if (++repeats > REPEAT_LIMIT || (all > PATIENCE && all > r->statistics->steps / 2))
+            if (++repeats > REPEAT_LIMIT || (all > ALL_REPEATS_LIMIT && all > r->statistics->steps / 2))
                 return trouble;
             r->uses_exchanges = repeats > 1; /* again: it may be rounding */
             m->factored = 0;

@@ -26,7 +26,7 @@ from ncgen.solver.events.state import Done
 AT_LIMIT = 1e-7
 """A contact is at the limit of its friction if it sticks with less reserve, or slides more slowly, relative to what impulses change."""
 
-LEAST = 1e-9
+RESTITUTION_ROUNDING = 1e-9
 """An impulse of restitution is the least one of Poisson's law if it is longer by less than this share."""
 
 
@@ -142,7 +142,7 @@ def _laws(
     for each in rows.gaps:
         blow, gap, across = each.blow, each.blow.gap, each.across
         least = blow.restitution * former.impulses[gap] if blow.is_poisson else 0.0
-        is_closed = more[gap] > least * (1 + LEAST)
+        is_closed = more[gap] > least * (1 + RESTITUTION_ROUNDING)
         if is_closed:
             e, by_e = (0.0, 0.0 * each.restitution) if blow.is_poisson else (blow.restitution, each.restitution)
             matrix[gap], right[gap] = G[gap], -(after_by[gap] + e * before_by[gap] + by_e * rows.u[gap])

@@ -64,19 +64,19 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     rounding = OPENING * (np.abs(W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(drift))
     responses = response(kernels, at, W)
     energy = float(kernels.energy(at.q, at.qd, at.t, at.p)[0])
-    found = impact(W @ responses, W @ at.qd + drift, blows, LAWS[next(iter(orders))] if len(orders) == 1 else LAWS[""], rounding, energy)
-    if found.failure:
-        raise _failure(kernels, at, [gap.name for gap in gaps], orders, found, at.qd + responses @ found.impulses)
-    if not found.closes:
+    solved = impact(W @ responses, W @ at.qd + drift, blows, LAWS[next(iter(orders))] if len(orders) == 1 else LAWS[""], rounding, energy)
+    if solved.failure:
+        raise _failure(kernels, at, [gap.name for gap in gaps], orders, solved, at.qd + responses @ solved.impulses)
+    if not solved.closes:
         return None
     turns, qd = [], at.qd
-    for number, pushes in found.turns:
+    for number, pushes in solved.turns:
         qd = qd + responses @ pushes
         turns.append(((number,), qd))
-    impulses, qd = found.impulses[places], at.qd + responses @ found.impulses
-    if not found.turns:
+    impulses, qd = solved.impulses[places], at.qd + responses @ solved.impulses
+    if not solved.turns:
         turns = [(tuple(np.flatnonzero(impulses > 0).tolist()), qd)]
-    return Hit(qd, impulses, found.sticks, found.lost, tuple(turns))
+    return Hit(qd, impulses, solved.sticks, solved.lost, tuple(turns))
 
 
 def rows_of(gaps: Sequence[Gap]) -> tuple[np.ndarray, np.ndarray, list[Blow]]:
@@ -92,34 +92,34 @@ def rows_of(gaps: Sequence[Gap]) -> tuple[np.ndarray, np.ndarray, list[Blow]]:
     return W, drift, blows
 
 
-def _failure(kernels: Kernels, at: State, names: list[str], orders: set[str], found: ImpactInC, after: np.ndarray) -> NcgenError:
+def _failure(kernels: Kernels, at: State, names: list[str], orders: set[str], solved: ImpactInC, after: np.ndarray) -> NcgenError:
     """What C could not do, in words. after (n,): velocities at the end"""
     where, several = f"{kernels.name} at t = {at.t:.6g} s", ", ".join(names)
-    if found.failure == "NCGEN_SINGULAR":
+    if solved.failure == "NCGEN_SINGULAR":
         return SingularError(
-            f"{kernels.name}: event {names[found.which]} at t = {at.t:.6g} s: no motion that the constraints allow changes its gap, "
+            f"{kernels.name}: event {names[solved.which]} at t = {at.t:.6g} s: no motion that the constraints allow changes its gap, "
             "so no impulse can; leave the event out, or free a coordinate"
         )
-    if found.failure == "NCGEN_NO_ORDER" and len(orders) > 1:
+    if solved.failure == "NCGEN_NO_ORDER" and len(orders) > 1:
         return ModelError(
             f"{kernels.name}: impacts of {several} at one instant, t = {at.t:.6g} s, have different orders; give all the same one"
         )
-    if found.failure == "NCGEN_NO_ORDER":
+    if solved.failure == "NCGEN_NO_ORDER":
         return ModelError(
             f"{kernels.name}: several impacts at one instant, of {several} at t = {at.t:.6g} s, "
             'where laws differ; say which holds, order="simultaneous" or order="in turn" of ncgen.impact or of the element'
         )
-    if found.failure == "NCGEN_GAIN":
+    if solved.failure == "NCGEN_GAIN":
         return ModelError(
-            f"{where}: the impact of {several} would gain {-float(np.sum(found.lost)):.6g} J; with friction Newton's law may do so, "
+            f"{where}: the impact of {several} would gain {-float(np.sum(solved.lost)):.6g} J; with friction Newton's law may do so, "
             'take law="poisson" or less restitution'
         )
-    if found.failure == "NCGEN_ENDLESS":
+    if solved.failure == "NCGEN_ENDLESS":
         return ConvergenceError(
-            f"{where}: impacts of {several} in turn do not end after {found.count} of them, velocities from "
+            f"{where}: impacts of {several} in turn do not end after {solved.count} of them, velocities from "
             f"{np.max(np.abs(at.qd)):.3g} to {np.max(np.abs(after)):.3g}; take order='simultaneous'"
         )
-    chosen = several if found.which < 0 else names[found.which]
+    chosen = several if solved.which < 0 else names[solved.which]
     return ConvergenceError(
         f"{where}: no impulses of {chosen} satisfy the laws of impact and friction together; take less friction, or order='in turn'"
     )
