@@ -74,7 +74,7 @@ class EventJacobians:
                 change = self._lock(done, time, change) if done.locks else self._act(done, time, change)
         through = self._mode(o, time, change) - np.outer(following := self._flow(o.after, o.held), time)
         if o.held or o.after.locked:
-            through = self._onto(o, through)
+            through = self._onto(self.mode(o.after, o.held), o.after, through)
         return EventJacobian(time, before, through + np.outer(following, time), through)
 
     def mode(self, at: State, held: tuple[int, ...]) -> Kernels:
@@ -101,6 +101,8 @@ class EventJacobians:
                 raise self._none(o.names, f"{where} happens where the motion begins", "begin before it")
             return np.zeros(len(flow))
         times = np.array([self._time_of(k, o, flow, where) for k in crossed])
+        if len(times) > 1:  # of what the constraints allow
+            times = times @ self._onto(self.mode(o.before, o.held_before), o.before, np.eye(len(flow)))
         if np.max(np.abs(times - times[0])) > SAME_TIME * np.max(np.abs(times)):
             names = ", ".join(self._name(k, o.held_before) for k in crossed)
             raise self._none(names, f"{where} happen at one instant, where the order of events changes", "move one of them")
@@ -217,9 +219,9 @@ class EventJacobians:
                 after[first + names.index(each.held)] = self.impacts.element(f"{each.name}, place", values)
         return after
 
-    def _onto(self, o: Occurrence, change: np.ndarray) -> np.ndarray:
-        """What the constraints of the mode allow of a change: that of a gap that comes to rest by bounces vanishes."""
-        kernels, n, at = self.mode(o.after, o.held), self.n, o.after
+    def _onto(self, kernels: Kernels, at: State, change: np.ndarray) -> np.ndarray:
+        """What the constraints of a mode allow of a change: that of a gap that comes to rest by bounces vanishes."""
+        n = self.n
         dq, dqd, dp = np.split(change, [n, 2 * n])
         given = {"t": at.t, "q": at.q, "qd": at.qd, "qdd": np.zeros(n), "lam": np.zeros(kernels.m), "p": at.p}
         own = kernels.holonomic
