@@ -108,7 +108,7 @@ class ActiveConstraints:
             mode = self.functions.mode(at, [self.rows[k] for k in held])
             at = replace(at, qd=project_velocity(mode, at.q, at.qd, at.t, at.p))
         self._before = self._speed(before)
-        choice = Choice(self, at, held, due, resting)
+        choice = HeldChoice(self, at, held, due, resting)
         if not choice.active.choose(choice.find_loads):
             raise ConvergenceError(
                 f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
@@ -178,7 +178,7 @@ class ActiveConstraints:
         return self.kernels.parameters.index(name)
 
 
-class Choice:
+class HeldChoice:
     """The choice of what is held after an instant, on its way: at, the state with what is wanted now.
 
     owner: whose rows are held; at: the state before; held, due, resting: as of `ActiveConstraints.find`
