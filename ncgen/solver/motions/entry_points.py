@@ -84,7 +84,7 @@ def simulate(
         The start and the method. Rows make a batch: an array of two dimensions in `q0`, `zd0`, `qd0` or `p`, or one of one dimension by
         name, such as p={"k": stiffnesses}; what has no rows is the same for all states. Each state of a batch is a run with coordinate
         partitioning, whose independent coordinates are chosen at the first regular state. Where they become ill-conditioned, that state
-        is simulated alone in C. So are all states, in a loop, if the model has events or an input changes with time. The `integrator` of
+        is simulated alone in C. So are all states, in a loop, if an input changes with time. The `integrator` of
         a batch is dopri5 (default) or dop853, each state with its own steps, or rk4 with the fixed step `max_step`.
 
     Returns
