@@ -31,13 +31,18 @@ def states_of(mechanism: str, arguments: Mapping[str, Any]) -> list[Any]:
     Raises ModelError where two arguments have different numbers of rows.
     """
     counts = {name: rows for name in STATE_ARGUMENTS if (rows := _row_count(arguments.get(name))) is not None}
+    size = common_size(mechanism, counts) if counts else 1
+    return [{name: _row(value, i) if name in counts else value for name, value in arguments.items()} for i in range(size)]
+
+
+def common_size(mechanism: str, counts: Mapping[str, int]) -> int:
+    """Return the number of states of a batch from {argument: number of its rows}. Raises ModelError unless all have as many."""
     if len({*counts.values()}) > 1:
         listed = ", ".join(f"{name} has {rows}" for name, rows in counts.items())
         raise ModelError(f"{mechanism}: {listed} rows; a batch has one number of them")
-    if 0 in counts.values():
+    if not any(counts.values()):
         raise ModelError(f"{mechanism}: a batch of no states; give at least one row")
-    size = next(iter(counts.values()), 1)
-    return [{name: _row(value, i) if name in counts else value for name, value in arguments.items()} for i in range(size)]
+    return next(iter(counts.values()))
 
 
 def refuse_batch_options(function: str, **options: object) -> None:
