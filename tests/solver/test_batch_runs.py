@@ -484,7 +484,7 @@ def test_a_position_is_closed_whichever_row_is_open(name):
     kernels, states = ncgen.compile(ncgen.load(name)), []
     start = ncgen.assemble(kernels)
     part = choose_partitions(kernels, start, independent=kernels.model.chosen_independent).velocity
-    assert not dynamics(kernels, choose_partitions(kernels, start), "lanes", start, kernels.p0)._dynamics.closes
+    assert not dynamics(kernels, choose_partitions(kernels, start), "lanes", start, kernels.p0)._dynamics.closed_form
     for wanted in 0.01 * np.diag(kernels.row_sizes):
         q = start.copy()
         for _ in range(20):
