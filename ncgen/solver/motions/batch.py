@@ -47,7 +47,7 @@ class BatchTrajectory:
     status (B,): "ok", "interrupted", or a sentence that says why a state did not arrive; its rows from there on are NaN
     steps (B,): accepted ones
     alone (B,): states that could not go on with the others, mostly since their independent coordinates became bad or a driver's velocity
-        jumps, so that they were simulated one at a time; with a model that has events all of them
+        jumps, so that they were simulated one at a time; with a model that has events those that C does not carry
     events (B,): what happened at the model's events, of each state in the order of time; () for a model without events
     """
 
