@@ -11,7 +11,6 @@ A step of all is one call of C for every thread. Each row moves by the same code
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -27,7 +26,8 @@ from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import array_of, checked_kernels, count, echo, has_events, known_name, positive
 from ncgen.solver.groups import MotionArguments, takes
 from ncgen.solver.motions.alone import Alone
-from ncgen.solver.motions.simulation import (
+from ncgen.solver.motions.simulation_states import SimulationStates
+from ncgen.solver.motions.step_preparation import (
     NOT_STEPPED,
     check_next_step,
     explicit,
@@ -43,29 +43,11 @@ from ncgen.solver.runs.run import MOST_NUMBERS, Initial
 from ncgen.solver.trajectories.output_values import uses_accelerations
 
 if TYPE_CHECKING:
-    from ncgen.solver.events.steps import Past, Steps
+    from ncgen.solver.events.steps import Steps
     from ncgen.solver.trajectories.happening import Happening
 
 ARRAYS_OF_C = ("t", "work", "q", "qd", "p")
 """Arrays of `Simulations` that C works on."""
-
-
-@dataclass(frozen=True, eq=False)
-class SimulationStates:
-    """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), pasts (N,) of a model with events, as of
-    `ncgen.solver.motions.simulation.State`."""
-
-    t: np.ndarray
-    q: np.ndarray
-    qd: np.ndarray
-    work: np.ndarray
-    p: np.ndarray
-    next_step: np.ndarray
-    mechanism: str
-    pasts: tuple[Past, ...] = field(default=(), repr=False)
-
-    def __repr__(self) -> str:
-        return f"<SimulationStates of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
 
 
 @takes(MotionArguments, unused=NOT_STEPPED)
