@@ -21,11 +21,10 @@ from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.given import array_of, checked_kernels, echo, finite, has_events, known_name, positive
-from ncgen.solver.groups import MotionArguments, takes
+from ncgen.solver.groups import MotionArguments
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.motions.simulation_states import SimulationState
 from ncgen.solver.motions.step_preparation import (
-    NOT_STEPPED,
     check_next_step,
     explicit,
     known_text,
@@ -54,35 +53,11 @@ REPLACED = {
 }
 """{member of a simulation: what to write in place of an assignment to it}."""
 
-
 UNCOPIED = "a simulation is not copied: C works on its memory; start another one with ncgen.start and reset it to sim.state"
 
 
-@takes(MotionArguments, unused=NOT_STEPPED)
-def start(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
-    """Start a simulation that waits for its first step.
-
-    Parameters
-    ----------
-    kernels : Kernels
-        Compiled mechanism.
-    **arguments : MotionArguments
-        The start and the method. `inputs` are numbers, {name: value}; each keeps its value until a step gives it another. `integrator`
-        is an explicit one in C: "auto" takes as many steps within a step as `rtol` asks for; with rk4 a step is one of this method, so
-        that its cost is always the same. `rtol` and `atol` are tolerances of every step.
-
-    Returns
-    -------
-    Simulation
-        The mechanism at `t0`.
-
-    Raises
-    ------
-    ModelError
-        For invalid arguments, and where C alone cannot move the mechanism.
-    ConvergenceError, SingularError
-        As `simulate` does for a start.
-    """
+def start_one(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
+    """Start one simulation; arguments and errors as of `start` without rows."""
     return Simulation(checked_kernels(kernels).driven_by(None), *stepped(kernels, arguments))
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
@@ -26,10 +27,6 @@ from ncgen.solver.trajectories.output_values import outputs_of, uses_loads
 if TYPE_CHECKING:
     from ncgen.mechanism.moving import Moving, MovingRow, Stepping
     from ncgen.solver.events.steps import Steps
-
-
-NOT_STEPPED = ("formalism", "engine", "number", "options", "max_step")
-"""Arguments of a method that make no difference where a simulation is moved step by step."""
 
 
 def stepped(kernels: Kernels, arguments: MotionArguments) -> tuple[str, float, float | None, dict[str, Any], Initial]:
@@ -111,3 +108,21 @@ def check_next_step(least: float) -> None:
     """Raise ModelError for a step (s) of error control that is negative."""
     if least < 0:
         raise ModelError(f"reset: next_step is {least:g} s; it must be positive, or 0 for a step that is found")
+
+
+def chosen_rows(rows: ArrayLike | None, size: int, name: str) -> np.ndarray:
+    """Numbers of rows, from numbers, a mask or None for all of `size` simulations. Raises ModelError for other ones."""
+    if rows is None:
+        return np.arange(size)
+    try:
+        array = np.atleast_1d(rows)
+    except ValueError:  # lists of different lengths
+        array = np.empty(1)
+    if array.dtype == bool and array.shape == (size,):
+        return np.flatnonzero(array)
+    if not array.size:
+        return np.arange(0)
+    whole = array.ndim == 1 and np.issubdtype(array.dtype, np.integer)
+    if not (whole and array.min() >= 0 and array.max() < size):
+        raise ModelError(f"rows: {name} has simulations 0 to {size - 1}; give their numbers, or a mask ({size},)")
+    return array
