@@ -51,7 +51,7 @@ def motion_source(
     return recall.derived(kernels.programs, f"forced {kind}" if forced else kind, made)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Written:
     """A state derivative on independent coordinates.
 

@@ -87,7 +87,16 @@ def test_random_impulses_obey_the_laws(directions, seed):
     root = rng.normal(size=(size, size + 3))
     G, u = root @ root.T, rng.normal(size=size) - np.tile([1.0, *[0.0] * directions], 3)
     mu, e, e_t = rng.uniform(0, 0.4, 3), rng.uniform(0, 1, 3), rng.uniform(0, 1, 3)
-    blows = [Blow(np.arange(k * (1 + directions), (k + 1) * (1 + directions)), e[k], mu[k], e_t[k], is_poisson=False) for k in range(3)]
+    blows = [
+        Blow(
+            places=np.arange(k * (1 + directions), (k + 1) * (1 + directions)),
+            restitution=e[k],
+            friction=mu[k],
+            tangential=e_t[k],
+            is_poisson=False,
+        )
+        for k in range(3)
+    ]
     impulses = simultaneous(G, u, blows)
     assert impulses is not None
     after = u + G @ impulses

@@ -21,7 +21,7 @@ from ncgen.solver.motions.states import States
 from ncgen.solver.runs.progress_reports import ProgressOption, check_progress, reporting
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BatchGradients:
     """Values (B,) of an objective and its derivatives, slopes (B, columns), in the order of `names`: parameters, `z` and `rate(z)` of the
     independent coordinates.
@@ -125,7 +125,7 @@ def gradient_batch(
     with reporting(progress, f"gradients of {len(values)} motions of {kernels.name}", 0.0, 1.0) as advance:
         swept = batch.sweep(weigh, advance)
     values[[status != "ok" for status in swept.status]] = np.nan
-    return BatchGradients(values, swept.slopes, batch.names, tuple(swept.status), swept.alone)
+    return BatchGradients(values=values, slopes=swept.slopes, names=batch.names, status=tuple(swept.status), alone=swept.alone)
 
 
 def taped_batch(
@@ -147,4 +147,6 @@ def taped_batch(
     refuse_events(kernels.model, "gradient_batch")
     is_taped(kernels, integrator)
     states = States.of(kernels, q0, zd0, p, t, names, None, assembled=True)
-    return TapedBatch(kernels, states, t + since_start, integrator, q0 is None, checked_threads(threads))
+    return TapedBatch(
+        kernels=kernels, states=states, times=t + since_start, method=integrator, follows=q0 is None, threads=checked_threads(threads)
+    )

@@ -37,7 +37,7 @@ LAW_TOLERANCE = 1e-10
 """What the laws may miss, relative to the velocities and impulses."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Blow:
     """A contact: places of its gap and of its one, two or no directions of sliding in G; coefficients"""
 

@@ -27,7 +27,7 @@ OPENING = 1e-12
 """A gap whose velocity is above minus this, relative to all velocities before, does not close."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Gap:
     """A gap at an instant: its gradient (n,), drift ∂g/∂t, and restitution.
 
@@ -45,7 +45,7 @@ class Gap:
     is_poisson: bool = False
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Hit:
     """Velocities qd (n,) after impacts, and of every gap its impulse (N s, or N m s), whether it sticks, and the energy (J) it takes.
 
@@ -134,7 +134,15 @@ class Gaps:
     def _blow(self, chosen: Sequence[int], u: np.ndarray, where: str) -> np.ndarray:
         """Impulses of some gaps together, as the rows of W."""
         blows = [
-            Blow(self.places[k], gap.restitution, gap.friction, gap.tangential, gap.is_poisson) for k in chosen for gap in [self.gaps[k]]
+            Blow(
+                places=self.places[k],
+                restitution=gap.restitution,
+                friction=gap.friction,
+                tangential=gap.tangential,
+                is_poisson=gap.is_poisson,
+            )
+            for k in chosen
+            for gap in [self.gaps[k]]
         ]
         impulses = simultaneous(self.G, u, blows)
         if impulses is None:
@@ -152,4 +160,4 @@ class Gaps:
         slides = np.array([float(np.linalg.norm(u[place[1:]])) for place in self.places])
         sizes = np.array([float(np.max(np.abs(self.G[place]) @ np.abs(impulses))) for place in self.places])
         sticks = (normal > 0) & (across < friction * normal) & (slides <= OPENING * sizes)
-        return Hit(qd, normal, sticks, lost, tuple(turns))
+        return Hit(qd=qd, impulses=normal, sticks=sticks, lost=lost, turns=tuple(turns))

@@ -33,7 +33,7 @@ GAP_TOLERANCE = 1e-10
 """A gap is closed where it is smaller than this share of its scale."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Instant:
     """What happens at one instant. at: the state so far; happened, done: in order; stops: True where the run ends here
 
@@ -205,9 +205,17 @@ class Instant:
         slides = {gap: number for number, gap in functions.gaps.items()}
         for k in taking:
             if k in functions.ratchets:
-                gaps.append(Gap(functions.ratchets[k].name, functions.rate_slopes(at)[k], 0.0, 0.0, nothing))
+                gaps.append(
+                    Gap(name=functions.ratchets[k].name, gradient=functions.rate_slopes(at)[k], drift=0.0, restitution=0.0, rubs=nothing)
+                )
                 continue
-            gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), nothing)
+            gap = Gap(
+                name=functions.events[k].name,
+                gradient=gradients[k],
+                drift=float(drift[k]),
+                restitution=functions.restitution(k, at),
+                rubs=nothing,
+            )
             if k in slides:
                 number = slides[k]
                 gap = replace(
@@ -243,13 +251,28 @@ class Instant:
 
     def _note(self, name: str, search: Search, start: State, what: str) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
-        self.happened.append(Happening(start.t, name, search, start.q, start.qd, self.at.qd, 0.0, lost, what=what))
+        self.happened.append(
+            Happening(
+                t=start.t, name=name, search=search, q=start.q, before=start.qd, after=self.at.qd, impulse=0.0, energy_lost=lost, what=what
+            )
+        )
 
     def _note_impulses(self, names: Sequence[str], searches: Mapping[str, Search], hit: Hit, start: State) -> None:
         """Of every gap that was hit."""
         for name, impulse, lost in zip(names, hit.impulses.tolist(), hit.lost.tolist(), strict=True):
             if impulse > 0:
-                self.happened.append(Happening(start.t, name, searches.get(name, "action"), start.q, start.qd, hit.qd, impulse, lost))
+                self.happened.append(
+                    Happening(
+                        t=start.t,
+                        name=name,
+                        search=searches.get(name, "action"),
+                        q=start.q,
+                        before=start.qd,
+                        after=hit.qd,
+                        impulse=impulse,
+                        energy_lost=lost,
+                    )
+                )
 
     def _energy(self, at: State) -> np.ndarray:
         """Kinetic and potential energy (J)."""

@@ -33,7 +33,7 @@ def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, pas
 
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
-    loop = EventLoop(engine, kernels, State(float(task.grid[0]), task.q, task.velocities, task.p), passage)
+    loop = EventLoop(engine, kernels, State(t=float(task.grid[0]), q=task.q, qd=task.velocities, p=task.p), passage)
     ends = loop.begin()
     return loop.run(path, task, ends)
 
@@ -159,7 +159,7 @@ class EventLoop:
         """Go on with other parameters p (n_p,), which may bring about events. Returns whether the run ends with them."""
         before = self.functions.values(self.at)[0]
         self.at = replace(self.at, p=p)
-        due = Instant(self.functions, self.at).turned(before, ())
+        due = Instant(functions=self.functions, at=self.at).turned(before, ())
         return self._act(due) if due or self.functions.can_hold else False
 
     def arrive(self, at: State, work: float) -> None:
@@ -180,7 +180,7 @@ class EventLoop:
     def _act(self, due: dict[int, Search], is_start: bool = False, crossed: tuple[int, ...] = ()) -> bool:
         """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
         before = self.at
-        instant = Instant(self.functions, before)
+        instant = Instant(functions=self.functions, at=before)
         if is_start:
             instant.begin()
         instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
@@ -197,7 +197,18 @@ class EventLoop:
         self._set_signs(due)
         happened = (*instant.happened, *active.happened)
         stops = instant.stops or bool(ended)
-        self.passage.instants.append(Occurrence(before, self.at, held, active.held, crossed, tuple(instant.done), stops, happened))
+        self.passage.instants.append(
+            Occurrence(
+                before=before,
+                after=self.at,
+                held_before=held,
+                held=active.held,
+                crossed=crossed,
+                done=tuple(instant.done),
+                stops=stops,
+                happened=happened,
+            )
+        )
         if changes or (is_start and self.functions.loaded):
             self.first_step = 0.0
             self.passage.modes.append(

@@ -9,7 +9,7 @@ import numpy as np
 from ncgen.solver.trajectories.happening import Happening
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class State:
     """t (s), q and qd (n,) in m, rad and per second, p (n_p,) without what drives inputs, and names of the locks that are closed."""
 
@@ -30,7 +30,7 @@ class Done:
     after: State
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Occurrence:
     """An instant at which something happened.
 

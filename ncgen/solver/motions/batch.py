@@ -39,7 +39,7 @@ MOST_STEPS = 1_000_000
 """Steps with error control after which a state of a batch is given up."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BatchTrajectory:
     """The motions of B states.
 
@@ -72,7 +72,7 @@ class BatchTrajectory:
         return np.array([s == "ok" for s in self.status])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BatchAccelerations:
     """What B states of a mechanism do: q (B, n), closed; zdd (B, nz): accelerations of the independent coordinates.
 
@@ -164,7 +164,8 @@ def accelerations_batch(
     else:
         arrays = np.empty(states.q.shape), np.empty(states.q.shape) if velocities else None, np.empty(states.zd.shape)
     codes = states.choice.lanes.accelerate(t, states.q, states.zd, states.p, arrays, threads, tolerance=TOLERANCE)
-    return BatchAccelerations(*arrays, codes, states.choice)
+    q, qd, zdd = arrays
+    return BatchAccelerations(q=q, qd=qd, zdd=zdd, codes=codes, choice=states.choice)
 
 
 def _places(kernels: Kernels, out: BatchAccelerations, states: States) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
@@ -271,7 +272,7 @@ def side_by_side(
         done.status[i] = fault
     alone = np.array([status not in ("ok", INTERRUPTED) for status in done.status])
     alone[[*exhausted, *states.faults]] = False
-    batch = _Batch(kernels, run.times, states, done, alone, progress)
+    batch = _Batch(kernels=kernels, grid=run.times, states=states, done=done, alone=alone, progress=progress)
     options = dict(
         t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol, max_step=run.max_step,
         inputs=inputs,
@@ -326,7 +327,7 @@ def _not_begun(run: Run, states: States) -> LaneOutcome:
     count, n = states.q.shape
     rows = np.full((count, len(run.times), n), np.nan)
     status, steps, reached = ["not begun"] * count, np.zeros(count, dtype=int), np.full(count, run.times[0])
-    return LaneOutcome(rows, rows.copy(), rows[:, :, 0].copy(), status, steps, reached)
+    return LaneOutcome(q=rows, qd=rows.copy(), work=rows[:, :, 0].copy(), status=status, steps=steps, reached=reached)
 
 
 def in_lanes(kernels: Kernels, run: Run) -> Method:
@@ -336,7 +337,7 @@ def in_lanes(kernels: Kernels, run: Run) -> Method:
     return Method(run.formalism, run.integrator)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Batch:
     """A batch after its run in lanes. alone: states that are still to be simulated one at a time."""
 
@@ -352,7 +353,18 @@ class _Batch:
         done = self.done
         names, status = self.states.choice.names, tuple(done.status)
         events = tuple(self.events.get(i, ()) for i in range(len(status))) if has_events(self.kernels.model) else ()
-        return BatchTrajectory(self.kernels, self.grid, done.q, done.qd, done.work, names, status, done.steps, self.alone, events)
+        return BatchTrajectory(
+            kernels=self.kernels,
+            t=self.grid,
+            q=done.q,
+            qd=done.qd,
+            work=done.work,
+            independent=names,
+            status=status,
+            steps=done.steps,
+            alone=self.alone,
+            events=events,
+        )
 
     def go_on_alone(self, duration: float, options: dict[str, Any]) -> None:
         """Simulate those that could not go on with the others; what they warn of is reported once."""

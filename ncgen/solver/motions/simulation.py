@@ -57,7 +57,7 @@ NOT_STEPPED = ("formalism", "engine", "number", "options", "max_step")
 UNCOPIED = "a simulation is not copied: C works on its memory; start another one with ncgen.start and reset it to sim.state"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SimulationState:
     """A simulation at an instant: all that `reset` needs to go back to it.
 
@@ -302,7 +302,16 @@ class Simulation:
         """Where it is, as a copy."""
         now = self._now
         past = self._steps.past if self._steps else None
-        return SimulationState(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step, self._mechanism, past)
+        return SimulationState(
+            t=now.t,
+            q=now.q.copy(),
+            qd=now.qd.copy(),
+            work=now.work,
+            p=now.p.copy(),
+            next_step=now.next_step,
+            mechanism=self._mechanism,
+            past=past,
+        )
 
     def reset(self, state: SimulationState) -> Simulation:
         """Return to a state.

@@ -50,7 +50,7 @@ ARRAYS_OF_C = ("t", "work", "q", "qd", "p")
 """Arrays of `Simulations` that C works on."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SimulationStates:
     """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), pasts (N,) of a model with events, as of
     `ncgen.solver.motions.simulation.State`."""
@@ -293,7 +293,9 @@ class Simulations:
         """Where all are, as a copy."""
         now = self._now
         t, q, qd, work, p, next_step = (x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step))
-        return SimulationStates(t, q, qd, work, p, next_step, self._mechanism, tuple(each.past for each in self._steps))
+        return SimulationStates(
+            t=t, q=q, qd=qd, work=work, p=p, next_step=next_step, mechanism=self._mechanism, pasts=tuple(each.past for each in self._steps)
+        )
 
     def reset(self, rows: ArrayLike | None = None, states: SimulationStates | None = None) -> Simulations:
         """Return simulations to their start, or to given states.

@@ -51,7 +51,7 @@ class PageLike(Protocol):
     def save(self, output: str | os.PathLike[str]) -> Path: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Statistics:
     """What a simulation cost.
 
@@ -76,7 +76,7 @@ class Statistics:
     preparation: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Trajectory:
     """A motion on a time grid of K instants.
 
