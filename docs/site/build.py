@@ -93,7 +93,7 @@ def build(site: Path) -> list[str]:
     from mkdocs.config import load_config
 
     with tempfile.TemporaryDirectory() as folder:
-        staged = Path(folder, qd="pages")
+        staged = Path(folder, "pages")
         stage(staged)
         gallery.write_living_pages(staged)
         config = load_config(str(HERE / "mkdocs.yml"), docs_dir=str(staged), site_dir=str(site), strict=True)

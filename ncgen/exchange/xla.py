@@ -60,7 +60,7 @@ def _handler() -> tuple[InC, ...] | None:
     """What XLA calls, registered, and what must live as long; None where JAX has no such interface, or no compiler takes it."""
     try:
         of_jax = import_module("jax.ffi")
-        header = Path(of_jax.include_dir(), qd=HEADER).read_text(encoding="utf-8")
+        header = Path(of_jax.include_dir(), HEADER).read_text(encoding="utf-8")
     except (ImportError, OSError):
         return None
     source = SOURCE.read_text(encoding="utf-8")

@@ -23,9 +23,9 @@ class Exported:
         self.kernels = kernels
         with tempfile.TemporaryDirectory() as folder:
             ncgen.export(model, "c", folder)
-            (header,) = Path(folder, qd="include").glob("*_motion.h")
+            (header,) = Path(folder, "include").glob("*_motion.h")
             self.prefix = re.sub("_motion$", "", header.stem)
-            sources = [str(path) for path in sorted(Path(folder, qd="src").glob("*.c"))]
+            sources = [str(path) for path in sorted(Path(folder, "src").glob("*.c"))]
             command = ["cc", "-std=c99", *flags, "-ffp-contract=off", "-fPIC", "-shared", f"-I{folder}/include", f"-I{folder}/src"]
             subprocess.run([*command, *sources, "-lm", "-o", f"{folder}/lib.so"], check=True)
             self.library = ctypes.CDLL(f"{folder}/lib.so")

@@ -11,7 +11,7 @@ import ncgen
 from ncgen.model.names import word
 from tests.robots.test_link_frames import ARM
 
-ROBOTS = Path(sysconfig.get_paths()["purelib"], qd="cmeel.prefix/share/example-robot-data/robots")
+ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
 
 FILES = {"z1": "z1_description/urdf/z1.urdf", "panda": "panda_description/urdf/panda.urdf"}
 

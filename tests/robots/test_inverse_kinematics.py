@@ -13,7 +13,7 @@ from ncgen.model.names import word
 from ncgen.solver.joints.inverse_kinematics import _Search, aims_of
 
 HERE = Path(__file__).parent
-ROBOTS = Path(sysconfig.get_paths()["purelib"], qd="cmeel.prefix/share/example-robot-data/robots")
+ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
 
 TOOLS = {
     "ur_description/urdf/ur5_robot.urdf": ("tool0",),

@@ -12,7 +12,7 @@ from ncgen.errors import ModelError
 from ncgen.model.names import word
 from ncgen.model.shapes import QUARTER
 
-ROBOTS = Path(sysconfig.get_paths()["purelib"], qd="cmeel.prefix/share/example-robot-data/robots")
+ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
 
 ARM = """<robot name="arm"><link name="base"/><link name="tool0"/><link name="rail"/>
 <link name="upper"><inertial><origin xyz="0.2 0 0.1"/><mass value="2"/><inertia ixx="0.02" iyy="0.1" izz="0.1"/></inertial></link>

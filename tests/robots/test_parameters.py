@@ -15,7 +15,7 @@ from ncgen.solver.engines.compiled import own_positions
 from ncgen.solver.motions.simulation import outputs_at
 from tests.robots.test_link_frames import ARM
 
-ROBOTS = Path(sysconfig.get_paths()["purelib"], qd="cmeel.prefix/share/example-robot-data/robots")
+ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")
 
 NAMES = ["mass", *(f"centre.{a}" for a in "xyz"), *(f"inertia.{ij}" for ij in ("xx", "yy", "zz", "xy", "xz", "yz"))]
 
