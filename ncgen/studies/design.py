@@ -180,9 +180,9 @@ class Design:
         shares = KINDS[self.kind](self, first, count)
         return np.column_stack([axis.at(column) for axis, column in zip(self.axes, shares.T, strict=True)])
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled as what was given; where a sequence has come to is no part of it."""
-        return Design, (self.axes, self.kind, self.count, self.seed)
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickled without the place that a sequence has come to."""
+        return {**vars(self), "_engines": {}}
 
     # -- shares (count, names) from 0 to 1 -------------------------------------------------------------------------------------------------
 
