@@ -36,6 +36,4 @@ def test_many_damaged_files():
     remember(first + count)
     print(f"\nfrom {first}: {tally}")
     report = "\n".join(f"file {number}: {result}" for number, result in list(tally.wrong.items())[:20])
-    assert not tally.wrong, (
-        f"{len(tally.wrong)} files; `python {Path(__file__).with_name('mutated_files.py')} NUMBER` shows one\n{report}"
-    )
+    assert not tally.wrong, f"{len(tally.wrong)} files; `python {Path(__file__).with_name('mutated_files.py')} NUMBER` shows one\n{report}"

@@ -66,9 +66,7 @@ def text_of(robot: Robot) -> str:
 
 def _written(link: Link) -> list[Shape]:
     """The shapes of a link that the format can say: meshes are there, and in a format that MuJoCo reads."""
-    return [
-        shape for shape in link.shapes if not shape.file or (Path(shape.file).suffix.lower() in MESHES and is_file(Path(shape.file)))
-    ]
+    return [shape for shape in link.shapes if not shape.file or (Path(shape.file).suffix.lower() in MESHES and is_file(Path(shape.file)))]
 
 
 def _geom_text(shape: Shape, meshes: Mapping[tuple[str, tuple[float, ...]], str]) -> str:

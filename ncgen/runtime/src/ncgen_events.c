@@ -29,11 +29,17 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->slopes = ncgen_take(&space, count * (2 * n + 1));
     i->responses = ncgen_take(&space, events->most * (n + 1));
     i->G = ncgen_take(&space, count * count);
-    i->velocities = ncgen_take(&space, 2 * count);
+    i->velocities = ncgen_take(&space, count);
     i->impulses = ncgen_take(&space, count);
-    i->restitution = ncgen_take(&space, count);
-    i->needed = ncgen_take(&space, count);
+    i->lost = ncgen_take(&space, count);
+    i->rounding = ncgen_take(&space, count);
+    i->coefficients = ncgen_take(&space, 3 * count);
+    i->space = ncgen_take(&space, NCGEN_IMPACT_WORKSPACE(count));
+    i->taking = passage->due + count;
+    i->places = passage->due + 4 * count;
+    i->sticks = passage->due + 7 * count;
     i->kept = ncgen_take(&space, n);
+    i->prior = ncgen_take(&space, n);
     i->numbers = ncgen_take(&space, 0); /* the rest */
 }
 
@@ -64,11 +70,21 @@ static int find_numbers(ncgen_instant *i)
     return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
 }
 
+static ncgen_real energy(const ncgen_instant *i)
+{
+    ncgen_real out[3] = {0, 0, 0};
+    if (i->d->model->energy)
+        i->d->model->energy(i->moment->t, i->moment->q, i->moment->qd, i->p, out);
+    return out[0] + out[1];
+}
+
 /* What an event does besides impacts, with the numbers of the state before it. */
 static int act(ncgen_instant *i, int event)
 {
     const ncgen_events *e = i->events;
+    const ncgen_real before = i->passage->log ? energy(i) : 0;
     int status = find_numbers(i), others = 0;
+    ncgen_copy(i->n, i->moment->qd, i->prior);
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         const ncgen_action *a = e->actions + k;
         if (a->event != event || a->kind == NCGEN_IMPACT)
@@ -83,7 +99,11 @@ static int act(ncgen_instant *i, int event)
     }
     if (!ncgen_impact_of(e, event))
         i->passage->happened[event] += 1;
-    return status == NCGEN_OK && others ? ncgen_set_velocities(i, event) : status;
+    if (status == NCGEN_OK && others)
+        status = ncgen_set_velocities(i, event);
+    if (i->passage->log && (others || !ncgen_impact_of(e, event)))
+        ncgen_note(i->passage->log, i->n, i->moment, event, NCGEN_HAPPENS, i->prior, 0, before - energy(i));
+    return status;
 }
 
 /* Events whose conditions the last actions carried to the other side. */
@@ -99,20 +119,13 @@ static int turned(ncgen_instant *i, const int *done)
     return count;
 }
 
-static ncgen_real energy(const ncgen_instant *i)
-{
-    ncgen_real out[3] = {0, 0, 0};
-    if (i->d->model->energy)
-        i->d->model->energy(i->moment->t, i->moment->q, i->moment->qd, i->p, out);
-    return out[0] + out[1];
-}
-
-/* Is the next bounce of an impact one that cannot be told from none? */
-static int rests(ncgen_instant *i, int k)
+/* Is the next bounce of an impact one that cannot be told from none? *ends: time in which all bounces end, if so. */
+static int rests(ncgen_instant *i, int k, ncgen_real restitution, ncgen_real *ends)
 {
     const ncgen_real *first = i->responses, *second = first + i->count; /* responses are no longer needed */
     const ncgen_real speed = first[k] > 0 ? first[k] : 0, pull = -second[k];
     const ncgen_real deep = NCGEN_ABS(i->values[2 * k]), least = at_rest * i->events->noise * i->scales[k];
+    *ends = pull > 0 && restitution < 1 ? 2 * speed / pull / (1 - restitution) : 0;
     return pull > 0 && speed * speed <= 2 * pull * (deep > least ? deep : least);
 }
 
@@ -151,7 +164,15 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
             passage->signs[k] = 1;
         released[k] = 0;
     }
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    for (int k = 0; k < i->count; ++k)
+        i->rounding[k] = ncgen_holds(i->events, passage, k); /* room for what was held */
     const int status = ncgen_choose_mode(i->d, i->events, i->p, i->moment, passage);
+    for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
+        const int holds = ncgen_holds(i->events, passage, k), held = i->rounding[k] > 0;
+        if (holds != held)
+            ncgen_note(passage->log, i->n, i->moment, k, holds ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
+    }
     return status == NCGEN_OK ? accelerate(i) : status;
 }
 
@@ -160,25 +181,36 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
 static int finish(ncgen_instant *i, const int *happened, int *resting)
 {
     int status = accelerate(i), rested = 0;
+    ncgen_notes_follow(i->passage->log, 0);
+    if (status == NCGEN_OK)
+        status = find_numbers(i);
     if (status == NCGEN_OK)
         status = i->events->rates(i->moment->t, i->moment->q, i->moment->qd, i->moment->qdd, i->p, i->responses);
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
         const int clear = !ncgen_is_closed(i, k), way = i->events->directions[k], side = i->passage->signs[k];
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
         resting[k] = 0;
+        i->velocities[k] = -1; /* room for the time in which bounces end */
         if (happened[k])
             i->passage->signs[k] = way ? way : clear ? sign_of(i->values[2 * k]) : -side;
         else if (clear)
             i->passage->signs[k] = sign_of(i->values[2 * k]);
-        if (!happened[k] || !impact || !rests(i, k))
+        ncgen_real ends = 0;
+        if (!happened[k] || !impact || !rests(i, k, i->numbers[impact->value], &ends))
             continue;
+        i->velocities[k] = ends;
         if (impact->place)
             *i->passage->stopped = 1;
         else
             rested = resting[k] = 1;
     }
-    if (status == NCGEN_OK && i->events->n_modes)
-        return choose_mode(i, happened, resting);
+    if (status == NCGEN_OK && i->events->n_modes) {
+        status = choose_mode(i, happened, resting);
+        rested = 0;
+    }
+    for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
+        if (!(i->velocities[k] < 0))
+            ncgen_note_limit(i->passage->log, i->n, k, i->velocities[k]);
     return status == NCGEN_OK && rested ? NCGEN_AT_REST : status;
 }
 
@@ -186,6 +218,7 @@ static int happen(ncgen_instant *i)
 {
     const ncgen_real before = energy(i);
     int *due = i->passage->due, *first = due + 2 * i->count, *done = due + 3 * i->count, status = NCGEN_OK, some = 1, hit = 0;
+    ncgen_begin_notes(i->passage->log, i->count, due);
     for (int k = 0; k < i->count; ++k)
         first[k] = due[k];
     for (int round = 0; some && status == NCGEN_OK; ++round) {
@@ -203,6 +236,7 @@ static int happen(ncgen_instant *i)
         if (status == NCGEN_OK)
             status = look(i);
         some = turned(i, done);
+        ncgen_notes_follow(i->passage->log, 1);
         for (int k = 0; k < i->count; ++k)
             first[k] |= due[k];
     }
@@ -214,7 +248,7 @@ static int happen(ncgen_instant *i)
     return status;
 }
 
-int ncgen_happen(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
+int ncgen_apply_events(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
     ncgen_instant i;
     begin(&i, d, events, p, moment, passage);
@@ -247,7 +281,7 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
     return status == NCGEN_OK && (some || events->n_modes) ? happen(&i) : status;
 }
 
-int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
+int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
     ncgen_passage *passage)
 {
     ncgen_moment here = *moment;
@@ -280,27 +314,23 @@ static long events_so_far(const ncgen_events *events, const ncgen_passage *passa
     return sum;
 }
 
-int ncgen_go_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
+int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
     const long before = events_so_far(events, passage);
     if (*passage->stopped)
         return NCGEN_STOPPED;
-    const int some = ncgen_look_for_events(d, events, p, moment, 0, passage);
-    int status = some < 0 ? -some : some > 0 ? ncgen_happen(d, events, p, moment, passage) : NCGEN_OK;
+    const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
+    int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
         ncgen_entered in;
         ncgen_enter(d, events, passage, &in);
         const ncgen_driven *mode = &in.driven;
-        status = breaks ? ncgen_go_on_in_parts(mode, breaks, p, moment, t_end, statistics) : ncgen_go_on(mode, p, moment, t_end, statistics);
+        status = breaks ? ncgen_advance_over_breaks(mode, breaks, p, moment, t_end, statistics) : ncgen_advance(mode, p, moment, t_end, statistics);
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
-        for (int k = 0; k < events->count; ++k)
-            passage->due[k] = d->options->event->crossed[k];
-        for (int k = events->count; k < in.watched.count; ++k)
-            if (d->options->event->crossed[k])
-                passage->wanted[events->count + events->modes[*passage->mode - 1].held[k - events->count]] = 1;
-        status = ncgen_happen(d, events, p, moment, passage);
+        ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
+        status = ncgen_apply_events(d, events, p, moment, passage);
     }
     return status;
 }

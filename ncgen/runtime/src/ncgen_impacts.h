@@ -2,7 +2,7 @@
 #ifndef NCGEN_IMPACTS_H
 #define NCGEN_IMPACTS_H
 
-#include "ncgen_event_table.h"
+#include "ncgen_event_log.h"
 #include "ncgen_vectors.h"
 
 /* An instant on its way; its arrays are in the workspace of the passage. */
@@ -16,8 +16,10 @@ typedef struct ncgen_instant {
     ncgen_real *values, *before, *scales;        /* pairs (value, size) of each condition, now and before; scales (count) */
     ncgen_real *slopes;                          /* count x (2 n + 1) */
     ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
-    ncgen_real *velocities, *impulses, *numbers; /* count, count, what actions set */
-    ncgen_real *restitution, *needed, *kept;     /* count, count, n */
+    ncgen_real *kept, *prior, *numbers;          /* n, n: velocities before what is noted, what actions set */
+    /* of an impact, as ncgen_impact has them: gaps that take part, and what is known of them */
+    ncgen_real *velocities, *impulses, *lost, *rounding, *coefficients, *space;
+    int *taking, *places, *sticks;
 } ncgen_instant;
 
 /* A gap is closed where it is smaller than `closed` times its scale; a velocity above minus `opening` times its terms does not close it. */

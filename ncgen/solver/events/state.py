@@ -20,14 +20,18 @@ class State:
     locked: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Done:
-    """What was done at an instant: the events of these numbers hit their gaps together, or one acted. before, after: states"""
+    """What was done at an instant: the gaps and ratchets of these numbers were hit together, one event acted, or locks closed.
+
+    before, after: states; locks: names of those that closed
+    """
 
     events: tuple[int, ...]
     is_impact: bool
     before: State
     after: State
+    locks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
