@@ -185,9 +185,19 @@ class ManyRuns:
         address = {name: functions.address(name) for name in ("conditions", "condition_slopes", "condition_rates")}
         rows = [(row.event, row.kind, row.place, row.value) for row in actions.rows]
         return EventsInC(
-            directions=actions.directions, actions=rows, law=actions.law, most=actions.most, n_values=len(actions.values), degree=actions.degree, noise=actions.noise,
-            conditions=address["conditions"], slopes=address["condition_slopes"], rates=address["condition_rates"], values=self._values(actions), holds=bool(functions.rows),
-        )  # fmt: skip
+            directions=actions.directions,
+            actions=rows,
+            law=actions.law,
+            most=actions.most,
+            n_values=len(actions.values),
+            degree=actions.degree,
+            noise=actions.noise,
+            conditions=address["conditions"],
+            slopes=address["condition_slopes"],
+            rates=address["condition_rates"],
+            values=self._values(actions),
+            holds=bool(functions.rows),
+        )
 
     def _values(self, actions: Actions) -> int:
         """The address of the function of what actions set, 0 where they set nothing."""
@@ -198,10 +208,13 @@ class ManyRuns:
 
         def made() -> CompiledFunctions:
             functions = functions_of(
-                kernels, f"actions_{digest}", {"element_values": INPUTS["element_values"]}, {"element_values": len(actions.values)},
+                kernels,
+                f"actions_{digest}",
+                {"element_values": INPUTS["element_values"]},
+                {"element_values": len(actions.values)},
                 {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)},
                 lambda: assemble_conditions(kernels.programs.equations, [], [], actions.values, []),
-            )  # fmt: skip
+            )
             assert isinstance(functions, CompiledFunctions), "events need compiled kernels"
             return functions
 

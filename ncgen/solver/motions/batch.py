@@ -46,7 +46,7 @@ class BatchTrajectory:
     status (B,): "ok", "interrupted", or a sentence that says why a state did not arrive; its rows from there on are NaN
     steps (B,): accepted ones
     alone (B,): states that could not go on with the others, mostly since their independent coordinates became bad or a driver's velocity
-        jumps, so that they were simulated one at a time; with a model that has events all of them
+        jumps, so that they were simulated one at a time; with a model that has events those that C does not carry
     events (B,): what happened at the model's events, of each state in the order of time; () for a model without events
     """
 
@@ -194,7 +194,8 @@ def simulate_batch(
     """Simulate a mechanism from many states, with many parameter sets, or both.
 
     Each state is a run of `simulate` with coordinate partitioning. The independent coordinates are chosen at the first regular state;
-    where they become ill-conditioned, that state is simulated by `simulate` in C. So are all states of a model with events, in a loop.
+    where they become ill-conditioned, that state is simulated by `simulate` in C. States of a model with events are runs over all
+    coordinates, which C carries from event to event; those with friction, locks or ratchets are simulated by `simulate` in a loop.
 
     Parameters
     ----------

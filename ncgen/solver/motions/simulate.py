@@ -138,7 +138,10 @@ def _carry_out(
     Raises Interrupted with what was reached.
     """
     check_mass(kernels, start.q, run.initial.t, start.p)
-    motion = _Motion(kernels, run, choice, start, *_with_extra(run.times, monitoring_times(run, choice.method)), progress, breaks)
+    times, looked = _with_extra(run.times, monitoring_times(run, choice.method))
+    motion = _Motion(
+        kernels=kernels, run=run, choice=choice, start=start, times=times, looks=looked, progress=progress, given_breaks=breaks
+    )
     clock = _Stopwatch()
     try:
         motion.advance()
