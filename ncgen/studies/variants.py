@@ -21,7 +21,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.given import has_events, position
 from ncgen.solver.motions.batch import in_lanes, side_by_side
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.motions.states import CommonCoordinates, States, closed
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.runs.run import EMITTED, Run
@@ -253,12 +253,12 @@ class Bench:
         q, faults = closed(kernels, q, run.initial.t, p)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of those that had to go on alone: their energy is a column for whoever wants it
-            done = side_by_side(kernels, run, method, States(choice=self._choice, q=q, zd=zd, p=p, faults=faults), threads, progress)
+            done = side_by_side(kernels, run, method, States(self._choice, q, zd, p, faults), threads, progress)
         ok = done.ok
         done.q[~ok], done.qd[~ok] = np.nan, np.nan
         columns: dict[str, np.ndarray] = {"ok": ok}
         outputs = self._outputs(run.times, done, p, ok)
-        histories = Histories(index=kernels.index, labels=tuple(kernels.model.outputs), t=run.times, q=done.q, qd=done.qd, outputs=outputs)
+        histories = Histories(kernels.index, tuple(kernels.model.outputs), run.times, done.q, done.qd, outputs)
         for column in self.study.values:
             columns[column.word] = self._column(column, histories, done, p, ok)
         return Part(first, columns, {first + i: done.status[i] for i in np.flatnonzero(~ok).tolist()}), done.q[:, -1]
@@ -317,7 +317,7 @@ class Bench:
         """What is kept of one variant and where it ends (n,), or why it has no motion."""
         study, kernels = self.study, self.kernels
         try:
-            run = simulate(kernels, **study.options(row), points=study.grid, progress=(lambda t: None) if progress else None)
+            run = simulate_one(kernels, **study.options(row), points=study.grid, progress=(lambda t: None) if progress else None)
             return self._kept(run), run.q[-1]
         except NcgenError as error:
             return str(error)
@@ -326,30 +326,8 @@ class Bench:
 
     def _kept(self, run: Trajectory) -> dict[str, Any]:
         """What is kept of one motion."""
-<<<<<<< HEAD
-        study, kernels = self.study, self.kernels
-        outputs = np.zeros((len(run.t), 0))
-        if any(column.is_output(study.model) for column in study.values):
-            outputs = np.column_stack([*run.outputs.values()])
-        histories = Histories(
-            index=kernels.index, labels=tuple(kernels.model.outputs), t=run.t, q=run.q[None], qd=run.qd[None], outputs=outputs[None]
-        )
-        smooth = with_events(histories, run.events)
-        own = {"steps": lambda: run.statistics.steps, "time": lambda: run.t[-1], "energy_drift": lambda: run.energy_drift}
-        kept: dict[str, Any] = {}
-        for column in study.values:
-            if column.over in own:
-                kept[column.word] = own[column.over]()
-            elif column.over in OF_EVENTS:
-                kept[column.word] = column.of_events(run.events)
-            else:
-                is_smooth = column.over in ("max", "min") and not column.is_output(study.model)
-                kept[column.word] = (smooth if is_smooth else histories).column(column, study.times)[0]
-        return kept
-=======
         motion = StudiedMotion(
             run.t, run.q, run.qd, run.events, run.statistics.steps, lambda: np.column_stack([*run.outputs.values()]),
             lambda: run.energy_drift,
         )  # fmt: skip
         return columns_of(self.study, self.kernels, motion)
->>>>>>> main

@@ -31,7 +31,7 @@ def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, pas
 
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
-    loop = EventLoop(engine, kernels, State(t=float(task.grid[0]), q=task.q, qd=task.velocities, p=task.p), passage)
+    loop = EventLoop(engine, kernels, State(float(task.grid[0]), task.q, task.velocities, task.p), passage)
     ends = loop.begin()
     return loop.run(path, task, ends)
 
@@ -154,11 +154,7 @@ class EventLoop:
         """Go on with other parameters p (n_p,), which may bring about events. Returns whether the run ends with them."""
         before = self.functions.values(self.at)[0]
         self.at = replace(self.at, p=p)
-<<<<<<< HEAD
-        due = Instant(functions=self.functions, at=self.at).turned(before, ())
-=======
         due: dict[int, Search] = dict.fromkeys(Instant(self.functions, self.at).chain.turned(before), "action")
->>>>>>> main
         return self._act(due) if due or self.functions.can_hold else False
 
     def arrive(self, at: State, work: float) -> None:
@@ -179,7 +175,7 @@ class EventLoop:
     def _act(self, due: dict[int, Search], is_start: bool = False, crossed: tuple[int, ...] = ()) -> bool:
         """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
         before = self.at
-        instant = Instant(functions=self.functions, at=before)
+        instant = Instant(self.functions, before)
         if is_start:
             instant.begin()
         instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
@@ -197,18 +193,7 @@ class EventLoop:
         self._set_signs(instant)
         happened = (*instant.happened, *active.happened)
         stops = instant.stops or bool(ended)
-        self.passage.instants.append(
-            Occurrence(
-                before=before,
-                after=self.at,
-                held_before=held,
-                held=active.held,
-                crossed=crossed,
-                done=tuple(instant.done),
-                stops=stops,
-                happened=happened,
-            )
-        )
+        self.passage.instants.append(Occurrence(before, self.at, held, active.held, crossed, tuple(instant.done), stops, happened))
         if changes or (is_start and self.functions.loaded):
             self.first_step = 0.0
             self.passage.modes.append(
