@@ -162,7 +162,7 @@ def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
             lambda: {name: assemble_friction_derivatives(equations, sizes, sliding)[name]},
         )  # fmt: skip
 
-    return ReactiveForce(made, "friction_forces", f"friction {digest}", programs, tangents)
+    return ReactiveForce(functions=made, name="friction_forces", key=f"friction {digest}", programs=programs, tangents=tangents)
 
 
 def forces_of(mode: Kernels, held: tuple[Held, ...], number: int, at: State) -> np.ndarray:
