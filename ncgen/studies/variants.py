@@ -327,7 +327,12 @@ class Bench:
     def _kept(self, run: Trajectory) -> dict[str, Any]:
         """What is kept of one motion."""
         motion = StudiedMotion(
-            t=run.t, q=run.q, qd=run.qd, events=run.events, steps=run.statistics.steps, outputs=lambda: np.column_stack([*run.outputs.values()]),
+            t=run.t,
+            q=run.q,
+            qd=run.qd,
+            events=run.events,
+            steps=run.statistics.steps,
+            outputs=lambda: np.column_stack([*run.outputs.values()]),
             energy_drift=lambda: run.energy_drift,
-        )  # fmt: skip
+        )
         return columns_of(self.study, self.kernels, motion)

@@ -149,7 +149,8 @@ def accelerations_batch(
     else:
         arrays = np.empty(states.q.shape), np.empty(states.q.shape) if velocities else None, np.empty(states.zd.shape)
     codes = states.choice.lanes.accelerate(t, states.q, states.zd, states.p, arrays, threads, tolerance=TOLERANCE)
-    return BatchAccelerations(*arrays, codes, states.choice)
+    q, qd, zdd = arrays
+    return BatchAccelerations(q=q, qd=qd, zdd=zdd, codes=codes, choice=states.choice)
 
 
 def _places(kernels: Kernels, out: BatchAccelerations, states: States) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:

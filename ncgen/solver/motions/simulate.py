@@ -98,9 +98,9 @@ def _carry_out(
     Raises Interrupted with what was reached.
     """
     check_mass(kernels, start.q, run.initial.t, start.p)
-    times, looked = _with_extra(run.times, monitoring_times(run, choice.method))
+    times, movable = _with_extra(run.times, monitoring_times(run, choice.method))
     motion = _Motion(
-        kernels=kernels, run=run, choice=choice, start=start, times=times, looks=looked, progress=progress, given_breaks=breaks
+        kernels=kernels, run=run, choice=choice, start=start, times=times, movable=movable, progress=progress, given_breaks=breaks
     )
     clock = _Stopwatch()
     try:
