@@ -108,7 +108,7 @@ def _index(order: list[int], columns: list[set[int]], entries: list[tuple[int, i
     entry_pairs = [pair for row in into for pair in sorted(row)]
     return Elimination(
         size=size, nonzeros=len(column_rows), order=tuple(order),
-        row_start=tuple(row_start), row_columns=tuple(c for c, _ in row_pairs), row_places=tuple(p for _, p in row_pairs),
+        row_start=tuple(row_start), row_columns=tuple(c for c, _ in row_pairs), row_positions=tuple(p for _, p in row_pairs),
         column_start=tuple(column_start), column_rows=tuple(column_rows),
         entry_start=tuple(entry_start), entry_columns=tuple(c for c, _ in entry_pairs), entry_values=tuple(v for _, v in entry_pairs),
     )  # fmt: skip
