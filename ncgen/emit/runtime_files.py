@@ -112,6 +112,11 @@ def adjoint_names() -> tuple[str, ...]:
     return _part("ncgen_adjoint.c")
 
 
+def formula_names() -> tuple[str, ...]:
+    """The files of the library that bound conditions which are no polynomials, which few models have."""
+    return _part("ncgen_formula.c")
+
+
 def _part(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:
     """The files of a part of the library, as of `needed_by`, with the headers that the whole of it comes with."""
     return tuple(dict.fromkeys((*needed_by(*sources, defined=defined), *RUNTIME_HEADERS, *HEADERS, *PRINTED)))

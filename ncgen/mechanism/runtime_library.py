@@ -22,6 +22,7 @@ from ncgen.emit.runtime_files import (
     STIFF_TREE,
     adjoint_names,
     explicit_names,
+    formula_names,
     indifferent,
     ordinary_names,
     runtime_files,
@@ -90,6 +91,22 @@ def runtime_of(number: str, part: Part) -> InC:
         return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in RUNS if other != part and part in RUNS]
 
     return opened_by(interface_of(number), compiled(files, flags, siblings=siblings).library)
+
+
+@once
+def formula_walker(number: str) -> int:
+    """The address of `ncgen_walk_formula`, in a library of its own, which few models need."""
+    ffi = FFI()
+    ffi.include(runtime_abi(number))
+    ffi.cdef("ncgen_formula_walker ncgen_walk_formula;")
+    files = shared("formulas", lambda: runtime_files(*formula_names()))
+    library = opened_by(ffi, compiled(files, (*FLAGS, *NUMBERS[number].flags)).library)
+    _walkers.append(library)
+    return int(ffi.cast("uintptr_t", library.ncgen_walk_formula))
+
+
+_walkers: list[InC] = []
+"""Libraries that stay open."""
 
 
 def _shared_sources(part: Part, other: Part) -> tuple[str, ...]:
