@@ -93,7 +93,7 @@ class EventFunctions:
         closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         rubbing = self.kernels.model.contacts
         held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
-        sticking = [held_where_it_is(k, f, f.static, f.load) for k, f in self.frictions.items()]
+        sticking = [held_where_it_is(k, f, f.static, f.pressed) for k, f in self.frictions.items()]
         rests = {event.name for _, event in closing}
         rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
         caught = [held_where_it_is(k, r) for k, r in self.ratchets.items()]
@@ -303,7 +303,7 @@ class EventFunctions:
         return made
 
 
-def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None, pressed: int | None = None) -> Held:
+def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None, pressed: tuple[int, ...] = ()) -> Held:
     """The constraint of what is held at the place where it is at that instant."""
     return Held(number, of.name, (of.along.position - symbol_of(of.held),), static, place=(of.held, of.along.initial), pressed=pressed)
 
