@@ -84,6 +84,11 @@ def stiff_names(defined: Sequence[str] = OMITTED_FOR_RADAU) -> tuple[str, ...]:
     return _part("ncgen_run.c", "ncgen_piecewise.c", "ncgen_radau.c", "ncgen_trapezoidal.c", defined=defined)
 
 
+def event_run_names() -> tuple[str, ...]:
+    """The files that carry many motions through their events by explicit methods."""
+    return _part("ncgen_event_runs.c", "ncgen_run.c", "ncgen_piecewise.c", defined=(EXPLICIT_ONLY,))
+
+
 def indifferent(names: Iterable[str], macros: Collection[str]) -> tuple[str, ...]:
     """Those of the library's sources that are the same whether macros are defined or not, with all headers that they include."""
     return tuple(name for name in names if name.endswith(".c") and not _mentioned(name).intersection(macros))
@@ -112,9 +117,15 @@ def adjoint_names() -> tuple[str, ...]:
     return _part("ncgen_adjoint.c")
 
 
+<<<<<<< HEAD
 def formula_names() -> tuple[str, ...]:
     """The files of the library that bound conditions which are no polynomials, which few models have."""
     return _part("ncgen_formula.c")
+=======
+def event_names() -> tuple[str, ...]:
+    """The files of the library that say what happens at an instant of events, whatever it is of."""
+    return _part("ncgen_chain.c", "ncgen_impulses.c")
+>>>>>>> main
 
 
 def _part(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:

@@ -7,34 +7,17 @@ from functools import cached_property
 
 import numpy as np
 
-from ncgen.errors import ModelError
 from ncgen.mechanism.conditions_in_c import basis
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.model.actions import Change, Impact, Stop
-from ncgen.model.elements import coordinate_of
 from ncgen.model.events import Event
-from ncgen.model.values import Scalar
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.event_programs import assemble_conditions
-from ncgen.solver.events.conditions import VALUE_ROUNDING, most_degree
+from ncgen.solver.events.action_rows import Actions
 from ncgen.solver.name_lists import listed_names
-from ncgen.solver.runs.stop import DIRECTIONS
 from ncgen.symbolic.numbering import Terms
-
-LAWS = {"": "NCGEN_NO_LAW", "simultaneous": "NCGEN_SIMULTANEOUS", "in turn": "NCGEN_IN_TURN"}
-"""Laws of several impacts, in C."""
-
-
-@dataclass(frozen=True)
-class ActionRow:
-    """One action, with the members of `ncgen_action`."""
-
-    event: int
-    kind: str
-    place: int = 0
-    value: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,71 +32,39 @@ class EventTable:
         return tuple(self.kernels.model.events.values())
 
     @cached_property
-    def _filled(self) -> tuple[list[ActionRow], list[tuple[str, Scalar]]]:
-        """The rows in the order of the events, and what their values are, each with the words that messages call it by."""
-        rows: list[ActionRow] = []
-        values: list[tuple[str, Scalar]] = []
-
-        def value(where: str, expression: Scalar) -> int:
-            values.append((where, expression))
-            return len(values) - 1
-
-        for k, event in enumerate(self.events):
-            where = f"event {event.name}"
-            changes = {name: value for action in event.do if isinstance(action, Change) for name, value in action.values.items()}
-            velocities = {name for name in changes if name not in self.kernels.parameters}
-            impacts = [action for action in event.do if isinstance(action, Impact)]
-            rows += [ActionRow(k, "NCGEN_IMPACT", int(a.rest == "end"), value(where, a.restitution)) for a in impacts]  # type: ignore[arg-type]
-            for name in sorted(changes, key=lambda name: name in velocities):
-                place = self.kernels.index[coordinate_of(name)] if name in velocities else self.kernels.parameters.index(name)
-                kind = "NCGEN_SET_VELOCITY" if name in velocities else "NCGEN_SET"
-                rows.append(ActionRow(k, kind, place, value(f"{where}, {name}", changes[name])))
-            rows += [ActionRow(k, "NCGEN_STOP") for action in event.do if isinstance(action, Stop)]
-        return rows, values
+    def _filled(self) -> Actions:
+        return Actions.of(self.kernels)
 
     @cached_property
     def changed(self) -> frozenset[str]:
         """Names of the parameters and inputs that events change."""
-        return frozenset(self.kernels.parameters[row.place] for row in self._filled[0] if row.kind == "NCGEN_SET")
+        return self._filled.changed(self.kernels)
 
     @cached_property
     def programs(self) -> list[Program]:
         """Of conditions, their slopes and rates, and of what actions set."""
         conditions = [(f"event {event.name}", event.when) for event in self.events]
-        return list(assemble_conditions(self.equations, conditions, self._filled[1], [], []).values())
+        return list(assemble_conditions(self.equations, conditions, self._filled.values, [], []).values())
 
     @cached_property
     def described(self) -> dict[str, object]:
         """What templates are filled with."""
-        rows, values = self._filled
-        degree = most_degree(self.kernels)
-        nodes, inverse = basis(degree)
-        set_velocities = [row.event for row in rows if row.kind == "NCGEN_SET_VELOCITY"]
-        count = len(self.events)
+        actions = self._filled
+        nodes, inverse = basis(actions.degree)
         return {
             "names": [event.name for event in self.events],
-            "count": count,
-            "most": max(count, *(set_velocities.count(k) for k in range(count))),
-            "law": LAWS[self._law],
-            "directions": [int(DIRECTIONS[event.direction]) for event in self.events],
-            "rows": rows,
-            "values": len(values),
-            "degree": degree,
+            "count": len(self.events),
+            "most": actions.most,
+            "law": actions.law,
+            "directions": actions.directions,
+            "rows": actions.rows,
+            "values": len(actions.values),
+            "degree": actions.degree,
             "nodes": nodes.tolist(),
             "inverse": np.ravel(inverse).tolist(),
-            "noise": VALUE_ROUNDING[degree],
+            "noise": actions.noise,
             "ends": any(event.is_last for event in self.events),
         }
-
-    @property
-    def _law(self) -> str:
-        """Of several impacts at one instant. Raises ModelError where events name different ones."""
-        named = {event.name: event.impact.order for event in self.events if event.impact and event.impact.order}
-        if len(laws := set(named.values())) > 1:
-            raise ModelError(
-                f"{self.kernels.name}: impacts of {listed_names(list(named))} have different orders; an export needs the same one for all"
-            )
-        return laws.pop() if laws else ""
 
 
 def refusal_of_events(model: Model) -> str | None:

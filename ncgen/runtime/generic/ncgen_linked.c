@@ -111,9 +111,9 @@ ncgen_real *ncgen_linked_pull(void)
 
 static const int *taken(const int **at, int count)
 {
-    const int *found = *at;
+    const int *first = *at;
     *at += count;
-    return found;
+    return first;
 }
 
 static void read_elimination(const int **at, int size, ncgen_elimination *e)
@@ -123,7 +123,7 @@ static void read_elimination(const int **at, int size, ncgen_elimination *e)
     e->order = taken(at, size);
     e->row_start = taken(at, size + 1);
     e->row_columns = taken(at, e->nonzeros);
-    e->row_places = taken(at, e->nonzeros);
+    e->row_positions = taken(at, e->nonzeros);
     e->column_start = taken(at, size + 1);
     e->column_rows = taken(at, e->nonzeros);
     e->entry_start = taken(at, size + 1);
@@ -152,7 +152,7 @@ static void read_events(const int *integers, const int *at)
     watched.degree = integers[DEGREE];
 }
 
-/* Models, eliminations and dynamics as far as integers tell. */
+/* Models, eliminations and dynamics from the integers. */
 static void read_integers(const int *integers)
 {
     const int *at = integers + HEAD;
@@ -248,7 +248,8 @@ static int kept(const int *integers)
 
 static size_t integers_of_run(void)
 {
-    return ((size_t)(4 * n + 3 * (m + n_drives) + 7 * events.count + 1) * sizeof(int) + sizeof(ncgen_real) - 1) / sizeof(ncgen_real);
+    const int of_all = 4 * n + 3 * (m + n_drives) + NCGEN_EVENTS_INTEGERS(events.count) + 3 * events.count + 1;
+    return ((size_t)of_all * sizeof(int) + sizeof(ncgen_real) - 1) / sizeof(ncgen_real);
 }
 
 static int size_of_state(void)
@@ -270,13 +271,13 @@ static void place_events(const int *integers, const ncgen_real *numbers)
     watched.signs = passage.signs = whole;
     passage.happened = whole + count;
     passage.due = whole + 2 * count;
-    watched.crossed = whole + 6 * count;
-    passage.stopped = whole + 7 * count;
+    watched.crossed = passage.due + NCGEN_EVENTS_INTEGERS(count);
+    passage.stopped = watched.crossed + count;
     watched.samples = multipliers + m + n_drives;
     passage.workspace = watched.samples + (watched.degree + 3) * 2 * count;
 }
 
-size_t ncgen_linked_room(const int *integers)
+size_t ncgen_linked_size(const int *integers)
 {
     const size_t workspace = read_all(integers);
     return workspace + integers_of_run() + (size_t)kept(integers);
@@ -304,7 +305,7 @@ ncgen_real *ncgen_linked_begin(const int *integers, const ncgen_real *numbers, n
     breaks.curves = integers[8];
     breaks.jumps = integers[9];
     breaks.interval = numbers[0];
-    breaks.room = multipliers + m + n_drives + (events.count > 0 ? of_events(integers) - 2 * events.count - 1 : 0);
+    breaks.workspace = multipliers + m + n_drives + (events.count > 0 ? of_events(integers) - 2 * events.count - 1 : 0);
     return state;
 }
 
@@ -382,15 +383,15 @@ int ncgen_linked_start(void)
     return ncgen_linked_project_state(0);
 }
 
-int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one)
+int ncgen_linked_advance(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one)
 {
     ncgen_moment moment = present();
     ncgen_statistics statistics;
     choose_method(step, rtol, atol);
-    const int status = events.count > 0 ? ncgen_go_through_events(&own.driven, has_breaks ? &breaks : NULL, &events, parameters, &moment,
+    const int status = events.count > 0 ? ncgen_advance_through_events(&own.driven, has_breaks ? &breaks : NULL, &events, parameters, &moment,
                                                                   t_end, one, &passage, &statistics)
-                       : has_breaks     ? ncgen_go_on_in_parts(&own.driven, &breaks, parameters, &moment, t_end, &statistics)
-                                        : ncgen_go_on(&own.driven, parameters, &moment, t_end, &statistics);
+                       : has_breaks     ? ncgen_advance_over_breaks(&own.driven, &breaks, parameters, &moment, t_end, &statistics)
+                                        : ncgen_advance(&own.driven, parameters, &moment, t_end, &statistics);
     if (step > 0)
         moment.h = state[NEXT_STEP];
     return status == NCGEN_OK ? keep(&own, &moment) : status;

@@ -4,21 +4,33 @@
 
 #include "ncgen_driven.h"
 
-/* What the functions of ncgen_events.h return besides: bounces accumulate at a gap that is to be held closed, which nobody does here; events bring about
- * each other without end; there are several impacts at one instant without a law; a gap is below zero at the start; an event has ended the
- * motion before. */
-enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED };
-
 /* As much workspace as the functions of ncgen_events.h need for `count` events, at most `most` velocities that one of them sets, or count if that is
  * more, n coordinates and the numbers that actions set. */
-#define NCGEN_EVENTS_WORKSPACE(count, most, n, values) ((count) * (2 * (n) + (count) + 11) + (most) * ((n) + 1) + (n) + (values))
+#define NCGEN_EVENTS_WORKSPACE(count, most, n, values) \
+    ((count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 2 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
+
+/* The same for integers. */
+#define NCGEN_EVENTS_INTEGERS(count) (8 * (count))
+
+/* Numbers of workspace of an impact of gaps that have so many velocities. */
+#define NCGEN_IMPACT_WORKSPACE(rows) (3 * (rows) * (rows) + 16 * (rows))
+
+/* begin cdef */
+
+/* What the functions of ncgen_events.h return besides: bounces accumulate at a gap that is to be held closed, which nobody does here; events bring about
+ * each other without end; there are several impacts at one instant without a law; a gap is below zero at the start; an event has ended the
+ * motion before; no impulses obey the laws of impact and friction; an impact would give energy; a log is full. */
+enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED, NCGEN_NO_IMPULSES, NCGEN_GAIN, NCGEN_LOG_FULL };
+
+/* Laws of several impacts at one instant; without one they are refused. */
+enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
+
+/* end cdef */
+/* begin table */
 
 /* What an event does: p[place] or qd[place] becomes the value; an impact along the gradient of the condition, whose restitution is the
  * value, place being 1 where the motion ends at a gap in which bounces accumulate; the end of the motion. */
 enum { NCGEN_SET, NCGEN_SET_VELOCITY, NCGEN_IMPACT, NCGEN_STOP };
-
-/* Laws of several impacts at one instant; without one they are refused. */
-enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
 
 typedef struct ncgen_action {
     int event, kind, place, value; /* value: its number among those of `values` */
@@ -46,17 +58,36 @@ typedef struct ncgen_events {
     const ncgen_mode *modes;      /* from number 1 on */
 } ncgen_events;
 
+/* What a note says: an event happened, a gap is held from now on, or is no longer; and how that was found: by a condition that was watched, at
+ * the start, since another event of the instant brought it about, or by a load. */
+enum { NCGEN_HAPPENS, NCGEN_RESTS, NCGEN_LEAVES };
+enum { NCGEN_WATCHED, NCGEN_AT_START, NCGEN_FOLLOWS, NCGEN_BY_LOAD };
+
+/* What happened, in the order of time. */
+typedef struct ncgen_log {
+    int count, room;  /* notes, of which no more than the room are there */
+    int owner;        /* number of the motion */
+    int first, found; /* of the present instant its first note, and how it was found */
+    int follows;      /* 1: what happens follows from what has happened at this instant */
+    int *due;         /* of each event: 1 where the present instant began with it */
+    ncgen_real *rows; /* of each note: owner, event, what, how it was found, t, impulse, energy that it took, time until bounces that
+                       * accumulate have ended or -1; q, qd before and after (n_coordinates each) */
+} ncgen_log;
+
 /* What is known of the events besides the state. */
 typedef struct ncgen_passage {
     int *signs;    /* of each: the side on which it is, 0 for that of its value; with modes as many more as the largest holds gaps */
     int *happened; /* how often each has happened */
-    int *due;      /* 1 for those that are to happen at this instant, 0 afterwards; 4 count numbers, of which these are the first */
+    int *due;      /* 1 for those that are to happen at this instant, 0 afterwards; NCGEN_EVENTS_INTEGERS(count) numbers, of which these are the first */
     int *stopped;  /* 1: an event has ended the motion */
     ncgen_real *workspace;
     int *mode;        /* with modes: the number of the present one, 0 where no gap is held */
     int *directions;  /* with modes: as many numbers as signs */
     int *wanted;      /* with modes: 2 count numbers */
     ncgen_real *room; /* with modes: 2 n_coordinates and twice as many numbers as signs */
+    ncgen_log *log;   /* NULL: nobody wants to know what happens */
 } ncgen_passage;
+
+/* end table */
 
 #endif

@@ -1,13 +1,9 @@
 /* ncgen_events.c: what happens at one instant: the actions of all events that are due, and of those that these bring about. */
 #include "ncgen_events.h"
 #include "ncgen_breaks.h"
+#include "ncgen_chain.h"
 #include "ncgen_impacts.h"
 #include "ncgen_modes.h"
-
-enum { MOST_ROUNDS = 1000 };
-
-/* A bounce that stays lower than this many times what has no sign is none. */
-static const ncgen_scalar at_rest = R(50.0);
 
 /* A gap is still if its velocity is below this share of its terms. */
 static const ncgen_scalar standstill = R(1.0e-9);
@@ -29,11 +25,17 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->slopes = ncgen_take(&space, count * (2 * n + 1));
     i->responses = ncgen_take(&space, events->most * (n + 1));
     i->G = ncgen_take(&space, count * count);
-    i->velocities = ncgen_take(&space, 2 * count);
+    i->velocities = ncgen_take(&space, count);
     i->impulses = ncgen_take(&space, count);
-    i->restitution = ncgen_take(&space, count);
-    i->needed = ncgen_take(&space, count);
+    i->lost = ncgen_take(&space, count);
+    i->terms = ncgen_take(&space, count);
+    i->coefficients = ncgen_take(&space, 3 * count);
+    i->space = ncgen_take(&space, NCGEN_IMPACT_WORKSPACE(count));
+    i->taking = passage->due + count;
+    i->places = passage->due + 4 * count;
+    i->sticks = passage->due + 7 * count;
     i->kept = ncgen_take(&space, n);
+    i->prior = ncgen_take(&space, n);
     i->numbers = ncgen_take(&space, 0); /* the rest */
 }
 
@@ -64,11 +66,21 @@ static int find_numbers(ncgen_instant *i)
     return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
 }
 
+static ncgen_real energy(const ncgen_instant *i)
+{
+    ncgen_real out[3] = {0, 0, 0};
+    if (i->d->model->energy)
+        i->d->model->energy(i->moment->t, i->moment->q, i->moment->qd, i->p, out);
+    return out[0] + out[1];
+}
+
 /* What an event does besides impacts, with the numbers of the state before it. */
 static int act(ncgen_instant *i, int event)
 {
     const ncgen_events *e = i->events;
+    const ncgen_real before = i->passage->log ? energy(i) : 0;
     int status = find_numbers(i), others = 0;
+    ncgen_copy(i->n, i->moment->qd, i->prior);
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         const ncgen_action *a = e->actions + k;
         if (a->event != event || a->kind == NCGEN_IMPACT)
@@ -83,37 +95,11 @@ static int act(ncgen_instant *i, int event)
     }
     if (!ncgen_impact_of(e, event))
         i->passage->happened[event] += 1;
-    return status == NCGEN_OK && others ? ncgen_set_velocities(i, event) : status;
-}
-
-/* Events whose conditions the last actions carried to the other side. */
-static int turned(ncgen_instant *i, const int *done)
-{
-    int count = 0;
-    for (int k = 0; k < i->count; ++k) {
-        const ncgen_real before = i->before[2 * k], after = i->values[2 * k];
-        const int clear = !ncgen_is_closed(i, k) && NCGEN_ABS(before) > NCGEN_CLOSED * i->scales[k];
-        i->passage->due[k] = clear && !done[k] && sign_of(before) != sign_of(after) && sign_of(after) * i->events->directions[k] >= 0;
-        count += i->passage->due[k];
-    }
-    return count;
-}
-
-static ncgen_real energy(const ncgen_instant *i)
-{
-    ncgen_real out[3] = {0, 0, 0};
-    if (i->d->model->energy)
-        i->d->model->energy(i->moment->t, i->moment->q, i->moment->qd, i->p, out);
-    return out[0] + out[1];
-}
-
-/* Is the next bounce of an impact one that cannot be told from none? */
-static int rests(ncgen_instant *i, int k)
-{
-    const ncgen_real *first = i->responses, *second = first + i->count; /* responses are no longer needed */
-    const ncgen_real speed = first[k] > 0 ? first[k] : 0, pull = -second[k];
-    const ncgen_real deep = NCGEN_ABS(i->values[2 * k]), least = at_rest * i->events->noise * i->scales[k];
-    return pull > 0 && speed * speed <= 2 * pull * (deep > least ? deep : least);
+    if (status == NCGEN_OK && others)
+        status = ncgen_set_velocities(i, event);
+    if (i->passage->log && (others || !ncgen_impact_of(e, event)))
+        ncgen_note(i->passage->log, i->n, i->moment, event, NCGEN_HAPPENS, i->prior, 0, before - energy(i));
+    return status;
 }
 
 static int is_still(const ncgen_instant *i, int k)
@@ -151,70 +137,98 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
             passage->signs[k] = 1;
         released[k] = 0;
     }
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    for (int k = 0; k < i->count; ++k)
+        i->terms[k] = ncgen_holds(i->events, passage, k); /* room for what was held */
     const int status = ncgen_choose_mode(i->d, i->events, i->p, i->moment, passage);
+    for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
+        const int holds = ncgen_holds(i->events, passage, k), held = i->terms[k] > 0;
+        if (holds != held)
+            ncgen_note(passage->log, i->n, i->moment, k, holds ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
+    }
     return status == NCGEN_OK ? accelerate(i) : status;
 }
 
-/* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate; happened (count): what has. resting
- * (count): which gaps are at rest */
-static int finish(ncgen_instant *i, const int *happened, int *resting)
+/* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate. resting (count): which gaps are at rest */
+static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
 {
+    const ncgen_real *rates = i->responses, *accelerations = rates + i->count; /* responses are no longer needed */
     int status = accelerate(i), rested = 0;
+    ncgen_notes_follow(i->passage->log, 0);
+    if (status == NCGEN_OK)
+        status = find_numbers(i);
     if (status == NCGEN_OK)
         status = i->events->rates(i->moment->t, i->moment->q, i->moment->qd, i->moment->qdd, i->p, i->responses);
-    for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
-        const int clear = !ncgen_is_closed(i, k), way = i->events->directions[k], side = i->passage->signs[k];
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_set_sides(chain, i->passage->signs);
+    for (int k = 0; k < i->count; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
         resting[k] = 0;
-        if (happened[k])
-            i->passage->signs[k] = way ? way : clear ? sign_of(i->values[2 * k]) : -side;
-        else if (clear)
-            i->passage->signs[k] = sign_of(i->values[2 * k]);
-        if (!happened[k] || !impact || !rests(i, k))
+        i->velocities[k] = -1; /* room for the time in which bounces end */
+        if (!chain->happened[k] || !impact || !ncgen_is_at_rest(i->values[2 * k], i->scales[k], rates[k], accelerations[k], i->events->noise))
             continue;
+        i->velocities[k] = ncgen_time_of_bounces(rates[k], accelerations[k], i->numbers[impact->value]);
         if (impact->place)
             *i->passage->stopped = 1;
         else
             rested = resting[k] = 1;
     }
-    if (status == NCGEN_OK && i->events->n_modes)
-        return choose_mode(i, happened, resting);
+    if (i->events->n_modes) {
+        status = choose_mode(i, chain->happened, resting);
+        rested = 0;
+    }
+    for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
+        if (!(i->velocities[k] < 0))
+            ncgen_note_limit(i->passage->log, i->n, k, i->velocities[k]);
     return status == NCGEN_OK && rested ? NCGEN_AT_REST : status;
+}
+
+/* The impacts and actions that are due. */
+static int act_all(void *context)
+{
+    ncgen_instant *i = (ncgen_instant *)context;
+    const int *due = i->passage->due;
+    int hit = 0, status = find_numbers(i);
+    if (status == NCGEN_OK)
+        status = ncgen_hit(i, &hit);
+    for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
+        if (due[k] && (hit || !ncgen_impact_of(i->events, k)))
+            status = act(i, k);
+    return status;
+}
+
+static int look_again(void *context)
+{
+    ncgen_instant *i = (ncgen_instant *)context;
+    ncgen_notes_follow(i->passage->log, 1);
+    return look(i);
+}
+
+/* The chain of events of an instant. */
+static ncgen_chain chain_of(ncgen_instant *i)
+{
+    int *due = i->passage->due;
+    const ncgen_chain chain = {i->count, i->events->directions, due,       due + 3 * i->count, due + 2 * i->count, i->values,
+                               i->before, i->scales,            i,         look_again,         act_all};
+    return chain;
 }
 
 static int happen(ncgen_instant *i)
 {
     const ncgen_real before = energy(i);
-    int *due = i->passage->due, *first = due + 2 * i->count, *done = due + 3 * i->count, status = NCGEN_OK, some = 1, hit = 0;
-    for (int k = 0; k < i->count; ++k)
-        first[k] = due[k];
-    for (int round = 0; some && status == NCGEN_OK; ++round) {
-        if (round == MOST_ROUNDS)
-            return NCGEN_ENDLESS;
-        ncgen_copy(2 * i->count, i->values, i->before);
-        status = find_numbers(i);
-        if (status == NCGEN_OK)
-            status = ncgen_hit(i, &hit);
-        for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
-            done[k] = due[k];
-            if (due[k] && (hit || !ncgen_impact_of(i->events, k)))
-                status = act(i, k);
-        }
-        if (status == NCGEN_OK)
-            status = look(i);
-        some = turned(i, done);
-        for (int k = 0; k < i->count; ++k)
-            first[k] |= due[k];
-    }
+    ncgen_chain chain = chain_of(i);
+    ncgen_begin_notes(i->passage->log, i->count, chain.due);
+    int status = ncgen_follow_chain(&chain);
     if (status == NCGEN_OK)
-        status = finish(i, first, done);
+        status = finish(i, &chain, chain.done);
     for (int k = 0; k < i->count; ++k)
-        due[k] = 0;
+        chain.due[k] = 0;
     i->moment->work += energy(i) - before;
     return status;
 }
 
-int ncgen_happen(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
+int ncgen_apply_events(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
     ncgen_instant i;
     begin(&i, d, events, p, moment, passage);
@@ -235,19 +249,21 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
         passage->wanted[k] = 0;
     if (status == NCGEN_OK)
         status = events->rates(moment->t, moment->q, moment->qd, moment->qdd, p, i.responses);
-    for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
-        const ncgen_real value = i.values[2 * k], rate = i.responses[k];
-        const int is_impact = ncgen_impact_of(events, k) != NULL, is_zero = ncgen_is_closed(&i, k), way = sign_of(rate);
-        if (is_impact && value < 0 && !is_zero)
-            return NCGEN_OVERLAP;
-        passage->due[k] = is_zero && way && way * events->directions[k] >= 0;
-        passage->signs[k] = is_impact ? 1 : is_zero ? way : sign_of(value);
-        some |= passage->due[k];
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_chain chain = chain_of(&i);
+    for (int k = 0; k < i.count; ++k) {
+        i.taking[k] = ncgen_impact_of(events, k) != NULL;
+        chain.done[k] = i.taking[k] && is_still(&i, k);
     }
-    return status == NCGEN_OK && (some || events->n_modes) ? happen(&i) : status;
+    if (ncgen_find_first(&chain, i.responses, i.taking, chain.done, passage->signs) >= 0)
+        return NCGEN_OVERLAP;
+    for (int k = 0; k < i.count; ++k)
+        some |= chain.due[k];
+    return some || events->n_modes ? happen(&i) : NCGEN_OK;
 }
 
-int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
+int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
     ncgen_passage *passage)
 {
     ncgen_moment here = *moment;
@@ -280,27 +296,23 @@ static long events_so_far(const ncgen_events *events, const ncgen_passage *passa
     return sum;
 }
 
-int ncgen_go_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
+int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics)
 {
     const long before = events_so_far(events, passage);
     if (*passage->stopped)
         return NCGEN_STOPPED;
-    const int some = ncgen_look_for_events(d, events, p, moment, 0, passage);
-    int status = some < 0 ? -some : some > 0 ? ncgen_happen(d, events, p, moment, passage) : NCGEN_OK;
+    const int some = ncgen_mark_events(d, events, p, moment, 0, passage);
+    int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
         ncgen_entered in;
         ncgen_enter(d, events, passage, &in);
         const ncgen_driven *mode = &in.driven;
-        status = breaks ? ncgen_go_on_in_parts(mode, breaks, p, moment, t_end, statistics) : ncgen_go_on(mode, p, moment, t_end, statistics);
+        status = breaks ? ncgen_advance_over_breaks(mode, breaks, p, moment, t_end, statistics) : ncgen_advance(mode, p, moment, t_end, statistics);
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
-        for (int k = 0; k < events->count; ++k)
-            passage->due[k] = d->options->event->crossed[k];
-        for (int k = events->count; k < in.watched.count; ++k)
-            if (d->options->event->crossed[k])
-                passage->wanted[events->count + events->modes[*passage->mode - 1].held[k - events->count]] = 1;
-        status = ncgen_happen(d, events, p, moment, passage);
+        ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
+        status = ncgen_apply_events(d, events, p, moment, passage);
     }
     return status;
 }

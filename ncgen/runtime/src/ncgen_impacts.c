@@ -1,11 +1,8 @@
 /* ncgen_impacts.c: what impulses at one instant change of the velocities.
  *
- * They change by what the constraints leave of impulses: M dqd + Phi_q' mu = W' L, Phi_q dqd = 0. With the gaps' velocities
- * u = W qd + dg/dt, Newton's law of impact is 0 <= L, u_after + e u_before >= 0, one of both zero (Moreau 1988).
- */
+ * They change by what the constraints leave of impulses: M dqd + Phi_q' mu = W' L, Phi_q dqd = 0, and velocities of gaps by W dqd. */
 #include "ncgen_impacts.h"
-
-enum { MOST_TURNS = 10000, MOST_SWEEPS = 100000 };
+#include "ncgen_impulses.h"
 
 const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event)
 {
@@ -64,121 +61,68 @@ int ncgen_set_velocities(ncgen_instant *i, int event)
     return NCGEN_OK;
 }
 
-/* Of the gaps, and whether they close. */
-static int find_velocities(ncgen_instant *i, const int *taking, int count)
+/* Velocities of gaps, what they are sums of, and how impulses on gaps change them. */
+static int find_responses(ncgen_instant *i, ncgen_impact *impact)
 {
-    int closing = 0;
-    for (int a = 0; a < count; ++a) {
-        const ncgen_real *w = ncgen_gradient(i, taking[a]), drift = w[2 * i->n];
-        ncgen_real size = NCGEN_ABS(drift), sum = drift;
-        for (int j = 0; j < i->n; ++j) {
-            sum += w[j] * i->moment->qd[j];
-            size += NCGEN_ABS(w[j]) * NCGEN_ABS(i->moment->qd[j]);
-        }
-        i->velocities[2 * a] = sum;
-        i->velocities[2 * a + 1] = sum < -NCGEN_OPENING * size ? 1 : 0;
-        closing += sum < -NCGEN_OPENING * size;
-    }
-    return closing;
-}
-
-static ncgen_real *entry(const ncgen_instant *i, int a, int b)
-{
-    return i->G + (size_t)a * (size_t)i->count + (size_t)b;
-}
-
-/* How impulses on gaps change their velocities. */
-static int find_responses(ncgen_instant *i, const int *taking, int count)
-{
-    for (int a = 0; a < count; ++a) {
-        const int status = ncgen_respond(i->d, i->p, i->moment, ncgen_gradient(i, taking[a]), response(i, a));
+    const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_largest(i->n, i->moment->qd, sizes);
+    for (int a = 0; a < impact->count; ++a) {
+        const ncgen_real *w = ncgen_gradient(i, i->taking[a]), drift = w[2 * i->n];
+        i->terms[a] = NCGEN_ABS(drift);
+        i->velocities[a] = drift + ncgen_dot(i->n, w, i->moment->qd);
+        for (int j = 0; j < i->n; ++j)
+            i->terms[a] += NCGEN_ABS(w[j]) * sizes[j] * speed;
+        const int status = ncgen_respond(i->d, i->p, i->moment, w, response(i, a));
         if (status != NCGEN_OK)
             return status;
     }
-    for (int a = 0; a < count; ++a)
-        for (int b = 0; b < count; ++b)
-            *entry(i, a, b) = ncgen_dot(i->n, ncgen_gradient(i, taking[a]), response(i, b));
-    for (int a = 0; a < count; ++a)
-        if (!(*entry(i, a, a) > 0))
-            return NCGEN_SINGULAR;
+    for (int a = 0; a < impact->count; ++a)
+        for (int b = 0; b < impact->count; ++b)
+            i->G[a * impact->count + b] = ncgen_dot(i->n, ncgen_gradient(i, i->taking[a]), response(i, b));
     return NCGEN_OK;
 }
 
-static int are_coupled(const ncgen_instant *i, int count)
+/* The gaps that take part: those that are due, and those that are closed already. Returns whether some are due. */
+static int take_gaps(ncgen_instant *i, ncgen_impact *impact)
 {
-    for (int a = 0; a < count; ++a)
-        for (int b = 0; b < a; ++b)
-            if (NCGEN_ABS(*entry(i, a, b)) > NCGEN_OPENING * NCGEN_SQRT(*entry(i, a, a) * *entry(i, b, b)))
-                return 1;
-    return 0;
-}
-
-/* One gap after the other, the one that closes fastest first. */
-static int hit_in_turn(ncgen_instant *i, const int *taking, int count)
-{
-    for (int turn = 0; turn < MOST_TURNS; ++turn) {
-        int fastest = -1;
-        if (!find_velocities(i, taking, count))
-            return NCGEN_OK;
-        for (int a = 0; a < count; ++a)
-            if (i->velocities[2 * a + 1] > 0 && (fastest < 0 || i->velocities[2 * a] < i->velocities[2 * fastest]))
-                fastest = a;
-        const ncgen_real impulse = -(1 + i->restitution[fastest]) * i->velocities[2 * fastest] / *entry(i, fastest, fastest);
-        push(i, fastest, impulse);
-        i->impulses[fastest] += impulse;
+    int wanted = 0;
+    for (int k = 0; k < i->count; ++k) {
+        const ncgen_action *action = ncgen_impact_of(i->events, k);
+        const int a = impact->count;
+        if (!action || !(i->passage->due[k] || ncgen_is_closed(i, k)))
+            continue;
+        wanted |= i->passage->due[k];
+        i->taking[a] = k;
+        i->places[3 * a] = a;
+        i->places[3 * a + 1] = i->places[3 * a + 2] = 0;
+        i->coefficients[3 * a] = i->numbers[action->value];
+        i->coefficients[3 * a + 1] = i->coefficients[3 * a + 2] = 0;
+        impact->count = impact->rows = a + 1;
     }
-    return NCGEN_ENDLESS;
+    return wanted;
 }
 
-/* All together: sweeps of Gauss and Seidel, each impulse as much as its gap needs and none that pulls. */
-static int hit_all(ncgen_instant *i, int count)
-{
-    for (int a = 0; a < count; ++a)
-        i->needed[a] = (1 + i->restitution[a]) * i->velocities[2 * a];
-    ncgen_real last = R(1.0e30);
-    for (int sweep = 0; sweep < MOST_SWEEPS; ++sweep) {
-        ncgen_real moved = 0, size = 0;
-        for (int a = 0; a < count; ++a) {
-            ncgen_real rest = i->needed[a];
-            for (int b = 0; b < count; ++b)
-                rest += *entry(i, a, b) * i->impulses[b];
-            const ncgen_real before = i->impulses[a], next = before - rest / *entry(i, a, a);
-            i->impulses[a] = next > 0 ? next : 0;
-            moved += NCGEN_ABS(i->impulses[a] - before);
-            size += i->impulses[a];
-        }
-        if (moved <= R(1.0e-6) * size && !(moved < last)) /* at rounding */
-            break;
-        last = moved;
-    }
-    for (int a = 0; a < count; ++a)
-        push(i, a, i->impulses[a]);
-    return NCGEN_OK;
-}
-
-/* The impacts of events that are due, with the gaps that are closed already; *hit: whether a gap closes. */
 int ncgen_hit(ncgen_instant *i, int *hit)
 {
-    int *due = i->passage->due, *taking = i->passage->due + i->count, count = 0, wanted = 0; /* room for numbers behind `due` */
-    for (int k = 0; k < i->count; ++k) {
-        const ncgen_action *impact = ncgen_impact_of(i->events, k);
-        if (!impact || !(due[k] || ncgen_is_closed(i, k)))
-            continue;
-        wanted += due[k];
-        i->restitution[count] = i->numbers[impact->value];
-        i->impulses[count] = 0;
-        taking[count++] = k;
-    }
-    *hit = wanted && find_velocities(i, taking, count);
-    if (!*hit)
+    ncgen_impact impact = {0, 0, i->events->law, i->places, i->coefficients, i->G, i->terms, 0, i->velocities, i->impulses, i->lost,
+                           i->sticks, 0, 0, 0, NULL, NULL, i->space};
+    ncgen_real energies[3] = {0, 0, 0};
+    *hit = 0;
+    if (!take_gaps(i, &impact))
         return NCGEN_OK;
-    int status = find_responses(i, taking, count);
-    if (status != NCGEN_OK)
-        return status;
-    if (i->events->law == NCGEN_NO_LAW && are_coupled(i, count))
-        return NCGEN_NO_ORDER;
-    status = i->events->law == NCGEN_IN_TURN ? hit_in_turn(i, taking, count) : hit_all(i, count);
-    for (int a = 0; a < count; ++a)
-        i->passage->happened[taking[a]] += i->impulses[a] > 0;
+    int status = find_responses(i, &impact);
+    if (status == NCGEN_OK && i->d->model->energy)
+        status = i->d->model->energy(i->moment->t, i->moment->q, i->moment->qd, i->p, energies);
+    impact.energy = energies[0];
+    if (status == NCGEN_OK)
+        status = ncgen_impact_of_gaps(&impact);
+    *hit = impact.closes;
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    for (int a = 0; a < impact.count && status == NCGEN_OK && impact.closes; ++a) {
+        push(i, a, i->impulses[a]);
+        i->passage->happened[i->taking[a]] += i->impulses[a] > 0;
+    }
+    for (int a = 0; a < impact.count && status == NCGEN_OK && impact.closes; ++a)
+        if (i->impulses[a] > 0)
+            ncgen_note(i->passage->log, i->n, i->moment, i->taking[a], NCGEN_HAPPENS, i->prior, i->impulses[a], i->lost[a]);
     return status;
 }

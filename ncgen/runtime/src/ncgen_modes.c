@@ -48,6 +48,16 @@ void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_
     }
 }
 
+void ncgen_mark_crossed(const ncgen_events *events, int count, const int *crossed, ncgen_passage *passage)
+{
+    const ncgen_mode *mode = present(events, passage);
+    for (int k = 0; k < events->count; ++k)
+        passage->due[k] = crossed[k];
+    for (int k = events->count; k < count; ++k)
+        if (crossed[k])
+            passage->wanted[events->count + mode->held[k - events->count]] = 1;
+}
+
 int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage)
 {
     const ncgen_mode *mode = present(events, passage);

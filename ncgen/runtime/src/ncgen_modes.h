@@ -13,6 +13,9 @@ typedef struct ncgen_entered {
 
 void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_passage *passage, ncgen_entered *in);
 
+/* What crossed at the end of a run in the present mode, `count` conditions: events that are due, and gaps that are released. */
+void ncgen_mark_crossed(const ncgen_events *events, int count, const int *crossed, ncgen_passage *passage);
+
 /* Does the present mode hold the gap of an event? */
 int ncgen_holds(const ncgen_events *events, const ncgen_passage *passage, int event);
 
