@@ -96,9 +96,11 @@ class SlidingNodes:
         loads, _ = solved(signs)
         sides = [[one, graph.const(-1.0)] if each.is_joint else [one] for each in sliding]
         self.margin = _least(graph, [solved(combination)[1] for combination in product(*sides)])
-        self._apply(
-            graph, n, along, answers, [graph.neg(graph.mul(m, graph.mul(s, load))) for m, s, load in zip(mu, signs, loads, strict=True)]
-        )
+        friction = [graph.neg(graph.mul(m, graph.mul(s, load))) for m, s, load in zip(mu, signs, loads, strict=True)]
+        self._apply(graph, n, along, answers, friction)
+        self.rows, self.answers, self.signs, self.loads, self.friction = [n + s.row for s in sliding], answers, signs, loads, friction
+        self.columns = [{c: graph.mul(node, m) for c, node in column.items()} for column, m in zip(along, mu, strict=True)]
+        self.mu, self.matrix = mu, matrix(signs)
 
     def _apply(
         self, graph: Graph, n: int, along: Sequence[dict[int, int]], answers: Sequence[dict[int, int]], friction: Sequence[int]
@@ -112,9 +114,6 @@ class SlidingNodes:
             for c, node in column.items():
                 sums.setdefault(c, []).append(graph.mul(node, f))
         self.forces = {c: graph.sum(nodes) for c, nodes in sums.items()}
-        self.rows, self.answers, self.signs, self.loads, self.friction = [n + s.row for s in sliding], answers, signs, loads, friction
-        self.columns = [{c: graph.mul(node, m) for c, node in column.items()} for column, m in zip(along, mu, strict=True)]
-        self.mu, self.matrix = mu, matrix(signs)
 
 
 def assemble_friction(equations: Terms, sizes: MotionSizes, sliding: Sequence[Sliding]) -> dict[str, Program]:

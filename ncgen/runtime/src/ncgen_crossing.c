@@ -70,14 +70,9 @@ static int changes_of(int degree, const ncgen_real *c, ncgen_scalar noise, int *
     return changes;
 }
 
-<<<<<<< HEAD
 /* Is the part of width / whole from place / whole on to be halved? Else: does the sign turn in it? The places are shares of from .. to. */
 static int is_mixed(ncgen_walk *w, int degree, const ncgen_real *b, int place, int width, ncgen_scalar noise, ncgen_scalar from,
                     ncgen_scalar to, int *found)
-=======
-/* Is the part of width / whole from place / whole on to be halved? Else: does the sign turn in it? */
-static int is_mixed(walk *w, int degree, const ncgen_real *b, int place, int width, ncgen_scalar noise, int *crosses)
->>>>>>> main
 {
     ncgen_real c[MOST];
     int sign;
@@ -88,15 +83,9 @@ static int is_mixed(walk *w, int degree, const ncgen_real *b, int place, int wid
     if (width > 1 && (changes > 1 || (changes == 1 && !(first && last))))
         return 1;
     if (changes == 0)
-<<<<<<< HEAD
         *found = turns(w, from + (low + (high - low) / 2) * span, sign);
     else
         *found = turns(w, from + low * span, first) || turns(w, from + high * span, last);
-=======
-        *crosses = turns(w, low + (high - low) / 2, sign);
-    else
-        *crosses = turns(w, low, first) || turns(w, high, last);
->>>>>>> main
     return 0;
 }
 
@@ -104,25 +93,16 @@ int ncgen_walk_part(ncgen_walk *w, const ncgen_basis *basis, const ncgen_real *v
                     ncgen_scalar to)
 {
     ncgen_real b[MOST];
-<<<<<<< HEAD
     int found = 0, place = 0, width = whole;
     to_coefficients(basis, values, stride, b);
     while (place < whole && !found) {
         if (is_mixed(w, basis->degree, b, place, width, noise, from, to, &found)) {
-=======
-    walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0, 0};
-    int crosses = 0, place = 0, width = whole;
-    to_coefficients(basis, values, stride, b);
-    while (place < whole && !crosses) {
-        if (is_mixed(&w, basis->degree, b, place, width, noise, &crosses)) {
->>>>>>> main
             width /= 2;
             continue;
         }
         for (place += width; width < whole && place % (2 * width) == 0;) /* the next part is as wide as its place among the halves allows */
             width *= 2;
     }
-<<<<<<< HEAD
     return found;
 }
 
@@ -161,12 +141,4 @@ int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int
     *high = w.next;
     *sign = w.sign;
     return found;
-=======
-    const int last = sign_of(b[basis->degree], 0), before = w.sign; /* to end at zero is to get there, but not to be there throughout */
-    crosses = crosses || ((last || w.seen) && turns(&w, 1, last ? last : -w.sign));
-    *low = w.at;
-    *high = w.next;
-    *sign = last || crosses ? w.sign : before;
-    return crosses;
->>>>>>> main
 }

@@ -14,7 +14,6 @@ typedef struct ncgen_basis {
     const ncgen_scalar *inverse;
 } ncgen_basis;
 
-<<<<<<< HEAD
 /* What is known of a function as parts of the interval are walked through from left to right: the sign to begin with or seen last, whether
  * any was seen, where, and the place of the last look. direction: 1 from negative to positive, -1 the other way, 0 either. */
 typedef struct ncgen_walk {
@@ -36,12 +35,6 @@ int ncgen_has_one_sign(const ncgen_basis *basis, const ncgen_real *values, int s
 
 /* For a polynomial on the whole interval. *sign: the sign to begin with, or 0 for that of the first value; then the last one that is clear.
  * Returns 1 and shares low < high with one change of sign in between, or 0 where there is none. */
-=======
-/* values: at the nodes, `stride` numbers from each other; noise: what is smaller has no sign, but for the first and the last of them.
- * direction: 1 from negative to positive, -1 the other way, 0 either. *sign: the sign to begin with, or 0 for that of the first value;
- * then the last one that is clear. Returns 1 and shares low < high with one change of sign in between,
- * or 0 where there is none. Two of them that are nearer to each other than 2^-30, or part by less than the noise, do not count. */
->>>>>>> main
 int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, int direction, int *sign,
                          ncgen_scalar *low, ncgen_scalar *high);
 

@@ -140,18 +140,13 @@ def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
     names = ", ".join(each.words for each in sliding)
     if why := refusal_of_multipliers(kernels):
         raise ModelError(f"{kernels.name}: {names} cannot slide: {why}; leave the friction out")
-<<<<<<< HEAD
     if len(sliding) > 1 and any(each.across is not None for each in sliding):
         raise ModelError(
             f"{kernels.name}: {names} slide together, and friction with across must be the only friction of loads; leave across out"
         )
-    digest = hashlib.sha256(
-        repr([(s.words, s.row, s.across, str(s.friction), str(s.velocity), s.slip) for s in sliding]).encode()
-    ).hexdigest()[:16]
-=======
-    digest = hashlib.sha256(repr([(s.words, s.row, str(s.friction), str(s.velocity), s.slip) for s in sliding]).encode()).hexdigest()[:16]
+    parts = [(s.words, s.row, s.across, str(s.friction), str(s.velocity), s.slip) for s in sliding]
+    digest = hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
     equations, sizes = kernels.programs.equations, motion_sizes(kernels)
->>>>>>> main
     made = functions_of(
         kernels, f"friction_{digest}", {"friction_forces": STATE}, {"friction_forces": kernels.n},
         {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)}, lambda: assemble_friction(equations, sizes, sliding),
