@@ -24,7 +24,7 @@ from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms.impulse import Impulse, cross
 from ncgen.solver.given import array_of, checked_kernels, echo, finite, has_events, known_name, offer, positive, values_by_name
-from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments, takes
+from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments
 from ncgen.solver.motions.alone import Alone
 from ncgen.solver.parameter_checks import check_parameters
 from ncgen.solver.positions.massless import check_mass
@@ -51,9 +51,6 @@ REPLACED = {
 }
 """{member of a simulation: what to write in place of an assignment to it}."""
 
-NOT_STEPPED = ("formalism", "engine", "number", "options", "max_step")
-"""Arguments of a method that make no difference where a simulation is moved step by step."""
-
 UNCOPIED = "a simulation is not copied: C works on its memory; start another one with ncgen.start and reset it to sim.state"
 
 
@@ -79,31 +76,8 @@ class SimulationState:
         return f"<SimulationState of {len(self.q)} coordinates at t = {self.t:g} s>"
 
 
-@takes(MotionArguments, unused=NOT_STEPPED)
-def start(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
-    """Start a simulation that waits for its first step.
-
-    Parameters
-    ----------
-    kernels : Kernels
-        Compiled mechanism.
-    **arguments : MotionArguments
-        The start and the method. `inputs` are numbers, {name: value}; each keeps its value until a step gives it another. `integrator`
-        is an explicit one in C: "auto" takes as many steps within a step as `rtol` asks for; with rk4 a step is one of this method, so
-        that its cost is always the same. `rtol` and `atol` are tolerances of every step.
-
-    Returns
-    -------
-    Simulation
-        The mechanism at `t0`.
-
-    Raises
-    ------
-    ModelError
-        For invalid arguments, and where C alone cannot move the mechanism.
-    ConvergenceError, SingularError
-        As `simulate` does for a start.
-    """
+def start_one(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
+    """Start one simulation; arguments and errors as of `start` without rows."""
     return Simulation(checked_kernels(kernels).driven_by(None), *stepped(kernels, arguments))
 
 
