@@ -32,7 +32,8 @@ from ncgen.solver.runs.run import COMPILED, EMITTED, Form, Run
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
-from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
+from ncgen.solver.trajectories.grid_motion import Statistics
+from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.preparation import preparation_seconds
 
 STEP_COUNT_TOLERANCE = 1 + 1e-12

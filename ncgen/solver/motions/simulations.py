@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,8 +27,10 @@ from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import array_of, checked_kernels, count, echo, has_events, known_name, positive
 from ncgen.solver.groups import MotionArguments
 from ncgen.solver.motions.alone import Alone
-from ncgen.solver.motions.simulation import (
+from ncgen.solver.motions.simulation_states import SimulationStates
+from ncgen.solver.motions.step_preparation import (
     check_next_step,
+    chosen_rows,
     explicit,
     known_text,
     no_such_quantity,
@@ -45,29 +46,11 @@ from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.trajectories.output_values import uses_accelerations
 
 if TYPE_CHECKING:
-    from ncgen.solver.events.steps import Past, Steps
+    from ncgen.solver.events.steps import Steps
     from ncgen.solver.trajectories.happening import Happening
 
 ARRAYS_OF_C = ("t", "work", "q", "qd", "p")
 """Arrays of `Simulations` that C works on."""
-
-
-@dataclass(frozen=True, eq=False)
-class SimulationStates:
-    """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), pasts (N,) of a model with events, as of
-    `ncgen.solver.motions.simulation.State`."""
-
-    t: np.ndarray
-    q: np.ndarray
-    qd: np.ndarray
-    work: np.ndarray
-    p: np.ndarray
-    next_step: np.ndarray
-    mechanism: str
-    pasts: tuple[Past, ...] = field(default=(), repr=False)
-
-    def __repr__(self) -> str:
-        return f"<SimulationStates of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
 
 
 def start_batch(kernels: Kernels, size: int, arguments: Sequence[MotionArguments], threads: int | None) -> Simulations:
@@ -320,7 +303,7 @@ class Simulations:
         ModelError
             For rows that do not exist, for states of another mechanism or number of simulations, and for numbers that are not finite.
         """
-        chosen, source, now = self._rows(rows), self._began if states is None else states, self._now
+        chosen, source, now = chosen_rows(rows, self.size, self.kernels.name), self._began if states is None else states, self._now
         if not isinstance(source, SimulationStates):
             raise ModelError(f"reset: {echo(source)} given; give states that were kept, such as kept = sims.states")
         if source.mechanism != self._mechanism:
@@ -360,31 +343,12 @@ class Simulations:
             For the first simulation whose loops cannot be closed.
         """
         with self._alone:
-            for row in self._rows(rows).tolist():
+            for row in chosen_rows(rows, self.size, self.kernels.name).tolist():
                 if (status := self._now.project_state(row)) != "ok":
                     problem = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
                     raise ConvergenceError(f"{self.kernels.name}: {problem}; start nearer to a closed position")
                 self._now.next_step[row] = 0.0
         return self
-
-    def _rows(self, rows: ArrayLike | None) -> np.ndarray:
-        """Numbers of rows."""
-        if rows is None:
-            return np.arange(self.size)
-        try:
-            array = np.atleast_1d(rows)
-        except ValueError:  # lists of different lengths
-            array = np.empty(1)
-        if array.dtype == bool and array.shape == (self.size,):
-            return np.flatnonzero(array)
-        if not array.size:
-            return np.arange(0)
-        whole = array.ndim == 1 and np.issubdtype(array.dtype, np.integer)
-        if not (whole and array.min() >= 0 and array.max() < self.size):
-            raise ModelError(
-                f"rows: {self.kernels.name} has simulations 0 to {self.size - 1}; give their numbers, or a mask ({self.size},)"
-            )
-        return array
 
     @property
     def qdd(self) -> np.ndarray:
