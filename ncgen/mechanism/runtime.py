@@ -203,6 +203,8 @@ class Dynamics:
             pointer(ffi, integers, "int[]"),
         )  # fmt: skip
         done, s = rows[0], statistics
+        if watched:
+            watched.report()
         raised = next((each.raised for each in (listener, driver, *called) if each and each.raised), None)
         return Outcome(
             t=np.asarray(row_times[:done], dtype=float),

@@ -108,13 +108,13 @@ class Contacts(Frictions):
         friction : float or expression of parameters
             Coefficient of Coulomb's friction. Where a contact does not slide it sticks or rolls exactly.
         restitution, tangential : float or expression of parameters
-            e of the gap's velocity and of the sliding velocity, w⁺ = −e w⁻ where the impulse sticks.
+            Factors e of the gap's velocity and of the sliding velocity, w⁺ = −e w⁻ where the impulse sticks.
         law : str
             "newton" (u⁺ = −e u⁻) or "poisson" (impulses of compression and restitution, Λ = e Λ).
         order, rest : str
             As of `ncgen.impact`: order says what holds where several contacts close at one instant.
         stiffness, damping, exponent : float
-            k, d and n of a compliant contact without friction, whose force is k δⁿ (1 + d δ̇): N/mⁿ, and s/m.
+            Constants k, d and n of a compliant contact without friction, whose force is k δⁿ (1 + d δ̇): N/mⁿ, and s/m.
 
         Returns
         -------

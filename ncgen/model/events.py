@@ -70,13 +70,30 @@ class Events(Loads):
 
     @fact
     def event(self, name: str, when: Driven, direction: str = "falling", do: Doing | None = None) -> Event:
-        """Something that happens where an expression passes zero; the run continues unless the event stops it.
+        """Add an event, which happens where an expression passes zero; the run continues unless the event stops it.
 
-        when: an expression of m.time, coordinates, velocities, parameters and inputs, such as the gap between two points
-        direction: "falling" (a gap closes), "rising" or "either"
-        do: `ncgen.impact(restitution=0.5)`; `ncgen.lock(psi)`, `ncgen.free(psi)`; {name: value} for other inputs, parameters or velocities
-            ("rate(psi)"), values being numbers or expressions; "stop"; a function of the state, which returns such a dictionary or None; or
-            several of these in a list. Without it the event is only recorded, in `run.events`
+        Parameters
+        ----------
+        name : str
+            Name in `run.events`.
+        when : expression
+            Of m.time, coordinates, velocities, parameters and inputs, such as the gap between two points.
+        direction : str
+            "falling" (a gap closes), "rising" or "either".
+        do : action, optional
+            `ncgen.impact(restitution=0.5)`; `ncgen.lock(psi)` or `ncgen.free(psi)`; {name: value} for other inputs, parameters or
+            velocities ("rate(psi)"), values being numbers or expressions; "stop"; a function of the state that returns such a dictionary or
+            None; or a list of these. Default: the event is only recorded.
+
+        Returns
+        -------
+        Event
+            The event.
+
+        Raises
+        ------
+        ModelError
+            For a name that another event has, and for an impact whose condition is not a falling gap of positions.
         """
         one_of(direction, f"event {name}: direction", DIRECTIONS)
         actions: tuple[Action, ...] = do or ()  # type: ignore[assignment]  # as READERS leave them
