@@ -22,6 +22,11 @@ int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift
     return NCGEN_ABS(velocity) <= standstill * (terms + NCGEN_ABS(drift));
 }
 
+int ncgen_is_used_up(ncgen_scalar value, ncgen_scalar size, int nearly)
+{
+    return nearly ? value <= slack * size : value < -slack * size;
+}
+
 int ncgen_slip_of(const ncgen_active *a, int k, int slip, int side)
 {
     if (a->wanted[k] || a->released[k])

@@ -36,6 +36,9 @@ typedef struct ncgen_active {
  * find_loads. */
 int ncgen_find_active(ncgen_active *active);
 
+/* Does a load no longer hold, by a condition with this value and size? nearly: also where it cannot be told from its limit. */
+int ncgen_is_used_up(ncgen_scalar value, ncgen_scalar size, int nearly);
+
 /* Is something still whose velocity consists of terms: those of coordinates and a drift? */
 int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift);
 
