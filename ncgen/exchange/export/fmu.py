@@ -134,10 +134,11 @@ def _groups(package: Package) -> list[Group]:
     q, rate, work = 1, 1 + n, 1 + 2 * n  # where the states stand
 
     loaded = loaded_elements(package.sources.programs.equations) if package.loads else []
-    events, changed = kernels.model.events, package.events.changed if package.events else frozenset()
+    events, changed = package.events.names if package.events else [], package.events.changed if package.events else frozenset()
     conditions = [Variable(f"condition({name})", "", f"condition of event {name}", "local") for name in events]
     conditions += [
-        Variable(f"load({name})", "N", f"condition of event {name}: load of its gap, 1 where it is open", "local") for name in package.gaps
+        Variable(f"load({name})", "N", f"condition of event {name}: what its load has left, 1 where it is not held", "local")
+        for name in (package.events.loads if package.events else ())
     ]
     attributes = ("output", "discrete", "exact", 0.0)
     counts = [Variable(f"count({name})", "", f"how often event {name} has happened", *attributes) for name in events]

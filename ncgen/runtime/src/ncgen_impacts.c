@@ -4,6 +4,7 @@
  * u = W qd + dg/dt, Newton's law of impact is 0 <= L, u_after + e u_before >= 0, one of both zero (Moreau 1988).
  */
 #include "ncgen_impacts.h"
+#include "ncgen_modes.h"
 
 enum { MOST_TURNS = 10000, MOST_SWEEPS = 100000 };
 
@@ -87,11 +88,13 @@ static ncgen_real *entry(const ncgen_instant *i, int a, int b)
     return i->G + (size_t)a * (size_t)i->count + (size_t)b;
 }
 
-/* How impulses on gaps change their velocities. */
+/* How impulses on gaps change their velocities; locks that are closed answer, too. */
 static int find_responses(ncgen_instant *i, const int *taking, int count)
 {
+    ncgen_entered in;
+    ncgen_enter(i->whole, i->events, i->p, NULL, &in);
     for (int a = 0; a < count; ++a) {
-        const int status = ncgen_respond(i->d, i->p, i->moment, ncgen_gradient(i, taking[a]), response(i, a));
+        const int status = ncgen_respond(&in.driven, i->p, i->moment, ncgen_gradient(i, taking[a]), response(i, a));
         if (status != NCGEN_OK)
             return status;
     }
@@ -156,23 +159,48 @@ static int hit_all(ncgen_instant *i, int count)
     return NCGEN_OK;
 }
 
+/* One more gap or ratchet that takes part. */
+static void take(ncgen_instant *i, int *taking, int *count, int condition, ncgen_real restitution)
+{
+    i->restitution[*count] = restitution;
+    i->impulses[*count] = 0;
+    taking[(*count)++] = condition;
+}
+
+/* Ratchets that run backward, but for those that are due. */
+static void take_ratchets(ncgen_instant *i, const int *due, int *taking, int *count)
+{
+    const ncgen_events *e = i->events;
+    for (int h = 0; h < e->n_holds; ++h) {
+        const int k = e->holds[h].condition;
+        if (e->holds[h].kind == NCGEN_HOLDS_RATCHET && !due[k] && i->values[2 * k] <= 0)
+            take(i, taking, count, k, 0);
+    }
+}
+
 /* The impacts of events that are due, with the gaps that are closed already; *hit: whether a gap closes. */
 int ncgen_hit(ncgen_instant *i, int *hit)
 {
-    int *due = i->passage->due, *taking = i->passage->due + i->count, count = 0, wanted = 0; /* room for numbers behind `due` */
-    for (int k = 0; k < i->count; ++k) {
+    int *due = i->passage->due, *taking = i->passage->due + i->count, count = 0, wanted = 0, status; /* room for numbers behind `due` */
+    *hit = 0;
+    for (int k = 0; k < i->events->n_events; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
+        int moves = 1;
         if (!impact || !(due[k] || ncgen_is_closed(i, k)))
             continue;
-        wanted += due[k];
-        i->restitution[count] = i->numbers[impact->value];
-        i->impulses[count] = 0;
-        taking[count++] = k;
+        if ((status = ncgen_can_move(i, k, &moves)) != NCGEN_OK)
+            return status;
+        wanted += moves && due[k];
+        if (moves)
+            take(i, taking, &count, k, i->numbers[impact->value]);
     }
-    *hit = wanted && find_velocities(i, taking, count);
+    if (!wanted)
+        return NCGEN_OK;
+    take_ratchets(i, due, taking, &count);
+    *hit = find_velocities(i, taking, count);
     if (!*hit)
         return NCGEN_OK;
-    int status = find_responses(i, taking, count);
+    status = find_responses(i, taking, count);
     if (status != NCGEN_OK)
         return status;
     if (i->events->law == NCGEN_NO_LAW && are_coupled(i, count))
@@ -181,4 +209,14 @@ int ncgen_hit(ncgen_instant *i, int *hit)
     for (int a = 0; a < count; ++a)
         i->passage->happened[taking[a]] += i->impulses[a] > 0;
     return status;
+}
+
+int ncgen_catch(ncgen_instant *i, const int *happened)
+{
+    int *taking = i->passage->due + i->count, count = 0;
+    take_ratchets(i, happened, taking, &count);
+    if (!count || !find_velocities(i, taking, count))
+        return NCGEN_OK;
+    const int status = find_responses(i, taking, count);
+    return status == NCGEN_OK ? hit_all(i, count) : status;
 }

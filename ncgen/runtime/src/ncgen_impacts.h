@@ -7,7 +7,8 @@
 
 /* An instant on its way; its arrays are in the workspace of the passage. */
 typedef struct ncgen_instant {
-    const ncgen_driven *d;
+    const ncgen_driven *d;       /* the mechanism, with the locks that are closed */
+    const ncgen_driven *whole;   /* the mechanism itself */
     const ncgen_events *events;
     ncgen_real *p;
     ncgen_moment *moment;
@@ -18,6 +19,7 @@ typedef struct ncgen_instant {
     ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
     ncgen_real *velocities, *impulses, *numbers; /* count, count, what actions set */
     ncgen_real *restitution, *needed, *kept;     /* count, count, n */
+    ncgen_real *arrived;                         /* n: velocities before the instant */
 } ncgen_instant;
 
 /* A gap is closed where it is smaller than `closed` times its scale; a velocity above minus `opening` times its terms does not close it. */
@@ -29,17 +31,23 @@ static inline int ncgen_is_closed(const ncgen_instant *i, int k)
     return NCGEN_ABS(i->values[2 * k]) <= NCGEN_CLOSED * i->scales[k];
 }
 
-/* The derivatives of a condition by q and qd (n each) and t. */
+/* The derivatives of a condition by q and qd (n each) and t; of the velocity of a ratchet or joint those by qd stand first, then 0 for t. */
 static inline const ncgen_real *ncgen_gradient(const ncgen_instant *i, int k)
 {
     return i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
 }
+
+/* The values of the conditions, with their slopes and scales, at the moment. */
+int ncgen_look(ncgen_instant *i);
 
 const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event); /* NULL: it has none */
 
 /* The impacts of events that are due, with the gaps that are closed already; *hit: whether a gap closes. Numbers that actions set are those
  * of the state before. */
 int ncgen_hit(ncgen_instant *i, int *hit);
+
+/* The impulses that stop ratchets which run backward, but for those that are due as they only just turn. */
+int ncgen_catch(ncgen_instant *i, const int *happened);
 
 /* The velocities that an event sets, with those of all other coordinates. */
 int ncgen_set_velocities(ncgen_instant *i, int event);
