@@ -832,7 +832,7 @@ int arm_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     return NCGEN_OK;
 }
-static NCGEN_APART void arm_gamma_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
+static NCGEN_NOINLINE void arm_gamma_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
 {
     /* row 1: 1000 distance r0-r1 (body link1): |a|^2 - L^2 = 0 with a = r0-r1, L = 0.305164 */
     const ncgen_real dr1_x = qd[0];
@@ -958,7 +958,7 @@ static NCGEN_APART void arm_gamma_1(const ncgen_real *NCGEN_RESTRICT q, const nc
     gamma[19] = x42;
 }
 
-static NCGEN_APART void arm_gamma_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
+static NCGEN_NOINLINE void arm_gamma_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
 {
     /* row 21: 1001 unit u4 (body link4): |u|^2 - 1 = 0 with u = u4 */
     const ncgen_real du4_x = qd[30];
@@ -1071,7 +1071,7 @@ static NCGEN_APART void arm_gamma_2(const ncgen_real *NCGEN_RESTRICT q, const nc
     kept[7] = x45 * x45;
 }
 
-static NCGEN_APART void arm_gamma_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
+static NCGEN_NOINLINE void arm_gamma_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
 {
     /* row 31: 1000 distance r5-r6 (body link6): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.305164 */
     const ncgen_real x1 = kept[5];
@@ -1359,7 +1359,7 @@ int arm_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-static NCGEN_APART void arm_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void arm_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 1: 1000 distance r0-r1 (body link1): |a|^2 - L^2 = 0 with a = r0-r1, L = 0.305164 */
     const ncgen_real r1_x = q[0];
@@ -1713,7 +1713,7 @@ static NCGEN_APART void arm_constraints_1(const ncgen_real *NCGEN_RESTRICT q, co
     constraints[134] = -(x69 * cos_psi3);
 }
 
-static NCGEN_APART void arm_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void arm_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 18: 1012 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = u3, n = u2, psi = psi3, ln = 1 */
     const ncgen_real x1 = kept[3];
@@ -1932,7 +1932,7 @@ static NCGEN_APART void arm_constraints_2(const ncgen_real *NCGEN_RESTRICT q, co
     kept[18] = x74 * x74 + x75 * x75 + x76 * x76;
 }
 
-static NCGEN_APART void arm_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void arm_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 25: 1000 distance r4-r5 (body link5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.305164 */
     const ncgen_real x1 = kept[18];
@@ -2224,7 +2224,7 @@ static NCGEN_APART void arm_constraints_3(const ncgen_real *NCGEN_RESTRICT q, co
     kept[19] = x86 * sin_psi6;
 }
 
-static NCGEN_APART void arm_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void arm_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 36: 1012 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u6, n = u5, psi = psi6, ln = 1 */
     const ncgen_real x1 = kept[19];
@@ -2616,7 +2616,7 @@ const ncgen_model *arm_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "arm",
-        .fingerprint = "f7ea353c7b2a021d",
+        .fingerprint = "9f97f8af68b74302",
         .n_coordinates = 49,
         .n_rows = 42,
         .n_parameters = 7,

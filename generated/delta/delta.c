@@ -1306,7 +1306,7 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-static NCGEN_APART void delta_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void delta_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 1: 1000 distance A1-E1 (body arm1): |a|^2 - L^2 = 0 with a = A1-E1, L = 0.42 */
     const ncgen_real E1_x = q[0];
@@ -1634,7 +1634,7 @@ static NCGEN_APART void delta_constraints_1(const ncgen_real *NCGEN_RESTRICT q, 
     constraints[254] = x62;
 }
 
-static NCGEN_APART void delta_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void delta_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     const ncgen_real dE1b_x = qd[6];
     const ncgen_real dP1b_x = qd[33];
@@ -2019,7 +2019,7 @@ static NCGEN_APART void delta_constraints_2(const ncgen_real *NCGEN_RESTRICT q, 
     kept[42] = x130;
 }
 
-static NCGEN_APART void delta_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void delta_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 41: combination P2b.y (body platform): (e - c a x b).y = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
     const ncgen_real P2a_y = q[37];
@@ -2688,7 +2688,7 @@ const ncgen_model *delta_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "delta",
-        .fingerprint = "d2fdf6b79ee8adb2",
+        .fingerprint = "56a6fe36a6fabede",
         .n_coordinates = 60,
         .n_rows = 63,
         .n_parameters = 0,

@@ -39,9 +39,9 @@ extern "C" {
 
 /* A part of a long function, which stays one of its own: compilers would be slow on the whole. */
 #if defined(__GNUC__)
-#define NCGEN_APART __attribute__((noinline))
+#define NCGEN_NOINLINE __attribute__((noinline))
 #else
-#define NCGEN_APART
+#define NCGEN_NOINLINE
 #endif
 
 #define NCGEN_ABI_VERSION 1
@@ -102,7 +102,7 @@ typedef struct ncgen_model {
     ncgen_velocity_kernel *force;  /* n_coordinates: applied and velocity-dependent forces */
     ncgen_velocity_kernel *energy; /* 3: kinetic and potential energy (J), power of other forces (W) */
     ncgen_velocity_kernel *constraints; /* phi, then the values of phi_q, then gamma: quicker than one by one */
-    int n_inputs; /* the last of p: forces that change with time as whoever drives the mechanism says */
+    int n_inputs; /* the last of p: forces that change with time as the caller sets them */
 } ncgen_model;
 
 /* Kernels that take accelerations qdd, and multipliers lam of the rows, too. */

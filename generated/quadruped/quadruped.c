@@ -604,7 +604,7 @@ int quadruped_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-static NCGEN_APART void quadruped_phi_q_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT phi_q)
+static NCGEN_NOINLINE void quadruped_phi_q_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     /* row 1: 1001 unit ahead (body trunk): |u|^2 - 1 = 0 with u = ahead */
     const ncgen_real ahead_x = q[0];
@@ -894,7 +894,7 @@ static NCGEN_APART void quadruped_phi_q_1(const ncgen_real *NCGEN_RESTRICT q, co
     kept[8] = left_y * u2_y;
 }
 
-static NCGEN_APART void quadruped_phi_q_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT phi_q)
+static NCGEN_NOINLINE void quadruped_phi_q_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     /* row 34: 1012 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = left, b = u2, n = ahead, psi = alpha2, ln = 1 */
     const ncgen_real x1 = kept[7];
@@ -1063,7 +1063,7 @@ static NCGEN_APART void quadruped_phi_q_2(const ncgen_real *NCGEN_RESTRICT q, co
     kept[14] = ahead_z * x47;
 }
 
-static NCGEN_APART void quadruped_phi_q_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT phi_q)
+static NCGEN_NOINLINE void quadruped_phi_q_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     /* row 52: 1014 angle theta3a (coordinate theta3a): sin psi a.b - cos psi (a x b).n/ln = 0 with a = ahead, b = K3a-H3, n = u3, psi = theta3a, ln = 1 */
     const ncgen_real x1 = kept[13];
@@ -1325,7 +1325,7 @@ int quadruped_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-static NCGEN_APART void quadruped_gamma_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
+static NCGEN_NOINLINE void quadruped_gamma_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
 {
     /* row 1: 1001 unit ahead (body trunk): |u|^2 - 1 = 0 with u = ahead */
     const ncgen_real dahead_x = qd[0];
@@ -1488,7 +1488,7 @@ static NCGEN_APART void quadruped_gamma_1(const ncgen_real *NCGEN_RESTRICT q, co
     kept[16] = dahead_z * x49;
 }
 
-static NCGEN_APART void quadruped_gamma_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
+static NCGEN_NOINLINE void quadruped_gamma_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
 {
     /* row 31: 1014 angle theta1b (coordinate theta1b): sin psi a.b - cos psi (a x b).n/ln = 0 with a = ahead, b = K1b-H1, n = u1, psi = theta1b, ln = 1 */
     const ncgen_real x1 = kept[15];
@@ -1648,7 +1648,7 @@ static NCGEN_APART void quadruped_gamma_2(const ncgen_real *NCGEN_RESTRICT q, co
     kept[31] = dahead_x * x64 - dahead_z * x69;
 }
 
-static NCGEN_APART void quadruped_gamma_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
+static NCGEN_NOINLINE void quadruped_gamma_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
 {
     /* row 44: 1014 angle theta2b (coordinate theta2b): sin psi a.b - cos psi (a x b).n/ln = 0 with a = ahead, b = K2b-H2, n = u2, psi = theta2b, ln = 1 */
     const ncgen_real u2_y = q[40];
@@ -1799,7 +1799,7 @@ static NCGEN_APART void quadruped_gamma_3(const ncgen_real *NCGEN_RESTRICT q, co
     kept[8] = dahead_z * x61;
 }
 
-static NCGEN_APART void quadruped_gamma_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
+static NCGEN_NOINLINE void quadruped_gamma_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT gamma)
 {
     /* row 57: 1014 angle theta3b (coordinate theta3b): sin psi a.b - cos psi (a x b).n/ln = 0 with a = ahead, b = K3b-H3, n = u3, psi = theta3b, ln = 1 */
     const ncgen_real x1 = kept[9];
@@ -2846,7 +2846,7 @@ int quadruped_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     return NCGEN_OK;
 }
-static NCGEN_APART void quadruped_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void quadruped_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 1: 1001 unit ahead (body trunk): |u|^2 - 1 = 0 with u = ahead */
     const ncgen_real ahead_x = q[0];
@@ -3184,7 +3184,7 @@ static NCGEN_APART void quadruped_constraints_1(const ncgen_real *NCGEN_RESTRICT
     kept[18] = u1_y * x44;
 }
 
-static NCGEN_APART void quadruped_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void quadruped_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 26: 1014 angle theta1a (coordinate theta1a): sin psi a.b - cos psi (a x b).n/ln = 0 with a = ahead, b = K1a-H1, n = u1, psi = theta1a, ln = 1 */
     const ncgen_real x1 = kept[17];
@@ -3377,7 +3377,7 @@ static NCGEN_APART void quadruped_constraints_2(const ncgen_real *NCGEN_RESTRICT
     kept[27] = ahead_z * u2_y;
 }
 
-static NCGEN_APART void quadruped_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void quadruped_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 34: 1012 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = left, b = u2, n = ahead, psi = alpha2, ln = 1 */
     const ncgen_real ahead_y = q[1];
@@ -3560,7 +3560,7 @@ static NCGEN_APART void quadruped_constraints_3(const ncgen_real *NCGEN_RESTRICT
     kept[2] = ahead_z * x82;
 }
 
-static NCGEN_APART void quadruped_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void quadruped_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 44: 1014 angle theta2b (coordinate theta2b): sin psi a.b - cos psi (a x b).n/ln = 0 with a = ahead, b = K2b-H2, n = u2, psi = theta2b, ln = 1 */
     const ncgen_real x1 = kept[7];
@@ -3756,7 +3756,7 @@ static NCGEN_APART void quadruped_constraints_4(const ncgen_real *NCGEN_RESTRICT
     kept[34] = x80;
 }
 
-static NCGEN_APART void quadruped_constraints_5(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void quadruped_constraints_5(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 52: 1014 angle theta3a (coordinate theta3a): sin psi a.b - cos psi (a x b).n/ln = 0 with a = ahead, b = K3a-H3, n = u3, psi = theta3a, ln = 1 */
     const ncgen_real u3_y = q[55];
@@ -3952,7 +3952,7 @@ static NCGEN_APART void quadruped_constraints_5(const ncgen_real *NCGEN_RESTRICT
     kept[17] = x86;
 }
 
-static NCGEN_APART void quadruped_constraints_6(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void quadruped_constraints_6(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 60: 1012 angle alpha4 (coordinate alpha4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = left, b = u4, n = ahead, psi = alpha4, ln = 1 */
     const ncgen_real x1 = kept[16];
@@ -4605,7 +4605,7 @@ const ncgen_model *quadruped_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "quadruped",
-        .fingerprint = "8cc0088fddd3e4e7",
+        .fingerprint = "e874f56b4948d619",
         .n_coordinates = 84,
         .n_rows = 70,
         .n_parameters = 0,

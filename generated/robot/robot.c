@@ -2020,7 +2020,7 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-static NCGEN_APART void robot_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void robot_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 1: 1000 distance r1-r2 (body2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.700159 */
     const ncgen_real r2_x = q[0];
@@ -2338,7 +2338,7 @@ static NCGEN_APART void robot_constraints_1(const ncgen_real *NCGEN_RESTRICT q, 
     constraints[14] = R(1.834916255212933) * x87;
 }
 
-static NCGEN_APART void robot_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void robot_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
     const ncgen_real x1 = kept[12];
@@ -2652,7 +2652,7 @@ static NCGEN_APART void robot_constraints_2(const ncgen_real *NCGEN_RESTRICT q, 
     kept[36] = x94 + x96 + x98;
 }
 
-static NCGEN_APART void robot_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void robot_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
     const ncgen_real x1 = kept[36];
@@ -2786,7 +2786,7 @@ static NCGEN_APART void robot_constraints_3(const ncgen_real *NCGEN_RESTRICT q, 
     kept[7] = x5 * x75;
 }
 
-static NCGEN_APART void robot_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void robot_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
     const ncgen_real x1 = kept[8];
@@ -3062,7 +3062,7 @@ const ncgen_model *robot_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "robot",
-        .fingerprint = "8b865fe4ccd204c9",
+        .fingerprint = "eff8cabbac3c46ab",
         .n_coordinates = 36,
         .n_rows = 31,
         .n_parameters = 0,

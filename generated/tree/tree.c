@@ -2414,7 +2414,7 @@ int tree_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-static NCGEN_APART void tree_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void tree_constraints_1(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 1: 1000 distance C1-B1 (body1): |a|^2 - L^2 = 0 with a = C1-B1, L = 0.355513 */
     const ncgen_real C1_x = q[0];
@@ -2791,7 +2791,7 @@ static NCGEN_APART void tree_constraints_1(const ncgen_real *NCGEN_RESTRICT q, c
     kept[12] = u4_x * u4_x;
 }
 
-static NCGEN_APART void tree_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void tree_constraints_2(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 21: 1001 unit u4 (body4): |u|^2 - 1 = 0 with u = u4 */
     const ncgen_real u4_y = q[25];
@@ -3145,7 +3145,7 @@ static NCGEN_APART void tree_constraints_2(const ncgen_real *NCGEN_RESTRICT q, c
     kept[25] = u8_x * u8_x + u8_y * u8_y + u8_z * u8_z - R(1.0);
 }
 
-static NCGEN_APART void tree_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void tree_constraints_3(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 38: 1001 unit u8 (body8): |u|^2 - 1 = 0 with u = u8 */
     const ncgen_real x1 = kept[25];
@@ -3463,7 +3463,7 @@ static NCGEN_APART void tree_constraints_3(const ncgen_real *NCGEN_RESTRICT q, c
     kept[2] = u9_y * body9_across_y;
 }
 
-static NCGEN_APART void tree_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
+static NCGEN_NOINLINE void tree_constraints_4(const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT sine, const ncgen_real *NCGEN_RESTRICT cosine, const ncgen_real *NCGEN_RESTRICT kept, ncgen_real *NCGEN_RESTRICT constraints)
 {
     /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
     const ncgen_real x1 = kept[3];
@@ -3913,7 +3913,7 @@ const ncgen_model *tree_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "tree",
-        .fingerprint = "e0ec194b0a674333",
+        .fingerprint = "111d8b936b375a4e",
         .n_coordinates = 71,
         .n_rows = 62,
         .n_parameters = 0,

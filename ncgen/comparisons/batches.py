@@ -104,7 +104,7 @@ def _simulation_records(kernels: CompiledKernels) -> Iterator[dict]:
 
     def alone() -> list[Outcome]:
         return [
-            single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES).completed()
+            single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, max_growth=GROWTH, **TOLERANCES).completed()
             for zd in zd0[:N_SINGLE_SIMULATIONS]
         ]
 

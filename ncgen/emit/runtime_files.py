@@ -84,6 +84,11 @@ def stiff_names(defined: Sequence[str] = OMITTED_FOR_RADAU) -> tuple[str, ...]:
     return _part("ncgen_run.c", "ncgen_piecewise.c", "ncgen_radau.c", "ncgen_trapezoidal.c", defined=defined)
 
 
+def event_run_names() -> tuple[str, ...]:
+    """The files that carry many motions through their events by explicit methods."""
+    return _part("ncgen_event_runs.c", "ncgen_run.c", "ncgen_piecewise.c", defined=(EXPLICIT_ONLY,))
+
+
 def indifferent(names: Iterable[str], macros: Collection[str]) -> tuple[str, ...]:
     """Those of the library's sources that are the same whether macros are defined or not, with all headers that they include."""
     return tuple(name for name in names if name.endswith(".c") and not _mentioned(name).intersection(macros))
@@ -110,6 +115,11 @@ def _headers(source: str) -> set[str]:
 def adjoint_names() -> tuple[str, ...]:
     """The files of the library that go back over a run, which few runs are."""
     return _part("ncgen_adjoint.c")
+
+
+def event_names() -> tuple[str, ...]:
+    """The files of the library that say what happens at an instant of events, whatever it is of."""
+    return _part("ncgen_impulses.c")
 
 
 def _part(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:

@@ -24,28 +24,28 @@ enum { ARRAYS = 16 };
 ncgen_xla_fill *ncgen_xla_filling;
 
 static XLA_FFI_Error *failed(const XLA_FFI_Api *api, const char *line) {
-    XLA_FFI_Error_Create_Args told = {0};
+    XLA_FFI_Error_Create_Args error = {0};
 
-    told.struct_size = XLA_FFI_Error_Create_Args_STRUCT_SIZE;
-    told.message = line;
-    told.errc = XLA_FFI_Error_Code_INVALID_ARGUMENT;
-    return api->XLA_FFI_Error_Create(&told);
+    error.struct_size = XLA_FFI_Error_Create_Args_STRUCT_SIZE;
+    error.message = line;
+    error.errc = XLA_FFI_Error_Code_INVALID_ARGUMENT;
+    return api->XLA_FFI_Error_Create(&error);
 }
 
 /* XLA asks once for which version of its interface this was compiled. */
-static int is_asked_for_version(const XLA_FFI_Extension_Base *asked) {
-    if (asked == NULL || asked->type != XLA_FFI_Extension_Metadata)
+static int asks_for_version(const XLA_FFI_Extension_Base *extension) {
+    if (extension == NULL || extension->type != XLA_FFI_Extension_Metadata)
         return 0;
-    XLA_FFI_Api_Version *version = &((const XLA_FFI_Metadata_Extension *)asked)->metadata->api_version;
+    XLA_FFI_Api_Version *version = &((const XLA_FFI_Metadata_Extension *)extension)->metadata->api_version;
     version->major_version = XLA_FFI_API_MAJOR;
     version->minor_version = XLA_FFI_API_MINOR;
     return 1;
 }
 
 static ncgen_xla_array array_of(const XLA_FFI_Buffer *buffer) {
-    ncgen_xla_array found = {buffer->rank, buffer->dims, buffer->data};
+    ncgen_xla_array array = {buffer->rank, buffer->dims, buffer->data};
 
-    return found;
+    return array;
 }
 
 /* The function's number is the call's only attribute. */
@@ -54,7 +54,7 @@ XLA_FFI_Error *ncgen_xla_call(XLA_FFI_CallFrame *call) {
     char line[NCGEN_XLA_LINE] = "";
     int64_t count = 0;
 
-    if (is_asked_for_version(call->extension_start) || call->stage != XLA_FFI_ExecutionStage_EXECUTE)
+    if (asks_for_version(call->extension_start) || call->stage != XLA_FFI_ExecutionStage_EXECUTE)
         return NULL;
     if (call->args.size + call->rets.size > ARRAYS || call->attrs.size != 1)
         return failed(call->api, "ncgen: a call of other arrays than were asked for");

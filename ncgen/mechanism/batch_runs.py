@@ -56,7 +56,7 @@ class _BatchListener(Listener):
     """Who listens to many runs: its progress is called with the share of them that have arrived."""
 
     def hear(self, t: float) -> int:
-        if time.perf_counter() - self._clock < MIN_STEP_SECONDS * self.patience:
+        if time.perf_counter() - self._clock < MIN_STEP_SECONDS * self.attempts:
             time.sleep(PAUSE)
         return super().hear(t)
 
@@ -119,7 +119,12 @@ class LaneDynamics:
             flat = np.concatenate([np.zeros(1), *(each.ravel() for each in breaks)])
             ends = pointer(self._ffi, starts, "int[]"), pointer(self._ffi, flat)
         context = self._ffi.new_handle(listener)
-        options |= {"method": number_in_c(INTEGRATORS[method]), "watch": watch("double"), "context": context, "patience": listener.patience}
+        options |= {
+            "method": number_in_c(INTEGRATORS[method]),
+            "progress": watch("double"),
+            "context": context,
+            "attempts_left": listener.attempts,
+        }
         ended = self._call(
             self._library.ncgen_batch_simulate, options, (q, zd, p), (*ends, len(times), pointer(self._ffi, times)), out, threads
         )

@@ -79,7 +79,7 @@ class ExternalForces(InPython):
 
 
 class Choices(InPython):
-    """`ncgen_options.choose`: the parameters (n_p,) that follow from a position q (n,) and those there are.
+    """`ncgen_options.parameter_rule`: the parameters (n_p,) that follow from a position q (n,) and those there are.
 
     function: for C
     """

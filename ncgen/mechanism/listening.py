@@ -66,12 +66,12 @@ class Listener:
     """Who listens to one run.
 
     progress: called with the time (s) that the run has reached, if anybody wants to know
-    patience: stages until the next call; raised: what ended the run, or None
+    attempts: stages until the next call; raised: what ended the run, or None
     """
 
     def __init__(self, progress: Callable[[float], None] | None, size: int) -> None:
         self.progress = progress
-        self.patience = max(1, min(FIRST, int(WORK / max(size, 1) ** 3)))
+        self.attempts = max(1, min(FIRST, int(WORK / max(size, 1) ** 3)))
         self.raised: BaseException | None = None
         self._clock = time.perf_counter()
 
@@ -79,12 +79,12 @@ class Listener:
         """How many stages the run may go on before it asks again, at most twice as many as last time."""
         passed = time.perf_counter() - self._clock
         if isinstance(self.progress, Progress):
-            self.progress.spend(t, self.patience)
-        self.patience = max(1, min(2 * self.patience, int(self.patience * REACTION / max(passed, 1e-9)), 2**30))
+            self.progress.spend(t, self.attempts)
+        self.attempts = max(1, min(2 * self.attempts, int(self.attempts * REACTION / max(passed, 1e-9)), 2**30))
         if self.progress:
             self.progress(t)
         self._clock = time.perf_counter()
-        return self.patience
+        return self.attempts
 
 
 @once
@@ -99,4 +99,4 @@ def watch(number: str) -> InC:
         # A handler may raise between any two instructions, before `hear` could catch it: cffi hands on whatever it was.
         ffi.from_handle(traceback.tb_frame.f_locals["context"]).raised = raised
 
-    return ffi.callback("ncgen_watch *", hear, error=0, onerror=keep)
+    return ffi.callback("ncgen_progress_function *", hear, error=0, onerror=keep)

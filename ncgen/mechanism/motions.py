@@ -77,7 +77,7 @@ class LaneRuns:
         """How a number of each state changes with q and q̇ at its start, (states, n) each, and with p, (states, n_p), from how it does with
         q and q̇ at all times, (states, K, n) each."""
         motions, n = self.motions, self.motions.sizes.n_coordinates
-        slopes = motions.call("ncgen_motions_back", self.tape, 2 * n + motions.sizes.n_parameters, by_q, by_qd)
+        slopes = motions.call("ncgen_motions_adjoint", self.tape, 2 * n + motions.sizes.n_parameters, by_q, by_qd)
         return slopes[:, :n], slopes[:, n : 2 * n], slopes[:, 2 * n :]
 
     def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -93,7 +93,7 @@ class LaneRuns:
 
     def _start_back(self, weights: np.ndarray, of_velocities: int, before: int) -> np.ndarray:
         motions = self.motions
-        return motions.call("ncgen_starts_back", self.tape, before + motions.sizes.n_parameters, weights, which=(of_velocities,))
+        return motions.call("ncgen_starts_vjp", self.tape, before + motions.sizes.n_parameters, weights, which=(of_velocities,))
 
 
 class Motions:

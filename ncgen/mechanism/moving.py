@@ -108,7 +108,7 @@ class Stepping:
         return 0
 
     def _call(self, moment: InC, p: np.ndarray, t_end: float) -> int:
-        return self.library.ncgen_go_on(self.driven, self.pointer(p), moment, t_end, self.statistics)
+        return self.library.ncgen_advance(self.driven, self.pointer(p), moment, t_end, self.statistics)
 
     def _look_ahead(self, p: np.ndarray, q: np.ndarray, t: float, t_end: float) -> None:
         """Let steps from t to t_end (s) end at the breaks of parameters p (n_p,), which are found for many steps at a time."""
@@ -154,7 +154,7 @@ class Moving:
         self.q, self.qd, self.qdd, self.p = (np.zeros(size, dtype) for size in (n, n, n, len(kernels.p0)))
         self._moment = self._ffi.new("ncgen_moment *", {name: stepping.pointer(getattr(self, name)) for name in ("q", "qd", "qdd")})
         self._p, self._driven, self._statistics = stepping.pointer(self.p), stepping.driven, stepping.statistics
-        self._go_on, self._has_breaks = self._library.ncgen_go_on, stepping.has_breaks
+        self._go_on, self._has_breaks = self._library.ncgen_advance, stepping.has_breaks
 
     t, work, power, next_step = _member("t"), _member("work"), _member("power"), _member("h")
 
@@ -241,7 +241,7 @@ class MovingRows:
         if stepping.has_breaks:
             self._one_after_the_other(h, stepping, first, last)
             return
-        stepping.library.ncgen_go_on_each(stepping.driven, last - first, self.p.shape[1], p, moments, h, statuses, stepping.statistics)
+        stepping.library.ncgen_advance_each(stepping.driven, last - first, self.p.shape[1], p, moments, h, statuses, stepping.statistics)
 
     def _one_after_the_other(self, h: float, stepping: Stepping, first: int, last: int) -> None:
         """The same, each with the breaks of its own parameters."""
@@ -265,7 +265,7 @@ class MovingRows:
         first, moment = self._steppings[0], self._moments[row]
         first.watch(watched)
         statistics = first.statistics
-        status = first.library.ncgen_go_on(
+        status = first.library.ncgen_advance(
             first.driven, first.pointer(self.p[row : row + 1]), self._moments + row, moment.t + h, statistics
         )
         first.watch(None)

@@ -39,7 +39,7 @@ PARTITIONED = number_in_c(FORMALISMS["coordinate-partitioning"])
 class Outcome:
     """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
 
-    t (rows,) in s: their times, those asked for but for looks; q, qd (rows, n); work (rows,); status "ok" or the reason
+    t (rows,) in s: their times, those asked for but for movable; q, qd (rows, n); work (rows,); status "ok" or the reason
     reached: time (s) of the state `last` = (q, qd, work); tried: time of the last stage; stiff: how often it was found stiff
     raised: what ended the run from outside, or None; crossed: numbers of the conditions at which it stopped
     next_step (s): what an explicit method with error control would try next
@@ -137,7 +137,7 @@ class Dynamics:
         conditions: Conditions | None = None,
         newton: bool = False,
         sizes: ArrayLike | None = None,
-        looks: np.ndarray | None = None,
+        movable: np.ndarray | None = None,
         progress: Callable[[float], None] | None = None,
         inputs: Sequence[InputPieces | Function | None] = (),
         breaks: ArrayLike = (),
@@ -151,7 +151,7 @@ class Dynamics:
         conditions: at the first of which to stop
         newton: with tangents, also where a method can do without them
         sizes: what atol is multiplied by, one a velocity, position and the work; None for 1
-        looks: a mask over the times of rows that may have the end of the step around them, which saves the stages of an interpolant
+        movable: a mask over the times of rows that may have the end of the step around them, which saves the stages of an interpolant
         progress: called now and then with the time that the run has reached. What it raises, or a handler of a signal such as
             that of Ctrl-C, ends the run; `Outcome.completed` raises it again
         inputs: one an input of the mechanism: a table, a function of time, or None; () where all keep their values in p
@@ -171,20 +171,20 @@ class Dynamics:
         if sizes is not None:
             sizes = laid(sizes, dtype, sum(self._state(options.get("formalism", PARTITIONED))) + 1, f"{where}: sizes")
             settings.sizes = real(sizes)
-        looked = times
-        if looks is not None:
-            looks, looked = np.ascontiguousarray(looks, dtype=np.intc), times.copy()
-            settings.looks, settings.looked = pointer(ffi, looks, "int[]", len(times), f"{where}: looks"), real(looked)
+        row_times = times
+        if movable is not None:
+            movable, row_times = np.ascontiguousarray(movable, dtype=np.intc), times.copy()
+            settings.movable, settings.row_times = pointer(ffi, movable, "int[]", len(times), f"{where}: movable"), real(row_times)
         listener = Listener(progress, self._eliminated)
         context = ffi.new_handle(listener)
-        settings.watch, settings.context, settings.patience = watch(self.number.name), context, listener.patience
+        settings.progress, settings.context, settings.attempts_left = watch(self.number.name), context, listener.attempts
         driver = Driver(inputs, self.number, breaks) if any(inputs) or np.size(breaks) else None
         if driver:
             signals = driver.signals(library.ncgen_piecewise_inputs)
             settings.signals = signals
         called = [*self.called, *([Choices(self.kernels, choose)] if choose else [])]
         if choose:
-            settings.choose = called[-1].function
+            settings.parameter_rule = called[-1].function
         watched = Watched(conditions, ffi, self.number) if conditions else None
         if watched:
             settings.event = watched.struct
@@ -205,7 +205,7 @@ class Dynamics:
         done, s = rows[0], statistics
         raised = next((each.raised for each in (listener, driver, *called) if each and each.raised), None)
         return Outcome(
-            t=np.asarray(looked[:done], dtype=float),
+            t=np.asarray(row_times[:done], dtype=float),
             q=np.asarray(out_q[:done], dtype=float),
             qd=np.asarray(out_qd[:done], dtype=float),
             work=np.asarray(out_work[:done], dtype=float),
@@ -318,5 +318,5 @@ class EmittedDynamics(Dynamics):
         emitted = getattr(self._emitted, getter)()
         for name in ("newton", "acceleration"):
             setattr(self._dynamics, name, self._ffi.cast("void *", getattr(emitted, name)))
-        self._dynamics.closes = emitted.closes
+        self._dynamics.closed_form = emitted.closed_form
         self._describe(written.split, self._dynamics)  # what to fall back upon

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
+from pathlib import Path
 from threading import Thread
 from typing import Literal, TypeAlias
 
@@ -21,6 +22,8 @@ from ncgen.emit.runtime_files import (
     RUNTIME_HEADERS,
     STIFF_TREE,
     adjoint_names,
+    event_names,
+    event_run_names,
     explicit_names,
     indifferent,
     ordinary_names,
@@ -39,9 +42,10 @@ from ncgen.toolchain.compilers import FLAGS, flags_for
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
 
-Part: TypeAlias = Literal["ordinary", "stiff", "ordinary tree", "stiff tree", "explicit", "whole", "adjoint"]
+Part: TypeAlias = Literal["ordinary", "stiff", "ordinary tree", "stiff tree", "explicit", "whole", "adjoint", "events", "event runs"]
 """Of the runtime: what emitted accelerations over all coordinates need of explicit methods, or of Radau's; what those in loops over tables
-need; all explicit methods, all of it, or what goes back over a run."""
+need; all explicit methods, all of it; what goes back over a run, what happens at an instant of events, or what carries
+many motions through their events."""
 
 PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
     "ordinary": (ordinary_names, OMITTED_FOR_EXPLICIT),
@@ -51,6 +55,8 @@ PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
     "explicit": (explicit_names, (EXPLICIT_ONLY,)),
     "whole": (runtime_names, ()),
     "adjoint": (adjoint_names, ()),
+    "events": (event_names, ()),
+    "event runs": (event_run_names, (EXPLICIT_ONLY,)),
 }
 """The files of a part, and the macros that choose it."""
 
@@ -60,6 +66,9 @@ Recursion: TypeAlias = Literal["emitted", "tree"] | None
 EXPLICIT: dict[Recursion, Part] = {None: "explicit", "emitted": "ordinary", "tree": "ordinary tree"}
 IMPLICIT: dict[Recursion, Part] = {None: "whole", "emitted": "stiff", "tree": "stiff tree"}
 """The parts for explicit methods and for Radau's."""
+
+HEADERS_OF_FUNCTIONS = ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h", "ncgen_impulses.h")
+"""What declares the functions that Python calls."""
 
 RUNS: tuple[Part, ...] = ("whole", "explicit", "ordinary", "stiff", "ordinary tree", "stiff tree")
 """Parts that carry runs out, the one with most objects for others first."""
@@ -77,19 +86,36 @@ def interface_of(number: str) -> Interface:
     """What passes arguments to the runtime."""
     ffi = FFI()
     ffi.include(runtime_abi(number))
-    ffi.cdef("".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h")))
+    ffi.cdef("".join(declared(file, "functions") for file in HEADERS_OF_FUNCTIONS))
     return ffi
 
 
 @once
 def runtime_of(number: str, part: Part) -> InC:
     """The runtime, the same for all mechanisms; most runs do without three quarters of it. What parts have in common is compiled once."""
+    return opened_by(interface_of(number), _library(number, part))
+
+
+@once
+def event_runtime() -> tuple[Interface, InC]:
+    """What carries many motions through their events, and what passes arguments to it."""
+    ffi = FFI()
+    ffi.include(runtime_abi("double"))
+    ffi.cdef(declared("ncgen_event_table.h", "table") + declared("ncgen_event_runs.h"))
+    ffi.cdef("".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_event_runs.h")))
+    for name in ("ncgen_action", "ncgen_mode", "ncgen_events", "ncgen_log", "ncgen_event_runs"):
+        ffi.sizeof(name)
+    return ffi, opened_by(ffi, _library("double", "event runs"))
+
+
+def _library(number: str, part: Part) -> Path:
     files, flags = _sources(number, part)
 
     def siblings() -> list[Sibling]:
-        return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in RUNS if other != part and part in RUNS]
+        others = [other for other in RUNS if other != part and part in (*RUNS, "event runs")]
+        return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in others]
 
-    return opened_by(interface_of(number), compiled(files, flags, siblings=siblings).library)
+    return compiled(files, flags, siblings=siblings).library
 
 
 def _shared_sources(part: Part, other: Part) -> tuple[str, ...]:

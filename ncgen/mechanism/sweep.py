@@ -86,7 +86,7 @@ class Sweep:
     def _part(self, name: str, weights: np.ndarray, *state: np.ndarray) -> np.ndarray:
         """What a transposed part says at the start; state: what it reads besides time and p."""
         gradient = self._empty(sum(map(len, state)) + len(self._p))
-        function = getattr(self.numbers.library, f"ncgen_{name}_back")
+        function = getattr(self.numbers.library, f"ncgen_{name}_vjp")
         given = *map(self._real, (*state, self._p)), self._real(weights, self._sizes.n_coordinates), self._real(gradient)
         function(self.numbers.transposed, self._times[0], *given)
         return gradient
@@ -97,7 +97,7 @@ class Sweep:
         if not len(prepared):
             return own
         more = self._empty(len(own))
-        self.numbers.library.ncgen_prepare_back(self.numbers.transposed, *map(self._real, (self._p, prepared, more)))
+        self.numbers.library.ncgen_prepare_vjp(self.numbers.transposed, *map(self._real, (self._p, prepared, more)))
         return own + more
 
     def _empty(self, size: int) -> np.ndarray:

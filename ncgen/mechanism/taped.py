@@ -114,7 +114,7 @@ class Taped:
         kernels, method_in_c = self._kernels, number_in_c(INTEGRATORS[method])
         self._step_size = step_size(method, kernels.n)
         self._times, self._states = np.empty(steps + 1), np.empty(steps * self._step_size + 2 * kernels.n)
-        tape = {"room": steps, "times": self._real(self._times), "states": self._real(self._states)}
+        tape = {"capacity": steps, "times": self._real(self._times), "states": self._real(self._states)}
         self._tape = self._ffi.new("ncgen_tape *", tape)
         is_driven = "nu" in kernels.programs.programs
         self._sizes = Sizes(kernels.n, self._parameters, self._dynamics.prepared, is_driven, method_in_c, 0)
@@ -122,7 +122,7 @@ class Taped:
     @property
     def not_differentiable(self) -> float | None:
         """When (s) the first step began that went otherwise, near a singular position; None where there is none."""
-        return float(self._times[self._tape.other - 1]) if self._tape.other else None
+        return float(self._times[self._tape.first_other - 1]) if self._tape.first_other else None
 
     @cached_property
     def back(self) -> Sweep:
@@ -189,7 +189,7 @@ class Taped:
     def second(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[Sweep]]:
         """The same, and for every direction the reverse sweep in dual numbers."""
         sizes, columns = self._sizes, dp.shape[1]
-        used = len(self._states) - (self._tape.room - self._tape.steps) * self._step_size
+        used = len(self._states) - (self._tape.capacity - self._tape.steps) * self._step_size
         taped = np.empty((used + sizes.n_prepared, columns))
         changes, n = self._at_the_grid(self._along(dq, dqd, dp, taped)), sizes.n_coordinates
         numbers = self._kernels.remember("dual numbers", (), self._dual_numbers)
@@ -330,11 +330,11 @@ class _Directions:
         self._motion = getattr(self._emitted, getter)()
 
     def start(self, of_velocities: bool, sizes: Sizes, p: np.ndarray, t: float, states: np.ndarray, seeds: np.ndarray) -> np.ndarray:
-        """Changes (n, D) of what comes before the run, as of `ncgen_starts_along`; states begin with that of the start."""
+        """Changes (n, D) of what comes before the run, as of `ncgen_starts_jvp`; states begin with that of the start."""
         counts, changes = self._counts(sizes), np.empty((sizes.n_coordinates, seeds.shape[1]))
         work = aligned(self._library.ncgen_directions_workspace(*counts, sizes.method))
         p_in_c, *arrays = (pointer(self._ffi, a) for a in (p, states, seeds, changes, work))
-        self._library.ncgen_starts_along(
+        self._library.ncgen_starts_jvp(
             self._motion, *counts, sizes.method, p_in_c, of_velocities, t, arrays[0], seeds.shape[1], *arrays[1:]
         )
         return changes

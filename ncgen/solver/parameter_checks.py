@@ -80,3 +80,9 @@ def _conditions(model: Model) -> Iterator[Condition]:
     for row in model.rows:
         yield from rows.conditions(row)
     yield from model.conditions
+
+
+def judged_parameters(kernels: Outline) -> set[str]:
+    """Names of the parameters that have a say in the conditions of a model."""
+    conditions, _ = _judged(kernels)
+    return {name for condition in conditions for name in mentioned(condition.values, kernels.model.parameters).split(", ")}

@@ -55,6 +55,8 @@ STRUCTS = {
     ),  # fmt: skip
     "ncgen_differentiated.h": ("ncgen_seeded_motion", "ncgen_taped"),
     "ncgen_driven.h": ("ncgen_driven", "ncgen_moment"),
+    "ncgen_event_table.h": (),
+    "ncgen_impulses.h": ("ncgen_impact",),
 }
 
 

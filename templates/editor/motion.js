@@ -39,7 +39,7 @@ class Motion {
   }
 
   goOn(end) {
-    this.check(this.kernels.ncgen_table_go_on(end));
+    this.check(this.kernels.ncgen_table_advance(end));
     this.t = end;
   }
 

@@ -110,25 +110,25 @@ class Page {
 
   field(editor, part, [key, label, kind, unit]) {
     const chosen = editor.chosen, value = read(part, key);
-    const set = (found) => editor.change((drawing) => {
+    const set = (entered) => editor.change((drawing) => {
       const now = named(drawing[LISTS[chosen.kind]], chosen.name);
-      if (key === "x" || key === "y") editor.moveTo(now, key === "x" ? [found, now.y] : [now.x, found]);
-      else write(now, key, found);
+      if (key === "x" || key === "y") editor.moveTo(now, key === "x" ? [entered, now.y] : [now.x, entered]);
+      else write(now, key, entered);
     });
     if (kind === "tick") return this.tick_(label, value, set);
-    if (kind === "choice") return this.choice(label, value, (found) => { set(found); this.shown = null; document.activeElement.blur(); this.show(editor); });
+    if (kind === "choice") return this.choice(label, value, (entered) => { set(entered); this.shown = null; document.activeElement.blur(); this.show(editor); });
     const input = element("input", { type: "number", step: "any", value: value ?? "", id: `field-${key}` });
     if (kind === "size") input.placeholder = Number(followed(editor, chosen.kind, part).toPrecision(4));
     input.addEventListener("change", () => this.take(input, kind, `${chosen.kind}.${key}`, set));
     return element("label", {}, label, element("span", {}, input, ` ${unit || UNITS[part.mode] || ""}`));
   }
 
-  // A number that was typed, unless it is none that the part can have.
+  // A number that was typed, if the part can have it.
   take(input, kind, what, set) {
-    const empty = input.value === "" && kind === "size", found = empty ? null : Number(input.value);
-    const fits = empty || (input.value !== "" && Number.isFinite(found) && (!POSITIVE.includes(what) || found > 0));
+    const empty = input.value === "" && kind === "size", entered = empty ? null : Number(input.value);
+    const fits = empty || (input.value !== "" && Number.isFinite(entered) && (!POSITIVE.includes(what) || entered > 0));
     input.setAttribute("aria-invalid", String(!fits));
-    if (fits) set(found);
+    if (fits) set(entered);
   }
 
   tick_(label, value, set) {
@@ -192,7 +192,7 @@ function partText(kind, part) {
   return `${kind} ${part.name}${more ? `: ${more}` : ""}`;
 }
 
-// A drawing from the address of the page; null for one that is none.
+// A drawing from the address of the page; null for an address without one.
 function drawingFrom(hash) {
   try {
     const given = JSON.parse(decodeURIComponent(hash.slice(1))), clean = emptyDrawing();

@@ -20,12 +20,12 @@ const place = (drawing, name) => { const p = named(drawing.points, name); return
 function hull(places) {
   const sorted = [...places].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
   const half = (list) => {
-    const found = [];
+    const corners = [];
     for (const p of list) {
-      while (found.length > 1 && across(minus(found.at(-1), found.at(-2)), minus(p, found.at(-2))) <= 0) found.pop();
-      found.push(p);
+      while (corners.length > 1 && across(minus(corners.at(-1), corners.at(-2)), minus(p, corners.at(-2))) <= 0) corners.pop();
+      corners.push(p);
     }
-    return found.slice(0, -1);
+    return corners.slice(0, -1);
   };
   return [...half(sorted), ...half(sorted.reverse())];
 }
@@ -84,14 +84,14 @@ class Terms {
   // A linear form of pairs (weight, [point, axis] or angle): its constant and its coordinates.
   form(...pairs) {
     let constant = 0;
-    const found = [];
+    const terms = [];
     for (const [weight, what] of pairs) {
       const name = Array.isArray(what) ? `${what[0]}.${"xy"[what[1]]}` : what;
       if (typeof what === "number") constant += weight * what;
-      else if (this.index.has(name)) found.push([weight, this.index.get(name)]);
+      else if (this.index.has(name)) terms.push([weight, this.index.get(name)]);
       else constant += weight * place(this.drawing, what[0])[what[1]];
     }
-    return [constant, found];
+    return [constant, terms];
   }
 
   // The three scalars of the vector from a point to another.

@@ -298,7 +298,7 @@ def joint_calls(k: Any) -> list[Call]:
     of_v = ("velocities", "momentum", "kinetic_energy", "coriolis", "inverse_dynamics", "forward_dynamics", "loads")
     calls = [Call(f"joint_space.{name}", getattr(js, name), {"q": q}) for name in of_q]
     calls += [Call(f"joint_space.{name}", getattr(js, name), {"q": q, "v": v}) for name in of_v]
-    slopes = ("inverse_dynamics_slopes", {"a": v}), ("forward_dynamics_slopes", {"forces": v, "t": 0.0})
+    slopes = ("inverse_dynamics_derivatives", {"a": v}), ("forward_dynamics_derivatives", {"forces": v, "t": 0.0})
     calls += [Call(f"joint_space.{name}", getattr(js, name), {"q": q, "v": v, **more}) for name, more in slopes]
     return [
         *calls,

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 import pytest
+import scipy.optimize
 from test_contacts import RADIUS, G, disc, spin, velocity
 
 import ncgen
-from ncgen.solver.events.blows import Blow, simultaneous
+from ncgen.mechanism.impacts_in_c import Blow, impact
 
 
 def test_a_superball_turns_its_sliding_velocity_round():
@@ -87,14 +88,40 @@ def test_random_impulses_obey_the_laws(directions, seed):
     root = rng.normal(size=(size, size + 3))
     G, u = root @ root.T, rng.normal(size=size) - np.tile([1.0, *[0.0] * directions], 3)
     mu, e, e_t = rng.uniform(0, 0.4, 3), rng.uniform(0, 1, 3), rng.uniform(0, 1, 3)
-    blows = [Blow(np.arange(k * (1 + directions), (k + 1) * (1 + directions)), e[k], mu[k], e_t[k], is_poisson=False) for k in range(3)]
-    impulses = simultaneous(G, u, blows)
-    assert impulses is not None
-    after = u + G @ impulses
+    blows = [Blow(k * (1 + directions), directions, False, e[k], mu[k], e_t[k]) for k in range(3)]
+    found = impact(G, u, blows, "NCGEN_SIMULTANEOUS", np.zeros(size), 1e3)
+    assert found.closes and found.failure is None
+    impulses, after = found.impulses, u + G @ found.impulses
+    assert found.velocities == pytest.approx(after, rel=1e-12, abs=1e-12)
     for k, blow in enumerate(blows):
-        gap, across = blow.places[0], blow.places[1:]
+        gap = blow.gap
+        across = slice(gap + 1, gap + 1 + directions)
         normal, push, slip = impulses[gap], impulses[across], after[across] + e_t[k] * u[across]
         opening = after[gap] + e[k] * u[gap]
         assert normal >= -1e-12 and opening >= -1e-9 and abs(normal * opening) < 1e-9
         assert np.linalg.norm(push) <= mu[k] * normal + 1e-9
         assert np.linalg.norm(slip) * (mu[k] * normal) == pytest.approx(-push @ slip, abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_gaps_without_friction_follow_moreau(seed):
+    """Together: the impulses of least squares of SciPy's nnls, also where gaps depend on each other (up to 12 gaps of 6 motions)."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(2, 13))
+    W = rng.normal(size=(count, 6)) * rng.choice([1e-3, 1.0, 1e3], size=(count, 1))
+    u, e = W @ (rng.normal(size=6) - W.T @ rng.uniform(0, 1, count) / np.linalg.norm(W)), float(rng.uniform(0, 1))
+    found = impact(W @ W.T, u, [Blow(k, 0, False, e, 0.0, 0.0) for k in range(count)], "NCGEN_SIMULTANEOUS", np.zeros(count), 1e9)
+    expected, _ = scipy.optimize.nnls(W.T, -(1 + e) * np.linalg.lstsq(W, u, rcond=None)[0])
+    assert found.failure is None and found.closes == bool(np.any(u < 0)) and np.all(found.impulses >= 0)
+    size = np.linalg.norm(W, axis=1) * np.linalg.norm(W.T @ expected)
+    assert np.all(np.abs(W @ (W.T @ (found.impulses - expected))) <= 1e-9 * size)
+    lost = -expected @ (u + W @ (W.T @ expected) / 2)
+    assert np.sum(found.lost) == pytest.approx(lost, rel=1e-9, abs=1e-9 * np.sum(expected * np.abs(u)))
+
+
+def test_balls_in_turn_pass_the_velocity_on():
+    """Newton's cradle: the fastest gap first, so that the last of three balls of 1 kg takes 2 m/s along, in two impacts."""
+    W = np.array([[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0]])
+    found = impact(W @ W.T, W @ [2.0, 0.0, 0.0], [Blow(k, 0, False, 1.0, 0.0, 0.0) for k in range(2)], "NCGEN_IN_TURN", np.zeros(2), 2.0)
+    assert [number for number, _ in found.turns] == [0, 1] and found.impulses == pytest.approx([2.0, 2.0], rel=1e-15)
+    assert W.T @ found.impulses + [2.0, 0.0, 0.0] == pytest.approx([0.0, 0.0, 2.0], abs=1e-15) and np.all(np.abs(found.lost) < 1e-15)

@@ -287,3 +287,13 @@ def test_refused(declare, message):
     with pytest.raises(ncgen.ModelError) as refused:
         declare(m, psi1, psi2)
     assert str(refused.value) == message
+
+
+def test_a_four_bar_whose_crank_is_locked():
+    """Nothing moves: what the impulse leaves of velocities is rounding, which the constraints do not allow either."""
+    m = ncgen.load("fourbar")
+    psi = m.elements["psi"]
+    m.lock(psi, when=psi + 0.6)
+    run = ncgen.simulate(ncgen.compile(m), 0.3, zd0={"psi": -3.0})
+    (locks,) = run.events
+    assert locks.what == "locks" and run["psi"][-1] == pytest.approx(-0.6, rel=1e-12) and np.max(np.abs(run.qd[-1])) < 1e-13

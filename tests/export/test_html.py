@@ -70,7 +70,7 @@ def test_the_module_is_in_it(page_of):
     binary = unpacked(page_of(linkage()), "binary")
     assert binary.startswith(b"\0asm\1\0\0\0")
     assert all(f"linkage_{name}".encode() in binary for name in ("phi", "phi_q", "mass", "energy", "described"))
-    assert b"ncgen_linked_go_on" in binary
+    assert b"ncgen_linked_advance" in binary
 
 
 def test_the_same_model_gives_the_same_page(page_of, tmp_path):

@@ -112,11 +112,11 @@ def test_slopes_of_the_crane_equal_pinocchio(tmp_path):
     v, a, forces = (np.array(record[name])[order] for name in ("v", "a", "forces"))
     p, roll = np.zeros(1), names.index("roll")
     by_x, by_v, by_forces = np.zeros((3, len(x), len(x)))
-    assert called(lib.crane_inverse_dynamics_slopes, x, v, a, p, by_x, by_v) == 0
+    assert called(lib.crane_inverse_dynamics_derivatives, x, v, a, p, by_x, by_v) == 0
     for found, expected in zip((by_x, by_v), record["inverse_slopes"], strict=True):
         np.testing.assert_allclose(found, np.array(expected)[np.ix_(order, order)], rtol=0, atol=1e-11)
     forces[roll] += 0.7 * v[roll]
-    assert called(lib.crane_forward_dynamics_slopes, 0.0, x, v, forces, p, by_x, by_v, by_forces) == 0
+    assert called(lib.crane_forward_dynamics_derivatives, 0.0, x, v, forces, p, by_x, by_v, by_forces) == 0
     by_v[:, roll] += 0.7 * by_forces[:, roll]
     for found, expected in zip((by_x, by_v, by_forces), record["forward_slopes"], strict=True):
         np.testing.assert_allclose(found, np.array(expected)[np.ix_(order, order)], rtol=0, atol=1e-9 * np.max(np.abs(expected)))
@@ -148,7 +148,7 @@ def test_a_loop_in_c(tmp_path):
         assert called(lib.stewart_jacobian, kernels.index[point.x.name], q, p, jacobian) == 0
         np.testing.assert_allclose(jacobian, space.jacobian(point.name, q), rtol=0, atol=1e-12)
         parts = np.zeros((3, n, n))
-        assert called(lib.stewart_forward_dynamics_slopes, 0.0, x, v, a, p, everything, *parts) == 0
-        for part, expected in zip(parts, space.forward_dynamics_slopes(q, v, a), strict=True):
+        assert called(lib.stewart_forward_dynamics_derivatives, 0.0, x, v, a, p, everything, *parts) == 0
+        for part, expected in zip(parts, space.forward_dynamics_derivatives(q, v, a), strict=True):
             np.testing.assert_allclose(part, expected, rtol=0, atol=1e-9 * np.max(np.abs(expected)))
     assert called(lib.stewart_close, 0.0, x + 50.0, p, everything, q) == 1  # legs that long do not meet

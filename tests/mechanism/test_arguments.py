@@ -58,14 +58,14 @@ def test_what_is_laid_out_keeps_its_numbers():
         laid([0.0, 1.0], float, 3, "q")
 
 
-@pytest.mark.parametrize("wrong", ["q", "velocities", "p", "sizes", "looks"])
+@pytest.mark.parametrize("wrong", ["q", "velocities", "p", "sizes", "movable"])
 def test_a_run_in_c_reads_what_there_is(wrong):
     """The last line before C: an array of another size that came past all checks is refused there."""
     from ncgen.solver.engines.compiled import all_coordinates
 
     kernels = ncgen.compile(ncgen.load("pendulum"))
     given = {"q": kernels.q0, "velocities": np.zeros(kernels.n), "p": kernels.p0, "sizes": np.ones(2 * kernels.n + 1)}
-    given["looks"] = np.zeros(2, np.intc)
+    given["movable"] = np.zeros(2, np.intc)
     given[wrong] = np.append(given[wrong], 0)
     with pytest.raises(NcgenError, match=f"{wrong}.*"):
         all_coordinates(kernels).simulate("dopri5", [0.0, 0.1], formalism=1, **given)

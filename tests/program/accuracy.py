@@ -48,7 +48,7 @@ ROUND = 25
 """Positions of a walk before it begins again at the start."""
 
 HANDED_OVER = 10.0
-"""The growth from which the runtime takes the matrix instead of the recursion (`ncgen_is_badly_ordered`)."""
+"""The growth from which the runtime takes the matrix instead of the recursion (`ncgen_has_pivot_growth`)."""
 
 SINGULAR = 1e9
 """Condition of the whole matrix from which a position is left out: refinement finds nothing there."""

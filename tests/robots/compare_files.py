@@ -111,10 +111,10 @@ def beside_pinocchio(file: Path, space, robot: Robot) -> Worst:
             worst.look("Jacobian", space.jacobian(point.name, here, body), theirs[:, order])
         if kept and space.n <= SLOPED and np.linalg.cond(mass) < 1e6:
             a = rng.normal(size=model.nv)
-            found, theirs = space.inverse_dynamics_slopes(here, v[order], a[order]), pin.computeRNEADerivatives(model, data, q, v, a)
+            found, theirs = space.inverse_dynamics_derivatives(here, v[order], a[order]), pin.computeRNEADerivatives(model, data, q, v, a)
             for mine, other in zip(found[:2], theirs[:2], strict=True):
                 worst.look("slopes of inverse", mine, other[np.ix_(order, order)])
-            undamped = space.forward_dynamics_slopes(here, v[order], forces[order] - space.loads(here, v[order]))
+            undamped = space.forward_dynamics_derivatives(here, v[order], forces[order] - space.loads(here, v[order]))
             theirs = pin.computeABADerivatives(model, data, q, v, forces)
             worst.look("slopes of forward", undamped.position, theirs[0][np.ix_(order, order)])
         if np.linalg.cond(mass) < 1e12:

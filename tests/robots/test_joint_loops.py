@@ -53,10 +53,10 @@ def test_a_parallelogram_is_a_pendulum(backend):
         np.testing.assert_allclose(space.coriolis(q, [v]), [0.0], atol=1e-12)
         right = force - WEIGHT * np.cos(psi) - 6 * (psi - 0.2) - 0.9 * v
         close(space.forward_dynamics(q, [v], [force]), [right / MASS])
-        slopes = space.inverse_dynamics_slopes(q, [v], [a])
+        slopes = space.inverse_dynamics_derivatives(q, [v], [a])
         close(slopes.position, [[-WEIGHT * np.sin(psi)]])
         np.testing.assert_allclose(slopes.rate, [[0.0]], atol=1e-11)
-        slopes = space.forward_dynamics_slopes(q, [v], [force])
+        slopes = space.forward_dynamics_derivatives(q, [v], [force])
         close(np.concatenate(slopes, axis=1), [[(WEIGHT * np.sin(psi) - 6) / MASS, -0.9 / MASS, 1 / MASS]])
         close(space.kinetic_energy(q, [v]), 0.5 * MASS * v * v)
         heights = 0.8 * np.sin(psi) + 0.2, 0.3 * np.sin(psi), 0.4 * np.sin(psi)
@@ -100,7 +100,7 @@ def test_slopes_are_those_of_complex_steps(loops):
     """Of the programs of inverse dynamics and loads, with positions closed by Newton's method at complex values."""
     space, q, v = loops
     a, step, p = np.cos(np.arange(space.n)), 1e-30, space.kernels.p0
-    needed, applied = space.inverse_dynamics_slopes(q, v, a), space._slopes("joint_loads_tangent", 0.0, q, v)
+    needed, applied = space.inverse_dynamics_derivatives(q, v, a), space._slopes("joint_loads_tangent", 0.0, q, v)
     call = space._functions
     for k in range(space.n):
         x = space.closed(space.values(q))[0].astype(complex)

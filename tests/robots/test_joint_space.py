@@ -92,10 +92,10 @@ def test_slopes_equal_pinocchio(cranes, record):
     space = cranes[False]
     q, order = placed(space, record)
     v, a, forces = (np.array(record[name])[order] for name in ("v", "a", "forces"))
-    found = space.inverse_dynamics_slopes(q, v, a)
+    found = space.inverse_dynamics_derivatives(q, v, a)
     for part, expected in zip(found, (*record["inverse_slopes"], record["mass"]), strict=True):
         close(part, np.array(expected)[np.ix_(order, order)])
-    found = space.forward_dynamics_slopes(q, v, forces - space.loads(q, v))
+    found = space.forward_dynamics_derivatives(q, v, forces - space.loads(q, v))
     damped = np.zeros((space.n, space.n))  # by the model's own damper, which Pinocchio's equations have not
     damped[:, space.rates.index("roll")] = -0.7 * found.force[:, space.rates.index("roll")]
     for part, expected in zip((found.position, found.rate - damped, found.force), record["forward_slopes"], strict=True):
@@ -167,13 +167,13 @@ def test_many_states_at_a_time():
     )
     v = rng.normal(size=(2, 3, 7))
     together = space.mass_matrix(states), space.inverse_dynamics(states, v), space.jacobian("r7", states)
-    slopes, momentum = space.forward_dynamics_slopes(states, v), space.momentum(states, v)
+    slopes, momentum = space.forward_dynamics_derivatives(states, v), space.momentum(states, v)
     for i, j in np.ndindex(2, 3):
         close(together[0][i, j], space.mass_matrix(states[i, j]))
         close(together[1][i, j], space.inverse_dynamics(states[i, j], v[i, j]))
         close(together[2][i, j], space.jacobian("r7", states[i, j]))
         close(momentum[i, j], space.momentum(states[i, j], v[i, j]))
-        for part, alone in zip(slopes, space.forward_dynamics_slopes(states[i, j], v[i, j]), strict=True):
+        for part, alone in zip(slopes, space.forward_dynamics_derivatives(states[i, j], v[i, j]), strict=True):
             np.testing.assert_allclose(part[i, j], alone, rtol=0, atol=1e-10 * np.max(np.abs(alone)))
 
 

@@ -58,7 +58,7 @@ static int check(long count)
 {
     const ncgen_model *model = @_model();
     const ncgen_dynamics *dynamics = @_dynamics();
-    const ncgen_options options = {.method = NCGEN_DOPRI5, .tolerance = 1e-12, .rtol = 1e-6, .atol = 1e-8, .growth = 2.0};
+    const ncgen_options options = {.method = NCGEN_DOPRI5, .tolerance = 1e-12, .rtol = 1e-6, .atol = 1e-8, .max_growth = 2.0};
     const size_t n = (size_t)model->n_coordinates, nz = (size_t)dynamics->n_independent, b = (size_t)count;
     const size_t m = (size_t)model->n_rows, np = (size_t)model->n_parameters;
     double *q = some(b * n), *qd = some(b * n), *zd = some(b * nz), *p = some(np), t[] = {0.0, 0.01};
@@ -83,7 +83,7 @@ static int check(long count)
     wrong |= differ(rows_q, count, 2 * n) || differ(rows_qd, count, 2 * n) || differ(work, count, 2) || status[b - 1];
     int asked = 0;
     ncgen_options other = options;
-    other.watch = enough, other.context = &asked, other.patience = 1;
+    other.progress = enough, other.context = &asked, other.attempts_left = 1;
     wrong |= ncgen_batch_simulate(model, dynamics, &other, count, q, zd, p, 0, NULL, NULL, 2, t,
         rows_q, rows_qd, work, status, steps, reached, 1,
                                   run_space) != NCGEN_INTERRUPTED;

@@ -56,7 +56,7 @@ int main(int count, char **words)
 {
     const ncgen_model *model = @_model();
     const size_t n = (size_t)model->n_coordinates, m = (size_t)model->n_rows;
-    const ncgen_elimination elimination = {SIZE, NONZEROS, order, row_start, row_columns, row_places, column_start,
+    const ncgen_elimination elimination = {SIZE, NONZEROS, order, row_start, row_columns, row_positions, column_start,
                                            column_rows, entry_start, entry_columns, entry_values};
     ncgen_dynamics dynamics = {0};
     dynamics.column_sizes = column_sizes;
@@ -75,7 +75,7 @@ int main(int count, char **words)
     if (options.method == NCGEN_ENERGY_MOMENTUM && count == 3)
         dynamics.tangents = NULL;
     dynamics.n_dependent = options.formalism == NCGEN_COORDINATE_PARTITIONING ? (int)n - N_INDEPENDENT : RANK;
-    options.growth = (ncgen_scalar)1e9L;
+    options.max_growth = (ncgen_scalar)1e9L;
     options.alpha_f = (ncgen_scalar)0.4L;
     options.alpha_m = (ncgen_scalar)0.3L;
     options.rtol = options.atol = (ncgen_scalar)TOLERANCE;

@@ -13,7 +13,7 @@ from ncgen.solver.engines import compiled
 from ncgen.solver.positions.rank import freedom
 
 
-def most(n: int, m: int, nonzeros: int, factor: int, redundant: int, width: int, own_p: int) -> int:
+def most(n: int, m: int, nonzeros: int, factor: int, redundant: int, width: int, p_copy: int) -> int:
     """NCGEN_DRIVEN_WORKSPACE, read from the header."""
     text = runtime_text("ncgen_driven.h").split("#define NCGEN_DRIVEN_WORKSPACE")[1]
     formula = text[text.index("\\") + 1 : text.index("\n\n")].strip()
@@ -31,9 +31,9 @@ def test_workspace(name, method):
         rank = freedom(kernels).rank
         moving = Moving(Stepping(dynamics, method, rank, 1e-8, 1e-10, None, 1e-12))
         prepared = dynamics.prepared
-        own_p = len(kernels.p0) + prepared if prepared else 0
+        p_copy = len(kernels.p0) + prepared if prepared else 0
         nonzeros = kernels.mass_pattern.nonzeros + kernels.phi_q_pattern.nonzeros
-        bound = most(kernels.n, kernels.m, nonzeros, dynamics.plan.nonzeros, int(rank < kernels.m), widest_tableau(), own_p)
+        bound = most(kernels.n, kernels.m, nonzeros, dynamics.plan.nonzeros, int(rank < kernels.m), widest_tableau(), p_copy)
         assert moving.workspace <= bound
         if form == "emitted" and method == "dop853" and dynamics.is_emitted:
             assert moving.workspace == bound  # nothing is given away where all of it is used

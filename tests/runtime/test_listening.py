@@ -172,7 +172,7 @@ def test_a_limit_ends_a_run_in_any_thread(pendulum, engine):
 def test_short_runs_are_not_asked_and_large_mechanisms_at_every_stage():
     """The first call comes after about a millisecond of a small mechanism, later ones twenty times a second."""
     small, large = Listener(None, 10), Listener(None, 2000)
-    assert small.patience == FIRST and large.patience == 1
+    assert small.attempts == FIRST and large.attempts == 1
     assert small.hear(0.0) == 2 * FIRST  # next to no time has passed: twice as many
     small._clock -= 10 * REACTION  # it took ten times as long as it should
     assert FIRST / 10 < small.hear(0.0) <= FIRST / 5

@@ -45,9 +45,9 @@ int main(void)
     ncgen_stepping w = {0};
     ncgen_implicit m = {0};
     if (scanf("%lf %d", &slopes[0], &rejected) != 2) return 9;
-    r.ny = r.weighed = 1, r.y = y, r.derivative = derivative;
-    w.slopes = slopes, w.new_y = new_y, w.at = at;
-    m.stages = stages, m.rates = rates, m.right = right, m.change = change;
+    r.ny = r.error_size = 1, r.y = y, r.derivative = derivative;
+    w.stage_derivatives = slopes, w.new_y = new_y, w.at = at;
+    m.stages = stages, m.derivatives = rates, m.right = right, m.change = change;
     const int status = estimate(&r, &w, &m, 0.0, 0.5, rejected, &error);
     printf("%d %.17g %.17g\n", calls, asked, error);
     return status;

@@ -12,21 +12,21 @@ DRIVER = r"""
 #include <stdio.h>
 #include "ncgen_sparse.h"
 /* [a b; b c]: a coordinate, whose pivots are positive, and a row, whose are negative. */
-static const int order[] = {0, 1}, row_start[] = {0, 0, 1}, row_columns[] = {0}, row_places[] = {0};
+static const int order[] = {0, 1}, row_start[] = {0, 0, 1}, row_columns[] = {0}, row_positions[] = {0};
 static const int column_start[] = {0, 1, 1}, column_rows[] = {1};
 static const int entry_start[] = {0, 1, 2}, entry_columns[] = {0, 0}, entry_values[] = {0, 1};
 int main(void)
 {
-    const ncgen_elimination plan = {2, 1, order, row_start, row_columns, row_places, column_start, column_rows,
+    const ncgen_elimination plan = {2, 1, order, row_start, row_columns, row_positions, column_start, column_rows,
                                     entry_start, entry_columns, entry_values};
     double numbers[32] = {0}, c, right[2], x[2];
     ncgen_space space = {numbers, 0};
     ncgen_kkt k;
     ncgen_kkt_layout(&k, &plan, 2, &space);
-    k.least[0] = 0.5, k.least[1] = -0.5;
-    k.instead[0] = 8, k.instead[1] = -1e30;
+    k.min_pivot[0] = 0.5, k.min_pivot[1] = -0.5;
+    k.replacement[0] = 8, k.replacement[1] = -1e30;
     if (scanf("%lf %lf %lf %lf %lf", &k.values[0], &k.values[1], &c, &right[0], &right[1]) != 5) return 9;
-    k.corner[1] = c;
+    k.diagonal[1] = c;
     const int status = ncgen_kkt_factor(&k);
     ncgen_kkt_solve(&k, right, x);
     printf("%.17g %.17g %ld\n", x[0], x[1], k.perturbed);

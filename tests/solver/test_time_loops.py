@@ -164,11 +164,11 @@ def test_loops_in_c_ask():
 
 def test_exports_move_in_parts_where_laws_break():
     """Exports have no loop of their own: one call of the runtime goes on to the end of a step, from break to break where there are any."""
-    chosen = re.compile(r"{% set go_on = (.*?) if breaks else (.*?) %}")
+    chosen = re.compile(r"{% set advance = (.*?) if breaks else (.*?) %}")
     (ways,) = [match for path in (TEMPLATES / "package").rglob("*.jinja") for match in chosen.findall(path.read_text())]
-    assert "ncgen_go_on_in_parts(" in ways[0] and "ncgen_go_on(" in ways[1]
+    assert "ncgen_advance_over_breaks(" in ways[0] and "ncgen_advance(" in ways[1]
     for path in (TEMPLATES / "package").rglob("*.jinja"):
-        assert not re.search(r"ncgen_go_on\w*\(", chosen.sub("", path.read_text())), path.name
+        assert not re.search(r"ncgen_advance(?!_through_events)\w*\(", chosen.sub("", path.read_text())), path.name
 
 
 FORGETFUL = {

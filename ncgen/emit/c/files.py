@@ -61,11 +61,11 @@ def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = Fals
     """{file name: text}: the motion of all coordinates, for the runtime to integrate; long programs in files of their own. forced: the
     derivative takes forces as one more input."""
     prefix = prefix_of(equations.model.name)
-    apart = sum(program.length for program in programs.all) > MAX_STATEMENTS_PER_FILE
-    records = {"model": equations.model, "prepared": programs.prepared, "apart": apart, "forced": forced}
+    in_files = sum(program.length for program in programs.all) > MAX_STATEMENTS_PER_FILE
+    records = {"model": equations.model, "prepared": programs.prepared, "in_files": in_files, "forced": forced}
     records |= program_records(programs.all, prefix, "recursion")
     files = {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
-    for program in programs.all if apart else ():
+    for program in programs.all if in_files else ():
         files[f"{prefix}_{program.name}.c"] = render("c/recursion_kernel.c.jinja", **program_records((program,), prefix, program.name))
     return files
 
@@ -73,7 +73,7 @@ def motion_files(programs: MotionPrograms, equations: Terms, forced: bool = Fals
 def seeded_files(programs: MotionPrograms, equations: Terms, kind: str) -> dict[str, str]:
     """{file name: text}: a motion differentiated. kind: "tangent" or "adjoint"."""
     prefix = prefix_of(equations.model.name)
-    records = {"model": equations.model, "kind": kind, "told": DIFFERENTIATED[kind], **program_records(programs.all, prefix, kind)}
+    records = {"model": equations.model, "kind": kind, "description": DIFFERENTIATED[kind], **program_records(programs.all, prefix, kind)}
     return {f"{prefix}_{kind}.c": render("c/seeded.c.jinja", **records)}
 
 

@@ -20,7 +20,7 @@ def linear_header(name: str, source: str, matrices: Mapping[str, np.ndarray], na
         "c/linear.h.jinja",
         prefix=prefix,
         upper=prefix.upper(),
-        beside=source,
+        place=source,
         indices=[(kind, labels(each)) for kind, each in names.items()],
         matrices=[(letter, [[repr(float(x)) for x in row] for row in matrix]) for letter, matrix in matrices.items()],
     )

@@ -28,7 +28,7 @@ LOADS = {GAP: 1, JOINT: 2, RATCHET: 1, LOCK: 0}
 
 @dataclass(frozen=True, eq=False)
 class Holdable:
-    """What may be held. condition: number of its condition, −1 of a lock; row: the expression that stays zero; switch: name of its parameter
+    """What may be held. condition: number of its condition, −1 of a lock; row: the expression that stays zero; switch: its parameter
 
     held: name of the parameter that says where it is held, "" of a gap; position, initial: where it is, now and in the initial position
     slip: name of the input that says in which direction it slips, "" of all but joints; static: friction that holds it

@@ -57,7 +57,7 @@ def files_of(model: Model) -> dict[str, str]:
         "coordinates": kernels.n,
         "defaults": [number(float(value)) for value in kernels.p0],
         "start": [repr(float(value)) for value in space.values(kernels.q0)],
-        "told": DESCRIPTIONS,
+        "descriptions": DESCRIPTIONS,
     }
 
     return without_runtime("joints", "joints", prefix, records, ("README.md", "Makefile", "main.c"))

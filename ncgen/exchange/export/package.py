@@ -256,7 +256,7 @@ class Package:
         if not self.kernels.model.outputs:
             return []
         programs = assemble_outputs(self.sources.programs.equations)
-        return [replace(program, name=name) for program, name in zip(programs, ("outputs_of", "outputs_slope"), strict=True)]
+        return [replace(program, name=name) for program, name in zip(programs, ("outputs_of", "outputs_derivative"), strict=True)]
 
     def unit(self, coordinate: str) -> str:
         """Unit of a free coordinate: m, rad, or 1 for a component of a unit vector."""

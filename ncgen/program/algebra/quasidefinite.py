@@ -22,14 +22,14 @@ class Elimination:
     order: tuple[int, ...]
     row_start: tuple[int, ...]
     row_columns: tuple[int, ...]
-    row_places: tuple[int, ...]
+    row_positions: tuple[int, ...]
     column_start: tuple[int, ...]
     column_rows: tuple[int, ...]
     entry_start: tuple[int, ...]
     entry_columns: tuple[int, ...]
     entry_values: tuple[int, ...]
 
-    ARRAYS = ("order", "row_start", "row_columns", "row_places", "column_start", "column_rows", "entry_start", "entry_columns",
+    ARRAYS = ("order", "row_start", "row_columns", "row_positions", "column_start", "column_rows", "entry_start", "entry_columns",
               "entry_values")  # fmt: skip
 
 

@@ -2,8 +2,11 @@
 
 condition_tangent(t, q, qd, p, seed)                  -> of the conditions, and in a mode of those of loads behind them
 value_tangent(t, q, qd, p, seed)                      -> of what actions set, and of the values of elements
-impact_tangent(t, q, qd, p, after, mu, push, seed)    -> of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n), of Φ_q q̇⁺ − ν (m), and of every gap, W being
-    the gradients of the gaps, of its velocities W q̇ + ∂g/∂t before and W q̇⁺ + ∂g/∂t after; q̇⁺, μ and Λ are held
+impact_tangent(t, q, qd, p, after, mu, push, seed)    -> of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n), of Φ_q q̇⁺ − ν (m), and of every row of W its
+    velocities before and after; q̇⁺, μ and Λ are held
+
+W has the gradients of gaps, whose velocities are W q̇ + ∂g/∂t, and then the gradients by q̇ of the velocities at which contacts slide and
+ratchets run.
 """
 
 from __future__ import annotations
@@ -47,20 +50,20 @@ def assemble_condition_tangent(
     return {"condition_tangent": _program(lines, "condition_tangent", nodes, along)}
 
 
-def assemble_action_tangents(equations: Terms, values: Sequence[Named], gaps: Sequence[Named]) -> dict[str, Program]:
-    """Of actions, elements and impacts, of those that there are."""
+def assemble_value_tangents(equations: Terms, values: Sequence[Named]) -> dict[str, Program]:
+    """Of actions and elements."""
     lines = Lines(equations)
-    programs = {}
-    if values:
-        nodes = [expression_node(lines, *each) for each in values]
-        programs["value_tangent"] = _program(lines, "value_tangent", nodes, directions(lines))
-    lines = Lines(equations)
-    programs["impact_tangent"] = _program(lines, "impact_tangent", _impact(lines, gaps), directions(lines))
-    return programs
+    nodes = [expression_node(lines, *each) for each in values]
+    return {"value_tangent": _program(lines, "value_tangent", nodes, directions(lines))}
 
 
-def _impact(lines: Lines, gaps: Sequence[Named]) -> list[int]:
-    """The equations of an impact, as in this module's text."""
+def assemble_impact_tangent(equations: Terms, gaps: Sequence[Named], rates: Sequence[Named]) -> dict[str, Program]:
+    """Of the equations of an impact, as in this module's text."""
+    lines = Lines(equations)
+    return {"impact_tangent": _program(lines, "impact_tangent", _impact(lines, gaps, rates), directions(lines))}
+
+
+def _impact(lines: Lines, gaps: Sequence[Named], rates: Sequence[Named]) -> list[int]:
     graph, n, m = lines.graph, len(lines.equations.free), len(lines.equations.rows)
     q = [graph.load("q", i) for i in range(n)]
     before, after = ([graph.load(name, i) for i in range(n)] for name in ("qd", "after"))
@@ -74,15 +77,17 @@ def _impact(lines: Lines, gaps: Sequence[Named]) -> list[int]:
         rows[r].append(graph.mul(node, after[i]))
     for r, node in sorted(lines.vector(KERNELS["nu"]).items()):
         rows[r].append(graph.neg(node))
-    velocities = []
-    for k, gap in enumerate(gaps):
-        slopes = gradient(graph, expression_node(lines, *gap), [*q, graph.load("t", 0)])
-        for i, variable in enumerate(q):
+    velocities, time = [], graph.load("t", 0)
+    pairs = [(gradient(graph, expression_node(lines, *gap), [*q, time]), q) for gap in gaps]
+    pairs += [(gradient(graph, expression_node(lines, *rate), before), before) for rate in rates]
+    for k, (slopes, variables) in enumerate(pairs):
+        for i, variable in enumerate(variables):
             if variable in slopes:
                 balance[i].append(graph.neg(graph.mul(slopes[variable], graph.load("push", k))))
-        drift = [slopes[graph.load("t", 0)]] if graph.load("t", 0) in slopes else []
+        drift = [slopes[time]] if time in slopes else []
         for velocity in (before, after):
-            velocities.append(graph.sum([*(graph.mul(slopes[x], v) for x, v in zip(q, velocity, strict=True) if x in slopes), *drift]))
+            parts = (graph.mul(slopes[x], v) for x, v in zip(variables, velocity, strict=True) if x in slopes)
+            velocities.append(graph.sum([*parts, *drift]))
     return [*(graph.sum(nodes) for nodes in (*balance, *rows)), *velocities]
 
 

@@ -173,7 +173,7 @@ static int is_whole(ncgen_real x, long least, long end)
     return x >= (ncgen_real)least && x < (ncgen_real)end && x == (ncgen_real)(long)x;
 }
 
-/* The length of a term, of which `rest` numbers are there; 0 where it is none. */
+/* The length of a term, of which `rest` numbers are there; 0 where it is not a term. */
 static long length_of(const ncgen_real *at, long rest, int n, int m, int is_row)
 {
     if (rest < 2 || !is_whole(at[0], 0, ncgen_n_types) || !(is_row ? is_whole(at[1], 0, m) : at[1] == -1))

@@ -1,4 +1,4 @@
-/* ncgen_generic.h: the kernels of any mechanism whose terms a table describes (ncgen/program/term_tables.py says how it is laid out).
+/* ncgen_generic.h: the kernels of any mechanism whose terms a table describes (its layout: ncgen/program/term_tables.py).
  *
  * The table takes the place of the parameters p, so one set of compiled kernels serves all mechanisms, and numbers such as lengths and
  * masses may change from call to call. The matrices are dense.

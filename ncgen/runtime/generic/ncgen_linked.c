@@ -2,7 +2,7 @@
 #include "ncgen_linked.h"
 #include "ncgen_breaks.h"
 #include "ncgen_events.h"
-#include "ncgen_modes.h"
+#include "ncgen_held.h"
 #include "ncgen_state.h"
 
 enum { HEAD = 38, FIRST_FUNCTION = 21, MOST_STEPS = 1000000, AXES = 3 };
@@ -113,9 +113,9 @@ ncgen_real *ncgen_linked_pull(void)
 
 static const int *taken(const int **at, int count)
 {
-    const int *found = *at;
+    const int *first = *at;
     *at += count;
-    return found;
+    return first;
 }
 
 static void read_elimination(const int **at, int size, ncgen_elimination *e)
@@ -125,7 +125,7 @@ static void read_elimination(const int **at, int size, ncgen_elimination *e)
     e->order = taken(at, size);
     e->row_start = taken(at, size + 1);
     e->row_columns = taken(at, e->nonzeros);
-    e->row_places = taken(at, e->nonzeros);
+    e->row_positions = taken(at, e->nonzeros);
     e->column_start = taken(at, size + 1);
     e->column_rows = taken(at, e->nonzeros);
     e->entry_start = taken(at, size + 1);
@@ -171,7 +171,7 @@ static void read_events(const int *integers, const int *at)
     events.rates = (ncgen_forced_kernel *)(size_t)number_of(integers, RATES);
     events.values = at_velocity(integers, VALUES);
     watched.degree = integers[DEGREE];
-    events.n_events = integers[N_EVENTS];
+    events.n_velocities = events.count - integers[N_EVENTS];
     events.n_holds = integers[HOLDS];
     events.n_loads = integers[LOADS];
     events.holds = (const ncgen_hold *)(const void *)taken(&at, HOLD_SIZE * events.n_holds);
@@ -181,7 +181,7 @@ static void read_events(const int *integers, const int *at)
 }
 
 
-/* Models, eliminations and dynamics as far as integers tell. */
+/* Models, eliminations and dynamics from the integers. */
 static void read_integers(const int *integers)
 {
     const int *at = integers + HEAD;
@@ -294,7 +294,7 @@ static int kept(const int *integers)
 
 static size_t integers_of_run(void)
 {
-    const int all = events.count + events.n_loads, of_all = 3 * all + 5 * events.count + 3 * events.n_holds + 1;
+    const int all = events.count + events.n_loads, of_all = 3 * all + NCGEN_EVENTS_INTEGERS(events.count) + events.count + 3 * events.n_holds + 1;
     return ((size_t)(4 * n + 3 * most_rows() + of_all) * sizeof(int) + sizeof(ncgen_real) - 1) / sizeof(ncgen_real);
 }
 
@@ -318,7 +318,7 @@ static void place_events(const int *integers, const ncgen_real *numbers)
     passage.happened = whole;
     passage.stopped = whole + count;
     passage.due = passage.stopped + 1;
-    watched.signs = passage.signs = passage.due + 4 * count;
+    watched.signs = passage.signs = passage.due + NCGEN_EVENTS_INTEGERS(count);
     watched.crossed = passage.signs + all;
     passage.directions = watched.crossed + all;
     passage.flags = passage.directions + all;
@@ -327,7 +327,7 @@ static void place_events(const int *integers, const ncgen_real *numbers)
     passage.workspace = passage.room + 2 * n + 2 * all;
 }
 
-size_t ncgen_linked_room(const int *integers)
+size_t ncgen_linked_size(const int *integers)
 {
     const size_t workspace = read_all(integers);
     return workspace + integers_of_run() + (size_t)kept(integers);
@@ -355,7 +355,7 @@ ncgen_real *ncgen_linked_begin(const int *integers, const ncgen_real *numbers, n
     breaks.curves = integers[8];
     breaks.jumps = integers[9];
     breaks.interval = numbers[0];
-    breaks.room = multipliers + most_rows() + of_events(integers);
+    breaks.workspace = multipliers + most_rows() + of_events(integers);
     return state;
 }
 
@@ -396,7 +396,7 @@ static const ncgen_driven *entered(ncgen_entered *in)
 {
     if (!events.n_holds)
         return &own.driven;
-    ncgen_enter(&own.driven, &events, parameters, NULL, in);
+    ncgen_enter_held(&own.driven, &events, parameters, NULL, in);
     return &in->driven;
 }
 
@@ -452,15 +452,15 @@ int ncgen_linked_start(void)
     return ncgen_linked_project_state(0);
 }
 
-int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one)
+int ncgen_linked_advance(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one)
 {
     ncgen_moment moment = present();
     ncgen_statistics statistics;
     choose_method(step, rtol, atol);
-    const int status = events.count > 0 ? ncgen_go_through_events(&own.driven, has_breaks ? &breaks : NULL, &events, parameters, &moment,
+    const int status = events.count > 0 ? ncgen_advance_through_events(&own.driven, has_breaks ? &breaks : NULL, &events, parameters, &moment,
                                                                   t_end, one, &passage, &statistics)
-                       : has_breaks     ? ncgen_go_on_in_parts(&own.driven, &breaks, parameters, &moment, t_end, &statistics)
-                                        : ncgen_go_on(&own.driven, parameters, &moment, t_end, &statistics);
+                       : has_breaks     ? ncgen_advance_over_breaks(&own.driven, &breaks, parameters, &moment, t_end, &statistics)
+                                        : ncgen_advance(&own.driven, parameters, &moment, t_end, &statistics);
     if (step > 0)
         moment.h = state[NEXT_STEP];
     return status == NCGEN_OK ? keep(&own, &moment) : status;

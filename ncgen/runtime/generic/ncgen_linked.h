@@ -1,6 +1,6 @@
 /* ncgen_linked.h: a mechanism in motion whose kernels are linked to the runtime where it runs, such as two modules of WebAssembly.
  *
- * A function is given as its number in the table of functions. There is one mechanism at a time. Whoever links it allocates its memory,
+ * A function is given as its number in the table of functions. There is one mechanism at a time. The caller allocates its memory,
  * writes to its state and its parameters, and calls the functions below, which return a status of ncgen.h.
  *
  * Integers that describe it, in the words of ncgen_dynamics:
@@ -16,7 +16,7 @@
  * Numbers: interval of the breaks; column_sizes; row_sizes with those of drives; position and velocity at the start; parameters; with
  * events noise, nodes, inverse, row_sizes with what is held.
  *
- * A drive is one more row, a coordinate that is where it is told to be.
+ * A drive is one more row, a coordinate with a prescribed position.
  */
 #ifndef NCGEN_LINKED_H
 #define NCGEN_LINKED_H
@@ -30,7 +30,7 @@ extern "C" {
 /* begin functions */
 
 /* How many numbers of memory a mechanism needs. */
-size_t ncgen_linked_room(const int *integers);
+size_t ncgen_linked_size(const int *integers);
 
 /* Begin with a mechanism. Returns its state: t, work, power, the next step, then q, qd, qdd and multipliers of the rows; of every event on
  * which side its condition is, and how often it has happened; 1 where one has ended the motion; the motion's own numbers of p. */
@@ -61,7 +61,7 @@ int ncgen_linked_evaluate(void);
 
 /* On to a time: by Runge-Kutta steps of `step` seconds, or where that is 0 with error control; past the first instant of events at most
  * where `one` is set. */
-int ncgen_linked_go_on(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one);
+int ncgen_linked_advance(ncgen_scalar t_end, ncgen_scalar step, ncgen_scalar rtol, ncgen_scalar atol, int one);
 
 /* What kernels call: sine and cosine of an angle, and a piecewise polynomial. */
 void ncgen_linked_sincos(ncgen_real x, ncgen_real *sine, ncgen_real *cosine);

@@ -13,7 +13,7 @@ static ncgen_scalar row_sizes[MOST];
 static int pattern[MOST_PATTERN], integers[7 * MOST];
 static unsigned char filled[MOST * MOST];
 static int order[MOST], row_start[MOST + 1], column_start[MOST + 1], entry_start[MOST + 1];
-static int row_columns[MOST * MOST], row_places[MOST * MOST], column_rows[MOST * MOST], entry_columns[MOST * MOST], entry_values[MOST * MOST];
+static int row_columns[MOST * MOST], row_positions[MOST * MOST], column_rows[MOST * MOST], entry_columns[MOST * MOST], entry_values[MOST * MOST];
 static ncgen_model model;
 static ncgen_elimination plan;
 static ncgen_dynamics dynamics;
@@ -134,7 +134,7 @@ static void fill_in(int size)
                 filled[i * MOST + j] |= filled[j * MOST + k];
 }
 
-/* Which pairs of unknowns have a number, as far as numbers at the start tell and the layout of rows says. */
+/* Which pairs of unknowns have a number, from the numbers at the start and the layout of rows. */
 static void find_filled(ncgen_scalar t, int rows_first)
 {
     const int n = model.n_coordinates, size = n + model.n_rows;
@@ -178,11 +178,11 @@ static void make_plan(ncgen_scalar t, int rows_first)
         for (int j = 0; j < i; ++j)
             if (filled[i * MOST + j]) {
                 row_columns[used] = j;
-                row_places[used++] = next[j]++;
+                row_positions[used++] = next[j]++;
             }
     }
     row_start[size] = used;
-    plan = (ncgen_elimination){size,         places,      order,       row_start,     row_columns, row_places,
+    plan = (ncgen_elimination){size,         places,      order,       row_start,     row_columns, row_positions,
                                column_start, column_rows, entry_start, entry_columns, entry_values};
 }
 
@@ -250,7 +250,7 @@ int ncgen_table_begin(int length, ncgen_scalar t, ncgen_scalar rtol, ncgen_scala
                               .max_steps = 20000,
                               .formalism = NCGEN_LAGRANGE,
                               .project = 1,
-                              .patience = 1};
+                              .attempts_left = 1};
     moment = (ncgen_moment){.t = t, .q = state, .qd = state + MOST, .qdd = state + 2 * MOST};
     if (ncgen_driven_workspace(&driven) > MOST_WORKSPACE)
         return NCGEN_ARGUMENT;
@@ -258,8 +258,8 @@ int ncgen_table_begin(int length, ncgen_scalar t, ncgen_scalar rtol, ncgen_scala
     return status == NCGEN_OK && rank < model.n_rows ? (is_implied() ? ncgen_table_project_state() : NCGEN_SINGULAR) : status;
 }
 
-int ncgen_table_go_on(ncgen_scalar t_end)
+int ncgen_table_advance(ncgen_scalar t_end)
 {
-    const int status = ncgen_go_on(&driven, numbers, &moment, t_end, &statistics);
+    const int status = ncgen_advance(&driven, numbers, &moment, t_end, &statistics);
     return status == NCGEN_OK ? look() : status;
 }

@@ -26,7 +26,7 @@ ncgen_real *ncgen_table_numbers(void);
 ncgen_real *ncgen_table_state(void);
 
 /* A mechanism whose table has so many numbers, at time t; rtol, atol: tolerances of its motion. Position and velocity are brought onto the
- * constraints. Returns a status of ncgen.h; NCGEN_ARGUMENT for a table that is none, or too large, NCGEN_SINGULAR for a singular position,
+ * constraints. Returns a status of ncgen.h; NCGEN_ARGUMENT for a table that is invalid or too large, NCGEN_SINGULAR for a singular position,
  * where constraints depend on each other that do not nearby. */
 int ncgen_table_begin(int length, ncgen_scalar t, ncgen_scalar rtol, ncgen_scalar atol);
 
@@ -34,7 +34,7 @@ int ncgen_table_begin(int length, ncgen_scalar t, ncgen_scalar rtol, ncgen_scala
 int ncgen_table_project_state(void);
 
 /* On to a time. Where it fails the state stays as it was. */
-int ncgen_table_go_on(ncgen_scalar t_end);
+int ncgen_table_advance(ncgen_scalar t_end);
 
 /* Constraint equations that are independent of each other in the position where the motion began. */
 int ncgen_table_rank(void);

@@ -52,17 +52,17 @@ size_t ncgen_adjoint_workspace(const ncgen_taped *run);
 /* How a number changes with the start and with p, by one sweep back through all steps.
  *
  * weights: how it depends on [q, qd] where steps begin and end, steps + 1 rows of 2 n_coordinates
- * slopes: by q and qd at the start, then by p, inputs by what is added to them all the time: 2 n_coordinates + n_parameters
- * by_inputs: by the inputs of every stage, as these are told */
-void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed, const ncgen_real *weights, ncgen_real *slopes,
+ * gradient: by q and qd at the start, then by p, inputs by what is added to them all the time: 2 n_coordinates + n_parameters
+ * by_inputs: by the inputs of every stage, in the order of run->inputs */
+void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed, const ncgen_real *weights, ncgen_real *gradient,
                    ncgen_real *by_inputs, ncgen_real *workspace);
 
 /* The transposed parts by themselves, for what comes before the run; numbers that are no doubles are passed by their place. */
-void ncgen_velocities_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd,
-                           const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes);
-void ncgen_closing_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *p,
-                        const ncgen_real *weights, ncgen_real *slopes);
-void ncgen_prepare_back(const ncgen_seeded_motion *transposed, const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes);
+void ncgen_velocities_vjp(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd,
+                           const ncgen_real *p, const ncgen_real *weights, ncgen_real *gradient);
+void ncgen_closing_vjp(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *p,
+                        const ncgen_real *weights, ncgen_real *gradient);
+void ncgen_prepare_vjp(const ncgen_seeded_motion *transposed, const ncgen_real *p, const ncgen_real *weights, ncgen_real *gradient);
 
 /* end functions */
 

@@ -1,4 +1,4 @@
-/* ncgen_driven.h: a motion that goes on from call to call, as whoever drives a mechanism needs it: a controller, a co-simulation.
+/* ncgen_driven.h: a motion that continues from call to call, as controllers and co-simulation need it.
  *
  * It is that of ncgen_simulate with a formalism over all coordinates and an explicit method, which options->method names. Between two calls
  * everything may change: p with its inputs, the state, the method. The workspace keeps nothing.
@@ -15,12 +15,12 @@ extern "C" {
 /* As much workspace as the functions below need at most, for arrays whose length the compiler has to know: n coordinates, m rows,
  * nonzeros of mass and phi_q together, those of the elimination's factor, whether rows are redundant, the width of the method's
  * tableau, and parameters with what is prepared of them, 0 where nothing is. */
-#define NCGEN_DRIVEN_WORKSPACE(n, m, nonzeros, factor, redundant, width, own_p) \
-    ((own_p) + 17 * (n) + 14 * (m) + 2 + (3 + (width)) * (2 * (n) + 1) + (nonzeros) + (factor) + (redundant) * ((n) * (m) + 4 * ((n) + (m))))
+#define NCGEN_DRIVEN_WORKSPACE(n, m, nonzeros, factor, redundant, width, p_copy) \
+    ((p_copy) + 17 * (n) + 14 * (m) + 2 + (3 + (width)) * (2 * (n) + 1) + (nonzeros) + (factor) + (redundant) * ((n) * (m) + 4 * ((n) + (m))))
 
 /* begin cdef */
 
-/* A mechanism and how it moves; workspace: as many numbers as ncgen_driven_workspace tells; integers: 4 n_coordinates + 3 n_rows. */
+/* A mechanism and how it moves; workspace: as many numbers as ncgen_driven_workspace returns; integers: 4 n_coordinates + 3 n_rows. */
 typedef struct ncgen_driven {
     const ncgen_model *model;
     const ncgen_dynamics *dynamics;
@@ -49,11 +49,11 @@ size_t ncgen_driven_workspace(const ncgen_driven *d);
 /* On to the time t_end > moment->t: with error control by as many steps as that takes, else by equal steps of at most
  * options->max_step. Where it fails the moment stays as it was. At the first condition of options->event it ends before, and
  * statistics->stopped is 1; accelerations and power are then those of another time. */
-int ncgen_go_on(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end, ncgen_statistics *statistics);
+int ncgen_advance(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end, ncgen_statistics *statistics);
 
 /* The same for `count` moments one after the other, each on by h seconds with n_p numbers of p of its own, count n_p in all. statuses
  * (count): that of every moment; one that fails stays where it was, and the others go on. statistics: of the last one. */
-void ncgen_go_on_each(const ncgen_driven *d, int count, int n_p, const ncgen_real *p, ncgen_moment *moments, ncgen_scalar h,
+void ncgen_advance_each(const ncgen_driven *d, int count, int n_p, const ncgen_real *p, ncgen_moment *moments, ncgen_scalar h,
     int *statuses, ncgen_statistics *statistics);
 
 /* After a change of t, q, qd or p: q and qd onto the constraints, by the smallest change in the sense of kinetic energy, and qdd and

@@ -4,29 +4,52 @@
 
 #include "ncgen_driven.h"
 
+/* As much workspace as the functions of ncgen_events.h need for `count` events, at most `most` velocities that one of them sets, or count if that is
+ * more, n coordinates and the numbers that actions set. */
+#define NCGEN_EVENTS_WORKSPACE(count, most, n, values) \
+    ((count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 3 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
+
+/* The same for integers. */
+#define NCGEN_EVENTS_INTEGERS(count) (8 * (count))
+
+/* Numbers of workspace of an impact of gaps that have so many velocities. */
+#define NCGEN_IMPACT_WORKSPACE(rows) (3 * (rows) * (rows) + 16 * (rows))
+
+/* begin cdef */
+
 /* What the functions of ncgen_events.h return besides: bounces accumulate at a gap that is to be held closed, which nobody does here; events bring about
  * each other without end; there are several impacts at one instant without a law; a gap is below zero at the start; an event has ended the
- * motion before; a lock cannot close, since drivers or other locks move it; no set of what may be held agrees with its loads. */
-enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED, NCGEN_MOVED, NCGEN_NO_MODE };
-
-/* As much workspace as the functions of ncgen_events.h need for `count` conditions, at most `most` velocities that one event sets, or count if
- * that is more, n coordinates and the numbers of `values`. */
-#define NCGEN_EVENTS_WORKSPACE(count, most, n, values) ((count) * (2 * (n) + (count) + 11) + (most) * ((n) + 1) + 2 * (n) + (values))
-
-/* What an event does: p[place] or qd[place] becomes the value; an impact along the gradient of the condition, whose restitution is the
- * value, place being 1 where the motion ends at a gap in which bounces accumulate; the end of the motion; the lock `place` of the holds
- * closes or opens. */
-enum { NCGEN_SET, NCGEN_SET_VELOCITY, NCGEN_IMPACT, NCGEN_STOP, NCGEN_LOCK, NCGEN_FREE };
+ * motion before; no impulses obey the laws of impact and friction; an impact would give energy; a log is full;
+ * a lock cannot close, since drivers or other locks move it; no set of what may be held agrees with its loads. */
+enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED, NCGEN_NO_IMPULSES, NCGEN_GAIN, NCGEN_LOG_FULL,
+       NCGEN_MOVED, NCGEN_NO_MODE };
 
 /* Laws of several impacts at one instant; without one they are refused. */
 enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
+
+/* end cdef */
+/* begin table */
+
+/* What an event does: p[place] or qd[place] becomes the value; an impact along the gradient of the condition, whose restitution is the
+ * value, place being 1 where the motion ends at a gap in which bounces accumulate; the end of the motion; the lock
+ * `place` of the holds closes or opens. */
+enum { NCGEN_SET, NCGEN_SET_VELOCITY, NCGEN_IMPACT, NCGEN_STOP, NCGEN_LOCK, NCGEN_FREE };
 
 typedef struct ncgen_action {
     int event, kind, place, value; /* event: -1 for what is done where a motion begins; value: its number among those of `values` */
 } ncgen_action;
 
-/* What may be held: a gap that is closed, as long as it is pushed; a joint that does not slip, as long as static friction is enough; a
- * ratchet that is at rest, as long as it is pushed back; a lock, until it is freed. */
+/* A set of gaps that are held closed: a mechanism with their conditions as more constraints, as long as these push. */
+typedef struct ncgen_mode {
+    int count;
+    const int *held;                   /* the events whose gaps they are, ascending */
+    const ncgen_model *model;          /* coordinates and parameters are those of the mechanism itself */
+    const ncgen_dynamics *dynamics;
+    ncgen_velocity_kernel *conditions; /* those of the mechanism, and behind them of each its load, and what that is compared with */
+} ncgen_mode;
+
+/* What may be held in one mechanism with switches, which takes the place of modes: a gap that is closed, as long as it is pushed; a joint that
+ * does not slip, as long as static friction is enough; a ratchet that is at rest, as long as it is pushed back; a lock, until it is freed. */
 enum { NCGEN_HOLDS_GAP, NCGEN_HOLDS_JOINT, NCGEN_HOLDS_RATCHET, NCGEN_HOLDS_LOCK };
 
 typedef struct ncgen_hold {
@@ -40,32 +63,55 @@ typedef struct ncgen_hold {
 } ncgen_hold;
 
 typedef struct ncgen_events {
-    int count, most, n_actions, law; /* count: of all conditions; most: as above */
-    int n_events;                 /* so many conditions are those of events; behind them stand velocities of joints and of ratchets */
+    int count, most, n_actions, law; /* most: as above */
     const int *directions;        /* of each: 1 rising, -1 falling, 0 either */
     const ncgen_action *actions;  /* in the order of the events, all velocities that one sets together */
     ncgen_velocity_kernel *conditions; /* of each its value, and the size of the terms that it is a sum of */
     ncgen_velocity_kernel *slopes;     /* of each its derivatives by q, qd (n_coordinates each) and t */
     ncgen_forced_kernel *rates;        /* of q, qd, qdd, p: all first derivatives along the motion, then all second ones */
-    ncgen_velocity_kernel *values;     /* what actions set, and where things are; NULL: nothing */
+    ncgen_velocity_kernel *values;     /* what actions set; NULL: nothing */
     ncgen_scalar noise;           /* what is smaller than this share of a condition's terms has no sign */
-    int n_holds, n_loads;         /* no holds: the motion ends with NCGEN_AT_REST where bounces accumulate */
+    int n_modes;                  /* 0: no gap is held closed, and the motion ends with NCGEN_AT_REST where bounces accumulate */
+    const ncgen_mode *modes;      /* from number 1 on */
+    int n_velocities;             /* so many conditions, the last ones, are velocities of joints and ratchets, no events */
+    int n_holds, n_loads;         /* instead of modes */
     const ncgen_hold *holds;
     const ncgen_model *held_model;       /* the mechanism with all that may be held as its last rows, each times p[on] */
     const ncgen_dynamics *held_dynamics;
     ncgen_velocity_kernel *held_conditions; /* conditions, and behind them those of loads, which are positive as long as they hold */
 } ncgen_events;
 
+/* What a note says: an event happened, a gap is held from now on, or is no longer; and how that was found: by a condition that was watched, at
+ * the start, since another event of the instant brought it about, or by a load. */
+enum { NCGEN_HAPPENS, NCGEN_RESTS, NCGEN_LEAVES };
+enum { NCGEN_WATCHED, NCGEN_AT_START, NCGEN_FOLLOWS, NCGEN_BY_LOAD };
+
+/* What happened, in the order of time. */
+typedef struct ncgen_log {
+    int count, room;  /* notes, of which no more than the room are there */
+    int owner;        /* number of the motion */
+    int first, found; /* of the present instant its first note, and how it was found */
+    int follows;      /* 1: what happens follows from what has happened at this instant */
+    int *due;         /* of each event: 1 where the present instant began with it */
+    ncgen_real *rows; /* of each note: owner, event, what, how it was found, t, impulse, energy that it took, time until bounces that
+                       * accumulate have ended or -1; q, qd before and after (n_coordinates each) */
+} ncgen_log;
+
 /* What is known of the events besides the state. */
 typedef struct ncgen_passage {
-    int *signs;    /* of each condition: the side on which it is, 0 for that of its value; then of loads */
+    int *signs;    /* of each: the side on which it is, 0 for that of its value; with modes as many more as the largest holds gaps */
     int *happened; /* how often each has happened */
-    int *due;      /* 1 for those that are to happen at this instant, 0 afterwards; 4 count numbers, of which these are the first */
+    int *due;      /* 1 for those that are to happen at this instant, 0 afterwards; NCGEN_EVENTS_INTEGERS(count) numbers, of which these are the first */
     int *stopped;  /* 1: an event has ended the motion */
     ncgen_real *workspace;
-    int *directions;  /* with holds: as many numbers as signs */
-    int *flags;       /* with holds: 3 n_holds numbers: what is held, what is wanted, and to which side what was released begins to move */
-    ncgen_real *room; /* with holds: 2 n_coordinates and twice as many numbers as signs */
+    int *mode;        /* with modes: the number of the present one, 0 where no gap is held */
+    int *directions;  /* with modes or holds: as many numbers as signs */
+    int *wanted;      /* with modes: 2 count numbers */
+    ncgen_real *room; /* with modes or holds: 2 n_coordinates and twice as many numbers as signs */
+    int *flags;       /* with holds: 3 n_holds numbers: what was held, what is wanted, and to which side what was released begins to move */
+    ncgen_log *log;   /* NULL: nobody wants to know what happens */
 } ncgen_passage;
+
+/* end table */
 
 #endif

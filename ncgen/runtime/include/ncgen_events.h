@@ -1,6 +1,6 @@
 /* ncgen_events.h: a motion that goes on from call to call through the events of a mechanism.
  *
- * Conditions are watched by ncgen_go_on, whose options name them; what happens at an instant is a table of actions.
+ * Conditions are watched by ncgen_advance, whose options name them; what happens at an instant is a table of actions.
  */
 #ifndef NCGEN_EVENTS_H
 #define NCGEN_EVENTS_H
@@ -18,17 +18,17 @@ struct ncgen_breaks;
 int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage);
 
 /* What is due, and what that brings about at the same instant. */
-int ncgen_happen(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage);
+int ncgen_apply_events(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage);
 
 /* Mark as due what has come to the other side of zero in its direction, as where p or, for integrators outside, the state was changed.
  * nearly: whether what is not clear of zero counts, too. A gap that is held and no longer pushes is due as well. Returns how many are
  * due, or a negative status. */
-int ncgen_look_for_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
+int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
     ncgen_passage *passage);
 
-/* ncgen_go_on through events, whose conditions options->event watches with the passage's signs, to t_end, past the first instant of events
+/* ncgen_advance through events, whose conditions options->event watches with the passage's signs, to t_end, past the first instant of events
  * before it where `one` is set, or to the event that ends the motion. breaks: NULL, or where laws of time change their formula. */
-int ncgen_go_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
+int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
     ncgen_moment *moment, ncgen_scalar t_end, int one, ncgen_passage *passage, ncgen_statistics *statistics);
 
 #ifdef __cplusplus

@@ -1,7 +1,7 @@
 /* ncgen_runtime.h: whole simulations of a generated model, in one call.
  *
  * The runtime is the same for every mechanism. It allocates nothing: the caller gives the workspace, whose
- * length ncgen_workspace() tells. Runs in different workspaces may go on at the same time.
+ * length ncgen_workspace() returns. Runs in different workspaces may take place at the same time.
  */
 #ifndef NCGEN_RUNTIME_H
 #define NCGEN_RUNTIME_H
@@ -17,7 +17,7 @@ extern "C" {
 
 /* The state derivative of a model, for one choice of independent coordinates.
  *
- * newton and acceleration are emitted for one mechanism and one choice, with the elimination written out; where they are
+ * newton and acceleration are emitted for one mechanism and one choice, with the elimination as straight-line code; where they are
  * NULL the runtime does the same with the model's kernels and dense elimination with row exchanges.
  * newton writes the correction of the dependent coordinates (n_dependent numbers), then phi (n_rows); where it `closes` at once it
  * writes the dependent coordinates themselves, and reads the independent ones alone;
@@ -29,7 +29,7 @@ typedef int ncgen_acceleration_kernel(ncgen_real t, const ncgen_real *q, const n
 /* How to factor [A Phi_q'; Phi_q -E], where A has the pattern of the mass matrix: the order of elimination and the pattern of its factor L D L', found once for a mechanism.
  *
  * order[k] is eliminated as the k-th: coordinate order[k], or row order[k] - n_coordinates
- * Row k of L has the columns row_columns[row_start[k]] .. (increasing), with their values at row_places[...];
+ * Row k of L has the columns row_columns[row_start[k]] .. (increasing), with their values at row_positions[...];
  * column k of L has its values at column_start[k] .. and their rows in column_rows.
  * Row k of the matrix gets, left of the diagonal and on it, at entry_columns[entry_start[k]] .., the values numbered
  * entry_values[...] of the list [mass, phi_q]. */
@@ -37,7 +37,7 @@ typedef struct ncgen_elimination {
     int size;     /* n_coordinates + n_rows */
     int nonzeros; /* of L */
     const int *order;
-    const int *row_start, *row_columns, *row_places;
+    const int *row_start, *row_columns, *row_positions;
     const int *column_start, *column_rows;
     const int *entry_start, *entry_columns, *entry_values;
 } ncgen_elimination;
@@ -58,7 +58,7 @@ typedef int ncgen_forced_kernel(ncgen_real t, const ncgen_real *q, const ncgen_r
 /* What depends on parameters alone, inputs not among them. */
 typedef int ncgen_prepare_kernel(const ncgen_real *p, ncgen_real *out);
 
-/* The motion of all coordinates, emitted for one mechanism with its eliminations written out. Where growth, how much worse their order
+/* The motion of all coordinates, emitted for one mechanism as straight-line code. Where the pivot growth, how much worse their order
  * is than usual, is large, the matrix [M Phi_q'; Phi_q -E] is factored instead. What is prepared follows the parameters in the p that
  * the other functions read. */
 typedef struct ncgen_motion {
@@ -70,7 +70,7 @@ typedef struct ncgen_motion {
     ncgen_forced_kernel *forced;       /* NULL, or the derivative with the forces of ncgen_dynamics.external */
 } ncgen_motion;
 
-/* An open tree of bodies as tables: its motion by the articulated recursion, in loops over them, so that nothing is written out for a
+/* An open tree of bodies as tables: its motion by the articulated recursion, in loops over them, so that no code is emitted for a
  * mechanism. A component is a coordinate, or n_coordinates + its number among the fixed ones.
  *
  * Links stand after their parents. A screw turns about the reference point of its link, or moves along an axis, which is a sum of weighted
@@ -129,14 +129,14 @@ typedef struct ncgen_dynamics {
     int singular_mass;                    /* 1: M is singular, and the elimination takes rows before their coordinates */
     int conservative;                     /* 1: no forces without a potential and no drivers, so no work to integrate */
     const ncgen_tangents *tangents;       /* for methods that need them; rows and column_sizes are needed, too */
-    const int *rolling; /* n_rows: 1 for a rolling condition, which is no equation of position; NULL: there are none */
-    const ncgen_partition *positions; /* NULL, or with rolling conditions and dense elimination: fewer velocities are
-                                       * independent, of which the members above speak, than positions */
-    const ncgen_tree *tree; /* NULL, or where no motion is emitted an open tree for lagrange */
-    int closes;             /* 1: newton finds the dependent coordinates from the independent ones, in closed form */
-    ncgen_velocity_kernel *external; /* NULL, or forces (n_coordinates) besides the model's, such as those of a host program. An emitted
-                                      * `motion` is `forced` then, and there is no emitted `acceleration`. A step that it refuses is
-                                      * repeated with a shorter one; after NCGEN_INTERRUPTED the run ends */
+    const int *rolling;                   /* n_rows: 1 for a rolling condition, which is no equation of position; NULL: there are none */
+    const ncgen_partition *positions;     /* NULL, or with rolling conditions and dense elimination: fewer velocities are
+                                           * independent, of which the members above speak, than positions */
+    const ncgen_tree *tree;               /* NULL, or where no motion is emitted an open tree for lagrange */
+    int closed_form;                      /* 1: newton finds the dependent coordinates from the independent ones, in closed form */
+    ncgen_velocity_kernel *external;      /* NULL, or forces (n_coordinates) besides the model's, such as those of a host program. An emitted
+                                           * `motion` is `forced` then, and there is no emitted `acceleration`. A step that it refuses is
+                                           * repeated with a shorter one; after NCGEN_INTERRUPTED the run ends */
 } ncgen_dynamics;
 
 /* Conditions, at the first of which a run stops: where a coordinate, a velocity or a function of (t, q, qd, p) passes a value. Within a
@@ -170,7 +170,7 @@ typedef struct ncgen_signals {
 } ncgen_signals;
 
 /* Inputs as polynomials of time: from knot k to the next one c[0] + c[1] s + c[2] s^2 + c[3] s^3 with s = t - knots[k] and
- * c = coefficients + 4 k; input i has the knots start[i] .. start[i + 1] - 1, ascending, and goes on beyond the last one. */
+ * c = coefficients + 4 k; input i has the knots start[i] .. start[i + 1] - 1, ascending, and continues beyond the last one. */
 typedef struct ncgen_piecewise {
     int count;
     const int *start;
@@ -180,59 +180,59 @@ typedef struct ncgen_piecewise {
     void *context;        /* of others */
 } ncgen_piecewise;
 
-/* What a run returns besides: its watch has ended it; it was found stiff and asked to stop then; its steps became too short, or too
- * many; its tape has no more room. */
-enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7, NCGEN_SHORT = 8, NCGEN_FULL = 9 };
+/* What a run returns besides: the progress function has ended it; it is stiff and options->stop_when_stiff is set; its steps became too
+ * short, or too many; its tape is full. */
+enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7, NCGEN_STEP_TOO_SHORT = 8, NCGEN_TAPE_FULL = 9 };
 
 /* Parameters that follow from the position (n_coordinates), set anew at the start and after every accepted step: in between they keep their
  * values. Anything but NCGEN_OK ends the run. */
 typedef int ncgen_parameter_rule(const ncgen_real *q, ncgen_real *p);
 
-/* Who listens to a long run: called now and then with the time reached, on the caller's own thread. Returns how many steps
+/* Progress of a long run: called now and then with the time reached, on the caller's own thread. Returns how many steps
  * may be tried before the next call, 0 to end the run at the last accepted state. Every stage of a step and every iteration
  * in it counts as one, since a large mechanism takes long for each. */
-typedef long ncgen_watch(void *context, ncgen_scalar t);
+typedef long ncgen_progress_function(void *context, ncgen_scalar t);
 
 /* What a run by an emitted motion with an explicit method leaves behind for its derivatives (ncgen_differentiated.h): when its steps
  * began and ended, and for every step the states of its stages, q and qd, the last of them as the step left it; then q as it was closed,
  * before it was moved along the constraints. After the last step follows the state where it ended. */
 typedef struct ncgen_tape {
-    long room;           /* in steps */
+    long capacity;       /* in steps */
     long steps;          /* how many there are */
     ncgen_scalar *times; /* room + 1 */
     ncgen_real *states;  /* (room x (2 stages of the method + 3) + 2) x n_coordinates */
-    long other;          /* the first step, counted from 1, that went by the matrix, or whose stages were brought onto the constraints,
+    long first_other;    /* the first step, counted from 1, that went by the matrix, or whose stages were brought onto the constraints,
                           * too: there is no derivative of that; 0: none did */
 } ncgen_tape;
 
 typedef struct ncgen_options {
     int method;
-    ncgen_scalar rtol;      /* with error control: error of a step, relative and absolute; both 0: there is none, as of methods with a */
-    ncgen_scalar atol;      /* fixed step */
+    ncgen_scalar rtol;         /* with error control: error of a step, relative and absolute; both 0: there is none, as of methods with a */
+    ncgen_scalar atol;         /* fixed step */
     const ncgen_scalar *sizes; /* what atol is multiplied by, one a velocity, position and the work that are integrated; NULL: 1 */
-    ncgen_scalar span;      /* explicit methods with error control: a step of length h may have h / span of the tolerance; 0: all */
-    ncgen_scalar max_step;  /* with error control: longest step, 0 for none; others: the step, negative for one from each time to the next */
-    ncgen_scalar tolerance; /* of the position problem, relative to row_sizes */
-    ncgen_scalar growth;    /* coordinate partitioning: stop with NCGEN_PIVOT when the amplification has grown by this factor */
-    long max_steps;         /* 0 for no limit */
+    ncgen_scalar span;         /* explicit methods with error control: a step of length h may have h / span of the tolerance; 0: all */
+    ncgen_scalar max_step;     /* with error control: longest step, 0 for none; others: the step, negative for one from each time to the next */
+    ncgen_scalar tolerance;    /* of the position problem, relative to row_sizes */
+    ncgen_scalar max_growth;   /* coordinate partitioning: stop with NCGEN_PIVOT when the amplification has grown by this factor */
+    long max_steps;            /* 0 for no limit */
     int formalism;
     int project;            /* 1: back onto the constraints after each step; of energy-momentum the velocities alone */
     ncgen_scalar penalty;   /* alpha of augmented Lagrangian and penalty, relative to the largest mass; of ali3p: times h^2 / 4 */
     ncgen_scalar damping;   /* xi and omega (1/s) of gamma - 2 xi omega Phid - omega^2 Phi; omega 0: none */
     ncgen_scalar frequency;
-    const ncgen_event *event; /* NULL: run to the end; else where it ends before */
-    ncgen_scalar alpha_m;   /* generalized-alpha: weights of the accelerations at the start of a step; for rho at infinity */
-    ncgen_scalar alpha_f;   /* they are (2 rho - 1) / (rho + 1) and rho / (rho + 1); for HHT 0 and its alpha */
-    ncgen_watch *watch;     /* NULL: nobody listens */
-    void *context;          /* of the watch */
-    long patience;          /* steps that are tried before the first call of the watch, at least 1 */
-    int stop_when_stiff;    /* 1: dopri5 and dop853 end with NCGEN_STIFF where an implicit method would serve better */
-    const ncgen_signals *signals; /* NULL: inputs keep their values */
-    ncgen_scalar first_step; /* of explicit methods with error control; 0: they find one */
-    ncgen_tape *tape;       /* NULL: the run leaves nothing behind */
-    const int *looks;       /* NULL, or one a time: 1 where a row may be of the end of the step around it, if no other row needs an */
-    ncgen_scalar *looked;   /* interpolant there; the times of the rows, which are filled in beforehand and changed where they are others */
-    ncgen_parameter_rule *choose;   /* NULL: parameters keep their values, inputs aside */
+    const ncgen_event *event;             /* NULL: run to the end; else where it ends before */
+    ncgen_scalar alpha_m;                 /* generalized-alpha: weights of the accelerations at the start of a step; for rho at infinity */
+    ncgen_scalar alpha_f;                 /* they are (2 rho - 1) / (rho + 1) and rho / (rho + 1); for HHT 0 and its alpha */
+    ncgen_progress_function *progress;    /* NULL: no progress is reported */
+    void *context;                        /* of the progress function */
+    long attempts_left;                   /* steps that are tried before the first call of the progress function, at least 1 */
+    int stop_when_stiff;                  /* 1: dopri5 and dop853 end with NCGEN_STIFF where an implicit method would serve better */
+    const ncgen_signals *signals;         /* NULL: inputs keep their values */
+    ncgen_scalar first_step;              /* of explicit methods with error control; 0: they find one */
+    ncgen_tape *tape;                     /* NULL: the run is not taped */
+    const int *movable;                   /* NULL, or one a time: 1 where a row may have the state of the end of its step, if no other row needs an */
+    ncgen_scalar *row_times;              /* interpolant there; times of the rows: filled in by the caller, changed where a row was moved */
+    ncgen_parameter_rule *parameter_rule; /* NULL: parameters keep their values, inputs aside */
 } ncgen_options;
 
 typedef struct ncgen_statistics {

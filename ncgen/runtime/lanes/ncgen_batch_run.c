@@ -68,7 +68,7 @@ static void wait_for_others(ncgen_common *shared)
         idle = shared->idle;
         if (idle == omp_get_num_threads())
             return;
-        ncgen_block_ask(shared);
+        ncgen_block_report(shared);
     }
 #else
     (void)shared;
@@ -81,7 +81,7 @@ int ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamic
                          int *status, long *steps, double *reached, int threads, double *workspace)
 {
     const long n = model->n_coordinates, nz = dynamics->n_independent, blocks = (count + NCGEN_LANES - 1) / NCGEN_LANES;
-    ncgen_common shared = {.options = options, .count = count, .patience = options->patience};
+    ncgen_common shared = {.options = options, .count = count, .attempts_left = options->attempts_left};
     if (!possible(options, n_times, times))
         return NCGEN_ARGUMENT;
     (void)threads;
@@ -90,7 +90,7 @@ int ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamic
 #endif
     {
         ncgen_block r = {.model = model, .dynamics = dynamics, .options = options, .shared = &shared};
-        r.listens = options->watch && is_calling_thread();
+        r.reports = options->progress && is_calling_thread();
         ncgen_block_lay_out(&r, own_workspace(model, dynamics, workspace));
 #ifdef _OPENMP
 #pragma omp for schedule(dynamic) nowait
@@ -104,7 +104,7 @@ int ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamic
         }
         ATOMIC(update)
         shared.idle += 1;
-        if (r.listens)
+        if (r.reports)
             wait_for_others(&shared);
     }
     return shared.stopped ? NCGEN_INTERRUPTED : NCGEN_OK;
@@ -123,8 +123,8 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
     {
         ncgen_block r = {.model = model, .dynamics = dynamics, .options = options};
         ncgen_block_lay_out(&r, own_workspace(model, dynamics, workspace));
-        r.wanted = out_qd ? 0 : r.n;
-        const int in_place = out_q == q && r.together >= 0, changed = in_place ? r.together : 0;
+        r.output_start = out_qd ? 0 : r.n;
+        const int in_place = out_q == q && r.first_together >= 0, changed = in_place ? r.first_together : 0;
         const int changed_end = in_place ? changed + dynamics->n_dependent : r.n;
 #ifdef _OPENMP
 #pragma omp for schedule(static)
@@ -136,15 +136,15 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
             ncgen_spread(r.nz, block, nz, zd + first * nz, r.y);
             ncgen_spread(model->n_parameters, block, p_stride, p + first * p_stride, r.p);
             if (left >= 2 * NCGEN_LANES) {
-                ncgen_foresee(NCGEN_LANES * n, q + (first + NCGEN_LANES) * n);
-                ncgen_foresee(NCGEN_LANES * nz, zd + (first + NCGEN_LANES) * nz);
-                ncgen_foresee(NCGEN_LANES * p_stride, p + (first + NCGEN_LANES) * p_stride);
-                ncgen_foresee(NCGEN_LANES * nz, out_zdd + (first + NCGEN_LANES) * nz);
+                ncgen_prefetch(NCGEN_LANES * n, q + (first + NCGEN_LANES) * n);
+                ncgen_prefetch(NCGEN_LANES * nz, zd + (first + NCGEN_LANES) * nz);
+                ncgen_prefetch(NCGEN_LANES * p_stride, p + (first + NCGEN_LANES) * p_stride);
+                ncgen_prefetch(NCGEN_LANES * nz, out_zdd + (first + NCGEN_LANES) * nz);
             }
-            r.senseless = r.singular = none;
+            r.not_finite = r.singular = none;
             ncgen_mask good = ncgen_block_accelerate(&r, ncgen_splat(t), r.y, ncgen_block_close(&r, ncgen_splat(t), ~none));
             for (int i = 0; i < r.nz; ++i)
-                r.singular |= good & ~(NCGEN_ABS(r.out[r.n + i]) < broken_down);
+                r.singular |= good & ~(NCGEN_ABS(r.out[r.n + i]) < max_residual);
             good &= ~r.singular;
             ncgen_collect_part(changed_end - changed, block, n, r.q + changed, out_q + first * n + changed);
             if (out_qd)
@@ -153,7 +153,7 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
             const int all_good = ncgen_all(good);
             for (int lane = 0; lane < block; ++lane)
                 status[first + lane] = all_good || good[lane] ? NCGEN_OK
-                                       : r.senseless[lane] ? NCGEN_DOMAIN
+                                       : r.not_finite[lane] ? NCGEN_DOMAIN
                                        : r.singular[lane]  ? NCGEN_SINGULAR
                                                            : NCGEN_NOT_CONVERGED;
         }

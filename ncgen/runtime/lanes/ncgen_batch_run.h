@@ -35,7 +35,7 @@ int ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamic
  *
  * out_q, out_qd: count x n_coordinates; out_q may be q, out_qd NULL; out_zdd: count x n_independent; rows of states without
  *     status 0 mean nothing
- * status: NCGEN_NOT_CONVERGED where a position does not close, NCGEN_SINGULAR, NCGEN_DOMAIN where a number is none
+ * status: NCGEN_NOT_CONVERGED where a position does not close, NCGEN_SINGULAR, NCGEN_DOMAIN where a number is NaN
  * Of the options the tolerance counts; everything else as above. */
 void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
                             const double *q, const double *zd, const double *p, int p_stride, double t, double *out_q,

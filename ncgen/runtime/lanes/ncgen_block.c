@@ -8,7 +8,7 @@ enum {
 };
 
 /* After a Newton step from a residual below this, the next one is at rounding: it need not be looked at. */
-static const double nearly_converged = 1e-7;
+static const double quadratic_limit = 1e-7;
 
 static ncgen_real *take(ncgen_real **workspace, int count)
 {
@@ -30,17 +30,17 @@ void ncgen_block_lay_out(ncgen_block *r, ncgen_real *workspace)
     r->n = r->model->n_coordinates;
     r->nz = r->dynamics->n_independent;
     r->ny = 2 * r->nz + 1;
-    r->given = r->dynamics->closes ? r->n : 0;
-    r->given_end = r->dynamics->closes ? 0 : r->n;
-    for (int i = 0; i < r->nz && r->dynamics->closes; ++i) {
+    r->given = r->dynamics->closed_form ? r->n : 0;
+    r->given_end = r->dynamics->closed_form ? 0 : r->n;
+    for (int i = 0; i < r->nz && r->dynamics->closed_form; ++i) {
         const int place = r->dynamics->independent[i];
         r->given = place < r->given ? place : r->given;
         r->given_end = place >= r->given_end ? place + 1 : r->given_end;
     }
-    r->together = r->dynamics->closes && r->dynamics->n_dependent ? r->dynamics->dependent[0] : -1;
-    for (int i = 0; i < r->dynamics->n_dependent && r->together >= 0; ++i)
-        r->together = r->dynamics->dependent[i] == r->dynamics->dependent[0] + i ? r->together : -1;
-    r->wanted = 0;
+    r->first_together = r->dynamics->closed_form && r->dynamics->n_dependent ? r->dynamics->dependent[0] : -1;
+    for (int i = 0; i < r->dynamics->n_dependent && r->first_together >= 0; ++i)
+        r->first_together = r->dynamics->dependent[i] == r->dynamics->dependent[0] + i ? r->first_together : -1;
+    r->output_start = 0;
     r->p = take(&workspace, r->model->n_parameters);
     r->q = take(&workspace, r->n);
     r->out = take(&workspace, r->n + r->nz + 2);
@@ -68,13 +68,13 @@ int ncgen_block_is_stopped(ncgen_common *shared)
     return stopped;
 }
 
-void ncgen_block_ask(ncgen_common *shared)
+void ncgen_block_report(ncgen_common *shared)
 {
     long arrived;
     ATOMIC(read)
-    arrived = shared->arrived;
-    shared->patience = shared->options->watch(shared->options->context, (double)arrived / (double)shared->count);
-    if (shared->patience <= 0) {
+    arrived = shared->completed;
+    shared->attempts_left = shared->options->progress(shared->options->context, (double)arrived / (double)shared->count);
+    if (shared->attempts_left <= 0) {
         ATOMIC(write)
         shared->stopped = 1;
     }
@@ -92,22 +92,22 @@ void ncgen_block_end(ncgen_block *r, ncgen_mask lanes, int status)
     r->running &= ~lanes;
     if (ended && status == NCGEN_OK) {
         ATOMIC(update)
-        r->shared->arrived += ended;
+        r->shared->completed += ended;
     }
 }
 
 void ncgen_block_fail(ncgen_block *r, ncgen_mask lanes)
 {
-    ncgen_block_end(r, lanes & r->senseless, NCGEN_DOMAIN);
+    ncgen_block_end(r, lanes & r->not_finite, NCGEN_DOMAIN);
     ncgen_block_end(r, lanes & r->singular, NCGEN_SINGULAR);
     ncgen_block_end(r, lanes, NCGEN_NOT_CONVERGED);
 }
 
-void ncgen_block_listen(ncgen_block *r)
+void ncgen_block_report_attempt(ncgen_block *r)
 {
     ncgen_common *shared = r->shared;
-    if (r->listens && --shared->patience <= 0)
-        ncgen_block_ask(shared);
+    if (r->reports && --shared->attempts_left <= 0)
+        ncgen_block_report(shared);
     if (ncgen_block_is_stopped(shared))
         ncgen_block_end(r, r->running, NCGEN_INTERRUPTED);
 }
@@ -130,7 +130,7 @@ static ncgen_real residual(const ncgen_block *r)
     return largest[0];
 }
 
-/* Lanes in which all of some numbers are finite: an infinite one or one that is none makes their sum the same. */
+/* Lanes in which all of some numbers are finite: an infinite one or a NaN makes their sum the same. */
 static ncgen_mask sensible(int count, const ncgen_real *x)
 {
     ncgen_real sum[CHAINS] = {{0}};
@@ -159,21 +159,21 @@ ncgen_mask ncgen_block_close(ncgen_block *r, ncgen_real t, ncgen_mask open)
 {
     const ncgen_dynamics *d = r->dynamics;
     ncgen_mask solved = {0};
-    if (r->together >= 0 && ncgen_all(open)) /* newton writes them where they belong; it reads none of them */
-        return d->newton(t, r->q, r->p, r->q + r->together) == NCGEN_OK ? open : solved;
+    if (r->first_together >= 0 && ncgen_all(open)) /* newton writes them where they belong; it reads none of them */
+        return d->newton(t, r->q, r->p, r->q + r->first_together) == NCGEN_OK ? open : solved;
     for (int iteration = 0; iteration <= NEWTON_LIMIT && ncgen_any(open); ++iteration) {
         if (d->newton(t, r->q, r->p, r->step) != NCGEN_OK)
             break;
-        if (d->closes)
+        if (d->closed_form)
             return take_places(r, open);
         const ncgen_real size = residual(r);
         if (iteration == 0)
-            r->senseless |= open & ~(size == size);
-        open &= size < broken_down;
+            r->not_finite |= open & ~(size == size);
+        open &= size < max_residual;
         for (int i = 0; i < d->n_dependent; ++i)
             r->q[d->dependent[i]] += (ncgen_real)((ncgen_mask)r->step[i] & open);
-        /* As with one state a step is taken even where the guess is good: what closes at once says that phi is 0. */
-        const ncgen_mask near = open & (size <= nearly_converged);
+        /* As with one state a step is taken even where the guess is good: a position in closed form has phi = 0. */
+        const ncgen_mask near = open & (size <= quadratic_limit);
         solved |= near;
         open &= ~near;
     }
@@ -184,17 +184,17 @@ ncgen_mask ncgen_block_accelerate(ncgen_block *r, ncgen_real t, const ncgen_real
 {
     if (!ncgen_any(closed) || r->dynamics->acceleration(t, r->q, zd, r->p, r->out) != NCGEN_OK)
         return closed & 0;
-    const ncgen_mask regular = closed & (r->out[r->n + r->nz + 1] < broken_down);
-    const ncgen_mask finite = sensible(r->n + r->nz + 1 - r->wanted, r->out + r->wanted);
+    const ncgen_mask regular = closed & (r->out[r->n + r->nz + 1] < max_residual);
+    const ncgen_mask finite = sensible(r->n + r->nz + 1 - r->output_start, r->out + r->output_start);
     r->singular |= closed & ~regular;
-    r->senseless |= regular & ~finite;
+    r->not_finite |= regular & ~finite;
     return regular & finite;
 }
 
 ncgen_mask ncgen_block_evaluate(ncgen_block *r, ncgen_real t, const ncgen_real *y, ncgen_mask wanted)
 {
     const ncgen_real ahead = t - r->start_t;
-    for (int i = 0; i < r->n && !r->dynamics->closes; ++i)
+    for (int i = 0; i < r->n && !r->dynamics->closed_form; ++i)
         r->q[i] = r->start_q[i] + ahead * r->start_qd[i];
     for (int i = 0; i < r->nz; ++i)
         r->q[r->dynamics->independent[i]] = y[r->nz + i];
@@ -260,7 +260,7 @@ void ncgen_block_begin(ncgen_block *r, int count, const double *q, const double 
     for (int i = 0; i < r->n; ++i)
         r->start_qd[i] = ncgen_splat(0.0);
     r->start_t = ncgen_splat(t);
-    r->senseless = r->singular = none;
+    r->not_finite = r->singular = none;
     ncgen_block_fail(r, ~ncgen_block_derivative(r, r->start_t, r->y, r->k[0], r->running));
     r->amplification = r->out[r->n + r->nz + 1];
     ncgen_block_accept(r, r->running, r->start_t, r->y, r->k[0]);

@@ -20,16 +20,16 @@
 #endif
 
 /* A residual or an amplification that leaves no digit of the solution. */
-static const double broken_down = 1e30;
+static const double max_residual = 1e30;
 
-/* What the threads of a call have in common. The calling one alone asks the watch; the others look at what it was told. */
+/* What the threads of a call have in common. The calling one alone calls the progress function; the others read its answer. */
 typedef struct ncgen_common {
     const ncgen_options *options;
-    long count;    /* states */
-    long arrived;  /* states that have */
-    long patience; /* steps until the watch is asked again */
-    int idle;      /* threads that have nothing left to do */
-    int stopped;   /* 1: the watch has ended the call */
+    long count;         /* states */
+    long completed;     /* states that have */
+    long attempts_left; /* steps until the progress function is called again */
+    int idle;           /* threads that have nothing left to do */
+    int stopped;        /* 1: the progress function has ended the call */
 } ncgen_common;
 
 /* Where results go. */
@@ -44,7 +44,7 @@ typedef struct ncgen_output {
     const double *breaks;   /* as of ncgen_signals */
 } ncgen_output;
 
-/* A block of states. Masks say which lanes a function is asked about, and which of them succeeded. */
+/* A block of states. Masks: the lanes that a function is to compute, and those in which it succeeded. */
 typedef struct ncgen_block {
     const ncgen_model *model;
     const ncgen_dynamics *dynamics;
@@ -52,12 +52,12 @@ typedef struct ncgen_block {
     ncgen_output to;              /* of the block's first state */
     int n, nz, ny;
     int given, given_end;    /* the coordinates from which positions are closed: the independent ones and those between, or all */
-    int together;            /* the first of the dependent coordinates if they follow one another and are found in closed form, else -1 */
+    int first_together;      /* the first of the dependent coordinates if they follow one another and are found in closed form, else -1 */
     ncgen_common *shared;
-    int wanted;              /* where the numbers of `out` begin that somebody reads: at the velocities, or after them */
-    int listens;             /* 1: in the thread that asks the watch */
+    int output_start; /* where the numbers of `out` begin that somebody reads: at the velocities, or after them */
+    int reports;      /* 1: in the thread that calls the progress function */
     ncgen_mask running;
-    ncgen_mask senseless;    /* lanes in which the last evaluation met what is not a number */
+    ncgen_mask not_finite;   /* lanes in which the last evaluation met what is not a number */
     ncgen_mask singular;     /* lanes in which it met a singular position */
     int row[NCGEN_LANES];    /* how many rows are written */
     int ahead[NCGEN_LANES];  /* the next of its breaks */
@@ -98,8 +98,8 @@ void ncgen_block_write(ncgen_block *r, ncgen_mask lanes, const ncgen_real *q, co
 void ncgen_block_end(ncgen_block *r, ncgen_mask lanes, int status); /* lanes end; those that have ended already keep their status */
 void ncgen_block_fail(ncgen_block *r, ncgen_mask lanes);            /* lanes end because their last evaluation failed */
 
-void ncgen_block_listen(ncgen_block *r);          /* before every step that is tried: may the block go on? */
-void ncgen_block_ask(ncgen_common *shared);       /* the watch, which may end the call */
+void ncgen_block_report_attempt(ncgen_block *r); /* before every step that is tried: may the block go on? */
+void ncgen_block_report(ncgen_common *shared);   /* calls the progress function, which may end the call */
 int ncgen_block_is_stopped(ncgen_common *shared);
 
 #endif

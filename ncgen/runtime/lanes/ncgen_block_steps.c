@@ -14,7 +14,7 @@ static ncgen_real at_most(ncgen_real x, double limit)
 /* Lanes whose independent coordinates have become bad: errors grow in the others more than at the start. */
 static ncgen_mask degraded(const ncgen_block *r, ncgen_mask lanes)
 {
-    return lanes & (r->out[r->n + r->nz + 1] > r->options->growth * r->amplification);
+    return lanes & (r->out[r->n + r->nz + 1] > r->options->max_growth * r->amplification);
 }
 
 /* The square of the first components of x in units of the tolerance at y and b, a mean over all of them. */
@@ -49,7 +49,7 @@ static ncgen_real first_step(ncgen_block *r, int order, double span)
     return ncgen_select(good, at_most(better, span), guess * 0.01);
 }
 
-/* sum = sum over the stages of weight times slope. */
+/* sum = sum over the stages of weight times stage derivative. */
 static void combine(const ncgen_block *r, int stages, const double *weights, ncgen_real *sum)
 {
     for (int i = 0; i < r->ny; ++i)
@@ -66,12 +66,12 @@ static void advance(const ncgen_block *r, ncgen_real h, int stages, const double
         y_new[i] = r->y[i] + h * y_new[i];
 }
 
-/* One trial step of the lanes that run: new_y, and the slope there. Those that have one. */
+/* One trial step of the lanes that run: new_y, and the derivative there. Those that have one. */
 static ncgen_mask trial_step(ncgen_block *r, const tableau *method, ncgen_real t, ncgen_real h)
 {
     const ncgen_mask none = {0};
     ncgen_mask good = r->running;
-    r->senseless = r->singular = none;
+    r->not_finite = r->singular = none;
     for (int s = 1; s <= method->stages; ++s) {
         advance(r, h, s, method->a[s], r->new_y);
         good = ncgen_block_derivative(r, t + method->c[s] * h, r->new_y, r->k[s], good);
@@ -121,7 +121,7 @@ static void interpolate(ncgen_block *r, const tableau *method, ncgen_real h, ncg
         r->at[i] = r->y[i] + h * r->at[i];
 }
 
-/* Rows of the grid inside the last step of some lanes, from t over h; y and the slopes are still those of the step. */
+/* Rows of the grid inside the last step of some lanes, from t over h; y and the stage derivatives are still those of the step. */
 static void write_inside(ncgen_block *r, const tableau *method, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
 {
     for (int round = 0;; ++round) {
@@ -198,7 +198,7 @@ static void run_adaptive(ncgen_block *r, const tableau *method)
     const ncgen_real power = ncgen_splat(-1.0 / (method->order + 1));
     ncgen_real t = r->start_t, h = first_step(r, method->order, span);
     ncgen_mask rejected = {0}, repeats = {0};
-    for (ncgen_block_listen(r); ncgen_any(r->running); ncgen_block_listen(r)) {
+    for (ncgen_block_report_attempt(r); ncgen_any(r->running); ncgen_block_report_attempt(r)) {
         if (longest > 0)
             h = at_most(h, longest);
         const ncgen_real goal = next_breaks(r, t, stop), wanted = h;
@@ -207,7 +207,7 @@ static void run_adaptive(ncgen_block *r, const tableau *method)
         ncgen_block_fail(r, ~((t + h > t) & (h > shortest * span))); /* as ncgen_is_step */
         const ncgen_mask stepped = trial_step(r, method, t, h);
         const ncgen_real error = error_of(r, method, h);
-        const ncgen_mask good = stepped & (error < broken_down);
+        const ncgen_mask good = stepped & (error < max_residual);
         const ncgen_mask failed = r->running & ~good, accepted = r->running & good & (error < 1.0);
         const ncgen_mask too_large = r->running & good & ~accepted;
 
@@ -236,7 +236,7 @@ static void run_adaptive(ncgen_block *r, const tableau *method)
 /* A step of some lanes, which ends at t_new. */
 static void fixed_step(ncgen_block *r, const tableau *method, ncgen_real t, ncgen_real h, ncgen_real t_new, ncgen_mask lanes)
 {
-    ncgen_block_listen(r);
+    ncgen_block_report_attempt(r);
     ncgen_block_fail(r, lanes & ~trial_step(r, method, t, h));
     lanes &= r->running;
     ncgen_block_accept(r, lanes, t_new, r->new_y, r->k[method->stages]);

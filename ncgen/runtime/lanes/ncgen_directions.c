@@ -12,8 +12,8 @@ typedef struct sweep {
     ncgen_real *seed;   /* 2 n + n_p: changes of a state and of p; p stays at its end */
     ncgen_real *brief;  /* n + n_p: the same where a program takes no qd */
     ncgen_real *state;  /* 2 n: changes where the step begins, then where it ends */
-    ncgen_real *slopes; /* 2 n for every stage */
-    ncgen_real *found;  /* 2 n: what a program writes */
+    ncgen_real *stage_derivatives; /* 2 n for every stage */
+    ncgen_real *output;  /* 2 n: what a program writes */
     int n_w;            /* inputs that are driven */
     ncgen_real *w;      /* where p has them */
     long count, first;  /* directions, and which one is in the first lane */
@@ -37,8 +37,8 @@ static void lay_out(sweep *s, int n, int n_p, int method, ncgen_space *space)
     s->seed = take(space, 2 * n + n_p);
     s->brief = take(space, n + n_p);
     s->state = take(space, 2 * n);
-    s->slopes = take(space, 2 * n * s->method->stages);
-    s->found = take(space, 2 * n);
+    s->stage_derivatives = take(space, 2 * n * s->method->stages);
+    s->output = take(space, 2 * n);
 }
 
 int ncgen_directions_lanes(void)
@@ -89,7 +89,7 @@ static void note(const sweep *s, int row, int rows, const ncgen_real *changes)
 static void velocities(const sweep *s, double t)
 {
     const ncgen_real zero = {0};
-    s->motion->velocities(zero + t, s->at, s->at + s->n, s->p, s->seed, s->found);
+    s->motion->velocities(zero + t, s->at, s->at + s->n, s->p, s->seed, s->output);
 }
 
 /* The change of q in s->seed, and of q + dq. */
@@ -98,16 +98,16 @@ static void close(const sweep *s, double t)
     const ncgen_real zero = {0};
     for (int i = 0; i < s->n; ++i)
         s->brief[i] = s->seed[i];
-    s->motion->closing(zero + t, s->at, s->p, s->brief, s->found);
+    s->motion->closing(zero + t, s->at, s->p, s->brief, s->output);
     for (int i = 0; i < s->n; ++i)
-        s->seed[i] += s->found[i];
+        s->seed[i] += s->output[i];
 }
 
 /* From changes in s->state where a step left off, at left [q, qd], to those where it ended: closed and end are positions. */
 static void project_state(const sweep *s, double t, const double *left, const double *closed, const double *end)
 {
     const int n = s->n;
-    ncgen_real *moved = s->slopes; /* n: the stages are behind */
+    ncgen_real *moved = s->stage_derivatives; /* n: the stages are behind */
     note(s, 2 * n * s->method->stages, 2 * n, s->state);
     spread(n, closed, s->at);
     for (int i = 0; i < n; ++i)
@@ -121,13 +121,13 @@ static void project_state(const sweep *s, double t, const double *left, const do
     }
     velocities(s, t);
     for (int i = 0; i < n; ++i)
-        moved[i] += s->found[i];
+        moved[i] += s->output[i];
     if (s->is_driven) {
         for (int i = 0; i < n; ++i)
             s->seed[n + i] = s->at[n + i] = (ncgen_real){0};
         velocities(s, t);
         for (int i = 0; i < n; ++i)
-            moved[i] -= s->found[i];
+            moved[i] -= s->output[i];
     }
     spread(n, end, s->at);
     spread(n, left + n, s->at + n);
@@ -140,7 +140,7 @@ static void project_state(const sweep *s, double t, const double *left, const do
     }
     velocities(s, t);
     for (int i = 0; i < n; ++i)
-        s->state[n + i] = s->found[i];
+        s->state[n + i] = s->output[i];
 }
 
 /* From changes in s->state where a step begins to those where it leaves off; inputs: of its stages. */
@@ -156,14 +156,14 @@ static void stages(const sweep *s, double t, double h, const double *states, con
             if (!(weight < 0 || weight > 0))
                 continue;
             for (int i = 0; i < size; ++i)
-                s->seed[i] += weight * s->slopes[k * size + i];
+                s->seed[i] += weight * s->stage_derivatives[k * size + i];
         }
         if (j == last)
             break;
         note(s, j * size, size, s->seed);
         spread(size, states + j * size, s->at);
         spread(s->n_w, inputs + j * s->n_w, s->w);
-        s->motion->derivative(zero + (t + s->method->c[j] * h), s->at, s->at + s->n, s->p, s->seed, s->slopes + j * size);
+        s->motion->derivative(zero + (t + s->method->c[j] * h), s->at, s->at + s->n, s->p, s->seed, s->stage_derivatives + j * size);
     }
     for (int i = 0; i < size; ++i)
         s->state[i] = s->seed[i];
@@ -195,7 +195,7 @@ static sweep begun(const void *motion, int n_coordinates, int n_parameters, int 
     return s;
 }
 
-void ncgen_starts_along(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int method, const double *p,
+void ncgen_starts_jvp(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int method, const double *p,
                         int of_velocities, double t, const double *state, long count, const double *seeds, double *changes,
                         double *workspace)
 {
@@ -210,7 +210,7 @@ void ncgen_starts_along(const void *motion, int n_coordinates, int n_parameters,
             velocities(&s, t);
         else
             close(&s, t);
-        write_rows(s.n, count, first, s.found, changes);
+        write_rows(s.n, count, first, s.output, changes);
     }
 }
 

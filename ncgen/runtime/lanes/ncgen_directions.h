@@ -27,7 +27,7 @@ void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, i
 
 /* Changes, n_coordinates rows, along the directions at one state [q, qd] of what comes before the run: of the velocities that the joints
  * allow, or of a step of Newton's method, whose seeds of q and qd are not asked for. Other arguments as above. */
-void ncgen_starts_along(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int method, const double *p,
+void ncgen_starts_jvp(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int method, const double *p,
                         int of_velocities, double t, const double *state, long count, const double *seeds, double *changes,
                         double *workspace);
 

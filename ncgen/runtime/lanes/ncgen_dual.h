@@ -1,8 +1,8 @@
 /* ncgen_dual.h: a number is a double with its change along a direction: x + h i dx, complex, with an h so small that what is of second
- * order in it vanishes beside what is of first.
+ * order in it vanishes next to what is of first.
  *
  * Included before everything else (-include), it makes derivatives of whatever the generated text and ncgen_adjoint.c compute: with
- * slopes for values, second derivatives. Comparisons, signs and pieces look at x alone.
+ * derivatives for values, second derivatives. Comparisons, signs and pieces look at x alone.
  */
 #ifndef NCGEN_DUAL_H
 #define NCGEN_DUAL_H
@@ -41,12 +41,12 @@ static inline ncgen_real ncgen_with_change(double x, double change)
     return number.all;
 }
 
-/* A function of the number x, of which y is the value: its value and its slope. */
-#define NCGEN_DUAL_FUNCTION(name, value, slope)                         \
+/* A function of the number x, of which y is the value: its value and its derivative. */
+#define NCGEN_DUAL_FUNCTION(name, value, derivative)                    \
     static inline ncgen_real ncgen_dual_##name(ncgen_real number)       \
     {                                                                   \
         const double x = ncgen_value(number), y = value;                \
-        return ncgen_with_change(y, (slope) * ncgen_change(number));    \
+        return ncgen_with_change(y, (derivative) * ncgen_change(number)); \
     }
 
 NCGEN_DUAL_FUNCTION(sqrt, sqrt(x), 0.5 / y)
@@ -107,7 +107,7 @@ static inline void ncgen_sincos(int n, const ncgen_real *x, ncgen_real *sine, nc
 
 #define NCGEN_PIECES(x, knots, rows, count, degree, period) ncgen_pieces(x, knots, rows, count, degree, period)
 
-/* As in ncgen_math.h, with the slope of the piece. */
+/* As in ncgen_math.h, with the derivative of the piece. */
 static inline ncgen_real ncgen_pieces(ncgen_real x, const double *knots, const double *rows, int count, int degree, double period)
 {
     double s = ncgen_value(x);
@@ -122,13 +122,13 @@ static inline ncgen_real ncgen_pieces(ncgen_real x, const double *knots, const d
             high = middle;
     }
     const double *row = rows + low * (degree + 2);
-    double y = row[degree + 1], slope = 0;
+    double y = row[degree + 1], derivative = 0;
     s -= row[0];
     for (int k = degree; k > 0; --k) {
-        slope = slope * s + y;
+        derivative = derivative * s + y;
         y = y * s + row[k];
     }
-    return ncgen_with_change(y, slope * ncgen_change(x));
+    return ncgen_with_change(y, derivative * ncgen_change(x));
 }
 
 #endif

@@ -12,7 +12,7 @@ enum {
 };
 
 /* As in ncgen_constrained.c where a tape is written, and in ncgen_projection.c. */
-static const double bad_order = 10.0e6, bad_step = 3.0e6, too_far = 0.1, nearly_closed = 10.0 * 1.4901161193847656e-8;
+static const double max_growth = 10.0e6, max_step_growth = 3.0e6, max_distance = 0.1, quadratic_limit = 10.0 * 1.4901161193847656e-8;
 static const double rounding = 2.220446049250313e-16;
 
 typedef struct run {
@@ -24,10 +24,10 @@ typedef struct run {
     ncgen_mask good;                  /* lanes that go on */
     ncgen_real *p;     /* with what is prepared */
     ncgen_real *state; /* 2 n: q and qd */
-    ncgen_real *apart; /* n */
-    ncgen_real *found; /* what a program writes */
+    ncgen_real *offset; /* n */
+    ncgen_real *output; /* what a program writes */
     ncgen_real *more;  /* 2 n + 2 */
-    ncgen_real *slopes; /* 2 n for every stage and the end */
+    ncgen_real *stage_derivatives; /* 2 n for every stage and the end */
     double *rows;       /* n of every lane */
 } run;
 
@@ -82,15 +82,15 @@ static ncgen_real largest_of(int count, const ncgen_real *x, const ncgen_real *p
 static void close_position(run *r, double t, ncgen_real *q, ncgen_mask open)
 {
     for (int k = 0; k < POSITION_LIMIT && ncgen_any(open); ++k) {
-        r->motion->closing(ncgen_splat(t), q, r->p, r->found);
-        const ncgen_real moved = largest_of(r->n, r->found, r->per_column);
-        const ncgen_real violation = largest_of(r->n_rows, r->found + r->n, r->per_row);
-        const ncgen_mask lost = ~(moved < too_far) | ((violation > 0.0) & (moved > bad_order * violation + 100.0 * rounding));
+        r->motion->closing(ncgen_splat(t), q, r->p, r->output);
+        const ncgen_real moved = largest_of(r->n, r->output, r->per_column);
+        const ncgen_real violation = largest_of(r->n_rows, r->output + r->n, r->per_row);
+        const ncgen_mask lost = ~(moved < max_distance) | ((violation > 0.0) & (moved > max_growth * violation + 100.0 * rounding));
         r->good &= ~(open & lost);
         open &= ~lost;
         for (int i = 0; i < r->n; ++i)
-            q[i] += (ncgen_real)((ncgen_mask)r->found[i] & open);
-        open &= ~(violation < nearly_closed);
+            q[i] += (ncgen_real)((ncgen_mask)r->output[i] & open);
+        open &= ~(violation < quadratic_limit);
     }
     r->good &= ~open;
 }
@@ -100,40 +100,40 @@ static void project_state(run *r, double t, ncgen_real *closed)
 {
     const int n = r->n;
     ncgen_real *q = r->state, *qd = r->state + n;
-    ncgen_copy(n, q, r->apart);
+    ncgen_copy(n, q, r->offset);
     close_position(r, t, q, r->good);
     ncgen_copy(n, q, closed);
     for (int i = 0; i < n; ++i)
-        r->apart[i] -= q[i];
-    const ncgen_real length = largest_of(n, r->apart, r->per_column);
-    r->motion->velocities(ncgen_splat(t), q, r->apart, r->p, r->found);
-    r->good &= (r->found[n] < bad_order) | ~(length > 0.0);
+        r->offset[i] -= q[i];
+    const ncgen_real length = largest_of(n, r->offset, r->per_column);
+    r->motion->velocities(ncgen_splat(t), q, r->offset, r->p, r->output);
+    r->good &= (r->output[n] < max_growth) | ~(length > 0.0);
     if (r->sizes->is_driven) {
         for (int i = 0; i < n; ++i)
-            r->apart[i] = ncgen_splat(0.0);
-        r->motion->velocities(ncgen_splat(t), q, r->apart, r->p, r->more);
+            r->offset[i] = ncgen_splat(0.0);
+        r->motion->velocities(ncgen_splat(t), q, r->offset, r->p, r->more);
         for (int i = 0; i < n; ++i)
-            r->found[i] -= r->more[i];
+            r->output[i] -= r->more[i];
     }
     for (int i = 0; i < n; ++i)
-        q[i] += (ncgen_real)((ncgen_mask)r->found[i] & (length > 0.0));
+        q[i] += (ncgen_real)((ncgen_mask)r->output[i] & (length > 0.0));
     close_position(r, t, q, r->good & ~(length * length < 0.01 * rounding));
-    r->motion->velocities(ncgen_splat(t), q, qd, r->p, r->found);
-    ncgen_copy(n, r->found, qd);
+    r->motion->velocities(ncgen_splat(t), q, qd, r->p, r->output);
+    ncgen_copy(n, r->output, qd);
 }
 
-/* [qd, qdd] of a state into slopes; lanes where the order of elimination is a bad one, or a number is none, are good no more. */
-static ncgen_real derivative(run *r, double t, const ncgen_real *state, ncgen_real *slopes)
+/* [qd, qdd] of a state into stage_derivatives; lanes with pivot growth, or a NaN, are good no more. */
+static ncgen_real derivative(run *r, double t, const ncgen_real *state, ncgen_real *stage_derivatives)
 {
     ncgen_real sums[CHAINS] = {{0}}; /* which are numbers where all are */
-    r->motion->derivative(ncgen_splat(t), state, state + r->n, r->p, r->found);
-    ncgen_copy(2 * r->n, r->found, slopes);
+    r->motion->derivative(ncgen_splat(t), state, state + r->n, r->p, r->output);
+    ncgen_copy(2 * r->n, r->output, stage_derivatives);
     for (int i = 0; i < 2 * r->n; ++i)
-        sums[i % CHAINS] += slopes[i];
+        sums[i % CHAINS] += stage_derivatives[i];
     for (int k = 0; k < CHAINS; ++k)
         r->good &= sums[k] - sums[k] == 0.0;
-    r->good &= r->found[2 * r->n + 1] < bad_order;
-    return r->found[2 * r->n + 1];
+    r->good &= r->output[2 * r->n + 1] < max_growth;
+    return r->output[2 * r->n + 1];
 }
 
 /* A step of h from t on, which leaves its states on the tape. */
@@ -148,24 +148,24 @@ static void step(run *r, double t, double h, ncgen_real *tape)
         for (int j = 0; j < s; ++j) {
             const double weight = r->method->a[s][j];
             for (int i = 0; i < size && fabs(weight) > 0; ++i)
-                stage[i] += weight * r->slopes[j * size + i];
+                stage[i] += weight * r->stage_derivatives[j * size + i];
         }
         for (int i = 0; i < size; ++i)
             stage[i] = r->state[i] + h * stage[i];
         if (s < last)
-            derivative(r, t + r->method->c[s] * h, stage, r->slopes + s * size);
+            derivative(r, t + r->method->c[s] * h, stage, r->stage_derivatives + s * size);
     }
     ncgen_copy(size, tape + last * size, r->state);
     project_state(r, t + h, tape + (last + 1) * size);
-    r->good &= derivative(r, t + h, r->state, r->slopes) < bad_step;
+    r->good &= derivative(r, t + h, r->state, r->stage_derivatives) < max_step_growth;
 }
 
-/* n numbers of each lane into rows that lie `apart` numbers from one another. */
-static void write_rows(const run *r, int count, const ncgen_real *lanes, long apart, double *to)
+/* n numbers of each lane into rows that lie `stride` numbers from one another. */
+static void write_rows(const run *r, int count, const ncgen_real *lanes, long stride, double *to)
 {
     ncgen_collect(r->n, count, lanes, r->rows);
     for (int lane = 0; lane < count; ++lane)
-        memcpy(to + (long)lane * apart, r->rows + (long)lane * r->n, (size_t)r->n * sizeof(double));
+        memcpy(to + (long)lane * stride, r->rows + (long)lane * r->n, (size_t)r->n * sizeof(double));
 }
 
 static void write_state(const run *r, int count, long rows, long row, double *out_q, double *out_qd)
@@ -174,7 +174,7 @@ static void write_state(const run *r, int count, long rows, long row, double *ou
     write_rows(r, count, r->state + r->n, rows * r->n, out_qd + row * r->n);
 }
 
-/* A block; its first slopes are those of the first stage, which each step finds at its end for the next. */
+/* A block; its first derivatives are those of the first stage, which each step finds at its end for the next. */
 static void run_block(run *r, long steps, const double *times, int count, double *out_q, double *out_qd, int *other, ncgen_real *tape,
                       long taped)
 {
@@ -184,7 +184,7 @@ static void run_block(run *r, long steps, const double *times, int count, double
         r->motion->prepare(r->p, r->p + r->sizes->n_parameters);
     for (int lane = 0; lane < NCGEN_LANES; ++lane)
         r->good[lane] = -1;
-    derivative(r, times[0], r->state, r->slopes);
+    derivative(r, times[0], r->state, r->stage_derivatives);
     write_state(r, count, steps + 1, 0, out_q, out_qd);
     for (long k = 0; k < steps && ncgen_any(r->good); ++k) {
         step(r, times[k], times[k + 1] - times[k], tape + (size_t)(k % taped) * length);
@@ -203,10 +203,10 @@ void ncgen_motions(const void *motion, const ncgen_taped *sizes, int n_rows, con
     ncgen_space space = {(ncgen_real *)workspace, 0};
     run r = {.motion = motion, .sizes = sizes, .method = &tableaus[sizes->method], .n = n, .n_rows = n_rows};
     r.state = ncgen_take(&space, 2 * n);
-    r.apart = ncgen_take(&space, n);
-    r.found = ncgen_take(&space, 2 * n + 2 + n_rows);
+    r.offset = ncgen_take(&space, n);
+    r.output = ncgen_take(&space, 2 * n + 2 + n_rows);
     r.more = ncgen_take(&space, 2 * n + 2);
-    r.slopes = ncgen_take(&space, 2 * n * (r.method->stages + 1));
+    r.stage_derivatives = ncgen_take(&space, 2 * n * (r.method->stages + 1));
     r.rows = (double *)ncgen_take(&space, n);
     r.per_column = ncgen_take(&space, n);
     r.per_row = ncgen_take(&space, n_rows);
@@ -234,13 +234,13 @@ static void spread_weights(int n, int count, long rows, const double *by_q, cons
     }
 }
 
-void ncgen_motions_back(const void *transposed, const ncgen_taped *sizes, long steps, const double *times, long count,
-                        const double *by_q, const double *by_qd, const double *tapes, double *slopes, double *workspace)
+void ncgen_motions_adjoint(const void *transposed, const ncgen_taped *sizes, long steps, const double *times, long count,
+                        const double *by_q, const double *by_qd, const double *tapes, double *stage_derivatives, double *workspace)
 {
     const int n = sizes->n_coordinates, width = 2 * n + sizes->n_parameters;
     ncgen_space space = {(ncgen_real *)workspace, 0};
     ncgen_real *weights = ncgen_take(&space, (int)(steps + 1) * 2 * n);
-    ncgen_real *found = ncgen_take(&space, width);
+    ncgen_real *output = ncgen_take(&space, width);
     ncgen_real *work = ncgen_take(&space, 0);
     for (long first = 0; first < count; first += NCGEN_LANES) {
         const int block = count - first < NCGEN_LANES ? (int)(count - first) : NCGEN_LANES;
@@ -250,18 +250,18 @@ void ncgen_motions_back(const void *transposed, const ncgen_taped *sizes, long s
         here.tape = &tape;
         here.p = states + tape_size(sizes, steps) - (size_t)(sizes->n_parameters + sizes->n_prepared);
         spread_weights(n, block, steps + 1, by_q + first * (steps + 1) * n, by_qd + first * (steps + 1) * n, weights);
-        ncgen_adjoint(&here, transposed, weights, found, NULL, work);
-        ncgen_collect(width, block, found, slopes + first * width);
+        ncgen_adjoint(&here, transposed, weights, output, NULL, work);
+        ncgen_collect(width, block, output, stage_derivatives + first * width);
     }
 }
 
-void ncgen_starts_back(const void *transposed, const ncgen_taped *sizes, int of_velocities, long steps, double t, long count,
-                       const double *weights, const double *tapes, double *slopes, double *workspace)
+void ncgen_starts_vjp(const void *transposed, const ncgen_taped *sizes, int of_velocities, long steps, double t, long count,
+                       const double *weights, const double *tapes, double *stage_derivatives, double *workspace)
 {
     const ncgen_seeded_motion *parts = transposed;
     const int n = sizes->n_coordinates, n_p = sizes->n_parameters, before = of_velocities ? 2 * n : n;
     ncgen_space space = {(ncgen_real *)workspace, 0};
-    ncgen_real *seed = ncgen_take(&space, n), *found = ncgen_take(&space, before + n_p + sizes->n_prepared);
+    ncgen_real *seed = ncgen_take(&space, n), *output = ncgen_take(&space, before + n_p + sizes->n_prepared);
     ncgen_real *more = ncgen_take(&space, n_p);
     for (long first = 0; first < count; first += NCGEN_LANES) {
         const int block = count - first < NCGEN_LANES ? (int)(count - first) : NCGEN_LANES;
@@ -269,14 +269,14 @@ void ncgen_starts_back(const void *transposed, const ncgen_taped *sizes, int of_
         const ncgen_real *p = q + tape_size(sizes, steps) - (size_t)(n_p + sizes->n_prepared);
         ncgen_spread(n, block, n, weights + first * n, seed);
         if (of_velocities)
-            parts->velocities(ncgen_splat(t), q, q + n, p, seed, found);
+            parts->velocities(ncgen_splat(t), q, q + n, p, seed, output);
         else
-            parts->closing(ncgen_splat(t), q, p, seed, found);
+            parts->closing(ncgen_splat(t), q, p, seed, output);
         if (parts->prepare) {
-            parts->prepare(p, found + before + n_p, more);
+            parts->prepare(p, output + before + n_p, more);
             for (int i = 0; i < n_p; ++i)
-                found[before + i] += more[i];
+                output[before + i] += more[i];
         }
-        ncgen_collect(before + n_p, block, found, slopes + first * (before + n_p));
+        ncgen_collect(before + n_p, block, output, stage_derivatives + first * (before + n_p));
     }
 }

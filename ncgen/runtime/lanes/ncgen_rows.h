@@ -63,7 +63,7 @@ static inline __attribute__((always_inline)) void ncgen_read_square(const double
 }
 
 /* Numbers that are needed soon are called from memory while something else is computed. */
-static inline void ncgen_foresee(long count, const double *numbers)
+static inline void ncgen_prefetch(long count, const double *numbers)
 {
     for (long i = 0; i < count; i += 8) /* a line of the cache */
         __builtin_prefetch(numbers + i);

@@ -1,4 +1,4 @@
-/* ncgen_adjoint.c: one sweep back through a run that was taped: the transposed derivative of every step, the last one first.
+/* ncgen_adjoint.c: one reverse sweep through a run that was taped: the transposed derivative of every step, the last one first.
  *
  * A step is Y_j = x + h sum a_ji f(Y_i), then x' = x + h sum b_j f(Y_j), closed to c, moved along the constraints to where it is nearest
  * to x', closed again, and at last velocities. Where Newton's method has arrived, one step of it has the derivative of all of them.
@@ -15,9 +15,9 @@ typedef struct sweep {
     ncgen_real *p;      /* n_p: with p */
     ncgen_real *stages; /* 2 n each: with f of the stages */
     ncgen_real *moved;  /* n: with how far the position was moved along the constraints */
-    ncgen_real *apart;  /* n: how far it had been from where it was closed */
-    ncgen_real *found;  /* 2 n + n_p: what a program writes */
-    ncgen_real *now;    /* n_p: p with the inputs of a stage */
+    ncgen_real *offset;  /* n: how far it had been from where it was closed */
+    ncgen_real *output;  /* 2 n + n_p: what a program writes */
+    ncgen_real *p_now;  /* n_p: p with the inputs of a stage */
 } sweep;
 
 static void lay_out(sweep *s, const ncgen_taped *run, ncgen_space *space)
@@ -28,10 +28,10 @@ static void lay_out(sweep *s, const ncgen_taped *run, ncgen_space *space)
     s->p = ncgen_take(space, s->n_p);
     s->stages = ncgen_take(space, tableaus[run->method].stages * 2 * s->n);
     s->moved = ncgen_take(space, s->n);
-    s->apart = ncgen_take(space, s->n);
-    s->found = ncgen_take(space, 2 * s->n + s->n_p);
+    s->offset = ncgen_take(space, s->n);
+    s->output = ncgen_take(space, 2 * s->n + s->n_p);
     s->n_w = run->n_inputs;
-    s->now = ncgen_take(space, s->n_p);
+    s->p_now = ncgen_take(space, s->n_p);
 }
 
 size_t ncgen_adjoint_workspace(const ncgen_taped *run)
@@ -48,50 +48,50 @@ static void add(int count, const ncgen_real *more, ncgen_real *sum)
         sum[i] += more[i];
 }
 
-/* back through q + dq, with the weights in s->state */
+/* Reverse sweep through q + dq, with the weights in s->state */
 static void close_back(sweep *s, ncgen_scalar t, const ncgen_real *q)
 {
-    s->transposed->closing(NCGEN_SPLAT(t), q, s->run->p, s->state, s->found);
-    add(s->n, s->found, s->state);
-    add(s->n_p, s->found + s->n, s->p);
+    s->transposed->closing(NCGEN_SPLAT(t), q, s->run->p, s->state, s->output);
+    add(s->n, s->output, s->state);
+    add(s->n_p, s->output + s->n, s->p);
 }
 
-/* Back through velocities; what they say of q and p is added, what they say of the velocities given stays in s->found + n. */
+/* Reverse sweep through velocities: gradients by q and p are added, that by the given velocities stays in s->output + n. */
 static void velocities_back(sweep *s, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *weights)
 {
-    s->transposed->velocities(NCGEN_SPLAT(t), q, qd, s->run->p, weights, s->found);
-    add(s->n, s->found, s->state);
-    add(s->n_p, s->found + 2 * s->n, s->p);
+    s->transposed->velocities(NCGEN_SPLAT(t), q, qd, s->run->p, weights, s->output);
+    add(s->n, s->output, s->state);
+    add(s->n_p, s->output + 2 * s->n, s->p);
 }
 
-/* Back through what brings the end of a step onto the constraints: left [q, qd], closed and end are positions. */
+/* Reverse sweep through what brings the end of a step onto the constraints: left [q, qd], closed and end are positions. */
 static void project_back(sweep *s, ncgen_scalar t, const ncgen_real *left, const ncgen_real *closed, const ncgen_real *end)
 {
     const int n = s->n;
     velocities_back(s, t, end, left + n, s->state + n);
-    ncgen_copy(n, s->found + n, s->state + n);
+    ncgen_copy(n, s->output + n, s->state + n);
     close_back(s, t, end);
     ncgen_copy(n, s->state, s->moved);
     if (s->run->is_driven) {
         for (int i = 0; i < n; ++i) {
-            s->apart[i] = NCGEN_SPLAT(R(0.0));
+            s->offset[i] = NCGEN_SPLAT(R(0.0));
             s->moved[i] = -s->moved[i];
         }
-        velocities_back(s, t, closed, s->apart, s->moved);
+        velocities_back(s, t, closed, s->offset, s->moved);
         for (int i = 0; i < n; ++i)
             s->moved[i] = -s->moved[i];
     }
     for (int i = 0; i < n; ++i)
-        s->apart[i] = left[i] - closed[i];
-    velocities_back(s, t, closed, s->apart, s->moved);
-    ncgen_copy(n, s->found + n, s->moved); /* with what it was apart */
+        s->offset[i] = left[i] - closed[i];
+    velocities_back(s, t, closed, s->offset, s->moved);
+    ncgen_copy(n, s->output + n, s->moved); /* with what it was apart */
     for (int i = 0; i < n; ++i)
         s->state[i] -= s->moved[i];
     close_back(s, t, closed);
     add(n, s->moved, s->state);
 }
 
-/* Back through the stages of a step from t on. inputs, by_inputs: those of its stages */
+/* Reverse sweep through the stages of a step from t on. inputs, by_inputs: those of its stages */
 static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_real *states, const ncgen_real *inputs, ncgen_real *by_inputs)
 {
     const tableau *method = &tableaus[s->run->method];
@@ -101,18 +101,18 @@ static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_re
             s->stages[j * 2 * n + i] = h * method->a[last][j] * s->state[i];
     for (int j = last - 1; j >= 0; --j) {
         const ncgen_real *at = states + j * 2 * n;
-        ncgen_copy(s->n_w, inputs + j * s->n_w, s->now + first);
-        s->transposed->derivative(NCGEN_SPLAT(t + method->c[j] * h), at, at + n, s->now, s->stages + j * 2 * n, s->found);
-        ncgen_copy(s->n_w, s->found + 2 * n + first, by_inputs + j * s->n_w);
-        add(2 * n, s->found, s->state);
-        add(s->n_p, s->found + 2 * n, s->p);
+        ncgen_copy(s->n_w, inputs + j * s->n_w, s->p_now + first);
+        s->transposed->derivative(NCGEN_SPLAT(t + method->c[j] * h), at, at + n, s->p_now, s->stages + j * 2 * n, s->output);
+        ncgen_copy(s->n_w, s->output + 2 * n + first, by_inputs + j * s->n_w);
+        add(2 * n, s->output, s->state);
+        add(s->n_p, s->output + 2 * n, s->p);
         for (int k = 0; k < j; ++k)
             for (int i = 0; i < 2 * n; ++i)
-                s->stages[k * 2 * n + i] += h * method->a[j][k] * s->found[i];
+                s->stages[k * 2 * n + i] += h * method->a[j][k] * s->output[i];
     }
 }
 
-void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed, const ncgen_real *weights, ncgen_real *slopes,
+void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed, const ncgen_real *weights, ncgen_real *gradient,
                    ncgen_real *by_inputs, ncgen_real *workspace)
 {
     const ncgen_tape *tape = run->tape;
@@ -122,12 +122,12 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
     sweep s;
     lay_out(&s, run, &space);
     s.transposed = transposed;
-    s.state = slopes;
+    s.state = gradient;
     for (int i = 0; i < 2 * n; ++i)
         s.state[i] = NCGEN_SPLAT(R(0.0));
     for (int i = 0; i < s.n_p; ++i)
         s.p[i] = NCGEN_SPLAT(R(0.0));
-    ncgen_copy(s.n_p, run->p, s.now);
+    ncgen_copy(s.n_p, run->p, s.p_now);
     for (long k = tape->steps - 1; k >= 0; --k) {
         const ncgen_scalar t = tape->times[k], t_new = tape->times[k + 1];
         const ncgen_real *states = tape->states + (size_t)k * length, *left = states + 2 * last * n;
@@ -138,25 +138,25 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
     }
     add(2 * n, weights, s.state);
     if (transposed->prepare) {
-        transposed->prepare(run->p, s.p + run->n_parameters, s.found);
-        add(run->n_parameters, s.found, s.p);
+        transposed->prepare(run->p, s.p + run->n_parameters, s.output);
+        add(run->n_parameters, s.output, s.p);
     }
-    ncgen_copy(run->n_parameters, s.p, slopes + 2 * n);
+    ncgen_copy(run->n_parameters, s.p, gradient + 2 * n);
 }
 
-void ncgen_velocities_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd,
-                           const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes)
+void ncgen_velocities_vjp(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd,
+                           const ncgen_real *p, const ncgen_real *weights, ncgen_real *gradient)
 {
-    transposed->velocities(NCGEN_SPLAT(t), q, qd, p, weights, slopes);
+    transposed->velocities(NCGEN_SPLAT(t), q, qd, p, weights, gradient);
 }
 
-void ncgen_closing_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *p,
-                        const ncgen_real *weights, ncgen_real *slopes)
+void ncgen_closing_vjp(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *p,
+                        const ncgen_real *weights, ncgen_real *gradient)
 {
-    transposed->closing(NCGEN_SPLAT(t), q, p, weights, slopes);
+    transposed->closing(NCGEN_SPLAT(t), q, p, weights, gradient);
 }
 
-void ncgen_prepare_back(const ncgen_seeded_motion *transposed, const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes)
+void ncgen_prepare_vjp(const ncgen_seeded_motion *transposed, const ncgen_real *p, const ncgen_real *weights, ncgen_real *gradient)
 {
-    transposed->prepare(p, weights, slopes);
+    transposed->prepare(p, weights, gradient);
 }

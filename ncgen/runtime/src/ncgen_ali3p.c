@@ -54,9 +54,9 @@ static void solve_penalty(ncgen_run *r, ncgen_correction *c, const ncgen_real *f
 /* x becomes the nearest in the metric of P with Phi_q x = right; each pass divides the violation by about alpha. */
 static void project_mass_orthogonally(ncgen_run *r, ncgen_correction *c, ncgen_real *x, const ncgen_real *right)
 {
-    ncgen_real *gap = c->rest + r->n, last = R(1.0e30);
+    ncgen_real *gap = c->residual + r->n, last = R(1.0e30);
     for (int pass = 0; pass < PROJECTION_LIMIT; ++pass) {
-        ncgen_row_rates(r, c->left, x, gap);
+        ncgen_row_velocities(r, c->left, x, gap);
         for (int i = 0; i < r->m; ++i)
             gap[i] = right[i] - gap[i];
         const ncgen_real largest = ncgen_constrained_violation(r, gap);
@@ -74,7 +74,7 @@ static void follow_position(ncgen_run *r, const ncgen_correction *c, ncgen_scala
 {
     for (int i = 0; i < r->n; ++i) {
         r->qd[i] = 2 / h * (r->q[i] - r->y[r->n + i]) - r->y[i];
-        r->slopes->qdd[i] = 2 / h * (r->qd[i] - r->y[i]) - c->auxiliary[i];
+        r->linearisation->qdd[i] = 2 / h * (r->qd[i] - r->y[i]) - c->auxiliary[i];
     }
 }
 
@@ -84,7 +84,7 @@ int ncgen_ali3p(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scal
 {
     const int n = r->n, m = r->m;
     const ncgen_scalar quarter = h * h / 4;
-    ncgen_real *qdd = r->slopes->qdd, *lam = r->slopes->lam, *gap = c->rest + n, *more = c->change + n;
+    ncgen_real *qdd = r->linearisation->qdd, *lam = r->linearisation->lam, *gap = c->residual + n, *more = c->change + n;
     ncgen_real last = R(1.0e30);
     int status = NCGEN_OK, done = 0;
     ncgen_copy(n, qdd, c->auxiliary);
@@ -94,15 +94,15 @@ int ncgen_ali3p(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scal
         if (pass == ITERATION_LIMIT)
             return NCGEN_NOT_CONVERGED;
         follow_position(r, c, h);
-        status = ncgen_find_rest(r, c, t, h);
+        status = ncgen_find_residual(r, c, t, h);
         if (status == NCGEN_OK)
             status = factor_penalty(r, c, h);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < m; ++i)
             gap[i] = -gap[i];
-        solve_penalty(r, c, c->rest, quarter, gap);
-        ncgen_row_rates(r, ncgen_phi_q_values(r), c->change, more);
+        solve_penalty(r, c, c->residual, quarter, gap);
+        ncgen_row_velocities(r, ncgen_phi_q_values(r), c->change, more);
         for (int i = 0; i < m; ++i) {
             more[i] -= gap[i];
             lam[i] += pushed(r, c, more, i) / quarter;
@@ -114,7 +114,7 @@ int ncgen_ali3p(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scal
         last = size;
     }
     follow_position(r, c, h);
-    status = ncgen_find_rest(r, c, t, h);
+    status = ncgen_find_residual(r, c, t, h);
     if (status == NCGEN_OK)
         status = factor_penalty(r, c, h);
     for (int i = 0; i < m; ++i)

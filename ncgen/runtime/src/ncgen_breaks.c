@@ -3,53 +3,53 @@
 #include "ncgen_state.h"
 
 /* Where a law of time changes its formula, and how far from there it may have that of the other side: no stage is computed so near. */
-typedef struct place {
+typedef struct break_time {
     ncgen_scalar t, gap;
-} place;
+} break_time;
 
-static place place_at(ncgen_scalar t, ncgen_scalar size, ncgen_scalar rounding)
+static break_time break_at(ncgen_scalar t, ncgen_scalar size, ncgen_scalar rounding)
 {
     const ncgen_scalar largest = NCGEN_ABS(t) > size ? NCGEN_ABS(t) : size;
-    const place found = {t, R(1e-30) + 4 * rounding * largest}; /* at 0, too */
-    return found;
+    const break_time next = {t, R(1e-30) + 4 * rounding * largest}; /* at 0, too */
+    return next;
 }
 
-static place earlier(place a, place b)
+static break_time earlier(break_time a, break_time b)
 {
     return a.t - a.gap < b.t - b.gap ? a : b;
 }
 
 /* The first of the straight switches that does not lie behind t, or `first`. */
-static place first_of_lines(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, place first, ncgen_scalar rounding)
+static break_time first_of_lines(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, break_time first, ncgen_scalar rounding)
 {
-    b->switches(t, p, b->room);
+    b->switches(t, p, b->workspace);
     for (int k = 0; k < b->lines; ++k) {
-        const ncgen_real *of = b->room + 4 * k;
+        const ncgen_real *of = b->workspace + 4 * k;
         for (int side = 0; side < 2 && NCGEN_ABS(of[2]) > 0; ++side) {
-            const place found = place_at(of[side] / of[2], NCGEN_ABS(of[3] / of[2]), rounding);
-            if (found.t + found.gap / 2 > t)
-                first = earlier(found, first);
+            const break_time next = break_at(of[side] / of[2], NCGEN_ABS(of[3] / of[2]), rounding);
+            if (next.t + next.gap / 2 > t)
+                first = earlier(next, first);
         }
     }
     return first;
 }
 
-/* Is one of the curves in another piece at this time than the first half of the room says? */
+/* Is one of the curves in another piece at this time than the first half of the workspace has? */
 static int has_switched(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t)
 {
     const int size = 4 * b->lines + b->curves;
-    b->switches(t, p, b->room + size);
+    b->switches(t, p, b->workspace + size);
     for (int k = 4 * b->lines; k < size; ++k)
-        if (NCGEN_ABS(b->room[size + k] - b->room[k]) > 0)
+        if (NCGEN_ABS(b->workspace[size + k] - b->workspace[k]) > 0)
             return 1;
     return 0;
 }
 
 /* The same of the curves, by looking at intervals and halving the one in which something has changed. */
-static place first_of_curves(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, place first, ncgen_scalar rounding)
+static break_time first_of_curves(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, break_time first, ncgen_scalar rounding)
 {
-    ncgen_scalar low = t - place_at(t, 0, rounding).gap / 2, high;
-    b->switches(low, p, b->room);
+    ncgen_scalar low = t - break_at(t, 0, rounding).gap / 2, high;
+    b->switches(low, p, b->workspace);
     for (; low < first.t; low = high) {
         high = low + b->interval + 64 * rounding * NCGEN_ABS(low);
         if (high > first.t)
@@ -61,15 +61,15 @@ static place first_of_curves(const ncgen_breaks *b, const ncgen_real *p, ncgen_s
                 high = middle;
             else
                 low = middle;
-        return earlier(place_at(high, 0, rounding), first);
+        return earlier(break_at(high, 0, rounding), first);
     }
     return first;
 }
 
 /* The first break that does not lie behind t, or one at `end` where there is none before. */
-static place next_place(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, ncgen_scalar end, ncgen_scalar rounding)
+static break_time next_change(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, ncgen_scalar end, ncgen_scalar rounding)
 {
-    place first = {end, 0};
+    break_time first = {end, 0};
     if (b->lines > 0)
         first = first_of_lines(b, p, t, first, rounding);
     return b->curves > 0 ? first_of_curves(b, p, t, first, rounding) : first;
@@ -78,21 +78,21 @@ static place next_place(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar
 ncgen_scalar ncgen_break_after(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, ncgen_scalar t_end)
 {
     const ncgen_scalar rounding = ncgen_rounding();
-    place found = next_place(b, p, t, t_end, rounding);
-    while (found.t < t_end && !(found.t - found.gap > t)) {
-        t = found.t + found.gap;
-        found = next_place(b, p, t, t_end, rounding);
+    break_time next = next_change(b, p, t, t_end, rounding);
+    while (next.t < t_end && !(next.t - next.gap > t)) {
+        t = next.t + next.gap;
+        next = next_change(b, p, t, t_end, rounding);
     }
-    return found.t;
+    return next.t;
 }
 
-ncgen_scalar ncgen_time_beside_break(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, int behind)
+ncgen_scalar ncgen_time_next_to_break(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, int behind)
 {
     const ncgen_scalar rounding = ncgen_rounding();
-    const place here = place_at(t, 0, rounding);
-    const place found = next_place(b, p, t - here.gap / 2, t + 4 * here.gap, rounding);
-    if (found.t < t + 4 * here.gap && found.t - found.gap <= t && t < found.t + found.gap)
-        return behind ? found.t + found.gap : found.t - found.gap;
+    const break_time here = break_at(t, 0, rounding);
+    const break_time next = next_change(b, p, t - here.gap / 2, t + 4 * here.gap, rounding);
+    if (next.t < t + 4 * here.gap && next.t - next.gap <= t && t < next.t + next.gap)
+        return behind ? next.t + next.gap : next.t - next.gap;
     return t;
 }
 
@@ -115,18 +115,18 @@ static int cross(const ncgen_driven *d, const ncgen_breaks *b, const ncgen_real 
     return status;
 }
 
-int ncgen_go_on_in_parts(const ncgen_driven *d, const ncgen_breaks *b, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end,
+int ncgen_advance_over_breaks(const ncgen_driven *d, const ncgen_breaks *b, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end,
                          ncgen_statistics *statistics)
 {
-    const ncgen_scalar rounding = ncgen_rounding(), beyond = t_end + 2 * place_at(t_end, NCGEN_ABS(moment->t), rounding).gap;
+    const ncgen_scalar rounding = ncgen_rounding(), beyond = t_end + 2 * break_at(t_end, NCGEN_ABS(moment->t), rounding).gap;
     int status = NCGEN_OK;
     statistics->stopped = 0;
     while (status == NCGEN_OK && moment->t < t_end && !statistics->stopped) {
         const ncgen_scalar t = moment->t;
-        const place found = next_place(b, p, t, beyond, rounding);
-        const ncgen_scalar before = found.t - found.gap, behind = found.t + found.gap, goal = before < t_end ? before : t_end;
-        if (before > t && goal > t + place_at(t, 0, rounding).gap)
-            status = ncgen_go_on(d, p, moment, goal, statistics);
+        const break_time next = next_change(b, p, t, beyond, rounding);
+        const ncgen_scalar before = next.t - next.gap, behind = next.t + next.gap, goal = before < t_end ? before : t_end;
+        if (before > t && goal > t + break_at(t, 0, rounding).gap)
+            status = ncgen_advance(d, p, moment, goal, statistics);
         else if (before > t)
             moment->t = goal;
         else if (behind < t_end)

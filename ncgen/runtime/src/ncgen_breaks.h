@@ -15,19 +15,19 @@ typedef struct ncgen_breaks {
     int (*switches)(ncgen_real t, const ncgen_real *p, ncgen_real *out);
     int lines, curves;
     ncgen_scalar interval;
-    int jumps;        /* 1: velocities of drivers may jump at a break */
-    ncgen_real *room; /* 2 (4 lines + curves) numbers of workspace */
+    int jumps;             /* 1: velocities of drivers may jump at a break */
+    ncgen_real *workspace; /* 2 (4 lines + curves) numbers of workspace */
 } ncgen_breaks;
 
 /* The next break after t, or t_end. */
 ncgen_scalar ncgen_break_after(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, ncgen_scalar t_end);
 
 /* t, or where that is at a break the time next to it at which laws have their formulas of before or, where `behind` is set, of after. */
-ncgen_scalar ncgen_time_beside_break(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, int behind);
+ncgen_scalar ncgen_time_next_to_break(const ncgen_breaks *b, const ncgen_real *p, ncgen_scalar t, int behind);
 
-/* ncgen_go_on in parts: each ends before a law of time changes its formula, and the next one begins behind that. Where it fails the moment
- * is the one that the last part began with. It ends where ncgen_go_on ends before. */
-int ncgen_go_on_in_parts(const ncgen_driven *d, const ncgen_breaks *b, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end,
+/* ncgen_advance in parts: each ends before a law of time changes its formula, and the next one begins behind that. Where it fails the moment
+ * is the one that the last part began with. It ends where ncgen_advance ends before. */
+int ncgen_advance_over_breaks(const ncgen_driven *d, const ncgen_breaks *b, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end,
                          ncgen_statistics *statistics);
 
 #ifdef __cplusplus

@@ -20,7 +20,7 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     ncgen_space *space = &r->space;
     r->constrained = w;
     w->iterated = r->options->formalism == NCGEN_AUGMENTED_LAGRANGIAN || (d->singular_mass && r->options->formalism != NCGEN_PENALTY);
-    r->ny = r->weighed = 2 * r->n + 1;
+    r->ny = r->error_size = 2 * r->n + 1;
     r->q = ncgen_take(space, r->n);
     r->qd = ncgen_take(space, r->n);
     w->n_mass = ncgen_nonzeros(&r->model->mass_pattern);
@@ -38,10 +38,10 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
         ncgen_tree_layout(r, &w->tree);
     if (w->is_recursive) {
         w->emitted = ncgen_take(space, 2 * r->n + r->m + 2);
-        w->apart = ncgen_take(space, r->n);
-        w->closed = r->options->tape ? ncgen_take(space, r->n) : NULL;
+        w->offset = ncgen_take(space, r->n);
+        w->closed_position = r->options->tape ? ncgen_take(space, r->n) : NULL;
     }
-    w->corner = ncgen_take(space, r->m);
+    w->diagonal = ncgen_take(space, r->m);
     w->reduced = ncgen_take(space, r->m);
     w->natural = ncgen_take(space, r->n);
     w->redundant = d->n_dependent != 0 ? d->n_dependent < r->m : r->m > 0 && w->n_phi_q == 0;
@@ -55,7 +55,7 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
         w->square = ncgen_take(space, (r->n + r->m) * r->n);
     }
     w->columns = r->integers;
-    w->let_go = r->integers ? r->integers + r->n + r->m : NULL;
+    w->is_left_out = r->integers ? r->integers + r->n + r->m : NULL;
 }
 
 /* Sizes -------------------------------------------------------------------------------------------------------- */
@@ -111,18 +111,18 @@ static void set_diagonal(ncgen_run *r, ncgen_constrained *w)
     const ncgen_scalar implied = precise * NCGEN_SQRT(precise); /* 2e-12 in double */
     for (int i = 0; i < r->m; ++i) {
         const ncgen_real size = r->dynamics->row_sizes[i];
-        w->corner[i] = by_penalty ? size * size / (penalty * w->mass_size) : 0;
+        w->diagonal[i] = by_penalty ? size * size / (penalty * w->mass_size) : 0;
     }
     for (int k = 0; k < w->kkt.plan->size; ++k) {
         const int unknown = w->kkt.plan->order[k];
         const int row = unknown - r->n;
         w->kkt.row[k] = 0;
-        w->kkt.corner[k] = row < 0 ? 0 : -w->corner[row];
-        w->kkt.instead[k] = row < 0 ? precise * w->natural[unknown] : -w->reduced[row] / (r->rounding * r->rounding);
-        if (row < 0 || w->let_go[row])
-            w->kkt.least[k] = w->kkt.instead[k];
+        w->kkt.diagonal[k] = row < 0 ? 0 : -w->diagonal[row];
+        w->kkt.replacement[k] = row < 0 ? precise * w->natural[unknown] : -w->reduced[row] / (r->rounding * r->rounding);
+        if (row < 0 || w->is_left_out[row])
+            w->kkt.min_pivot[k] = w->kkt.replacement[k];
         else
-            w->kkt.least[k] = by_penalty ? w->kkt.corner[k] / 2 : -implied * w->reduced[row];
+            w->kkt.min_pivot[k] = by_penalty ? w->kkt.diagonal[k] / 2 : -implied * w->reduced[row];
     }
 }
 
@@ -139,7 +139,7 @@ static int prepare(ncgen_run *r, ncgen_scalar t)
         return status;
     find_sizes(r, w);
     for (int i = 0; i < r->m; ++i)
-        w->let_go[i] = 0;
+        w->is_left_out[i] = 0;
     if (w->redundant)
         ncgen_choose_rows(r, w);
     set_diagonal(r, w);
@@ -187,7 +187,7 @@ static void find_residual(ncgen_run *r, ncgen_constrained *w, int with_corner)
         rest[i] = w->right[i] - rest[i];
     for (int i = 0; i < r->m; ++i) {
         const ncgen_real lam = w->solution[r->n + i];
-        ncgen_real sum = w->right[r->n + i] + (with_corner ? w->corner[i] * lam : 0);
+        ncgen_real sum = w->right[r->n + i] + (with_corner ? w->diagonal[i] * lam : 0);
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
             sum -= values[k] * w->solution[phi_q->indices[k]];
             rest[phi_q->indices[k]] -= values[k] * lam;
@@ -207,10 +207,10 @@ ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *row
 }
 
 /* Are the factors those of the equations, to nearly all digits? They are not where a diagonal stands in for pivots, nor where pivots
- * have become small: beside a singular position, as projected stages and the growth of the recursion tell. */
+ * have become small: near a singular position, which projected stages and the growth of the recursion show. */
 static int factors_are_exact(const ncgen_run *r, const ncgen_constrained *w)
 {
-    const int pivots_are_small = r->projecting || (w->is_recursive && !(w->growth < R(1.0e4)));
+    const int pivots_are_small = r->projecting || (w->is_recursive && !(w->pivot_growth < R(1.0e4)));
     return !(pivots_are_small || w->kkt.perturbed || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10));
 }
 
@@ -244,7 +244,7 @@ static int stabilise(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
 {
     const ncgen_options *o = r->options;
     const int status = ncgen_phi(r, t, r->q, w->phi);
-    ncgen_row_rates(r, w->kkt.values + w->n_mass, r->qd, w->residual);
+    ncgen_row_velocities(r, w->kkt.values + w->n_mass, r->qd, w->residual);
     for (int i = 0; i < r->m; ++i)
         w->right[r->n + i] -= 2 * o->damping * o->frequency * (w->residual[i] - w->nu[i]) + o->frequency * o->frequency * w->phi[i];
     return status;
@@ -255,9 +255,9 @@ static int find_equations(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
 {
     const ncgen_model *model = r->model;
     int status = find_mass(r, t);
-    if (status == NCGEN_OK && !w->jacobian_is_there)
+    if (status == NCGEN_OK && !w->has_phi_q)
         status = ncgen_constrained_phi_q(r, t);
-    w->jacobian_is_there = 0;
+    w->has_phi_q = 0;
     if (status == NCGEN_OK && model->nu)
         status = model->nu(t, r->q, r->p, w->nu);
     if (status == NCGEN_OK)
@@ -297,14 +297,14 @@ int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
 
 /* From the limit on a digit is lost; where a tape is written that is put up with, since the matrix leaves nothing to differentiate,
  * until three are. */
-ncgen_scalar ncgen_tolerated(const ncgen_run *r, ncgen_scalar limit)
+ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit)
 {
     return r->options->tape ? limit * R(1.0e6) : limit;
 }
 
-int ncgen_is_badly_ordered(const ncgen_run *r, ncgen_real growth)
+int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth)
 {
-    return !(growth < ncgen_tolerated(r, R(10.0)));
+    return !(growth < ncgen_pivot_growth_limit(r, R(10.0)));
 }
 
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
@@ -344,10 +344,10 @@ static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
     if (ncgen_read_inputs(r, t) != NCGEN_OK)
-        return 0; /* the same is found again, and told, on the way by the matrix */
+        return 0; /* the same is found again, and reported, on the way by the matrix */
     ncgen_recursive_derivative(r, t, r->q, r->qd, w->emitted);
-    w->growth = w->emitted[2 * n + 1];
-    if (ncgen_is_badly_ordered(r, w->growth))
+    w->pivot_growth = w->emitted[2 * n + 1];
+    if (ncgen_has_pivot_growth(r, w->pivot_growth))
         return 0;
     ncgen_copy(n, w->emitted, yd + n);
     ncgen_copy(n, w->emitted + n, yd);
@@ -356,16 +356,16 @@ static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
 }
 
 /* Which way the next step goes: all of its stages the same, since off the constraints, where they are, the two differ. */
-static int choose_way(ncgen_run *r, ncgen_scalar t)
+static int choose_form(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_scalar soon_bad = R(3.0), usual = R(1.5);
     ncgen_constrained *w = r->constrained;
     if (w->is_factored) {
         ncgen_recursive_velocities(r, t, r->q, r->qd, w->emitted);
-        w->growth = w->emitted[r->n];
+        w->pivot_growth = w->emitted[r->n];
     }
-    w->by_matrix = !(w->growth < ncgen_tolerated(r, soon_bad));
-    r->projects_stages = !(w->growth < usual);
+    w->uses_matrix = !(w->pivot_growth < ncgen_pivot_growth_limit(r, soon_bad));
+    r->projects_stages = !(w->pivot_growth < usual);
     return NCGEN_OK;
 }
 
@@ -375,9 +375,9 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     const int n = r->n;
     ncgen_copy(n, y, r->qd);
     ncgen_copy(n, y + n, r->q);
-    w->is_factored = !w->is_recursive || w->by_matrix || !by_recursion(r, t, yd);
+    w->is_factored = !w->is_recursive || w->uses_matrix || !by_recursion(r, t, yd);
     if (!w->is_factored) {
-        w->jacobian_is_there = 0;
+        w->has_phi_q = 0;
         r->statistics->evaluations += 1;
         return NCGEN_OK;
     }
@@ -409,10 +409,10 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     ncgen_copy(n, velocities, r->start_qd);
     ncgen_copy(n, r->start_q, r->q);
     r->y[2 * n] = 0;
-    w->jacobian_is_there = 0;
+    w->has_phi_q = 0;
     w->is_factored = 1;
-    w->by_matrix = 0;
-    r->accept = w->is_recursive ? choose_way : NULL;
+    w->uses_matrix = 0;
+    r->accept = w->is_recursive ? choose_form : NULL;
     w->is_prepared = 0;
     for (int i = 0; i < n; ++i)
         w->right[i] = 0;

@@ -17,21 +17,21 @@ typedef int ncgen_tree_work;
 typedef struct ncgen_constrained {
     ncgen_kkt kkt;
     int n_mass, n_phi_q;                       /* nonzeros */
-    int jacobian_is_there;                     /* kkt.values hold Phi_q of the state that comes next */
+    int has_phi_q;                             /* kkt.values hold Phi_q of the state that comes next */
     int is_recursive;                          /* is there a recursion over the tree of bodies? */
     const ncgen_motion *motion;                /* it is emitted, or NULL: it is that of `tree` */
     ncgen_tree_work tree;
     ncgen_real *emitted;                       /* 2 n + m + 2: room for what it writes */
-    ncgen_real *apart;                         /* n: a position, and how far another one is from it */
-    ncgen_real *closed;                        /* n: for a tape, where closing brought the last state, before it was moved on */
-    ncgen_real growth;                         /* of its elimination, where it was called last */
-    int by_matrix;                             /* this step goes without it */
+    ncgen_real *offset;                        /* n: a position, and how far another one is from it */
+    ncgen_real *closed_position;               /* n: for a tape, where closing brought the last state, before it was moved on */
+    ncgen_real pivot_growth;                   /* of its elimination, where it was called last */
+    int uses_matrix;                           /* this step goes without it */
     int is_prepared;                           /* are sizes and diagonal of the matrix known? */
     int is_factored;                           /* the factors are those of the state that was looked at last */
-    int kept;                                  /* solution and factors are those of the last step's end */
+    int is_reusable;                           /* solution and factors are those of the last step's end */
     ncgen_real *right, *solution, *residual;   /* n + m: forces and rows; qdd and lam */
     ncgen_real *nu, *phi;                      /* m */
-    ncgen_real *corner;                        /* m: the diagonal E */
+    ncgen_real *diagonal;                      /* m: the diagonal E */
     ncgen_real *natural, *reduced;             /* n, m: sizes of the masses, and of rows once these are eliminated */
     /* Where QR is used: */
     ncgen_real mass_size;                      /* the largest mass in natural sizes */
@@ -40,7 +40,7 @@ typedef struct ncgen_constrained {
     ncgen_real *square;                        /* (n + m) x n */
     ncgen_real *scaled;                        /* 4 (n + m) */
     int *columns;                              /* exchanges, of n or m columns */
-    int *let_go;                               /* m: is a row left out, since others imply it? */
+    int *is_left_out;                          /* m: is a row left out, since others imply it? */
     int redundant;                             /* are there such rows? */
     int iterated;                              /* is the effect of E removed by iteration? */
 } ncgen_constrained;
@@ -64,7 +64,7 @@ int ncgen_constrained_is_dense(const ncgen_run *r);
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out);
-ncgen_scalar ncgen_tolerated(const ncgen_run *r, ncgen_scalar limit); /* how much worse than usual things may be, for a limit without a tape */
-int ncgen_is_badly_ordered(const ncgen_run *r, ncgen_real growth); /* of an emitted elimination */
+ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit); /* the limit with a tape, for one without */
+int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth);             /* of an emitted elimination */
 
 #endif

@@ -24,7 +24,7 @@ void ncgen_subtract_multipliers(const ncgen_run *r, const ncgen_real *values, nc
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
     for (int i = 0; i < r->m; ++i)
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k)
-            forces[phi_q->indices[k]] -= values[k] * r->slopes->lam[i];
+            forces[phi_q->indices[k]] -= values[k] * r->linearisation->lam[i];
 }
 
 int ncgen_begin_correction(ncgen_run *r, ncgen_scalar t)
@@ -32,14 +32,14 @@ int ncgen_begin_correction(ncgen_run *r, ncgen_scalar t)
     r->statistics->evaluations += 1;
     r->statistics->newton_steps += 1;
     r->statistics->jacobians += 1;
-    return ncgen_listen(r, t);
+    return ncgen_report_attempt(r, t);
 }
 
-/* Forces as they are at r->q and r->qd, in c->rest. */
+/* Forces as they are at r->q and r->qd, in c->residual. */
 int ncgen_find_forces(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 {
     const int status = ncgen_read_inputs(r, t);
-    return status == NCGEN_OK ? ncgen_forces(r, t, r->q, r->qd, c->rest) : status;
+    return status == NCGEN_OK ? ncgen_forces(r, t, r->q, r->qd, c->residual) : status;
 }
 
 /* Equations of velocities alone close a step from t to t + h by their integral, with the midpoint rule: Phi_q (end - start) - h nu
@@ -63,23 +63,23 @@ static int close_rolling(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncge
             way += values[k] * (end[phi_q->indices[k]] - start[phi_q->indices[k]]);
         }
         if (r->dynamics->rolling[i])
-            c->rest[r->n + i] = way - h * nu[i];
+            c->residual[r->n + i] = way - h * nu[i];
     }
     return status;
 }
 
 /* What is missing of the rows at the end of a step from t to t + h, in rest, and how it changes with the position there, in Phi_q. */
-int ncgen_find_closure(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h, const ncgen_real *end)
+int ncgen_find_position_residual(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h, const ncgen_real *end)
 {
-    int status = ncgen_phi(r, t + h, end, c->rest + r->n);
+    int status = ncgen_phi(r, t + h, end, c->residual + r->n);
     if (status == NCGEN_OK)
         status = ncgen_phi_q(r, t + h, end, ncgen_phi_q_values(r));
     return status == NCGEN_OK && r->dynamics->rolling ? close_rolling(r, c, t, h, end) : status;
 }
 
 /* M, Phi_q, K and C at r->q and r->qd, the end of a step from t to t + h; rest = [Q - M qdd - Phi_q' lam, rows], with qdd and lam of
- * r->slopes. Phi_q by which the multipliers act is in c->left. */
-int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+ * r->linearisation. Phi_q by which the multipliers act is in c->left. */
+int ncgen_find_residual(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
 {
     const ncgen_constrained *all = r->constrained;
     int status = ncgen_begin_correction(r, t + h);
@@ -88,14 +88,14 @@ int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_sca
     if (status == NCGEN_OK)
         status = ncgen_find_forces(r, c, t + h);
     if (status == NCGEN_OK)
-        status = ncgen_phi(r, t + h, r->q, c->rest + r->n);
+        status = ncgen_phi(r, t + h, r->q, c->residual + r->n);
     if (status == NCGEN_OK)
         status = ncgen_find_tangents(r, t + h);
-    ncgen_times_mass(r, all->kkt.values, r->slopes->qdd, c->change);
+    ncgen_times_mass(r, all->kkt.values, r->linearisation->qdd, c->change);
     for (int i = 0; i < r->n; ++i)
-        c->rest[i] -= c->change[i];
+        c->residual[i] -= c->change[i];
     ncgen_copy(all->n_phi_q, ncgen_phi_q_values(r), c->left);
-    ncgen_subtract_multipliers(r, c->left, c->rest);
+    ncgen_subtract_multipliers(r, c->left, c->residual);
     return status == NCGEN_OK && r->dynamics->rolling ? close_rolling(r, c, t, h, r->q) : status;
 }
 
@@ -117,8 +117,8 @@ void ncgen_fill_weight(const ncgen_run *r, ncgen_correction *c, ncgen_real by_qd
     for (int i = 0; i < c->size * c->size; ++i)
         c->matrix[i] = 0;
     add_scaled(r, c, &r->model->mass_pattern, r->constrained->kkt.values, 1);
-    add_scaled(r, c, &tangents->damping_pattern, r->slopes->damping, by_qd);
-    add_scaled(r, c, &tangents->stiffness_pattern, r->slopes->stiffness, by_q);
+    add_scaled(r, c, &tangents->damping_pattern, r->linearisation->damping, by_qd);
+    add_scaled(r, c, &tangents->stiffness_pattern, r->linearisation->stiffness, by_q);
     for (int i = 0; i < r->n; ++i)
         if (NCGEN_ABS(c->matrix[i * c->size + i]) > c->unit)
             c->unit = NCGEN_ABS(c->matrix[i * c->size + i]);
@@ -140,11 +140,11 @@ int ncgen_solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real b
     const int n = r->n, size = c->size;
     ncgen_fill_weight(r, c, by_qd, by_q);
     for (int i = 0; i < n; ++i)
-        c->right[i] = columns[i] * c->rest[i] / c->unit;
+        c->right[i] = columns[i] * c->residual[i] / c->unit;
     for (int i = 0; i < r->m; ++i) {
-        c->matrix[(n + i) * size + n + i] = all->let_go[i] ? 1 : 0;
-        c->right[n + i] = all->let_go[i] ? 0 : -c->rest[n + i] / (step * rows[i]);
-        for (int k = phi_q->indptr[i]; k < (all->let_go[i] ? phi_q->indptr[i] : phi_q->indptr[i + 1]); ++k) {
+        c->matrix[(n + i) * size + n + i] = all->is_left_out[i] ? 1 : 0;
+        c->right[n + i] = all->is_left_out[i] ? 0 : -c->residual[n + i] / (step * rows[i]);
+        for (int k = phi_q->indptr[i]; k < (all->is_left_out[i] ? phi_q->indptr[i] : phi_q->indptr[i + 1]); ++k) {
             const int j = phi_q->indices[k];
             c->matrix[(n + i) * size + j] = values[k] * columns[j] / rows[i];
             c->matrix[j * size + n + i] = left[k] * columns[j] / rows[i];
@@ -152,7 +152,7 @@ int ncgen_solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real b
     }
     for (int i = 0; i < (c->is_corrected ? r->m : 0); ++i)
         for (int j = 0; j < n; ++j)
-            c->matrix[j * size + n + i] += all->let_go[i] ? 0 : c->gap[i] * c->along[j] * columns[j] / rows[i];
+            c->matrix[j * size + n + i] += all->is_left_out[i] ? 0 : c->gap[i] * c->along[j] * columns[j] / rows[i];
     int orientation;
     const int status = ncgen_lu_factor(size, c->matrix, c->order, &orientation);
     if (status != NCGEN_OK)

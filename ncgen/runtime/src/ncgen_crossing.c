@@ -77,7 +77,7 @@ static int changes_of(int degree, const ncgen_real *c, ncgen_scalar noise, int *
 }
 
 /* Is the part of width / whole from place / whole on to be halved? Else: does the sign turn in it? */
-static int is_mixed(walk *w, int degree, const ncgen_real *b, int place, int width, ncgen_scalar noise, int *found)
+static int is_mixed(walk *w, int degree, const ncgen_real *b, int place, int width, ncgen_scalar noise, int *crosses)
 {
     ncgen_real c[MOST];
     int sign;
@@ -87,9 +87,9 @@ static int is_mixed(walk *w, int degree, const ncgen_real *b, int place, int wid
     if (width > 1 && (changes > 1 || (changes == 1 && !(first && last))))
         return 1;
     if (changes == 0)
-        *found = turns(w, low + (high - low) / 2, sign);
+        *crosses = turns(w, low + (high - low) / 2, sign);
     else
-        *found = turns(w, low, first) || turns(w, high, last);
+        *crosses = turns(w, low, first) || turns(w, high, last);
     return 0;
 }
 
@@ -98,10 +98,10 @@ int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int
 {
     ncgen_real b[MOST];
     walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0, 0};
-    int found = 0, place = 0, width = whole;
+    int crosses = 0, place = 0, width = whole;
     to_coefficients(basis, values, stride, b);
-    while (place < whole && !found) {
-        if (is_mixed(&w, basis->degree, b, place, width, noise, &found)) {
+    while (place < whole && !crosses) {
+        if (is_mixed(&w, basis->degree, b, place, width, noise, &crosses)) {
             width /= 2;
             continue;
         }
@@ -109,9 +109,9 @@ int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int
             width *= 2;
     }
     const int last = sign_of(b[basis->degree], 0), before = w.sign; /* to end at zero is to get there, but not to be there throughout */
-    found = found || ((last || w.seen) && turns(&w, 1, last ? last : -w.sign));
+    crosses = crosses || ((last || w.seen) && turns(&w, 1, last ? last : -w.sign));
     *low = w.at;
     *high = w.next;
-    *sign = last || found ? w.sign : before;
-    return found;
+    *sign = last || crosses ? w.sign : before;
+    return crosses;
 }

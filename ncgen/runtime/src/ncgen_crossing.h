@@ -17,7 +17,7 @@ typedef struct ncgen_basis {
 /* values: at the nodes, `stride` numbers from each other; noise: what is smaller has no sign, but for the first and the last of them.
  * direction: 1 from negative to positive, -1 the other way, 0 either. *sign: the sign to begin with, or 0 for that of the first value;
  * then the last one that is clear. Returns 1 and shares low < high with one change of sign in between,
- * or 0 where there is none. Two of them that are nearer to each other than 2^-30, or part by less than the noise, are none. */
+ * or 0 where there is none. Two of them that are nearer to each other than 2^-30, or part by less than the noise, do not count. */
 int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, int direction, int *sign,
                          ncgen_scalar *low, ncgen_scalar *high);
 

@@ -133,7 +133,7 @@ static void fill_jacobian(ncgen_run *r, ncgen_constrained *w)
     for (int i = 0; i < r->n * r->m; ++i)
         w->jacobian[i] = 0;
     for (int i = 0; i < r->m; ++i)
-        for (int k = pattern->indptr[i]; k < (w->let_go[i] ? pattern->indptr[i] : pattern->indptr[i + 1]); ++k)
+        for (int k = pattern->indptr[i]; k < (w->is_left_out[i] ? pattern->indptr[i] : pattern->indptr[i + 1]); ++k)
             w->jacobian[(size_t)i * (size_t)r->n + (size_t)pattern->indices[k]] =
                 values[k] * r->dynamics->column_sizes[pattern->indices[k]] / r->dynamics->row_sizes[i];
 }
@@ -189,7 +189,7 @@ static int by_least_squares(ncgen_run *r, ncgen_constrained *w, const orthogonal
         }
     }
     for (int i = 0; i < r->m; ++i) {
-        right[free + i] = w->let_go[i] ? 0 : w->right[n + i] / r->dynamics->row_sizes[i];
+        right[free + i] = w->is_left_out[i] ? 0 : w->right[n + i] / r->dynamics->row_sizes[i];
         for (int j = 0; j < n; ++j)
             column_of(&all, j)[free + i] = w->jacobian[(size_t)i * (size_t)n + (size_t)j];
     }
@@ -204,14 +204,14 @@ void ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w)
 {
     orthogonal f = {r->n, r->m, 0, w->jacobian, w->scaled + 3 * (r->n + r->m), w->columns};
     for (int i = 0; i < r->m; ++i)
-        w->let_go[i] = 0;
+        w->is_left_out[i] = 0;
     fill_jacobian(r, w);
     if (r->dynamics->n_dependent < 0) /* as many as there are here: what is held changes */
         decompose(&f, R(1.0e-9), r->m);
     else
         decompose(&f, 0, r->dynamics->n_dependent);
     for (int c = f.rank; c < r->m; ++c)
-        w->let_go[f.order[c]] = 1;
+        w->is_left_out[f.order[c]] = 1;
 }
 
 /* w->solution of the equations in w->right, with M and Phi_q in w->kkt.values. */
@@ -230,7 +230,7 @@ int ncgen_dense_accelerations(ncgen_run *r, ncgen_constrained *w)
         rotate_back(&f, motion);
     }
     for (int i = 0; i < m; ++i)
-        w->residual[i] = w->let_go[i] ? 0 : w->right[n + i] / r->dynamics->row_sizes[i];
+        w->residual[i] = w->is_left_out[i] ? 0 : w->right[n + i] / r->dynamics->row_sizes[i];
     shortest(&f, w->residual, x);
     int status;
     if (r->options->formalism == NCGEN_NULL_SPACE) {

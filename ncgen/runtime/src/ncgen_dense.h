@@ -1,4 +1,4 @@
-/* ncgen_dense.h: accelerations by QR; and which of redundant rows are farthest from dependent, in w->let_go. */
+/* ncgen_dense.h: accelerations by QR; and which of redundant rows are farthest from dependent, in w->is_left_out. */
 #ifndef NCGEN_DENSE_H
 #define NCGEN_DENSE_H
 

@@ -1,4 +1,4 @@
-/* ncgen_driven.c: a motion that goes on from call to call: a run that is begun anew every time, which costs next to nothing. */
+/* ncgen_driven.c: a motion that continues from call to call: a run that is begun anew every time, which costs next to nothing. */
 #include "ncgen_driven.h"
 #include "ncgen_constrained.h"
 #include "ncgen_explicit.h"
@@ -51,16 +51,16 @@ static int begin(ncgen_run *r, parts *w, const ncgen_driven *d, const ncgen_opti
     return ncgen_constrained_begin(r, moment->qd);
 }
 
-/* The moment as a state and its slope have it. */
-static void keep(const ncgen_run *r, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *slope, ncgen_moment *moment)
+/* The moment as a state and its derivative have it. */
+static void keep(const ncgen_run *r, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *derivative, ncgen_moment *moment)
 {
     ncgen_copy(r->n, q, moment->q);
     ncgen_copy(r->n, qd, moment->qd);
-    ncgen_copy(r->n, slope, moment->qdd);
-    moment->power = slope[2 * r->n];
+    ncgen_copy(r->n, derivative, moment->qdd);
+    moment->power = derivative[2 * r->n];
 }
 
-int ncgen_go_on(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end, ncgen_statistics *statistics)
+int ncgen_advance(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end, ncgen_statistics *statistics)
 {
     const ncgen_scalar times[2] = {moment->t, t_end};
     ncgen_options options = *d->options;
@@ -77,27 +77,27 @@ int ncgen_go_on(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment
     moment->t = statistics->stopped ? r.start_t : t_end;
     moment->h = statistics->next_step;
     moment->work += r.start_work;
-    keep(&r, r.start_q, r.start_qd, w.stepping.slopes, moment);
+    keep(&r, r.start_q, r.start_qd, w.stepping.stage_derivatives, moment);
     return NCGEN_OK;
 }
 
-void ncgen_go_on_each(const ncgen_driven *d, int count, int n_p, const ncgen_real *p, ncgen_moment *moments, ncgen_scalar h,
+void ncgen_advance_each(const ncgen_driven *d, int count, int n_p, const ncgen_real *p, ncgen_moment *moments, ncgen_scalar h,
     int *statuses, ncgen_statistics *statistics)
 {
     for (int k = 0; k < count; ++k)
-        statuses[k] = ncgen_go_on(d, p + (size_t)k * (size_t)n_p, moments + k, moments[k].t + h, statistics);
+        statuses[k] = ncgen_advance(d, p + (size_t)k * (size_t)n_p, moments + k, moments[k].t + h, statistics);
 }
 
-/* The slope of the state in r->y, and the moment as both have it; the slope's velocities are those that the joints allow. */
+/* The derivative of the state in r->y, and the moment as both have it; the derivative's velocities are those that the joints allow. */
 static int evaluate(ncgen_run *r, parts *w, ncgen_moment *moment)
 {
-    ncgen_real *slope = w->stepping.slopes;
-    const int status = r->derivative(r, moment->t, r->y, slope);
+    ncgen_real *derivative = w->stepping.stage_derivatives;
+    const int status = r->derivative(r, moment->t, r->y, derivative);
     if (status != NCGEN_OK)
         return status;
-    if (!ncgen_is_finite(r->ny, slope))
+    if (!ncgen_is_finite(r->ny, derivative))
         return NCGEN_SINGULAR;
-    keep(r, r->y + r->n, slope + r->n, slope, moment);
+    keep(r, r->y + r->n, derivative + r->n, derivative, moment);
     return NCGEN_OK;
 }
 
@@ -169,7 +169,7 @@ int ncgen_project_velocities(const ncgen_driven *d, const ncgen_real *p, ncgen_m
         status = r.model->nu(moment->t, r.q, p, w.constrained.nu);
     if (status != NCGEN_OK)
         return status;
-    ncgen_row_rates(&r, w.constrained.kkt.values + w.constrained.n_mass, moment->qd, w.constrained.residual);
+    ncgen_row_velocities(&r, w.constrained.kkt.values + w.constrained.n_mass, moment->qd, w.constrained.residual);
     for (int i = 0; i < r.n; ++i)
         w.constrained.right[i] = 0;
     for (int i = 0; i < r.m; ++i)

@@ -38,7 +38,7 @@ int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, 
             r->q[i] = (position[i] + end[i]) / 2;
             r->qd[i] = (end[i] - position[i]) / h;
         }
-        int status = ncgen_listen(r, t + h / 2);
+        int status = ncgen_report_attempt(r, t + h / 2);
         if (status == NCGEN_OK)
             status = ncgen_constrained_accelerations(r, t + h / 2);
         for (int i = 0; i < n; ++i)
@@ -70,7 +70,7 @@ static int find_energy(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const 
     return status == NCGEN_OK ? ncgen_energies(r, t, q, qd, energy) : status;
 }
 
-/* Gonzalez' discrete gradient. Phi_q and Q in the middle, r->q and r->qd, are in c->left and c->rest; what is added to them
+/* Gonzalez' discrete gradient. Phi_q and Q in the middle, r->q and r->qd, are in c->left and c->residual; what is added to them
  * along the step, gap along' and forces, makes their work that of Phi and of the energies at the ends. */
 static int correct_along(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h, const ncgen_real *end_q,
                          const ncgen_real *end_qd)
@@ -93,7 +93,7 @@ static int correct_along(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncge
         return status == NCGEN_OK ? NCGEN_OK : NCGEN_DOMAIN;
     for (int i = 0; i < n; ++i)
         c->along[i] /= square;
-    ncgen_row_rates(r, c->left, moved, rates);
+    ncgen_row_velocities(r, c->left, moved, rates);
     status = ncgen_phi(r, t + h, end_q, c->gap);
     for (int i = 0; i < r->m; ++i)
         c->gap[i] -= rates[i];
@@ -108,9 +108,9 @@ static int correct_along(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncge
     for (int i = 0; i < r->m; ++i)
         c->gap[i] = r->dynamics->rolling && r->dynamics->rolling[i] ? 0 : c->gap[i] + h * rates[i];
     /* c->change is M (end_qd - velocity) */
-    missing = before[1] - after[1] + h * middle[2] + ncgen_dot(n, r->qd, c->change) - (after[0] - before[0]) - ncgen_dot(n, c->rest, moved);
+    missing = before[1] - after[1] + h * middle[2] + ncgen_dot(n, r->qd, c->change) - (after[0] - before[0]) - ncgen_dot(n, c->residual, moved);
     for (int i = 0; i < n; ++i)
-        c->rest[i] += missing * c->along[i];
+        c->residual[i] += missing * c->along[i];
     return status;
 }
 
@@ -119,7 +119,7 @@ static int correct_along(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncge
 static int end_midpoint(ncgen_run *r, ncgen_stepping *w, const ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
 {
     ncgen_real energy[3] = {0, 0, 0};
-    ncgen_real *nu = c->rest + r->n;
+    ncgen_real *nu = c->residual + r->n;
     for (int i = 0; i < r->n; ++i) {
         r->qd[i] = (r->y[i] + w->new_y[i]) / 2;
         r->q[i] = r->y[r->n + i] + h / 2 * r->qd[i];
@@ -127,7 +127,7 @@ static int end_midpoint(ncgen_run *r, ncgen_stepping *w, const ncgen_correction 
     int status = find_energy(r, t + h / 2, r->q, r->qd, energy);
     if (status == NCGEN_OK && r->model->nu) {
         status = r->model->nu(t + h / 2, r->q, r->p, nu);
-        energy[2] -= ncgen_dot(r->m, nu, r->slopes->lam);
+        energy[2] -= ncgen_dot(r->m, nu, r->linearisation->lam);
     }
     w->new_y[2 * r->n] = r->y[2 * r->n] + h * energy[2];
     for (int i = 0; i < r->n; ++i) {
@@ -143,7 +143,7 @@ int ncgen_energy_momentum_corrected(ncgen_run *r, ncgen_stepping *w, ncgen_corre
 {
     const int n = r->n;
     const ncgen_real *velocity = r->y, *position = r->y + n;
-    ncgen_real *end_qd = w->new_y, *end_q = c->base, *lam = r->slopes->lam, *qdd = r->slopes->qdd;
+    ncgen_real *end_qd = w->new_y, *end_q = c->base, *lam = r->linearisation->lam, *qdd = r->linearisation->qdd;
     ncgen_real last = R(1.0e30);
     ncgen_copy(n, velocity, end_qd);
     for (int pass = 0; pass < ITERATION_LIMIT; ++pass) {
@@ -166,12 +166,12 @@ int ncgen_energy_momentum_corrected(ncgen_run *r, ncgen_stepping *w, ncgen_corre
         ncgen_times_mass(r, r->constrained->kkt.values, c->auxiliary, c->change);
         if (status == NCGEN_OK)
             status = correct_along(r, c, t, h, end_q, end_qd);
-        ncgen_subtract_multipliers(r, c->left, c->rest);
+        ncgen_subtract_multipliers(r, c->left, c->residual);
         const ncgen_real extra = c->is_corrected ? ncgen_dot(r->m, c->gap, lam) : 0;
         for (int i = 0; i < n; ++i)
-            c->rest[i] = h * (c->rest[i] - extra * c->along[i]) - c->change[i];
+            c->residual[i] = h * (c->residual[i] - extra * c->along[i]) - c->change[i];
         if (status == NCGEN_OK)
-            status = ncgen_find_closure(r, c, t, h, end_q);
+            status = ncgen_find_position_residual(r, c, t, h, end_q);
         if (status == NCGEN_OK)
             status = ncgen_solve_with_multipliers(r, c, h / 2, h * h / 4, c->left, h / 2);
         c->is_corrected = 0;

@@ -14,7 +14,7 @@ int ncgen_generalized_alpha(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c
     const ncgen_scalar gamma = R(0.5) - alpha_m + alpha_f, beta = (gamma + R(0.5)) * (gamma + R(0.5)) / 4;
     const ncgen_scalar share = (1 - alpha_f) / (1 - alpha_m), by_q = h * h * beta * share, by_qd = h * gamma * share;
     const ncgen_real *velocity = r->y, *position = r->y + n;
-    ncgen_real *a = c->auxiliary, *qdd = r->slopes->qdd, *lam = r->slopes->lam, *qd0 = c->base, *q0 = c->base + n;
+    ncgen_real *a = c->auxiliary, *qdd = r->linearisation->qdd, *lam = r->linearisation->lam, *qd0 = c->base, *q0 = c->base + n;
     ncgen_real last = R(1.0e30);
     for (int i = 0; i < n; ++i) {
         const ncgen_real base = (alpha_f * qdd[i] - alpha_m * a[i]) / (1 - alpha_m); /* a1 = base + share qdd1 */
@@ -29,7 +29,7 @@ int ncgen_generalized_alpha(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c
             r->q[i] = q0[i] + by_q * qdd[i];
             r->qd[i] = qd0[i] + by_qd * qdd[i];
         }
-        int status = ncgen_find_rest(r, c, t, h);
+        int status = ncgen_find_residual(r, c, t, h);
         if (status == NCGEN_OK)
             status = ncgen_solve_with_multipliers(r, c, by_qd, by_q, c->left, by_q);
         if (status != NCGEN_OK)

@@ -1,11 +1,11 @@
 /* ncgen_grid.c: what an integrator's steps become: rows of the time grid, and the end of a run at the first of its conditions.
  *
- * An integrator tells here that it has come from t to t + h, and how to interpolate in between.
+ * An integrator reports here that it has come from t to t + h, and how to interpolate in between.
  */
 #include "ncgen_grid.h"
 
 /* A row nearer to the end of a step than this share of it takes the state of the step itself. */
-static const ncgen_scalar on_the_grid = R(1.0e-9);
+static const ncgen_scalar grid_tolerance = R(1.0e-9);
 
 /* The number of the first break after t. */
 static int break_after(const ncgen_signals *signals, ncgen_scalar t)
@@ -47,10 +47,10 @@ static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_s
         const int status = ncgen_state_inside(r, w, t, h, (r->times[r->rows] - t) / h);
         if (status != NCGEN_OK)
             return status;
-        ncgen_write_row(r, w->at[r->weighed - 1]);
+        ncgen_write_row(r, w->at[r->error_size - 1]);
         const ncgen_scalar row = r->times[r->rows - 1];
-        if (ncgen_tell(r, row) != NCGEN_OK) { /* the end of the step is lost with the rows before it */
-            ncgen_keep_state(r, row, w->at[r->weighed - 1]);
+        if (ncgen_report_progress(r, row) != NCGEN_OK) { /* the end of the step is lost with the rows before it */
+            ncgen_save_state(r, row, w->at[r->error_size - 1]);
             return NCGEN_INTERRUPTED;
         }
     }
@@ -66,18 +66,18 @@ static int stop_at_event(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_
     int status = ncgen_conditions_step(r, w, t, h, &happens, &s);
     if (status != NCGEN_OK || !happens)
         return status;
-    ncgen_keep_state(r, s < 1 ? t + s * h : t_new, w->at[r->weighed - 1]);
+    ncgen_save_state(r, s < 1 ? t + s * h : t_new, w->at[r->error_size - 1]);
     status = write_inside(r, w, t, h, s);
     r->statistics->stopped = status == NCGEN_OK;
     return status;
 }
 
-/* Has the step under way rows before a time that must be of their own instants? Looks alone wait for its end. */
+/* Has the step under way rows before a time that must be of their own times? Movable rows alone wait for its end. */
 static int has_rows_before(const ncgen_run *r, ncgen_scalar t)
 {
-    const int *looks = r->options->looks;
+    const int *movable = r->options->movable;
     int row = r->rows;
-    while (looks && row < r->n_times && looks[row])
+    while (movable && row < r->n_times && movable[row])
         ++row;
     return row < r->n_times && r->times[row] < t;
 }
@@ -85,14 +85,14 @@ static int has_rows_before(const ncgen_run *r, ncgen_scalar t)
 /* Rows up to a time have the state of the step's end. */
 static void write_end(ncgen_run *r, ncgen_scalar t_new, ncgen_scalar until)
 {
-    for (; r->rows < r->n_times && r->times[r->rows] <= until; ncgen_write_row(r, r->y[r->weighed - 1]))
-        if (r->options->looks && r->options->looks[r->rows])
-            r->options->looked[r->rows] = t_new;
+    for (; r->rows < r->n_times && r->times[r->rows] <= until; ncgen_write_row(r, r->y[r->error_size - 1]))
+        if (r->options->movable && r->options->movable[r->rows])
+            r->options->row_times[r->rows] = t_new;
 }
 
 /* After an accepted step with error control: have 100,000 of them come no farther than a millionth of the run, or are they as many as
  * the options allow? */
-int ncgen_creeps(const ncgen_run *r, ncgen_stepping *w, ncgen_scalar t)
+int ncgen_makes_no_progress(const ncgen_run *r, ncgen_stepping *w, ncgen_scalar t)
 {
     const long steps = r->statistics->steps;
     const ncgen_scalar span = r->times[r->n_times - 1] - r->times[0];
@@ -111,27 +111,27 @@ int ncgen_cross_break(ncgen_run *r, ncgen_scalar *t, ncgen_scalar end)
     if (!signals || break_after(signals, *t) % 2 == 0)
         return 0;
     *t = ncgen_next_break(r, *t, end);
-    r->from = *t;
-    ncgen_keep_state(r, *t, r->y[r->weighed - 1]);
+    r->step_start = *t;
+    ncgen_save_state(r, *t, r->y[r->error_size - 1]);
     write_end(r, *t, *t);
     return 1;
 }
 
 int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w)
 {
-    int status = ncgen_check_state(r, r->y[r->weighed - 1]);
+    int status = ncgen_check_state(r, r->y[r->error_size - 1]);
     w->mark = r->times[0];
     if (status == NCGEN_OK && r->options->event)
         status = ncgen_conditions_begin(r, r->times[0]);
     if (status == NCGEN_OK)
-        ncgen_write_row(r, r->y[r->weighed - 1]);
+        ncgen_write_row(r, r->y[r->error_size - 1]);
     return status;
 }
 
 int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar t_new)
 {
     const ncgen_scalar h = t_new - t;
-    int status = ncgen_check_state(r, w->new_y[r->weighed - 1]);
+    int status = ncgen_check_state(r, w->new_y[r->error_size - 1]);
     if (status != NCGEN_OK)
         return status;
     status = ncgen_accept(r, t_new, w->new_y);
@@ -139,19 +139,19 @@ int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scala
     int trouble = r->options->event ? stop_at_event(r, w, t, t_new) : NCGEN_OK;
     if (r->statistics->stopped)
         return trouble;
-    if (trouble == NCGEN_OK && has_rows_before(r, t + (1 - on_the_grid) * h))
-        trouble = write_inside(r, w, t, h, 1 - on_the_grid);
+    if (trouble == NCGEN_OK && has_rows_before(r, t + (1 - grid_tolerance) * h))
+        trouble = write_inside(r, w, t, h, 1 - grid_tolerance);
     if (trouble != NCGEN_OK)
         return trouble;
-    r->from = t_new;
+    r->step_start = t_new;
     ncgen_copy(r->n, r->start_q, r->q);
     ncgen_copy(r->n, r->start_qd, r->qd);
     ncgen_copy(r->ny, w->new_y, r->y);
-    write_end(r, t_new, t_new + on_the_grid * h);
+    write_end(r, t_new, t_new + grid_tolerance * h);
     return status == NCGEN_OK ? ncgen_choose(r) : status;
 }
 
-/* The cubic between two states and their slopes. */
+/* The cubic between two states and their derivatives. */
 void ncgen_interpolate_cubic(ncgen_run *r, ncgen_stepping *w, const ncgen_real *first, const ncgen_real *last, ncgen_scalar h,
                              ncgen_scalar s)
 {

@@ -13,7 +13,7 @@ ncgen_scalar ncgen_next_break(const ncgen_run *r, ncgen_scalar t, ncgen_scalar e
 ncgen_scalar ncgen_next_goal(const ncgen_run *r, ncgen_scalar t, ncgen_scalar end);
 /* Is t just before a jump? Then t becomes the time just after it, with the same state; for methods that take no step of that length. */
 int ncgen_cross_break(ncgen_run *r, ncgen_scalar *t, ncgen_scalar end);
-int ncgen_creeps(const ncgen_run *r, ncgen_stepping *w, ncgen_scalar t);
+int ncgen_makes_no_progress(const ncgen_run *r, ncgen_stepping *w, ncgen_scalar t);
 void ncgen_interpolate_cubic(ncgen_run *r, ncgen_stepping *w, const ncgen_real *first, const ncgen_real *last, ncgen_scalar h,
                              ncgen_scalar s);
 

@@ -2,13 +2,12 @@
 #ifndef NCGEN_IMPACTS_H
 #define NCGEN_IMPACTS_H
 
-#include "ncgen_event_table.h"
+#include "ncgen_event_log.h"
 #include "ncgen_vectors.h"
 
 /* An instant on its way; its arrays are in the workspace of the passage. */
 typedef struct ncgen_instant {
-    const ncgen_driven *d;       /* the mechanism, with the locks that are closed */
-    const ncgen_driven *whole;   /* the mechanism itself */
+    const ncgen_driven *d;
     const ncgen_events *events;
     ncgen_real *p;
     ncgen_moment *moment;
@@ -17,9 +16,11 @@ typedef struct ncgen_instant {
     ncgen_real *values, *before, *scales;        /* pairs (value, size) of each condition, now and before; scales (count) */
     ncgen_real *slopes;                          /* count x (2 n + 1) */
     ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
-    ncgen_real *velocities, *impulses, *numbers; /* count, count, what actions set */
-    ncgen_real *restitution, *needed, *kept;     /* count, count, n */
+    ncgen_real *kept, *prior, *numbers;          /* n, n: velocities before what is noted, what actions set */
     ncgen_real *arrived;                         /* n: velocities before the instant */
+    /* of an impact, as ncgen_impact has them: gaps that take part, and what is known of them */
+    ncgen_real *velocities, *impulses, *lost, *rounding, *coefficients, *space;
+    int *taking, *places, *sticks;
 } ncgen_instant;
 
 /* A gap is closed where it is smaller than `closed` times its scale; a velocity above minus `opening` times its terms does not close it. */
@@ -31,7 +32,7 @@ static inline int ncgen_is_closed(const ncgen_instant *i, int k)
     return NCGEN_ABS(i->values[2 * k]) <= NCGEN_CLOSED * i->scales[k];
 }
 
-/* The derivatives of a condition by q and qd (n each) and t; of the velocity of a ratchet or joint those by qd stand first, then 0 for t. */
+/* The derivatives of a condition by q and qd (n each) and t; of velocities of joints and ratchets those by qd stand first, and 0 for t. */
 static inline const ncgen_real *ncgen_gradient(const ncgen_instant *i, int k)
 {
     return i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
@@ -40,13 +41,16 @@ static inline const ncgen_real *ncgen_gradient(const ncgen_instant *i, int k)
 /* The values of the conditions, with their slopes and scales, at the moment. */
 int ncgen_look(ncgen_instant *i);
 
+/* Can a condition change with what is held? */
+int ncgen_can_move(ncgen_instant *i, int condition, int *can);
+
 const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event); /* NULL: it has none */
 
 /* The impacts of events that are due, with the gaps that are closed already; *hit: whether a gap closes. Numbers that actions set are those
  * of the state before. */
 int ncgen_hit(ncgen_instant *i, int *hit);
 
-/* The impulses that stop ratchets which run backward, but for those that are due as they only just turn. */
+/* The impulses that stop ratchets which run backward, but for those that only just turn, as `happened` (count) says. */
 int ncgen_catch(ncgen_instant *i, const int *happened);
 
 /* The velocities that an event sets, with those of all other coordinates. */

@@ -15,13 +15,13 @@ void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     const int ny = r->ny;
     int *integers = r->integers ? r->integers + r->n + 2 * r->m : NULL;
     m->is_reduced = ncgen_is_reduced(r->dynamics, r->options);
-    m->follows = !(r->partitioning && r->dynamics->positions);
-    m->rows = m->follows ? (r->weighed - 1) / 2 : r->weighed - 1;
+    m->is_second_order = !(r->partitioning && r->dynamics->positions);
+    m->rows = m->is_second_order ? (r->error_size - 1) / 2 : r->error_size - 1;
     m->count = m->is_reduced ? ncgen_degrees_of_freedom(r) : m->rows;
-    m->width = m->follows ? 2 * m->count : m->count;
+    m->width = m->is_second_order ? 2 * m->count : m->count;
     w->new_y = ncgen_take(&r->space, ny);
     w->at = ncgen_take(&r->space, ny);
-    w->slopes = ncgen_take(&r->space, 2 * ny);
+    w->stage_derivatives = ncgen_take(&r->space, 2 * ny);
     w->interpolant = ncgen_take(&r->space, 3 * ny);
     m->jacobian = ncgen_take(&r->space, m->rows * m->width);
     m->real.matrix = ncgen_take(&r->space, m->count * m->count);
@@ -29,10 +29,10 @@ void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     m->real.order = integers;
     m->complex.order = integers ? integers + m->count : NULL;
     m->stages = ncgen_take(&r->space, NCGEN_STAGES * ny);
-    m->rates = ncgen_take(&r->space, NCGEN_STAGES * ny);
-    m->unknowns = ncgen_take(&r->space, NCGEN_STAGES * r->weighed);
-    m->right = ncgen_take(&r->space, NCGEN_STAGES * r->weighed);
-    m->change = ncgen_take(&r->space, NCGEN_STAGES * r->weighed);
+    m->derivatives = ncgen_take(&r->space, NCGEN_STAGES * ny);
+    m->unknowns = ncgen_take(&r->space, NCGEN_STAGES * r->error_size);
+    m->right = ncgen_take(&r->space, NCGEN_STAGES * r->error_size);
+    m->change = ncgen_take(&r->space, NCGEN_STAGES * r->error_size);
     m->reduced = ncgen_take(&r->space, 6 * m->count);
     if (m->is_reduced)
         ncgen_reduced_layout(r, &m->along, integers ? integers + 3 * m->count : NULL);
@@ -54,7 +54,7 @@ int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int pa
     for (int i = 0; i < count; ++i) {
         const ncgen_real *jacobian = m->jacobian + (size_t)row_of(m, i) * (size_t)m->width;
         for (int j = 0; j < count; ++j) {
-            const ncgen_real by_v = jacobian[j], by_x = m->follows ? jacobian[count + j] : 0;
+            const ncgen_real by_v = jacobian[j], by_x = m->is_second_order ? jacobian[count + j] : 0;
             const ncgen_real real = (i == j ? a : 0) - by_v - shifted->inverse[0] * by_x;
             const ncgen_real imaginary = (i == j ? b : 0) - shifted->inverse[1] * by_x;
             for (int k = 0; k < parts; ++k) {
@@ -69,18 +69,18 @@ int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int pa
     return ncgen_lu_factor(size, shifted->matrix, shifted->order, &orientation);
 }
 
-/* Part k of x / s, where the parts of x are `apart` numbers from each other. */
-static ncgen_real over(const ncgen_shifted *s, const ncgen_real *x, int apart, int k)
+/* Part k of x / s, where the parts of x are `stride` numbers from each other. */
+static ncgen_real over(const ncgen_shifted *s, const ncgen_real *x, int stride, int k)
 {
-    const ncgen_real own = s->inverse[0] * x[k * apart];
-    return s->parts == 1 ? own : own + (k == 0 ? -s->inverse[1] : s->inverse[1]) * x[(1 - k) * apart];
+    const ncgen_real own = s->inverse[0] * x[k * stride];
+    return s->parts == 1 ? own : own + (k == 0 ? -s->inverse[1] : s->inverse[1]) * x[(1 - k) * stride];
 }
 
 /* x of (s - J) x = f over all coordinates, where J sees along the constraints alone: with the measured part u of the velocities and the
  * chosen positions p, s u = f_u + J_v u + J_x p, s p = u + f_p; the others follow from their own rows of J. */
 static void solve_reduced(ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x)
 {
-    const int count = m->count, n = m->rows, ny = r->weighed, parts = shifted->parts;
+    const int count = m->count, n = m->rows, ny = r->error_size, parts = shifted->parts;
     ncgen_real *right = m->reduced, *u = m->reduced + 2 * count, *p = m->reduced + 4 * count;
     for (int k = 0; k < parts; ++k) {
         ncgen_reduced_measure(r, &m->along, f + k * ny, right + k * count);
@@ -115,7 +115,7 @@ static void solve_reduced(ncgen_run *r, const ncgen_implicit *m, const ncgen_shi
 /* x of (s - J) x = f; real parts of f and x come first, then their imaginary parts. */
 void ncgen_shifted_solve(ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x)
 {
-    const int count = m->count, ny = r->weighed, parts = shifted->parts;
+    const int count = m->count, ny = r->error_size, parts = shifted->parts;
     ncgen_real *right = m->reduced, *v = m->reduced + 2 * count;
     if (m->is_reduced) {
         solve_reduced(r, m, shifted, f, x);
@@ -131,7 +131,7 @@ void ncgen_shifted_solve(ncgen_run *r, const ncgen_implicit *m, const ncgen_shif
     for (int k = 0; k < parts; ++k)
         for (int i = 0; i < count; ++i) {
             x[k * ny + i] = v[k * count + i];
-            if (m->follows)
+            if (m->is_second_order)
                 x[k * ny + count + i] += over(shifted, v + i, count, k);
         }
 }
@@ -150,8 +150,8 @@ int ncgen_implicit_jacobian(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t, ncg
 
 int ncgen_implicit_begin(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
-    int status = r->derivative(r, r->times[0], r->y, w->slopes);
-    if (status == NCGEN_OK && !ncgen_is_finite(r->ny, w->slopes))
+    int status = r->derivative(r, r->times[0], r->y, w->stage_derivatives);
+    if (status == NCGEN_OK && !ncgen_is_finite(r->ny, w->stage_derivatives))
         status = NCGEN_DOMAIN;
     m->factored = 0;
     m->iterations = 0;

@@ -17,7 +17,7 @@ typedef struct ncgen_shifted {
 
 /* What an implicit integrator works in besides. */
 typedef struct ncgen_implicit {
-    int follows;                 /* are positions the integrals of as many velocities? */
+    int is_second_order;         /* are positions the integrals of as many velocities? */
     int is_reduced;              /* are the unknowns of the linear systems velocities of some coordinates, which the others follow? */
     ncgen_reduced along;         /* where they are */
     int rows;                    /* of the Jacobian: velocities, and positions where these do not follow */
@@ -25,11 +25,11 @@ typedef struct ncgen_implicit {
     int width;                   /* columns of the Jacobian: velocities and positions of the unknowns */
     ncgen_real *jacobian;        /* rows of width */
     ncgen_shifted real, complex;
-    int factored, fresh;         /* for this Jacobian and step? Is the Jacobian that of the present state? */
-    ncgen_real *stages, *rates;  /* three of ny: changes since the start of the step, and derivatives */
+    int factored, is_current;              /* for this Jacobian and step? Is the Jacobian that of the present state? */
+    ncgen_real *stages, *derivatives;      /* three of ny: changes since the start of the step, and derivatives */
     ncgen_real *unknowns, *right, *change; /* three of weighed */
-    ncgen_real *reduced;         /* 6 count */
-    int iterations;              /* of the last step, and how fast they converged */
+    ncgen_real *reduced;                   /* 6 count */
+    int iterations;                        /* of the last step, and how fast they converged */
     ncgen_real rate;
     ncgen_scalar last_step;      /* accepted, and its error; 0 if there is none */
     ncgen_real last_error;

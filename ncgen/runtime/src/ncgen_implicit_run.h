@@ -9,19 +9,19 @@
 #include "ncgen_jacobian.h"
 #include "ncgen_steppers.h"
 
-typedef struct ncgen_implicit_parts {
-    ncgen_slopes slopes;
+typedef struct ncgen_implicit_workspace {
+    ncgen_linearisation linearisation;
     ncgen_implicit implicit;
     ncgen_correction correction;
-} ncgen_implicit_parts;
+} ncgen_implicit_workspace;
 
 /* The workspace of such a method, and what gives the Jacobian. Returns whether the method is one. */
-int ncgen_implicit_run_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit_parts *parts);
-int ncgen_implicit_run(ncgen_run *r, ncgen_stepping *w, ncgen_implicit_parts *parts);
+int ncgen_implicit_run_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit_workspace *workspace);
+int ncgen_implicit_run(ncgen_run *r, ncgen_stepping *w, ncgen_implicit_workspace *workspace);
 #else
-typedef int ncgen_implicit_parts;
-#define ncgen_implicit_run_layout(r, w, parts) (0)
-#define ncgen_implicit_run(r, w, parts) (NCGEN_ARGUMENT)
+typedef int ncgen_implicit_workspace;
+#define ncgen_implicit_run_layout(r, w, workspace) (0)
+#define ncgen_implicit_run(r, w, workspace) (NCGEN_ARGUMENT)
 #endif
 
 #endif

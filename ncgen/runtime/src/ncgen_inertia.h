@@ -1,4 +1,4 @@
-/* ncgen_inertia.h: vectors in space, and inertias of 21 numbers that move beside each other (articulated ones among them). */
+/* ncgen_inertia.h: vectors in space, and inertias of 21 numbers that move in parallel (articulated ones among them). */
 #ifndef NCGEN_INERTIA_H
 #define NCGEN_INERTIA_H
 

@@ -1,7 +1,7 @@
 /* ncgen_inside.c: the first of several conditions that is fulfilled inside a step.
  *
  * Each condition is a polynomial in time within a step, known by its values at the nodes of a basis. All that happen are located on the
- * states that satisfy the constraints; the first one counts, and with it those at the same instant.
+ * states that satisfy the constraints; the first one counts, and with it those at the same time.
  */
 #include "ncgen_crossing.h"
 #include "ncgen_inside.h"
@@ -10,7 +10,7 @@
  * row of the inverse, 560 for degree 8 and 11,700 for degree 14. */
 static const ncgen_scalar noise_of_8 = R(1000.0), noise_of_14 = R(20000.0);
 
-/* Conditions are fulfilled at the same instant if their shares of a step differ by less than this many roundings. */
+/* Conditions are fulfilled at the same time if their fractions of a step differ by less than this many roundings. */
 static const ncgen_scalar same_instant = R(256.0);
 
 enum { OFF = 2 };
@@ -25,7 +25,7 @@ int ncgen_state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_sc
     int status = w->interpolate(r, w, t, h, s);
     if (status == NCGEN_OK)
         status = r->state(r, t + s * h, w->at);
-    return status == NCGEN_OK ? ncgen_check_state(r, w->at[r->weighed - 1]) : status;
+    return status == NCGEN_OK ? ncgen_check_state(r, w->at[r->error_size - 1]) : status;
 }
 
 /* At one state: of every condition its value, and the size of the terms that it is a sum of. */

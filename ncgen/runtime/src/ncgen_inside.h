@@ -6,10 +6,10 @@
 
 /* What an integrator works in. */
 typedef struct ncgen_stepping {
-    ncgen_real *new_y, *at;      /* ny: the end of a step, and a state in between */
-    ncgen_real *slopes;          /* stages of ny each */
-    ncgen_real *interpolant;     /* coefficients of ny each */
-    int interpolated;            /* are they those of this step? */
+    ncgen_real *new_y, *at;        /* ny: the end of a step, and a state in between */
+    ncgen_real *stage_derivatives; /* stages of ny each */
+    ncgen_real *interpolant;       /* coefficients of ny each */
+    int interpolated;              /* are they those of this step? */
     /* at: the state at t + s h, inside a step from y to new_y */
     int (*interpolate)(ncgen_run *r, struct ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s);
     int repeated;                /* is the step taken again, since its error was too large or a stage had no derivative, or near such a one? */

@@ -11,10 +11,10 @@
 #include "ncgen_partitioning.h"
 #endif
 
-void ncgen_slopes_layout(ncgen_run *r, ncgen_slopes *w)
+void ncgen_linearisation_layout(ncgen_run *r, ncgen_linearisation *w)
 {
     const ncgen_tangents *tangents = r->dynamics->tangents;
-    r->slopes = w;
+    r->linearisation = w;
     w->stiffness = ncgen_take(&r->space, ncgen_nonzeros(&tangents->stiffness_pattern));
     w->damping = ncgen_take(&r->space, ncgen_nonzeros(&tangents->damping_pattern));
     w->phidd_q = ncgen_take(&r->space, ncgen_nonzeros(&tangents->phidd_q_pattern));
@@ -39,7 +39,7 @@ static void add_product(const ncgen_pattern *pattern, const ncgen_real *values, 
 int ncgen_find_tangents(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_tangents *tangents = r->dynamics->tangents;
-    const ncgen_slopes *w = r->slopes;
+    const ncgen_linearisation *w = r->linearisation;
     int status = NCGEN_OK;
     if (tangents->stiffness)
         status |= tangents->stiffness(t, r->q, r->qd, w->qdd, w->lam, r->p, w->stiffness);
@@ -52,7 +52,7 @@ int ncgen_find_tangents(ncgen_run *r, ncgen_scalar t)
 static int find_rolled(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_tangents *tangents = r->dynamics->tangents;
-    const ncgen_slopes *w = r->slopes;
+    const ncgen_linearisation *w = r->linearisation;
     for (int i = 0; i < r->n; ++i)
         w->dq[i] = 0;
     int status = tangents->phidd_q(t, r->q, r->qd, r->qd, r->p, w->rolled);
@@ -63,10 +63,10 @@ static int find_rolled(ncgen_run *r, ncgen_scalar t)
 }
 
 /* sum += factor d(Phi_q qd - nu)/dq x. */
-static void add_rate_slope(const ncgen_run *r, const ncgen_real *x, ncgen_real factor, ncgen_real *sum)
+static void add_phidd_change(const ncgen_run *r, const ncgen_real *x, ncgen_real factor, ncgen_real *sum)
 {
     const ncgen_tangents *tangents = r->dynamics->tangents;
-    const ncgen_slopes *w = r->slopes;
+    const ncgen_linearisation *w = r->linearisation;
     for (int i = 0; i < r->m; ++i)
         if (r->dynamics->rolling && r->dynamics->rolling[i])
             sum[i] += factor * ncgen_row_times(&tangents->phidd_q_pattern, w->rolled, x, i);
@@ -75,10 +75,10 @@ static void add_rate_slope(const ncgen_run *r, const ncgen_real *x, ncgen_real f
 }
 
 /* The four matrices at r->q, r->qd and the accelerations and multipliers in w. */
-static int find_slopes(ncgen_run *r, ncgen_scalar t)
+static int find_linearisation(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_tangents *tangents = r->dynamics->tangents;
-    const ncgen_slopes *w = r->slopes;
+    const ncgen_linearisation *w = r->linearisation;
     int status = ncgen_find_tangents(r, t);
     if (tangents->phidd_q && r->dynamics->rolling)
         status |= find_rolled(r, t);
@@ -93,7 +93,7 @@ static int find_slopes(ncgen_run *r, ncgen_scalar t)
 static void find_change(const ncgen_run *r)
 {
     const ncgen_tangents *tangents = r->dynamics->tangents;
-    const ncgen_slopes *w = r->slopes;
+    const ncgen_linearisation *w = r->linearisation;
     for (int i = 0; i < r->n + r->m; ++i)
         w->change[i] = 0;
     add_product(&tangents->stiffness_pattern, w->stiffness, w->dq, -1, w->change);
@@ -110,7 +110,7 @@ static void independent_change(ncgen_run *r, ncgen_real *column, int stride)
 {
     ncgen_partitioning *part = r->partitioning;
     const ncgen_partition *d = &part->velocities->of;
-    const ncgen_slopes *w = r->slopes;
+    const ncgen_linearisation *w = r->linearisation;
     find_change(r);
     ncgen_partitioning_solve(r, w->change + r->n, part->column);
     for (int i = 0; i < r->n; ++i)
@@ -132,11 +132,11 @@ static void velocity_change(ncgen_run *r)
 {
     ncgen_partitioning *part = r->partitioning;
     const ncgen_partition *d = &part->velocities->of;
-    const ncgen_slopes *w = r->slopes;
+    const ncgen_linearisation *w = r->linearisation;
     ncgen_real *rate = w->change + r->n;
     for (int i = 0; i < r->m; ++i)
         rate[i] = 0;
-    add_rate_slope(r, w->dq, -1, rate);
+    add_phidd_change(r, w->dq, -1, rate);
     ncgen_partitioning_solve(r, rate, part->column);
     for (int i = 0; i < r->n; ++i)
         w->dqd[i] = 0;
@@ -151,13 +151,13 @@ static void write_column(ncgen_run *r, ncgen_real *column, int stride)
     const ncgen_partition *d = &part->positions->of;
     independent_change(r, column, stride);
     for (int i = 0; i < (part->positions == part->velocities ? 0 : d->n_independent); ++i)
-        column[(r->nz + i) * stride] = r->slopes->dqd[d->independent[i]];
+        column[(r->nz + i) * stride] = r->linearisation->dqd[d->independent[i]];
 }
 
 int ncgen_partitioning_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *jacobian)
 {
     ncgen_partitioning *part = r->partitioning;
-    const ncgen_slopes *w = r->slopes;
+    const ncgen_linearisation *w = r->linearisation;
     const int nz = r->nz, n = r->n, positions = part->positions->of.n_independent, width = nz + positions;
     ncgen_real amplification;
     int status = ncgen_partitioning_position(r, t, y);
@@ -175,7 +175,7 @@ int ncgen_partitioning_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncg
     for (int i = 0; i < n; ++i)
         part->missing[i] = part->force[i] - part->missing[i];
     ncgen_partitioning_multipliers(r, part->missing, w->lam);
-    if ((status = find_slopes(r, t)) != NCGEN_OK)
+    if ((status = find_linearisation(r, t)) != NCGEN_OK)
         return status;
     for (int z = 0; z < nz; ++z) {
         for (int i = 0; i < n; ++i)
@@ -199,13 +199,13 @@ static int full_change(ncgen_run *r, ncgen_real *column, int stride)
 {
     const ncgen_options *o = r->options;
     ncgen_constrained *all = r->constrained;
-    const ncgen_slopes *w = r->slopes;
+    const ncgen_linearisation *w = r->linearisation;
     const ncgen_scalar damping = o->damping * o->frequency, stiffness = o->frequency * o->frequency;
     find_change(r);
     if (stiffness > 0) {
         const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
         const ncgen_real *values = all->kkt.values + all->n_mass;
-        add_rate_slope(r, w->dq, -2 * damping, w->change + r->n);
+        add_phidd_change(r, w->dq, -2 * damping, w->change + r->n);
         for (int i = 0; i < r->m; ++i) {
             w->change[r->n + i] -= 2 * damping * ncgen_row_times(phi_q, values, w->dqd, i);
             if (!(r->dynamics->rolling && r->dynamics->rolling[i]))
@@ -222,18 +222,18 @@ static int full_change(ncgen_run *r, ncgen_real *column, int stride)
 int ncgen_constrained_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *jacobian)
 {
     ncgen_constrained *all = r->constrained;
-    const ncgen_slopes *w = r->slopes;
+    const ncgen_linearisation *w = r->linearisation;
     const int n = r->n;
     ncgen_copy(n, y, r->qd);
     ncgen_copy(n, y + n, r->q);
-    all->jacobian_is_there = 0;
+    all->has_phi_q = 0;
     int status = ncgen_constrained_accelerations(r, t);
     if (status == NCGEN_OK)
         status = ncgen_constrained_factor(r);
     ncgen_copy(n, all->solution, w->qdd);
     ncgen_copy(r->m, all->solution + n, w->lam);
     if (status == NCGEN_OK)
-        status = find_slopes(r, t);
+        status = find_linearisation(r, t);
     for (int j = 0; j < 2 * n && status == NCGEN_OK; ++j) {
         for (int i = 0; i < n; ++i) {
             w->dqd[i] = i == j;

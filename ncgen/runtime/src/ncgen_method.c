@@ -8,7 +8,7 @@ int ncgen_is_stepper(const ncgen_options *options)
 }
 
 /* RATTLE does without where the acceleration at a position is the same before and after it is given its velocity and all rows are
- * equations of position, and energy-momentum where it is not told that it needs them. */
+ * equations of position, and energy-momentum unless the options say that it needs them. */
 int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
     if (ncgen_is_reduced(dynamics, options))

@@ -1,421 +1,139 @@
-/* ncgen_modes.c: what is held: all that may be, less what a load of the wrong sign, or beyond friction, releases, the worst one first. */
+/* ncgen_modes.c: which gaps are held closed: all that may be, less those whose loads would have to pull, the worst one first. */
 #include "ncgen_modes.h"
-#include "ncgen_state.h"
 #include "ncgen_vectors.h"
 
-enum { OFF = 2, JOINT_LOADS = 2 };
+enum { OFF = 2 };
 
-/* A load on the wrong side by less than this share of all loads is held; the same where velocities are those before a projection. */
-static const ncgen_scalar slack = R(1.0e-10), slack_before = R(1.0e-6);
+/* A load on the wrong side by less than this share of all loads is held; one that was not held before has to push by as much. */
+static const ncgen_scalar slack = R(1.0e-10);
 
-/* A gap does not change, and a joint does not move, whose velocity is below this share of what it adds up; a direction is blocked in which
- * less than this share of its mobility is left. */
-static const ncgen_scalar standstill = R(1.0e-9), blocked = R(1.0e-9);
-
-/* Of velocities that miss the constraints after a lock has closed. */
-static const ncgen_scalar locked = R(1.0e-9);
-
-static int loads_of(const ncgen_hold *hold)
+static const ncgen_mode *present(const ncgen_events *events, const ncgen_passage *passage)
 {
-    return hold->kind == NCGEN_HOLDS_JOINT ? JOINT_LOADS : hold->kind != NCGEN_HOLDS_LOCK;
+    return events->n_modes > 0 && *passage->mode > 0 ? events->modes + *passage->mode - 1 : NULL;
 }
 
-static int is_lock(const ncgen_hold *hold)
+static int has(const ncgen_mode *mode, int event)
 {
-    return hold->kind == NCGEN_HOLDS_LOCK;
+    for (int i = 0; mode && i < mode->count; ++i)
+        if (mode->held[i] == event)
+            return 1;
+    return 0;
 }
 
-static int *flags(const ncgen_events *events, const ncgen_passage *passage, int which)
+int ncgen_holds(const ncgen_events *events, const ncgen_passage *passage, int event)
 {
-    return passage->flags + which * events->n_holds;
+    return has(present(events, passage), event);
 }
 
-static int *held_before(const ncgen_events *events, const ncgen_passage *passage)
+void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_passage *passage, ncgen_entered *in)
 {
-    return flags(events, passage, 0);
-}
-
-static int *wanted_of(const ncgen_events *events, const ncgen_passage *passage)
-{
-    return flags(events, passage, 1);
-}
-
-static int *released_of(const ncgen_events *events, const ncgen_passage *passage)
-{
-    return flags(events, passage, 2);
-}
-
-void ncgen_read_held(const ncgen_events *events, const ncgen_real *p, int *held)
-{
-    for (int h = 0; h < events->n_holds; ++h)
-        held[h] = p[events->holds[h].on] > 0;
-}
-
-void ncgen_write_held(const ncgen_events *events, const int *held, int all, ncgen_real *p)
-{
-    for (int h = 0; h < events->n_holds; ++h)
-        if (all || !is_lock(events->holds + h))
-            p[events->holds[h].on] = held && held[h] ? 1 : 0;
-}
-
-/* What mechanisms watch ------------------------------------------------------------------------------------------ */
-
-int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition)
-{
-    for (int h = 0; h < events->n_holds; ++h) {
-        const ncgen_hold *hold = events->holds + h;
-        if (hold->condition != condition)
-            continue;
-        if (p[hold->on] > 0)
-            return OFF;
-        if (hold->kind == NCGEN_HOLDS_JOINT)
-            return p[hold->slip] > 0 ? -1 : p[hold->slip] < 0 ? 1 : OFF;
-    }
-    return events->directions[condition];
-}
-
-void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_passage *passage, ncgen_entered *in)
-{
-    int some = 0;
+    const ncgen_mode *mode = present(events, passage);
     in->driven = *d;
     in->options = *d->options;
     in->watched = *d->options->event;
     in->driven.options = &in->options;
     in->options.event = &in->watched;
-    for (int h = 0; h < events->n_holds; ++h)
-        some |= p[events->holds[h].on] > 0;
-    if (some) {
-        in->dynamics = *events->held_dynamics;
-        in->dynamics.external = d->dynamics->external;
-        in->dynamics.conservative = d->dynamics->conservative && events->held_dynamics->conservative;
-        in->driven.model = events->held_model;
-        in->driven.dynamics = &in->dynamics;
-        in->watched.count = events->count + events->n_loads;
-        in->watched.function = events->held_conditions;
-    }
-    if (!passage || !events->n_holds)
+    if (!mode)
         return;
+    in->driven.model = mode->model;
+    in->driven.dynamics = mode->dynamics;
+    in->watched.count = events->count + mode->count;
+    in->watched.function = mode->conditions;
     in->watched.directions = passage->directions;
     for (int k = 0; k < events->count; ++k)
-        passage->directions[k] = ncgen_way(events, p, k);
-    for (int h = 0; h < events->n_holds; ++h)
-        for (int l = 0; l < loads_of(events->holds + h); ++l) {
-            const int k = events->count + events->holds[h].load + l;
-            passage->directions[k] = p[events->holds[h].on] > 0 ? -1 : OFF;
-            passage->signs[k] = 1;
-        }
-}
-
-static ncgen_real speed_of(const ncgen_instant *i, const ncgen_real *qd)
-{
-    return ncgen_largest(i->n, qd, i->whole->dynamics->column_sizes);
-}
-
-/* Does a gap not change, or a joint or ratchet not move, but for rounding? */
-static int is_still(const ncgen_instant *i, const ncgen_hold *hold)
-{
-    const ncgen_scalar *sizes = i->whole->dynamics->column_sizes;
-    const ncgen_real now = speed_of(i, i->moment->qd), before = speed_of(i, i->arrived), *w = ncgen_gradient(i, hold->condition);
-    const int is_gap = hold->kind == NCGEN_HOLDS_GAP;
-    const ncgen_real drift = is_gap ? w[2 * i->n] : 0;
-    ncgen_real sum = drift, size = 0;
-    for (int j = 0; j < i->n; ++j) {
-        sum += w[j] * i->moment->qd[j];
-        size += NCGEN_ABS(w[j]) * sizes[j];
-    }
-    const ncgen_real speed = is_gap || now > before ? now : before;
-    return NCGEN_ABS(sum) <= standstill * (size * speed + NCGEN_ABS(drift));
-}
-
-static ncgen_real mobility(ncgen_instant *i, const ncgen_driven *d, const ncgen_real *direction, int *status)
-{
-    if (*status == NCGEN_OK)
-        *status = ncgen_respond(d, i->p, i->moment, direction, i->kept);
-    return *status == NCGEN_OK ? ncgen_dot(i->n, direction, i->kept) : 0;
-}
-
-int ncgen_can_move(ncgen_instant *i, int condition, int *can)
-{
-    ncgen_entered in;
-    int status = NCGEN_OK;
-    ncgen_enter(i->whole, i->events, i->p, NULL, &in);
-    if (in.driven.model == i->whole->model)
-        return NCGEN_OK;
-    const ncgen_real *direction = ncgen_gradient(i, condition);
-    const ncgen_real own = mobility(i, &in.driven, direction, &status), whole = mobility(i, i->whole, direction, &status);
-    *can = own > blocked * whole;
-    return status;
-}
-
-int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
-{
-    const ncgen_events *e = i->events;
-    int status = NCGEN_OK;
-    if (in->driven.model == i->whole->model)
-        return NCGEN_OK;
-    for (int h = 0; h < e->n_holds && status == NCGEN_OK; ++h) {
-        const ncgen_hold *hold = e->holds + h;
-        if (is_lock(hold) || i->p[hold->on] > 0 || !is_still(i, hold))
-            continue;
-        if (hold->kind == NCGEN_HOLDS_GAP && !ncgen_is_closed(i, hold->condition))
-            continue;
-        int can = 1;
-        status = ncgen_can_move(i, hold->condition, &can);
-        if (!can)
-            i->passage->directions[hold->condition] = OFF;
-    }
-    return status;
-}
-
-/* Loads ---------------------------------------------------------------------------------------------------------- */
-
-static void release(const ncgen_hold *hold, int which, int *released)
-{
-    *released = hold->kind == NCGEN_HOLDS_JOINT && which == 0 ? -1 : 1;
-}
-
-void ncgen_release_load(const ncgen_events *events, int load, const ncgen_passage *passage)
-{
-    for (int h = 0; h < events->n_holds; ++h) {
-        const int which = load - events->holds[h].load;
-        if (which >= 0 && which < loads_of(events->holds + h))
-            release(events->holds + h, which, released_of(events, passage) + h);
+        passage->directions[k] = has(mode, k) ? OFF : events->directions[k];
+    for (int i = events->count; i < in->watched.count; ++i) {
+        passage->directions[i] = -1;
+        passage->signs[i] = 1;
     }
 }
 
-int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, const ncgen_passage *passage)
+void ncgen_mark_crossed(const ncgen_events *events, int count, const int *crossed, ncgen_passage *passage)
 {
+    const ncgen_mode *mode = present(events, passage);
+    for (int k = 0; k < events->count; ++k)
+        passage->due[k] = crossed[k];
+    for (int k = events->count; k < count; ++k)
+        if (crossed[k])
+            passage->wanted[events->count + mode->held[k - events->count]] = 1;
+}
+
+int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage)
+{
+    const ncgen_mode *mode = present(events, passage);
     int some = 0;
-    for (int h = 0; h < events->n_holds; ++h) {
-        some |= p[events->holds[h].on] > 0;
-        released_of(events, passage)[h] = 0;
-    }
-    if (!some)
+    if (!mode)
         return 0;
-    const int status = events->held_conditions(moment->t, moment->q, moment->qd, p, passage->room);
-    some = 0;
-    for (int h = 0; h < events->n_holds && status == NCGEN_OK; ++h)
-        for (int l = 0; p[events->holds[h].on] > 0 && l < loads_of(events->holds + h); ++l) {
-            const ncgen_real *load = passage->room + 2 * (events->count + events->holds[h].load + l);
-            if (load[0] < -slack * load[1] || (nearly && load[0] <= slack * load[1])) {
-                release(events->holds + h, l, released_of(events, passage) + h);
-                ++some;
-            }
+    const int status = mode->conditions(moment->t, moment->q, moment->qd, p, passage->room);
+    for (int i = 0; i < mode->count && status == NCGEN_OK; ++i) {
+        const ncgen_real *load = passage->room + 2 * (events->count + i);
+        if (load[0] < -slack * load[1] || (nearly && load[0] <= slack * load[1])) {
+            passage->wanted[events->count + mode->held[i]] = 1;
+            ++some;
         }
+    }
     return status == NCGEN_OK ? some : -status;
 }
 
-/* The hold whose load is on the wrong side by most, if by more than `least` of all loads, and the side to which it begins to move. */
-static int worst(const ncgen_instant *i, const int *wanted, const ncgen_real *pairs, ncgen_scalar least, int *side)
+/* The number of the mode that holds what is wanted, 0 for nothing, -1 where there is none. */
+static int find(const ncgen_events *events, const int *wanted)
 {
-    const ncgen_events *e = i->events;
-    const int *before = held_before(e, i->passage);
+    int count = 0;
+    for (int k = 0; k < events->count; ++k)
+        count += wanted[k];
+    for (int j = 0; count && j < events->n_modes; ++j) {
+        int same = events->modes[j].count == count;
+        for (int i = 0; same && i < count; ++i)
+            same = wanted[events->modes[j].held[i]];
+        if (same)
+            return j + 1;
+    }
+    return count ? -1 : 0;
+}
+
+/* The held gap whose load is the worst, if it has to be released. */
+static int worst(const ncgen_mode *mode, const ncgen_mode *before, int first, const ncgen_real *pairs)
+{
     int found = -1;
-    ncgen_real most = least;
-    for (int h = 0; h < e->n_holds; ++h)
-        for (int l = 0; wanted[h] && l < loads_of(e->holds + h); ++l) {
-            const ncgen_real *load = pairs + 2 * (e->count + e->holds[h].load + l);
-            const ncgen_scalar reserve = e->holds[h].kind == NCGEN_HOLDS_JOINT || before[h] ? 0 : 2 * slack;
-            const ncgen_real over = reserve - (load[1] > 0 ? load[0] / load[1] : 0);
-            if (over > most) {
-                most = over;
-                found = h;
-                release(e->holds + h, l, side);
-            }
+    ncgen_scalar most = slack;
+    for (int i = 0; i < mode->count; ++i) {
+        const ncgen_real *load = pairs + 2 * (first + i);
+        const ncgen_scalar over = (has(before, mode->held[i]) ? 0 : 2 * slack) - (load[1] > 0 ? load[0] / load[1] : 0);
+        if (over > most) {
+            most = over;
+            found = mode->held[i];
         }
+    }
     return found;
 }
 
-/* Modes ---------------------------------------------------------------------------------------------------------- */
-
-/* The moment onto the constraints of what p says is held: velocities alone, or positions first. */
-static int project(ncgen_instant *i, int positions)
+int ncgen_choose_mode(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
+    const int n = d->model->n_coordinates;
+    const ncgen_mode *before = present(events, passage);
+    ncgen_real *q = passage->room, *qd = q + n, *pairs = qd + n;
     ncgen_entered in;
-    ncgen_enter(i->whole, i->events, i->p, NULL, &in);
-    const int status = positions ? ncgen_project_moment(&in.driven, i->p, i->moment) : NCGEN_OK;
-    return status == NCGEN_OK ? ncgen_project_velocities(&in.driven, i->p, i->moment) : status;
-}
-
-static int find_places(ncgen_instant *i)
-{
-    return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
-}
-
-/* Velocities that miss the constraints of a mechanism, over those of the mechanism in natural sizes. */
-static int misses(ncgen_instant *i, const ncgen_driven *d, int *does)
-{
-    const ncgen_model *model = d->model;
-    const ncgen_pattern *pattern = &model->phi_q_pattern;
-    ncgen_real *values = d->workspace, *nu = values + ncgen_nonzeros(pattern); /* which no call uses now */
-    int status = model->phi_q(i->moment->t, i->moment->q, i->p, values);
-    *does = 0;
-    if (status == NCGEN_OK && model->nu)
-        status = model->nu(i->moment->t, i->moment->q, i->p, nu);
-    for (int r = 0; r < model->n_rows && status == NCGEN_OK; ++r) {
-        ncgen_real sum = model->nu ? -nu[r] : 0, size = NCGEN_ABS(sum) + d->dynamics->row_sizes[r] * speed_of(i, i->moment->qd);
-        for (int k = pattern->indptr[r]; k < pattern->indptr[r + 1]; ++k)
-            sum += values[k] * i->moment->qd[pattern->indices[k]];
-        *does |= !(NCGEN_ABS(sum) <= locked * size);
-    }
-    return status;
-}
-
-int ncgen_lock(ncgen_instant *i, int h)
-{
-    const ncgen_hold *hold = i->events->holds + h;
-    ncgen_entered in;
-    int missed;
-    if (i->p[hold->on] > 0)
-        return NCGEN_OK;
-    int status = find_places(i);
-    if (status != NCGEN_OK)
-        return status;
-    i->p[hold->held] = i->numbers[hold->value];
-    i->p[hold->on] = 1;
-    ncgen_enter(i->whole, i->events, i->p, NULL, &in);
-    status = ncgen_project_velocities(&in.driven, i->p, i->moment);
-    if (status == NCGEN_OK)
-        status = misses(i, &in.driven, &missed);
-    return status == NCGEN_OK && missed ? NCGEN_MOVED : status;
-}
-
-/* The velocity of a joint. */
-static int sign_of(const ncgen_instant *i, int condition)
-{
-    return (i->values[2 * condition] > 0) - (i->values[2 * condition] < 0);
-}
-
-void ncgen_begin_slip(ncgen_instant *i)
-{
-    for (int h = 0; h < i->events->n_holds; ++h) {
-        const ncgen_hold *hold = i->events->holds + h;
-        if (hold->kind == NCGEN_HOLDS_JOINT)
-            i->p[hold->slip] = is_still(i, hold) ? 0 : sign_of(i, hold->condition);
-    }
-}
-
-/* What is held does not slip, what was released does to its side, and others slip as they move. */
-static void set_slip(ncgen_instant *i, const int *wanted, const int *released, const int *happened)
-{
-    for (int h = 0; h < i->events->n_holds; ++h) {
-        const ncgen_hold *hold = i->events->holds + h;
-        if (hold->kind != NCGEN_HOLDS_JOINT)
-            continue;
-        if (wanted[h] || released[h])
-            i->p[hold->slip] = wanted[h] ? 0 : released[h];
-        else if (!(NCGEN_ABS(i->p[hold->slip]) > 0) || happened[hold->condition] || !is_still(i, hold))
-            i->p[hold->slip] = sign_of(i, hold->condition);
-    }
-}
-
-/* What may be held: gaps that are closed and do not open, joints and ratchets that do not move, and what nothing has hit. */
-static int find_wanted(ncgen_instant *i, const int *happened, const int *resting, int was_hit)
-{
-    const ncgen_events *e = i->events;
-    int *wanted = wanted_of(e, i->passage);
-    const int *before = held_before(e, i->passage), *released = released_of(e, i->passage);
-    int status = find_places(i);
-    for (int h = 0; h < e->n_holds && status == NCGEN_OK; ++h) {
-        const ncgen_hold *hold = e->holds + h;
-        const int k = hold->condition;
-        if (is_lock(hold)) {
-            wanted[h] = 0;
-            continue;
-        }
-        const int is_gap = hold->kind == NCGEN_HOLDS_GAP;
-        const int stays = is_gap ? ncgen_is_closed(i, k) && is_still(i, hold) && (before[h] || !happened[k]) : happened[k] || is_still(i, hold);
-        wanted[h] = !released[h] && ((is_gap && resting[k]) || (before[h] && !was_hit) || stays);
-        if (wanted[h] && !before[h] && hold->held >= 0)
-            i->p[hold->held] = i->numbers[hold->value];
-    }
-    return status;
-}
-
-/* What was held and has been released begins to move with no velocity, not with one of rounding; what a joint bore may push a gap closed. */
-static int let_go(ncgen_instant *i, int was_hit)
-{
-    const ncgen_events *e = i->events;
-    int *released = released_of(e, i->passage), some = 0, joints = 0;
-    for (int h = 0; h < e->n_holds; ++h) {
-        some |= released[h];
-        joints |= released[h] && e->holds[h].kind == NCGEN_HOLDS_JOINT;
-    }
-    for (int h = 0; h < e->n_holds; ++h)
-        released[h] = joints && e->holds[h].kind != NCGEN_HOLDS_JOINT ? 0 : released[h];
-    if (!some || was_hit)
-        return NCGEN_OK;
-    ncgen_write_held(e, held_before(e, i->passage), 0, i->p);
-    const int status = project(i, 0);
-    return status == NCGEN_OK ? ncgen_look(i) : status;
-}
-
-/* The moment q, qd of the start in the mode that is wanted, and what must be released there, -1 for nothing. */
-static int try_mode(ncgen_instant *i, const ncgen_real *q, const ncgen_real *qd, const int *wanted, int *released, int *found)
-{
-    const ncgen_events *e = i->events;
-    ncgen_real *pairs = i->passage->room + 2 * i->n;
-    int some = 0, others = 0, status = NCGEN_OK, side = 0;
-    *found = -1;
-    for (int h = 0; h < e->n_holds; ++h) {
-        some |= wanted[h];
-        others |= wanted[h] && e->holds[h].kind != NCGEN_HOLDS_JOINT;
-    }
-    ncgen_write_held(e, wanted, 0, i->p);
-    if (!some)
-        return NCGEN_OK;
-    if (!others) { /* joints that stand still: their loads there say it without projecting */
-        status = e->held_conditions(i->moment->t, q, qd, i->p, pairs);
-        *found = status == NCGEN_OK ? worst(i, wanted, pairs, slack_before, &side) : -1;
-    }
-    if (status == NCGEN_OK && *found < 0) {
-        status = project(i, 1);
+    ncgen_copy(n, moment->q, q);
+    ncgen_copy(n, moment->qd, qd);
+    for (;;) {
+        const int number = find(events, passage->wanted);
+        if (number < 0)
+            return NCGEN_AT_REST;
+        ncgen_copy(n, q, moment->q);
+        ncgen_copy(n, qd, moment->qd);
+        *passage->mode = number;
+        if (!number)
+            return NCGEN_OK;
+        const ncgen_mode *mode = events->modes + number - 1;
+        ncgen_enter(d, events, passage, &in);
+        int status = ncgen_project_moment(&in.driven, p, moment);
         if (status == NCGEN_OK)
-            status = e->held_conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, pairs);
-        *found = status == NCGEN_OK ? worst(i, wanted, pairs, slack, &side) : -1;
+            status = mode->conditions(moment->t, moment->q, moment->qd, p, pairs);
+        if (status != NCGEN_OK)
+            return status;
+        const int released = worst(mode, before, events->count, pairs);
+        if (released < 0)
+            return NCGEN_OK;
+        passage->wanted[released] = 0;
     }
-    if (*found >= 0)
-        released[*found] = side;
-    return status;
-}
-
-/* How often joints have stuck, slipped or turned, and ratchets caught or released. */
-static void count(const ncgen_instant *i, const int *happened)
-{
-    const ncgen_events *e = i->events;
-    for (int h = 0; h < e->n_holds; ++h) {
-        const ncgen_hold *hold = e->holds + h;
-        const int changes = wanted_of(e, i->passage)[h] != held_before(e, i->passage)[h];
-        if (hold->kind == NCGEN_HOLDS_RATCHET || hold->kind == NCGEN_HOLDS_JOINT)
-            i->passage->happened[hold->condition] += changes || (hold->kind == NCGEN_HOLDS_JOINT && happened[hold->condition]);
-    }
-}
-
-int ncgen_choose_mode(ncgen_instant *i, const int *happened, const int *resting, int was_hit)
-{
-    const ncgen_events *e = i->events;
-    ncgen_real *q = i->passage->room, *qd = q + i->n;
-    int *wanted = wanted_of(e, i->passage), *released = released_of(e, i->passage);
-    int status = let_go(i, was_hit), found = 0;
-    if (status == NCGEN_OK)
-        status = find_wanted(i, happened, resting, was_hit);
-    ncgen_copy(i->n, i->moment->q, q);
-    ncgen_copy(i->n, i->moment->qd, qd);
-    for (int round = 0; status == NCGEN_OK && found >= 0; ++round) {
-        if (round > e->n_holds)
-            return NCGEN_NO_MODE;
-        ncgen_copy(i->n, q, i->moment->q);
-        ncgen_copy(i->n, qd, i->moment->qd);
-        set_slip(i, wanted, released, happened);
-        status = try_mode(i, q, qd, wanted, released, &found);
-        if (found >= 0)
-            wanted[found] = 0;
-    }
-    if (status != NCGEN_OK)
-        return status;
-    count(i, happened);
-    for (int h = 0; h < e->n_holds; ++h)
-        if (e->holds[h].kind == NCGEN_HOLDS_GAP && (released[h] || wanted[h]))
-            i->passage->signs[e->holds[h].condition] = 1;
-    return NCGEN_OK;
 }

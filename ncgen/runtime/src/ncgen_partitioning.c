@@ -1,7 +1,7 @@
 /* ncgen_partitioning.c: coordinate partitioning.
  *
  * The state is y = [zd, z, W, qp]: velocities and positions of the independent coordinates, the work of drivers and forces
- * without a potential, and the dependent coordinates. These are integrated along only to tell Newton's method where to
+ * without a potential, and the dependent coordinates. These are integrated along only to give Newton's method a place to
  * start, at every stage as near as the stage is accurate; what it finds takes their place.
  * With rolling conditions there are fewer independent velocities than positions, and two choices of them.
  */
@@ -14,7 +14,7 @@ static const ncgen_scalar broken_down = R(1.0e30);
 enum { NEWTON_LIMIT = 40 };
 
 /* After a Newton step from a residual below this, the next one is at rounding: it need not be looked at. */
-static const ncgen_scalar nearly_converged = sizeof(ncgen_scalar) > 4 ? R(1.0e-7) : R(3.0e-4);
+static const ncgen_scalar quadratic_limit = sizeof(ncgen_scalar) > 4 ? R(1.0e-7) : R(3.0e-4);
 
 /* Phi_q at (t, q), and the factors of the dependent columns of a choice over its kept rows. */
 static int factor_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_choice *choice)
@@ -213,7 +213,7 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
 /* Does the emitted elimination serve? Where a step is repeated, its pivots may be what is wrong. */
 static int is_emitted(const ncgen_run *r)
 {
-    return r->dynamics->acceleration && !(r->careful && r->partitioning->lu);
+    return r->dynamics->acceleration && !(r->uses_exchanges && r->partitioning->lu);
 }
 
 /* The same as the emitted function writes it, where there is one and it did not divide by zero. */
@@ -246,7 +246,7 @@ static int take_places(ncgen_run *r, ncgen_real *dependent)
 int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
     const ncgen_partition *d = &r->partitioning->positions->of;
-    ncgen_real *dependent = y + r->weighed;
+    ncgen_real *dependent = y + r->error_size;
     const int emitted = is_emitted(r);
     for (int i = 0; i < d->n_dependent; ++i)
         r->q[d->dependent[i]] = dependent[i];
@@ -257,7 +257,7 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
         int status = emitted ? r->dynamics->newton(t, r->q, r->p, r->partitioning->step) : ncgen_phi(r, t, r->q, r->partitioning->phi);
         if (status != NCGEN_OK)
             return status;
-        if (emitted && r->dynamics->closes)
+        if (emitted && r->dynamics->closed_form)
             return take_places(r, dependent);
         const ncgen_real size = ncgen_largest(r->m, r->partitioning->phi, r->dynamics->row_sizes);
         if (!(size < R(1.0e30)))
@@ -270,7 +270,7 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
             dependent[i] = r->q[d->dependent[i]] += r->partitioning->step[i];
         r->statistics->newton_steps += 1;
         /* The first guess is often this good already; even then a step is taken, since what is left would add up. */
-        if (size <= nearly_converged)
+        if (size <= quadratic_limit)
             return NCGEN_OK;
     }
     return NCGEN_NOT_CONVERGED;
@@ -302,9 +302,9 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
         yd[i] = w->out[r->n + i];
     for (int i = 0; i < d->n_independent; ++i)
         yd[r->nz + i] = w->out[d->independent[i]];
-    yd[r->weighed - 1] = w->out[r->n + r->nz];
+    yd[r->error_size - 1] = w->out[r->n + r->nz];
     for (int i = 0; i < d->n_dependent; ++i)
-        yd[r->weighed + i] = w->out[d->dependent[i]];
+        yd[r->error_size + i] = w->out[d->dependent[i]];
     return NCGEN_OK;
 }
 
@@ -313,7 +313,7 @@ static int has_grown(const ncgen_run *r, ncgen_choice *choice, ncgen_real amplif
 {
     if (!(choice->amplification > 0))
         choice->amplification = amplification;
-    return amplification > r->options->growth * choice->amplification;
+    return amplification > r->options->max_growth * choice->amplification;
 }
 
 /* NCGEN_PIVOT means that other independent coordinates may serve better from here on. */
@@ -350,8 +350,8 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w)
         w->positions = w->choices + 1;
     }
     w->factored = &w->velocities->of;
-    r->weighed = r->nz + w->positions->of.n_independent + 1;
-    r->ny = r->weighed + w->positions->of.n_dependent;
+    r->error_size = r->nz + w->positions->of.n_independent + 1;
+    r->ny = r->error_size + w->positions->of.n_dependent;
     r->q = ncgen_take(space, n);
     w->out = ncgen_take(space, n + r->nz + 2);
     r->qd = w->out;
@@ -391,7 +391,7 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
     ncgen_copy(r->nz, velocities, r->y);
     for (int i = 0; i < d->n_independent; ++i)
         r->y[r->nz + i] = r->start_q[d->independent[i]];
-    r->y[r->weighed - 1] = 0;
+    r->y[r->error_size - 1] = 0;
     for (int i = 0; i < d->n_dependent; ++i)
-        r->y[r->weighed + i] = r->start_q[d->dependent[i]];
+        r->y[r->error_size + i] = r->start_q[d->dependent[i]];
 }

@@ -1,4 +1,4 @@
-/* ncgen_piecewise.c: inputs that are told by tables: polynomials from knot to knot. */
+/* ncgen_piecewise.c: inputs as tables: polynomials from knot to knot. */
 #include "ncgen_runtime.h"
 
 /* The last of the knots first .. end - 1 that is not after t; the first one where t is before them all. */

@@ -24,7 +24,7 @@ static void correct(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
         x[i] += w->residual[i];
 }
 
-/* The same without what the factors have beside M and Phi_q'; overwrites w->solution. */
+/* The same without what the factors have besides M and Phi_q'; overwrites w->solution. */
 static int correct_exactly(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
 {
     for (int i = 0; i < r->n; ++i)
@@ -132,7 +132,7 @@ static int project_velocity(ncgen_run *r, ncgen_scalar t, int exactly)
         return status;
     const ncgen_real enough = 100 * r->rounding * (1 + ncgen_constrained_size(r, r->qd));
     for (int k = 0; k < VELOCITY_LIMIT; ++k) {
-        ncgen_row_rates(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
+        ncgen_row_velocities(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
         for (int i = 0; i < r->m; ++i)
             w->residual[r->n + i] -= w->nu[i];
         if (ncgen_constrained_violation(r, w->residual + r->n) <= enough)
@@ -159,42 +159,42 @@ int ncgen_project_velocity_along(ncgen_run *r, ncgen_scalar t, ncgen_real *kept)
 }
 
 /* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; 0 where they do not close, or move the
- * others by much more than the rows are violated, in natural sizes: where these coordinates hardly say where the mechanism is. Link by link no
+ * others by much more than the rows are violated, in natural sizes: where these coordinates hardly determine where the mechanism is. Link by link no
  * coordinate stays as it is, and links pass on what moves the one before. */
 static int close_position(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
 {
-    const ncgen_scalar nearly_closed = NCGEN_SQRT(r->rounding) * R(10.0), too_far = R(0.1), nothing = 100 * r->rounding;
+    const ncgen_scalar quadratic_limit = NCGEN_SQRT(r->rounding) * R(10.0), too_far = R(0.1), nothing = 100 * r->rounding;
     for (int k = 0; k < POSITION_LIMIT; ++k) {
         ncgen_recursive_closing(r, t, r->q, w->emitted);
         r->statistics->newton_steps += 1;
         const ncgen_real moved = ncgen_constrained_size(r, w->emitted), violation = ncgen_constrained_violation(r, w->emitted + r->n);
-        if (!(moved < too_far) || (w->motion && violation > 0 && moved > ncgen_tolerated(r, R(10.0)) * violation + nothing))
+        if (!(moved < too_far) || (w->motion && violation > 0 && moved > ncgen_pivot_growth_limit(r, R(10.0)) * violation + nothing))
             return 0;
         for (int i = 0; i < r->n; ++i)
             r->q[i] += w->emitted[i];
-        if (violation < nearly_closed)
+        if (violation < quadratic_limit)
             return 1;
     }
     return 0;
 }
 
-/* r->q moved along the constraints to where it is nearest to w->apart: by the part of the difference that the joints allow. A
+/* r->q moved along the constraints to where it is nearest to w->offset: by the part of the difference that the joints allow. A
  * difference up to `enough`, in natural sizes, stays. */
 static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
 {
     const int n = r->n;
     ncgen_real *moved = w->emitted, *driven = w->emitted + n + 1;
     for (int i = 0; i < n; ++i)
-        w->apart[i] -= r->q[i];
-    const ncgen_real length = ncgen_constrained_size(r, w->apart);
+        w->offset[i] -= r->q[i];
+    const ncgen_real length = ncgen_constrained_size(r, w->offset);
     if (length <= enough)
         return 1;
-    ncgen_recursive_velocities(r, t, r->q, w->apart, moved);
-    const int is_bad = ncgen_is_badly_ordered(r, moved[n]);
+    ncgen_recursive_velocities(r, t, r->q, w->offset, moved);
+    const int is_bad = ncgen_has_pivot_growth(r, moved[n]);
     if (r->model->nu) {
         for (int i = 0; i < n; ++i)
-            w->apart[i] = 0;
-        ncgen_recursive_velocities(r, t, r->q, w->apart, driven);
+            w->offset[i] = 0;
+        ncgen_recursive_velocities(r, t, r->q, w->offset, driven);
     }
     for (int i = 0; i < n; ++i)
         r->q[i] += moved[i] - (r->model->nu ? driven[i] : 0);
@@ -206,11 +206,11 @@ static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, nc
  * changed as little as can be in the sense of kinetic energy, a position up to `enough`. */
 static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
 {
-    ncgen_copy(r->n, r->q, w->apart);
+    ncgen_copy(r->n, r->q, w->offset);
     if (!close_position(r, w, t))
         return 0;
-    if (w->closed)
-        ncgen_copy(r->n, r->q, w->closed);
+    if (w->closed_position)
+        ncgen_copy(r->n, r->q, w->closed_position);
     if (!approach(r, w, t, enough))
         return 0;
     ncgen_recursive_velocities(r, t, r->q, r->qd, w->emitted);
@@ -225,7 +225,7 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
     int status = NCGEN_OK;
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);
-    if (!w->is_recursive || w->by_matrix || !close_by_recursion(r, w, t, enough)) {
+    if (!w->is_recursive || w->uses_matrix || !close_by_recursion(r, w, t, enough)) {
         ncgen_copy(r->n, y, r->qd);
         ncgen_copy(r->n, y + r->n, r->q);
         const long steps = r->statistics->newton_steps;
@@ -253,7 +253,7 @@ int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise
     const ncgen_real moved = ncgen_constrained_size(r, r->constrained->solution);
     if (status == NCGEN_OK && moved > r->statistics->largest_projection)
         r->statistics->largest_projection = moved;
-    r->constrained->jacobian_is_there = status == NCGEN_OK && r->constrained->is_factored;
+    r->constrained->has_phi_q = status == NCGEN_OK && r->constrained->is_factored;
     if (status == NCGEN_OK && r->constrained->is_factored)
         ncgen_constrained_rows(r);
     return status;
@@ -261,7 +261,7 @@ int ncgen_project_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise
 
 int ncgen_projected_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
-    r->constrained->kept = 0;
+    r->constrained->is_reusable = 0;
     if (r->options->project || ncgen_is_stepper(r->options))
         return project(r, t, y, 0, r->options->rtol); /* what is looked at is not gone on from */
     ncgen_copy(r->n, y, r->qd);

@@ -8,8 +8,8 @@
 enum {
     STAGES = NCGEN_STAGES,
     ITERATION_LIMIT = 6,
-    REPEAT_LIMIT = 20,   /* of one step */
-    PATIENCE = 1000,     /* repeats in all, after which the run must get on better than every other step */
+    REPEAT_LIMIT = 20,        /* of one step */
+    ALL_REPEATS_LIMIT = 1000, /* repeats in all, after which the run must get on better than every other step */
     ORDER = 3 /* of the error estimate */
 };
 
@@ -89,12 +89,12 @@ static int find_rates(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_
         ncgen_real *stage = part(r, m->stages, k);
         for (int i = 0; i < r->ny; ++i)
             w->at[i] = r->y[i] + stage[i];
-        int status = ncgen_listen(r, t + radau_c[k] * h);
+        int status = ncgen_report_attempt(r, t + radau_c[k] * h);
         if (status == NCGEN_OK)
-            status = r->derivative(r, t + radau_c[k] * h, w->at, part(r, m->rates, k));
+            status = r->derivative(r, t + radau_c[k] * h, w->at, part(r, m->derivatives, k));
         if (status != NCGEN_OK)
             return status;
-        for (int i = r->weighed; i < r->ny; ++i)
+        for (int i = r->error_size; i < r->ny; ++i)
             stage[i] = w->at[i] - r->y[i];
     }
     return NCGEN_OK;
@@ -103,14 +103,14 @@ static int find_rates(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_
 /* The right side of Newton's method in transformed unknowns: T^-1 F - (eigenvalues / h) W. */
 static void find_right(const ncgen_run *r, const ncgen_implicit *m, ncgen_scalar h)
 {
-    const int ny = r->weighed;
+    const int ny = r->error_size;
     const ncgen_scalar a = radau_complex[0] / h, b = radau_complex[1] / h;
     for (int i = 0; i < ny; ++i) {
         ncgen_real f[STAGES];
         for (int k = 0; k < STAGES; ++k) {
             f[k] = 0;
             for (int j = 0; j < STAGES; ++j)
-                f[k] += radau_inverse_t[k][j] * m->rates[j * r->ny + i];
+                f[k] += radau_inverse_t[k][j] * m->derivatives[j * r->ny + i];
         }
         const ncgen_real *x = m->unknowns + i;
         m->right[i] = f[0] - radau_real / h * x[0];
@@ -123,14 +123,14 @@ static ncgen_real size_of_change(ncgen_run *r, const ncgen_implicit *m)
 {
     ncgen_real sum = 0;
     for (int k = 0; k < STAGES; ++k)
-        sum += ncgen_weighted_square(r, m->change + k * r->weighed, r->y, r->y);
+        sum += ncgen_weighted_square(r, m->change + k * r->error_size, r->y, r->y);
     return NCGEN_SQRT(sum / (ncgen_scalar)STAGES);
 }
 
 /* The stages by Newton's method. NCGEN_NOT_CONVERGED: with this Jacobian and step it does not converge. */
 static int solve_stages(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
 {
-    const int ny = r->weighed;
+    const int ny = r->error_size;
     const ncgen_scalar least = 10 * r->rounding / r->options->rtol, root = NCGEN_SQRT(r->options->rtol);
     const ncgen_scalar usual = root < R(0.03) ? root : R(0.03), wanted = least > usual ? least : usual;
     ncgen_real before = 0;
@@ -184,12 +184,12 @@ static int attempt(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_sca
             predict(r, w, m, m->last_step > 0 ? h / m->last_step : 0);
             status = solve_stages(r, w, m, t, h);
         }
-        if (status == NCGEN_OK || status == NCGEN_INTERRUPTED || m->fresh)
+        if (status == NCGEN_OK || status == NCGEN_INTERRUPTED || m->is_current)
             return status;
-        const int found = ncgen_implicit_jacobian(r, m, t, r->y);
-        m->fresh = 1;
-        if (found != NCGEN_OK)
-            return found;
+        const int evaluated = ncgen_implicit_jacobian(r, m, t, r->y);
+        m->is_current = 1;
+        if (evaluated != NCGEN_OK)
+            return evaluated;
     }
 }
 
@@ -198,25 +198,25 @@ static int estimate(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_sc
                     ncgen_real *error)
 {
     int status = NCGEN_OK;
-    const ncgen_real *slope = w->slopes;
+    const ncgen_real *derivative = w->stage_derivatives;
     for (int again = 0; again < 2; ++again) {
-        for (int i = 0; i < r->weighed; ++i) {
+        for (int i = 0; i < r->error_size; ++i) {
             ncgen_real sum = 0;
             for (int k = 0; k < STAGES; ++k)
                 sum += radau_error[k] * part(r, m->stages, k)[i];
-            m->right[i] = slope[i] + sum / h;
+            m->right[i] = derivative[i] + sum / h;
         }
         ncgen_shifted_solve(r, m, &m->real, m->right, m->change);
         *error = NCGEN_SQRT(ncgen_weighted_square(r, m->change, r->y, w->new_y));
         if (again || !rejected || !(*error > 1))
             return status;
         ncgen_copy(r->ny, r->y, w->at);
-        for (int i = 0; i < r->weighed; ++i)
+        for (int i = 0; i < r->error_size; ++i)
             w->at[i] += m->change[i];
-        status = r->derivative(r, t, w->at, m->rates);
+        status = r->derivative(r, t, w->at, m->derivatives);
         if (status != NCGEN_OK)
             return status;
-        slope = m->rates;
+        derivative = m->derivatives;
     }
     return status;
 }
@@ -236,10 +236,10 @@ static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_sc
 {
     int status = r->project_state ? r->project_state(r, t + h, w->new_y, 0) : NCGEN_OK;
     if (status == NCGEN_OK)
-        status = r->derivative(r, t + h, w->new_y, w->slopes + r->ny);
+        status = r->derivative(r, t + h, w->new_y, w->stage_derivatives + r->ny);
     if (status != NCGEN_OK)
         return status;
-    if (!ncgen_is_finite(r->ny, w->new_y) || !ncgen_is_finite(r->ny, w->slopes + r->ny))
+    if (!ncgen_is_finite(r->ny, w->new_y) || !ncgen_is_finite(r->ny, w->stage_derivatives + r->ny))
         return NCGEN_DOMAIN;
     for (int k = 0; k < 3; ++k)
         for (int i = 0; i < r->ny; ++i) {
@@ -251,11 +251,11 @@ static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_sc
     return NCGEN_OK;
 }
 
-/* The slope in w->slopes is one without steps before it. */
+/* The derivative in w->stage_derivatives is one without steps before it. */
 static int begin_anew(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t)
 {
     const int status = ncgen_implicit_jacobian(r, m, t, r->y);
-    m->fresh = 1;
+    m->is_current = 1;
     m->factored = 0;
     m->last_step = 0;
     m->last_error = 0;
@@ -266,12 +266,12 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
     const ncgen_scalar end = r->times[r->n_times - 1];
     ncgen_scalar t = r->times[0], goal = end;
-    int repeats = 0, rejected = 0, trouble = NCGEN_SHORT;
+    int repeats = 0, rejected = 0, trouble = NCGEN_STEP_TOO_SHORT;
     int status = ncgen_implicit_begin(r, w, m);
     if (status != NCGEN_OK)
         return status;
     if (ncgen_cross_break(r, &t, end))
-        status = r->derivative(r, t, r->y, w->slopes);
+        status = r->derivative(r, t, r->y, w->stage_derivatives);
     if (status != NCGEN_OK)
         return status;
     ncgen_scalar h = ncgen_first_step(r, w, ORDER, t, end - t);
@@ -303,9 +303,9 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         if (tried != NCGEN_OK || !(error < R(1.0e30))) {
             const long all = r->statistics->repeated += 1;
             trouble = tried != NCGEN_OK ? tried : NCGEN_NOT_CONVERGED;
-            if (++repeats > REPEAT_LIMIT || (all > PATIENCE && all > r->statistics->steps / 2))
+            if (++repeats > REPEAT_LIMIT || (all > ALL_REPEATS_LIMIT && all > r->statistics->steps / 2))
                 return trouble;
-            r->careful = repeats > 1; /* again: it may be rounding */
+            r->uses_exchanges = repeats > 1; /* again: it may be rounding */
             m->factored = 0;
             h *= R(0.5);
             continue;
@@ -313,7 +313,7 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         ncgen_real factor = safety * step_factor(m, h, error);
         if (!(error < 1)) {
             r->statistics->rejected += 1;
-            r->careful = rejected; /* again: it may be rounding */
+            r->uses_exchanges = rejected; /* again: it may be rounding */
             rejected = 1;
             m->factored = 0;
             h *= factor > R(0.2) ? factor : R(0.2);
@@ -322,32 +322,32 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         const ncgen_scalar t_new = last ? goal : t + h;
         const int renew = m->iterations > 2 && m->rate > R(1.0e-3);
         if (repeats == 0 && rejected == 0)
-            trouble = NCGEN_SHORT; /* what was wrong is behind */
+            trouble = NCGEN_STEP_TOO_SHORT; /* what was wrong is behind */
         repeats = rejected = 0;
-        m->fresh = 0;
+        m->is_current = 0;
         m->last_step = h;
         m->last_error = error;
         status = ncgen_grid_step(r, w, t, t_new);
         if (status != NCGEN_OK || r->statistics->stopped)
             return status;
         t = t_new;
-        if (t < end && ncgen_creeps(r, w, t))
-            return NCGEN_SHORT;
+        if (t < end && ncgen_makes_no_progress(r, w, t))
+            return NCGEN_STEP_TOO_SHORT;
         if (factor > R(10.0))
             factor = R(10.0);
         if (last) {
             (void)ncgen_cross_break(r, &t, end);
             if (t < end)
-                status = r->derivative(r, t, r->y, w->slopes);
+                status = r->derivative(r, t, r->y, w->stage_derivatives);
             if (t < end && status == NCGEN_OK)
                 status = begin_anew(r, m, t);
             h = h * factor < wanted && factor >= 1 ? wanted : h * factor; /* what cut it short is behind */
             continue;
         }
-        ncgen_copy(r->ny, w->slopes + r->ny, w->slopes);
+        ncgen_copy(r->ny, w->stage_derivatives + r->ny, w->stage_derivatives);
         if (renew) {
             status = ncgen_implicit_jacobian(r, m, t, r->y);
-            m->fresh = 1;
+            m->is_current = 1;
         }
         if (renew || !(factor < R(1.2))) { /* else the factors serve again */
             m->factored = 0;

@@ -17,9 +17,9 @@ int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
     const int n = r->n;
     const ncgen_real *velocity = r->y, *position = r->y + n;
     const ncgen_real *acceleration = r->constrained->solution;
-    int status = ncgen_listen(r, t + h);
+    int status = ncgen_report_attempt(r, t + h);
     (void)w;
-    if (status == NCGEN_OK && !r->constrained->kept) {
+    if (status == NCGEN_OK && !r->constrained->is_reusable) {
         ncgen_copy(n, position, r->q);
         ncgen_copy(n, velocity, r->qd);
         status = ncgen_constrained_accelerations(r, t);
@@ -35,7 +35,7 @@ int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
         status = ncgen_constrained_accelerations(r, t + h);
     for (int i = 0; i < n; ++i)
         r->qd[i] += h / 2 * acceleration[i];
-    r->constrained->kept = 1;
+    r->constrained->is_reusable = 1;
     return status == NCGEN_OK ? ncgen_project_velocity_along(r, t + h, c->steps) : status;
 }
 
@@ -50,23 +50,23 @@ static int drift(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar
     int status = ncgen_constrained_matrices(r, t);
     ncgen_copy(r->constrained->n_phi_q, ncgen_phi_q_values(r), c->left);
     for (int i = 0; i < n; ++i)
-        r->qd[i] = velocity[i] + h / 2 * r->slopes->qdd[i];
+        r->qd[i] = velocity[i] + h / 2 * r->linearisation->qdd[i];
     for (int pass = 0; pass < ITERATION_LIMIT && status == NCGEN_OK; ++pass) {
         status = ncgen_begin_correction(r, t + h);
         if (status == NCGEN_OK)
             status = ncgen_find_forces(r, c, t);
         if (status == NCGEN_OK)
             status = ncgen_find_tangents(r, t);
-        ncgen_subtract_multipliers(r, c->left, c->rest);
+        ncgen_subtract_multipliers(r, c->left, c->residual);
         for (int i = 0; i < n; ++i) {
             c->auxiliary[i] = r->qd[i] - velocity[i];
             end[i] = position[i] + h * r->qd[i];
         }
         ncgen_times_mass(r, r->constrained->kkt.values, c->auxiliary, c->change);
         for (int i = 0; i < n; ++i)
-            c->rest[i] = h / 2 * c->rest[i] - c->change[i];
+            c->residual[i] = h / 2 * c->residual[i] - c->change[i];
         if (status == NCGEN_OK)
-            status = ncgen_find_closure(r, c, t, h, end);
+            status = ncgen_find_position_residual(r, c, t, h, end);
         if (status == NCGEN_OK)
             status = ncgen_solve_with_multipliers(r, c, h / 2, 0, c->left, h);
         if (status != NCGEN_OK)
@@ -76,7 +76,7 @@ static int drift(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar
             c->change[i] *= h;
         }
         for (int i = 0; i < r->m; ++i)
-            r->slopes->lam[i] += 2 / h * c->change[n + i];
+            r->linearisation->lam[i] += 2 / h * c->change[n + i];
         const ncgen_real size = ncgen_constrained_size(r, c->change);
         if (ncgen_is_rounding(r, size, last))
             return NCGEN_OK;
@@ -101,20 +101,20 @@ int ncgen_rattle_with_damping(ncgen_run *r, ncgen_stepping *w, ncgen_correction 
         c->change[i] = 0;
     if (status == NCGEN_OK && r->model->nu)
         status = r->model->nu(t + h, r->q, r->p, c->change);
-    ncgen_row_rates(r, ncgen_phi_q_values(r), r->qd, c->rest + n);
+    ncgen_row_velocities(r, ncgen_phi_q_values(r), r->qd, c->residual + n);
     for (int i = 0; i < r->m; ++i)
-        c->rest[n + i] -= c->change[i];
+        c->residual[n + i] -= c->change[i];
     for (int i = 0; i < n; ++i)
-        c->rest[i] *= h / 2;
+        c->residual[i] *= h / 2;
     if (status == NCGEN_OK)
         status = ncgen_solve_with_multipliers(r, c, 0, 0, ncgen_phi_q_values(r), 1);
     if (status != NCGEN_OK)
         return status;
     for (int i = 0; i < n; ++i) {
         r->qd[i] += c->change[i];
-        r->slopes->qdd[i] = 2 / h * c->change[i];
+        r->linearisation->qdd[i] = 2 / h * c->change[i];
     }
     for (int i = 0; i < r->m; ++i)
-        r->slopes->lam[i] = 2 / h * c->change[n + i];
+        r->linearisation->lam[i] = 2 / h * c->change[n + i];
     return ncgen_end_step(r, w, c, t, h);
 }

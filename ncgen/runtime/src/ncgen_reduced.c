@@ -1,7 +1,8 @@
 /* ncgen_reduced.c: the Jacobian of an implicit method in the degrees of freedom of a tree of bodies, over all coordinates.
  *
- * The recursion measures the velocities of joints from those of all coordinates, and forces see nothing else of them: beside the velocities
- * that the constraints allow nothing is stiff, and Newton's method needs the change of accelerations along these alone. Differences are exact to half of the digits, which costs Newton's method no iteration, and they need no
+ * The recursion measures the velocities of joints from those of all coordinates, and forces see nothing else of them: near the velocities
+ * that the constraints allow nothing is stiff, and Newton's method needs the change of accelerations along these alone. Differences are exact
+ * to half of the digits, which costs Newton's method no iteration, and they need no
  * kernels but those of the motion. A basis of the allowed velocities comes from random vectors, projected by the recursion, by Gaussian
  * elimination with full pivoting: the rows of its pivots are coordinates that are independent here.
  */

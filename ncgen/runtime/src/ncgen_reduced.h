@@ -11,9 +11,9 @@ typedef struct ncgen_reduced {
     ncgen_scalar t;      /* where the basis is taken: time, */
     ncgen_real *q;       /* n: and position */
     ncgen_real *driven;  /* count: what the derivative sees of the chosen velocities where all coordinates are at rest */
-    ncgen_real *state;   /* ny: a state beside the one that is looked at */
+    ncgen_real *state;   /* ny: a state near the one that is looked at */
     ncgen_real *base;    /* ny: the derivative there */
-    ncgen_real *rates;   /* ny: the derivative of the state beside it */
+    ncgen_real *rates;   /* ny: the derivative of the state near it */
     int *chosen;         /* count coordinates */
     int *index;          /* n: which of the chosen ones a coordinate is, or -1 */
 } ncgen_reduced;

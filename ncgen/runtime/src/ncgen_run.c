@@ -15,7 +15,7 @@ typedef struct parts {
     ncgen_partitioning partitioning;
     ncgen_constrained constrained;
     ncgen_stepping stepping;
-    ncgen_implicit_parts implicit;
+    ncgen_implicit_workspace implicit;
     int is_implicit;
 } parts;
 
@@ -42,7 +42,7 @@ size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics,
     return r.space.used;
 }
 
-/* Is every instant after the one before? They are not where the clock's own number is too large to tell them apart. */
+/* Is every time after the one before? They are not where the clock's own number is too large to distinguish them. */
 static int is_ascending(int n_times, const ncgen_scalar *times)
 {
     for (int i = 1; i < n_times; ++i)

@@ -14,27 +14,27 @@ void ncgen_kkt_layout(ncgen_kkt *k, const ncgen_elimination *plan, int nonzeros,
     k->lower = ncgen_take(space, plan->nonzeros);
     k->pivots = ncgen_take(space, plan->size);
     k->row = ncgen_take(space, plan->size);
-    k->corner = ncgen_take(space, plan->size);
-    k->least = ncgen_take(space, plan->size);
-    k->instead = ncgen_take(space, plan->size);
+    k->diagonal = ncgen_take(space, plan->size);
+    k->min_pivot = ncgen_take(space, plan->size);
+    k->replacement = ncgen_take(space, plan->size);
     k->permuted = ncgen_take(space, plan->size);
 }
 
-/* Factor the matrix of k->values and k->corner. */
+/* Factor the matrix of k->values and k->diagonal. */
 int ncgen_kkt_factor(ncgen_kkt *k)
 {
     const ncgen_elimination *plan = k->plan;
     ncgen_real *NCGEN_RESTRICT lower = k->lower, *NCGEN_RESTRICT row = k->row;
     k->perturbed = 0;
     for (int r = 0; r < plan->size; ++r) {
-        ncgen_real pivot = k->corner[r];
+        ncgen_real pivot = k->diagonal[r];
         const int end = plan->entry_start[r + 1];
         for (int e = plan->entry_start[r]; e < end; ++e)
             row[plan->entry_columns[e]] += k->values[plan->entry_values[e]];
         pivot += row[r];
         row[r] = 0;
         for (int s = plan->row_start[r]; s < plan->row_start[r + 1]; ++s) {
-            const int column = plan->row_columns[s], place = plan->row_places[s];
+            const int column = plan->row_columns[s], place = plan->row_positions[s];
             const ncgen_real value = row[column];
             row[column] = 0;
             for (int i = plan->column_start[column]; i < place; ++i)
@@ -45,9 +45,9 @@ int ncgen_kkt_factor(ncgen_kkt *k)
         }
         if (pivot != pivot)
             return NCGEN_DOMAIN;
-        const ncgen_real least = k->least[r]; /* negative for rows, whose pivots are negative */
+        const ncgen_real least = k->min_pivot[r]; /* negative for rows, whose pivots are negative */
         if (least > 0 ? !(pivot > least) : !(pivot < least)) {
-            pivot = k->instead[r];
+            pivot = k->replacement[r];
             k->perturbed += least > 0;
         }
         if (!(NCGEN_ABS(pivot) > 0))

@@ -13,7 +13,7 @@ void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_re
 }
 
 /* Phi_q qd. */
-void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates)
+void ncgen_row_velocities(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates)
 {
     for (int i = 0; i < r->m; ++i)
         rates[i] = ncgen_row_times(&r->model->phi_q_pattern, phi_q, qd, i);
@@ -75,7 +75,7 @@ void ncgen_write_row(ncgen_run *r, ncgen_real work)
 }
 
 /* What was evaluated last becomes the last accepted state. */
-void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
+void ncgen_save_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
 {
     ncgen_copy(r->n, r->q, r->start_q);
     ncgen_copy(r->n, r->qd, r->start_qd);
@@ -97,13 +97,13 @@ void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics
     r->integers = NULL;
     r->partitioning = NULL;
     r->constrained = NULL;
-    r->slopes = NULL;
+    r->linearisation = NULL;
     r->jacobian = NULL;
     r->project_state = NULL;
     r->accept = NULL;
     r->projects_stages = 1;
-    r->projecting = r->careful = r->rows = 0;
-    r->patience = options->patience > 1 ? options->patience : 1;
+    r->projecting = r->uses_exchanges = r->rows = 0;
+    r->attempts_left = options->attempts_left > 1 ? options->attempts_left : 1;
 }
 
 void ncgen_state_layout(ncgen_run *r)
@@ -113,14 +113,14 @@ void ncgen_state_layout(ncgen_run *r)
     r->external = r->dynamics->external ? ncgen_take(&r->space, r->n) : NULL;
     r->is_driven = r->options->signals && r->options->signals->inputs && r->model->n_inputs > 0;
     const int prepared = r->dynamics->motion ? r->dynamics->motion->n_prepared : 0;
-    r->own_p = r->is_driven || prepared || r->options->choose ? ncgen_take(&r->space, r->model->n_parameters + prepared) : NULL;
+    r->p_copy = r->is_driven || prepared || r->options->parameter_rule ? ncgen_take(&r->space, r->model->n_parameters + prepared) : NULL;
 }
 
 /* What depends on parameters alone. */
 static void prepare(ncgen_run *r)
 {
-    if (r->own_p && r->dynamics->motion && r->dynamics->motion->prepare)
-        r->dynamics->motion->prepare(r->p, r->own_p + r->model->n_parameters);
+    if (r->p_copy && r->dynamics->motion && r->dynamics->motion->prepare)
+        r->dynamics->motion->prepare(r->p, r->p_copy + r->model->n_parameters);
 }
 
 ncgen_scalar ncgen_rounding(void)
@@ -141,19 +141,19 @@ void ncgen_begin(ncgen_run *r)
     s->factorisations = s->perturbed = s->refinements = s->jacobians = s->fallbacks = s->stiff = 0;
     s->stopped = 0;
     s->largest_projection = s->next_step = 0;
-    s->t = s->tried = r->start_t = r->from = r->times[0];
+    s->t = s->tried = r->start_t = r->step_start = r->times[0];
     r->rounding = ncgen_rounding();
-    if (r->own_p) {
-        ncgen_copy(r->model->n_parameters, r->p, r->own_p);
-        r->p = r->own_p;
+    if (r->p_copy) {
+        ncgen_copy(r->model->n_parameters, r->p, r->p_copy);
+        r->p = r->p_copy;
     }
     prepare(r);
 }
 
 int ncgen_choose(ncgen_run *r)
 {
-    const int status = r->options->choose ? r->options->choose(r->start_q, r->own_p) : NCGEN_OK;
-    if (r->options->choose && status == NCGEN_OK)
+    const int status = r->options->parameter_rule ? r->options->parameter_rule(r->start_q, r->p_copy) : NCGEN_OK;
+    if (r->options->parameter_rule && status == NCGEN_OK)
         prepare(r);
     return status;
 }
@@ -163,13 +163,13 @@ int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t)
     const ncgen_signals *signals = r->options->signals;
     if (!r->is_driven)
         return NCGEN_OK;
-    return signals->inputs(signals->context, r->from, t, r->own_p + r->model->n_parameters - r->model->n_inputs);
+    return signals->inputs(signals->context, r->step_start, t, r->p_copy + r->model->n_parameters - r->model->n_inputs);
 }
 
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
 {
-    r->careful = 0;
-    ncgen_keep_state(r, t, y[r->weighed - 1]);
+    r->uses_exchanges = 0;
+    ncgen_save_state(r, t, y[r->error_size - 1]);
     return r->accept ? r->accept(r, t) : NCGEN_OK;
 }
 
@@ -185,22 +185,22 @@ ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span)
     return count < 1 ? 1 : count;
 }
 
-int ncgen_listen(ncgen_run *r, ncgen_scalar t)
+int ncgen_report_attempt(ncgen_run *r, ncgen_scalar t)
 {
     r->statistics->tried = t;
-    return ncgen_tell(r, r->start_t);
+    return ncgen_report_progress(r, r->start_t);
 }
 
-int ncgen_tell(ncgen_run *r, ncgen_scalar reached)
+int ncgen_report_progress(ncgen_run *r, ncgen_scalar reached)
 {
-    if (!r->options->watch)
+    if (!r->options->progress)
         return NCGEN_OK;
-    if (r->patience == 0)
-        r->patience = r->options->watch(r->options->context, reached);
-    if (r->patience <= 0) {
-        r->patience = -1; /* whoever asks again gets the same answer */
+    if (r->attempts_left == 0)
+        r->attempts_left = r->options->progress(r->options->context, reached);
+    if (r->attempts_left <= 0) {
+        r->attempts_left = -1; /* who asks again gets the same answer */
         return NCGEN_INTERRUPTED;
     }
-    r->patience -= 1;
+    r->attempts_left -= 1;
     return NCGEN_OK;
 }

@@ -15,13 +15,13 @@ struct ncgen_run {
     const ncgen_dynamics *dynamics;
     const ncgen_options *options;
     const ncgen_real *p;
-    ncgen_real *own_p;              /* the same in memory of the run's own, where signals or choices change them, or what is prepared
+    ncgen_real *p_copy;             /* the same in memory of the run's own, where signals or choices change them, or what is prepared
                                      * follows; else NULL */
     int is_driven;                  /* do signals change them? */
-    ncgen_scalar from;              /* where the present step began */
+    ncgen_scalar step_start;        /* where the present step began */
     ncgen_statistics *statistics;
     int n, m, nz, ny;
-    int weighed;                    /* components of y that the error estimate looks at, work being the last of them */
+    int error_size;                 /* components of y that the error estimate looks at, work being the last of them */
     ncgen_scalar rounding;          /* distance from 1 to the next number */
     ncgen_space space;
     int *integers;
@@ -43,11 +43,11 @@ struct ncgen_run {
     int (*jacobian)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *jacobian);
     struct ncgen_partitioning *partitioning;
     struct ncgen_constrained *constrained;
-    long patience;                  /* steps until the watch is called; -1: it has ended the run */
+    long attempts_left;              /* steps until progress is reported; -1: the progress function has ended the run */
     int projects_stages;             /* those of a repeated step are brought onto the constraints, too: it may be near a singular position */
-    int projecting;                   /* those of the step under way are */
-    int careful;                    /* the step is repeated: emitted eliminations give way to those with row exchanges */
-    struct ncgen_slopes *slopes;
+    int projecting;                  /* those of the step under way are */
+    int uses_exchanges;              /* the step is repeated: emitted eliminations give way to those with row exchanges */
+    struct ncgen_linearisation *linearisation;
 
     /* Output. */
     int n_times;
@@ -56,7 +56,7 @@ struct ncgen_run {
     int rows;
 };
 
-/* Is a step one that moves the clock? Beside t = 0 the clock can tell steps apart that are shorter than any rounding of the run, down to
+/* Is a step one that moves the clock? Near t = 0 the clock can distinguish steps that are shorter than any rounding of the run, down to
  * the smallest number of all, which times a factor above 1/2 is itself: a step that is refused again and again would never end. */
 static inline int ncgen_is_step(const ncgen_run *r, ncgen_scalar t, ncgen_scalar h)
 {
@@ -66,17 +66,17 @@ static inline int ncgen_is_step(const ncgen_run *r, ncgen_scalar t, ncgen_scalar
 /* The rounding unit of numbers. */
 ncgen_scalar ncgen_rounding(void);
 
-/* A run without workspace; its state once that is known, or is being counted; and its first instant. */
+/* A run without workspace; its state once that is known, or is being counted; and its first state. */
 void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 void ncgen_state_layout(ncgen_run *r);
 void ncgen_begin(ncgen_run *r);
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y);
 int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t); /* what drives the run, before forces at time t */
 int ncgen_choose(ncgen_run *r); /* parameters that follow from the last accepted position */
-void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);
+void ncgen_save_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);
 ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span); /* 0: more than can be counted */
-int ncgen_listen(ncgen_run *r, ncgen_scalar t);       /* before whatever takes long, at time t; NCGEN_INTERRUPTED ends the run */
-int ncgen_tell(ncgen_run *r, ncgen_scalar reached);   /* the same; reached: the state that an end now leaves */
+int ncgen_report_attempt(ncgen_run *r, ncgen_scalar t);               /* before whatever takes long, at time t; NCGEN_INTERRUPTED ends the run */
+int ncgen_report_progress(ncgen_run *r, ncgen_scalar reached);        /* the same; reached: the state that an end now leaves */
 void ncgen_write_row(ncgen_run *r, ncgen_real work);
 
 /* The rows' kernels, of which a mechanism without rows has none. */
@@ -105,6 +105,6 @@ static inline ncgen_real ncgen_row_times(const ncgen_pattern *pattern, const ncg
 }
 
 void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product);
-void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates);
+void ncgen_row_velocities(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates);
 
 #endif

@@ -19,7 +19,7 @@ void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     c->matrix = ncgen_take(&r->space, c->size * c->size);
     c->right = ncgen_take(&r->space, c->size);
     c->x = ncgen_take(&r->space, c->size);
-    c->rest = ncgen_take(&r->space, n + r->m);
+    c->residual = ncgen_take(&r->space, n + r->m);
     c->change = ncgen_take(&r->space, n + r->m);
     c->auxiliary = ncgen_take(&r->space, n);
     c->base = ncgen_take(&r->space, 2 * n);
@@ -51,22 +51,22 @@ static int interpolate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_sc
 static void let_rows_go(ncgen_run *r)
 {
     for (int i = 0; i < r->m; ++i)
-        if (r->constrained->let_go[i])
-            r->slopes->lam[i] = 0;
+        if (r->constrained->is_left_out[i])
+            r->linearisation->lam[i] = 0;
 }
 
 /* Accelerations, multipliers and power where steps begin: at the start, and where something that depends on time changes its formula. */
 static int begin(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 {
-    r->constrained->kept = 0;
+    r->constrained->is_reusable = 0;
     c->is_corrected = 0;
     ncgen_copy(r->n, r->y, r->qd);
     if (!ncgen_uses_tangents(r->model, r->dynamics, r->options))
         return r->statistics->steps ? NCGEN_OK : ncgen_constrained_matrices(r, t); /* which redundant rows count is a matter of the start */
     const int status = ncgen_constrained_accelerations(r, t);
-    ncgen_copy(r->n, r->constrained->solution, r->slopes->qdd);
+    ncgen_copy(r->n, r->constrained->solution, r->linearisation->qdd);
     ncgen_copy(r->n, r->constrained->solution, c->auxiliary);
-    ncgen_copy(r->m, r->constrained->solution + r->n, r->slopes->lam);
+    ncgen_copy(r->m, r->constrained->solution + r->n, r->linearisation->lam);
     return status == NCGEN_OK ? ncgen_constrained_power(r, t, &c->power) : status;
 }
 
@@ -108,7 +108,7 @@ int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     ncgen_scalar t = r->times[0];
     w->interpolate = interpolate;
     ncgen_copy(r->n, r->y, r->qd);
-    ncgen_keep_state(r, r->times[0], 0);
+    ncgen_save_state(r, r->times[0], 0);
     int status = ncgen_grid_begin(r, w); /* the first row is there before a jump at the start is crossed */
     if (status == NCGEN_OK) {
         (void)ncgen_cross_break(r, &t, end);

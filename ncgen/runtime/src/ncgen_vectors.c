@@ -26,7 +26,7 @@ ncgen_real ncgen_largest(int count, const ncgen_real *x, const ncgen_scalar *siz
 {
     ncgen_real largest = 0;
     for (int i = 0; i < count; ++i) {
-        if (NCGEN_ABS(x[i]) <= largest * sizes[i]) /* which most are, and no division tells it */
+        if (NCGEN_ABS(x[i]) <= largest * sizes[i]) /* which most are, without a division */
             continue;
         const ncgen_real size = NCGEN_ABS(x[i]) / sizes[i];
         if (size != size)

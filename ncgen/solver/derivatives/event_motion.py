@@ -29,6 +29,9 @@ FINE = 1e-11
 SAME_INSTANT = 1e-13
 """Events nearer than this fraction of the motion's length happen at one instant."""
 
+AT_REST = 1e-14
+"""Where no velocity is above this fraction of the greatest one of all instants, velocities are rounding."""
+
 Smooth: TypeAlias = TapedMotion | PartitionedMotion
 
 MakeSmooth: TypeAlias = Callable[[Kernels, Initial, np.ndarray, bool], Smooth]
@@ -107,7 +110,7 @@ class EventMotion:
         self._through: list[EventJacobian] = [self._jacobians(o) for o in self.instants]
         self._begun = make(kernels, initial, times[:2], follows)
         self.p, self.names, self._first = self._begun.p, self._begun.names, self._jacobians.begun(begun)
-        self._parts = list(self._split(make, replace(initial, p=begun.p), follows))
+        self._parts = list(self._split(make, begun, replace(initial, p=begun.p), follows))
         self.q, self.qd = (self._on_the_grid([rows(part.motion) for part in self._moving]) for rows in (lambda m: m.q, lambda m: m.qd))
 
     def _check(self) -> None:
@@ -129,28 +132,33 @@ class EventMotion:
         """Parts in which time passes."""
         return [part for part in self._parts if part is not None]
 
-    def _split(self, make: MakeSmooth, initial: Initial, follows: bool) -> Iterator[_Part | None]:
-        """The part before each of the instants, and the one after the last; None where no time passes."""
+    def _split(self, make: MakeSmooth, start: State, initial: Initial, follows: bool) -> Iterator[_Part | None]:
+        """The part before each of the instants, and the one after the last; None where no time passes. start: with which events begin"""
         ends = [*(o.before.t for o in self.instants), float(self.t[-1])]
-        begun, at, held = float(self.t[0]), None, ()
+        begun, at, mode = float(self.t[0]), None, self._jacobians.mode(start, ())
         for k, end in enumerate(ends):
             is_last = k == len(self.instants)
             rows = np.flatnonzero((self.t >= begun) & ((self.t <= end) if is_last else (self.t < end)))
-            yield self._part(make, (begun, end), rows, self._start_of(at, begun, initial), follows and at is None, held)
+            yield self._part(make, (begun, end), rows, self._start_of(at, begun, initial), follows and at is None, mode)
             if not is_last:
-                at, held = self.instants[k].after, self.instants[k].held
-                begun = at.t
+                at = self.instants[k].after
+                begun, mode = at.t, self._jacobians.mode(at, self.instants[k].held)
 
     def _start_of(self, at: State | None, t: float, initial: Initial) -> Initial:
-        return initial if at is None else Initial(p=at.p, q=at.q, t=t, qd=at.qd)
+        if at is None:
+            return initial
+        sizes = self.kernels.column_sizes
+        fastest = max(float(np.max(np.abs(o.before.qd) / sizes, initial=0.0)) for o in self.instants)
+        is_at_rest = np.max(np.abs(at.qd) / sizes, initial=0.0) <= AT_REST * fastest
+        return Initial(p=at.p, q=at.q, t=t, qd=0 * at.qd if is_at_rest else at.qd)
 
     def _part(
-        self, make: MakeSmooth, ends: tuple[float, float], rows: np.ndarray, initial: Initial, follows: bool, held: tuple[int, ...]
+        self, make: MakeSmooth, ends: tuple[float, float], rows: np.ndarray, initial: Initial, follows: bool, mode: Kernels
     ) -> _Part | None:
         if not ends[0] < ends[1]:
-            return None if not len(rows) else _Part(make(self._jacobians.mode(held), initial, self._after(ends[1]), False), rows, rows * 0)
+            return None if not len(rows) else _Part(make(mode, initial, self._after(ends[1]), False), rows, rows * 0)
         times = np.unique(np.concatenate([[ends[0]], self.t[rows], [ends[1]]]))
-        return _Part(make(self._jacobians.mode(held), initial, times, follows), rows, np.searchsorted(times, self.t[rows]))
+        return _Part(make(mode, initial, times, follows), rows, np.searchsorted(times, self.t[rows]))
 
     def _after(self, t: float) -> np.ndarray:
         """A short step beyond the end of the motion, where an event happens there."""

@@ -233,7 +233,7 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
         **in_c,
         rank=task.rank_at(kernels, q, times[0]), conditions=task.watched, max_step=task.step_in_c,
         progress=Progress(task.progress, kernels.name, task.arrival), choose=rule_of(kernels),
-        looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
+        movable=task.movable_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, breaks=task.breaks,
         first_step=task.first_step, **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
     task.looked_at(begun, done.t)
@@ -412,7 +412,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
     if begun:
         q, qd, work = path.take_last()
         zd = qd[partitions.velocity.independent]
-    times, looks = grid[len(path.q) :], task.looks_from(len(path.q))
+    times, movable = grid[len(path.q) :], task.movable_from(len(path.q))
     t, progress = float(times[0]), Progress(task.progress, kernels.name, task.arrival)
     try:
         while True:
@@ -420,7 +420,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             dynamics = _for_next(kernels, partitions, form, len(used_partitions), q, p, number)
             done = dynamics.simulate(
                 method.integrator.name, times, q, zd, p, max_step=task.step_in_c, conditions=task.watched, tolerance=closeness(number),
-                growth=growth, progress=progress, looks=looks, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
+                max_growth=growth, progress=progress, movable=movable, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
                 breaks=task.breaks, choose=rule_of(kernels), **_in_c(task.tolerances, kernels, partitions),
             )  # fmt: skip
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
@@ -451,7 +451,7 @@ def run(path: Path, kernels: Kernels, task: Task, form: Partitioned) -> str | No
             zd = qd[partitions.velocity.independent]
             left = np.asarray(grid[len(path.q) :])
             times = np.concatenate([[t], left[left > t]])
-            looks = np.append(False, task.looks_from(len(path.q))[left > t])
+            movable = np.append(False, task.movable_from(len(path.q))[left > t])
     except BaseException:
         if path.stopped is None and (len(path.q) or begun):  # else it had not begun
             path.break_off(grid, t, q, qd, work)

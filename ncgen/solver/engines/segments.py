@@ -65,11 +65,11 @@ def _one(
     times = np.unique([ends[0], *grid[first:last], ends[1]])
     places = np.searchsorted(times, grid[first:last])
     extra_times = np.zeros(len(times), dtype=bool)
-    extra_times[places] = task.looks_from(first)[: last - first]
+    extra_times[places] = task.movable_from(first)[: last - first]
     extra_times[[0, -1]] = False  # the ends are what the run goes on from
     inside = task.breaks[np.searchsorted(task.breaks[:, 0], ends[0], "right") : np.searchsorted(task.breaks[:, 1], ends[1])]
     try:
-        return engine(part, kernels, replace(task, grid=times, looks=extra_times, breaks=inside))
+        return engine(part, kernels, replace(task, grid=times, movable=extra_times, breaks=inside))
     finally:
         _take_over(path, part, places, work, float(grid[first - 1]) if first else -np.inf)
         task.looked_at(first, times[places])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.program_functions import ProgramFunctions
 from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.program.ir.blocks import Program
-from ncgen.program.motions.event_tangents import INPUTS, assemble_action_tangents, assemble_condition_tangent
+from ncgen.program.motions.event_tangents import INPUTS, assemble_condition_tangent, assemble_impact_tangent, assemble_value_tangents
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.modes import Held, count_of, held_loads
 from ncgen.solver.events.state import State
@@ -25,7 +24,19 @@ class EventTangents:
         self.functions, self.kernels = functions, functions.kernels
         kernels = self.kernels
         self._seeds = np.eye(1 + 2 * kernels.n + len(kernels.p0))
-        self.gaps = [k for k, event in enumerate(functions.events) if event.impact]
+        self._gaps = [(k, functions.conditions[k]) for k, event in enumerate(functions.events) if event.impact]
+        slides = ((gap, functions.contacts[k].sliding) for k, gap in functions.gaps.items())
+        self._rates = [(k, (f"contact {functions.events[k].name}", w)) for k, sliding in slides for w in sliding]
+        self._rates += [(k, functions.conditions[k]) for k in functions.ratchets]
+
+    @property
+    def row_count(self) -> int:
+        """Rows of W of all gaps and ratchets."""
+        return len(self._gaps) + len(self._rates)
+
+    def places(self, k: int) -> list[int]:
+        """Of a gap or ratchet, by the number of its condition, the rows of W: its own, then those at which it slides."""
+        return [place for place, (number, _) in enumerate((*self._gaps, *self._rates)) if number == k]
 
     def conditions(self, mode: Kernels, held: tuple[Held, ...], at: State) -> np.ndarray:
         """Of the conditions of a mode, those of loads behind those of the mechanism, (C + L, N)."""
@@ -33,26 +44,25 @@ class EventTangents:
 
     def values(self, at: State) -> np.ndarray:
         """Of the values of actions and elements, in the order of `EventFunctions.named_values`, (V, N)."""
-        return self._columns(self._actions, "value_tangent", at) if self.functions.named_values else np.zeros((0, len(self._seeds)))
+        return self._columns(self._values, "value_tangent", at) if self.functions.named_values else np.zeros((0, len(self._seeds)))
 
-    def impact(self, at: State, after: np.ndarray, mu: np.ndarray, push: Mapping[int, float]) -> tuple[np.ndarray, ...]:
-        """Of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n, N), of Φ_q q̇⁺ − ν (m, N) and of all gaps' velocities before and after, (gaps, N) each.
+    def impact(self, mode: Kernels, at: State, after: np.ndarray, mu: np.ndarray, push: np.ndarray | None = None) -> tuple[np.ndarray, ...]:
+        """Of M (q̇⁺ − q̇) + Φ_qᵀ μ − Wᵀ Λ (n, N), of Φ_q q̇⁺ − ν (m, N) and of the velocities of the rows of W before and after, (r, N) each.
 
-        after (n,): q̇⁺; mu (m,): impulses of the constraints; push: {number of an event: impulse of its gap}
+        mode: whose constraints have the impulses mu (m,); after (n,): q̇⁺; push (r,): Λ, None for 0
         """
-        impulses = np.array([push.get(k, 0.0) for k in self.gaps])
-        columns = self._columns(self._actions, "impact_tangent", at, after, mu, impulses)
-        n, m = self.kernels.n, self.kernels.m
+        made = mode.remember("impact tangent", (), lambda: self._impact(mode))
+        columns = self._columns(made, "impact_tangent", at, after, mu, np.zeros(self.row_count) if push is None else push)
+        n, m = self.kernels.n, mode.m
         return columns[:n], columns[n : n + m], columns[n + m :: 2], columns[n + m + 1 :: 2]
 
     def _columns(self, made: ProgramFunctions, name: str, at: State, *more: np.ndarray) -> np.ndarray:
         p = self.kernels.present(at.t, at.p)
         return np.array([made(name, at.t, at.q, at.qd, p, *more, seed) for seed in self._seeds]).T
 
-    @property
-    def _counts(self) -> dict[str, int]:
-        n, m = self.kernels.n, self.kernels.m
-        return {"q": n, "qd": n, "p": len(self.kernels.p0), "after": n, "mu": m, "push": len(self.gaps), "seed": len(self._seeds)}
+    def _counts(self, mode: Kernels) -> dict[str, int]:
+        n = self.kernels.n
+        return {"q": n, "qd": n, "p": len(self.kernels.p0), "after": n, "mu": mode.m, "push": self.row_count, "seed": len(self._seeds)}
 
     def _conditions(self, mode: Kernels, held: tuple[Held, ...]) -> ProgramFunctions:
         conditions, loads = self.functions.conditions, held_loads(mode, held)
@@ -66,22 +76,27 @@ class EventTangents:
             _word("conditions", [*conditions, *((each.words, each.static) for each in loads)]),
             {name: INPUTS[name] for name in sizes},
             sizes,
-            self._counts,
+            self._counts(mode),
             made,
         )
 
+    def _impact(self, mode: Kernels) -> ProgramFunctions:
+        gaps, rates = ([named for _, named in pairs] for pairs in (self._gaps, self._rates))
+        size = mode.n + mode.m + 2 * self.row_count
+        return functions_of(
+            mode, _word("impacts", [*gaps, *rates]), {"impact_tangent": INPUTS["impact_tangent"]}, {"impact_tangent": size},
+            self._counts(mode), lambda: assemble_impact_tangent(mode.programs.equations, gaps, rates),
+        )  # fmt: skip
+
     @property
-    def _actions(self) -> ProgramFunctions:
-        return self.kernels.remember("action tangents", (), self._made)
+    def _values(self) -> ProgramFunctions:
+        return self.kernels.remember("value tangents", (), self._made)
 
     def _made(self) -> ProgramFunctions:
-        kernels, values, conditions = self.kernels, self.functions.named_values, self.functions.conditions
-        gaps = [conditions[k] for k in self.gaps]
-        sizes = {"value_tangent": len(values)} if values else {}
-        sizes["impact_tangent"] = kernels.n + kernels.m + 2 * len(gaps)
+        kernels, values = self.kernels, self.functions.named_values
         return functions_of(
-            kernels, _word("actions", [*values, *gaps]), {name: INPUTS[name] for name in sizes}, sizes, self._counts,
-            lambda: assemble_action_tangents(kernels.programs.equations, values, gaps),
+            kernels, _word("values", values), {"value_tangent": INPUTS["value_tangent"]}, {"value_tangent": len(values)},
+            self._counts(kernels), lambda: assemble_value_tangents(kernels.programs.equations, values),
         )  # fmt: skip
 
 

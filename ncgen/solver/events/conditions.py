@@ -156,6 +156,10 @@ class EventFunctions:
         """The function in C itself."""
         return self._functions.raw(name)
 
+    def address(self, name: str) -> int:
+        """Where it is."""
+        return self._functions.address(name)
+
     def numbers(self, at: State) -> dict[int, dict[str, float]]:
         """{position of the event: {name: new value}} of what actions change."""
         names = [(k, name) for k, name, _ in changes_of(self.events)]

@@ -1,9 +1,8 @@
-"""Laws of impact along the gradients of gaps and across them, with the constraints of the mechanism.
+"""Impacts along the gradients of gaps and across them, with the constraints of the mechanism; C has their laws (`impacts_in_c`).
 
 The impulses Λ of gaps with gradients W act with those of the constraints: M (q̇⁺ − q̇⁻) + Φ_qᵀ μ = Wᵀ Λ, Φ_q q̇⁺ = ν. The velocities
 u = W q̇ + ∂g/∂t of the gaps then change by G Λ with G = W M̂⁻¹ Wᵀ, M̂⁻¹ being the inverse mass matrix on the motions that the constraints
-allow. Newton's law in its general form is 0 ≤ Λ ⊥ u⁺ + e u⁻ ≥ 0 (Moreau, Unilateral contact and dry friction, 1988). W and G have further
-rows for the velocities at which contacts with friction slide (`blows`).
+allow. W and G have further rows for the velocities at which contacts with friction slide.
 """
 
 from __future__ import annotations
@@ -12,16 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 
-from ncgen.errors import ConvergenceError, SingularError
+from ncgen.errors import ConvergenceError, ModelError, NcgenError, SingularError
+from ncgen.mechanism.impacts_in_c import LAWS, Blow, ImpactInC, impact
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.events.blows import Blow, simultaneous
 from ncgen.solver.events.mobility import response
 from ncgen.solver.events.state import State
-
-MAX_ROUNDS = 10_000
-"""Impacts in turn at one instant, after which they are said to accumulate."""
 
 OPENING = 1e-12
 """A gap whose velocity is above minus this, relative to all velocities before, does not close."""
@@ -59,97 +54,72 @@ class Hit:
     turns: tuple[tuple[tuple[int, ...], np.ndarray], ...]
 
 
-class Gaps:
-    """Some gaps at an instant. places: of each gap the rows of W: its own, then those at which it slides"""
+def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str]) -> Hit | None:
+    """The impact of some closed gaps, or None where no one closes; kernels: of the mode; orders: the laws that were said.
 
-    def __init__(self, kernels: Kernels, at: State, gaps: Sequence[Gap]) -> None:
-        self.gaps, self.names = tuple(gaps), tuple(gap.name for gap in gaps)
-        self.W = np.vstack([np.vstack([gap.gradient[None], gap.rubs]) for gap in gaps])
-        ends = np.cumsum([1 + len(gap.rubs) for gap in gaps])
-        self.places = [np.arange(end - 1 - len(gap.rubs), end) for gap, end in zip(gaps, ends, strict=True)]
-        self.normal = np.array([place[0] for place in self.places])
-        self.drift = np.zeros(len(self.W))
-        self.drift[self.normal] = [gap.drift for gap in gaps]
-        sizes = kernels.column_sizes
-        self._rounding = OPENING * (np.abs(self.W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(self.drift))
-        self.response = response(kernels, at, self.W)
-        self.G = self.W @ self.response
-        if (stuck := np.flatnonzero(np.diag(self.G)[self.normal] <= 0)).size:
-            raise SingularError(
-                f"{kernels.name}: event {self.names[stuck[0]]} at t = {at.t:.6g} s: no motion that the constraints allow changes its gap, "
-                "so no impulse can; leave the event out, or free a coordinate"
-            )
+    Raises SingularError, ConvergenceError or ModelError with the names of gaps that cannot be hit.
+    """
+    W, drift, blows = rows_of(gaps)
+    places, sizes = [blow.gap for blow in blows], kernels.column_sizes
+    rounding = OPENING * (np.abs(W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(drift))
+    responses = response(kernels, at, W)
+    energy = float(kernels.energy(at.q, at.qd, at.t, at.p)[0])
+    solved = impact(W @ responses, W @ at.qd + drift, blows, LAWS[next(iter(orders))] if len(orders) == 1 else LAWS[""], rounding, energy)
+    if solved.failure:
+        raise _failure(kernels, at, [gap.name for gap in gaps], orders, solved, at.qd + responses @ solved.impulses)
+    if not solved.closes:
+        return None
+    turns, qd = [], at.qd
+    for number, pushes in solved.turns:
+        qd = qd + responses @ pushes
+        turns.append(((number,), qd))
+    impulses, qd = solved.impulses[places], at.qd + responses @ solved.impulses
+    if not solved.turns:
+        turns = [(tuple(np.flatnonzero(impulses > 0).tolist()), qd)]
+    return Hit(qd, impulses, solved.sticks, solved.lost, tuple(turns))
 
-    def velocities(self, qd: np.ndarray) -> np.ndarray:
-        """Of the gaps, and those at which they slide, as the rows of W."""
-        return self.W @ qd + self.drift
 
-    def closing(self, qd: np.ndarray) -> np.ndarray:
-        """Mask (k,) of the gaps that close."""
-        return (self.velocities(qd) < -self._rounding)[self.normal]
+def rows_of(gaps: Sequence[Gap]) -> tuple[np.ndarray, np.ndarray, list[Blow]]:
+    """W (r, n), ∂g/∂t (r,), 0 for velocities at which contacts slide, and what C has of each gap."""
+    W = np.vstack([np.vstack([gap.gradient[None], gap.rubs]) for gap in gaps])
+    places = np.cumsum([0, *(1 + len(gap.rubs) for gap in gaps[:-1])])
+    drift = np.zeros(len(W))
+    drift[places] = [gap.drift for gap in gaps]
+    blows = [
+        Blow(int(place), len(gap.rubs), gap.is_poisson, gap.restitution, gap.friction, gap.tangential)
+        for place, gap in zip(places, gaps, strict=True)
+    ]
+    return W, drift, blows
 
-    def are_coupled(self) -> bool:
-        """True if an impulse of one gap changes the velocity of another."""
-        sizes = np.sqrt(np.outer(np.diag(self.G), np.diag(self.G)))
-        apart = np.ones_like(self.G, dtype=bool)
-        for place in self.places:
-            apart[np.ix_(place, place)] = False
-        return bool(np.any(np.abs(self.G[apart]) > 1e-12 * sizes[apart]))
 
-    def all_at_once(self, qd: np.ndarray, where: str) -> Hit:
-        """0 ≤ Λ ⊥ u⁺ + e u⁻ ≥ 0 for all gaps together, with friction where they have some."""
-        u = self.velocities(qd)
-        if any(len(gap.rubs) for gap in self.gaps):
-            impulses = self._blow(range(len(self.gaps)), u, where)
-        else:
-            needed = (1 + np.array([gap.restitution for gap in self.gaps])) * u
-            values, vectors = np.linalg.eigh(self.G)
-            kept = values > 1e-12 * values[-1]
-            root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
-            impulses, _ = scipy.optimize.nnls(root, -(vectors[:, kept] / np.sqrt(values[kept])).T @ needed)
-        after = qd + self.response @ impulses
-        works = -impulses * (u + self.velocities(after)) / 2
-        together = tuple(np.flatnonzero(impulses[self.normal] > 0).tolist())
-        return self._hit(after, impulses, np.array([float(np.sum(works[place])) for place in self.places]), [(together, after)])
-
-    def in_turn(self, qd: np.ndarray, where: str) -> Hit:
-        """One gap after the other, the one that closes fastest first, until none does. Raises ConvergenceError where that has no end."""
-        before, impulses, lost, turns = qd, np.zeros(len(self.W)), np.zeros(len(self.gaps)), list[tuple[tuple[int, ...], np.ndarray]]()
-        for _ in range(MAX_ROUNDS):
-            closing = np.flatnonzero(self.closing(qd))
-            if not len(closing):
-                return self._hit(qd, impulses, lost, turns)
-            u = self.velocities(qd)
-            k = int(closing[np.argmin(u[self.normal][closing])])
-            push = self._blow([k], u, where)
-            qd = qd + self.response @ push
-            impulses += push
-            turns.append(((k,), qd))
-            lost[k] -= float(push @ (u + self.velocities(qd))) / 2
-        raise ConvergenceError(
-            f"{where}: impacts of {', '.join(self.names)} in turn do not end after {MAX_ROUNDS} of them, velocities from "
-            f"{np.max(np.abs(before)):.3g} to {np.max(np.abs(qd)):.3g}; take order='simultaneous'"
+def _failure(kernels: Kernels, at: State, names: list[str], orders: set[str], solved: ImpactInC, after: np.ndarray) -> NcgenError:
+    """What C could not do, in words. after (n,): velocities at the end"""
+    where, several = f"{kernels.name} at t = {at.t:.6g} s", ", ".join(names)
+    if solved.failure == "NCGEN_SINGULAR":
+        return SingularError(
+            f"{kernels.name}: event {names[solved.which]} at t = {at.t:.6g} s: no motion that the constraints allow changes its gap, "
+            "so no impulse can; leave the event out, or free a coordinate"
         )
-
-    def _blow(self, chosen: Sequence[int], u: np.ndarray, where: str) -> np.ndarray:
-        """Impulses of some gaps together, as the rows of W."""
-        blows = [
-            Blow(self.places[k], gap.restitution, gap.friction, gap.tangential, gap.is_poisson) for k in chosen for gap in [self.gaps[k]]
-        ]
-        impulses = simultaneous(self.G, u, blows)
-        if impulses is None:
-            names = ", ".join(self.names[k] for k in chosen)
-            raise ConvergenceError(
-                f"{where}: no impulses of {names} satisfy the laws of impact and friction together; take less friction, or order='in turn'"
-            )
-        return impulses
-
-    def _hit(self, qd: np.ndarray, impulses: np.ndarray, lost: np.ndarray, turns: Sequence[tuple[tuple[int, ...], np.ndarray]]) -> Hit:
-        normal = impulses[self.normal]
-        across = np.array([float(np.linalg.norm(impulses[place[1:]])) for place in self.places])
-        friction = np.array([gap.friction if len(gap.rubs) else 0.0 for gap in self.gaps])
-        u = self.velocities(qd)
-        slides = np.array([float(np.linalg.norm(u[place[1:]])) for place in self.places])
-        sizes = np.array([float(np.max(np.abs(self.G[place]) @ np.abs(impulses))) for place in self.places])
-        sticks = (normal > 0) & (across < friction * normal) & (slides <= OPENING * sizes)
-        return Hit(qd, normal, sticks, lost, tuple(turns))
+    if solved.failure == "NCGEN_NO_ORDER" and len(orders) > 1:
+        return ModelError(
+            f"{kernels.name}: impacts of {several} at one instant, t = {at.t:.6g} s, have different orders; give all the same one"
+        )
+    if solved.failure == "NCGEN_NO_ORDER":
+        return ModelError(
+            f"{kernels.name}: several impacts at one instant, of {several} at t = {at.t:.6g} s, "
+            'where laws differ; say which holds, order="simultaneous" or order="in turn" of ncgen.impact or of the element'
+        )
+    if solved.failure == "NCGEN_GAIN":
+        return ModelError(
+            f"{where}: the impact of {several} would gain {-float(np.sum(solved.lost)):.6g} J; with friction Newton's law may do so, "
+            'take law="poisson" or less restitution'
+        )
+    if solved.failure == "NCGEN_ENDLESS":
+        return ConvergenceError(
+            f"{where}: impacts of {several} in turn do not end after {solved.count} of them, velocities from "
+            f"{np.max(np.abs(at.qd)):.3g} to {np.max(np.abs(after)):.3g}; take order='simultaneous'"
+        )
+    chosen = several if solved.which < 0 else names[solved.which]
+    return ConvergenceError(
+        f"{where}: no impulses of {chosen} satisfy the laws of impact and friction together; take less friction, or order='in turn'"
+    )

@@ -13,7 +13,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call, Locking, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.impacts import Gap, Gaps, Hit
+from ncgen.solver.events.impacts import Gap, Hit, hit_gaps
 from ncgen.solver.events.mobility import is_blocked
 from ncgen.solver.events.state import Done, State
 from ncgen.solver.formalisms.projection import least_energy, project_velocity, velocity_residual
@@ -22,9 +22,6 @@ from ncgen.solver.trajectories.happening import LOCKS, Happening, Search
 
 MAX_ROUNDS = 1000
 """Rounds of events that bring about others at one instant."""
-
-GAIN = 1e-9
-"""Energy that an impact may give, relative to that there is: rounding."""
 
 LOCKED = 1e-9
 """The largest share of its terms by which a velocity may miss the constraints after a lock has closed."""
@@ -87,16 +84,17 @@ class Instant:
         for name in new:
             lock = self.kernels.model.locks[name]
             p[self.kernels.parameters.index(lock.held)] = functions.place(lock, at)
-        locked = tuple(name for name in functions.locks if name in (*at.locked, *new))
+        start, locked = at, tuple(name for name in functions.locks if name in (*at.locked, *new))
         self.at = at = replace(at, p=p, locked=locked)
         mode = functions.mode(at)
         qd = project_velocity(mode, at.q, at.qd, at.t, at.p)
-        if not velocity_residual(mode, at.q, qd, at.t, at.p) <= LOCKED:
+        if not velocity_residual(mode, at.q, qd, at.qd, at.t, at.p) <= LOCKED:
             raise ModelError(
                 f"{self.kernels.name}: {', '.join(new)} cannot be locked at t = {at.t:.6g} s, since drivers or other locks move it; "
                 "free these first"
             )
         self.at = replace(at, qd=qd)
+        self.done.append(Done((), False, start, self.at, tuple(new)))
 
     def free(self, name: str) -> None:
         """Open a lock."""
@@ -114,11 +112,11 @@ class Instant:
         """Stop ratchets that run backward, but for those that are due as they only just turn, by impulses that only push."""
         start = self.at
         taking = [k for k in self.functions.ratchets if k not in due and self.functions.values(start)[0][k] <= 0]
-        if not taking or not np.any((gaps := Gaps(self.functions.mode(start), start, self._gaps(taking))).closing(start.qd)):
-            return
-        hit = gaps.all_at_once(start.qd, f"{self.kernels.name} at t = {start.t:.6g} s")
-        self.at = replace(start, qd=hit.qd)
-        self._note_impulses(gaps.names, {}, hit, start)
+        gaps = gaps_of(self.functions, start, taking)
+        if taking and (hit := hit_gaps(self.functions.mode(start), start, gaps, {"simultaneous"})):
+            self.at = replace(start, qd=hit.qd)
+            self._note_turns(hit, taking, start)
+            self._note_impulses(gaps, {}, hit, start)
 
     def _act(self, k: int, search: Search) -> None:
         event, start, what = self.functions.events[k], self.at, ""
@@ -133,8 +131,9 @@ class Instant:
                 if changes is not None and not isinstance(changes, Mapping):
                     raise ModelError(f"event {event.name}: its function returned {shown(changes)}; return {{name: value}} or None")
                 self._set(changes or {}, event.name)
-        self._set(self.functions.numbers(self.at).get(k, {}), event.name)
-        self.done.append(Done((k,), False, start, self.at))
+        before = self.at
+        self._set(self.functions.numbers(before).get(k, {}), event.name)
+        self.done.append(Done((k,), False, before, self.at))
         self._note(event.name, search, start, what)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
@@ -171,21 +170,17 @@ class Instant:
         if not taking:
             return
         hitting = [*taking, *(k for k in functions.ratchets if values[k] <= 0)]
-        gaps = Gaps(functions.mode(start), start, self._gaps(hitting))
-        if not np.any(gaps.closing(start.qd)):
+        gaps, orders = gaps_of(functions, start, hitting), {functions.events[k].impact.order for k in taking} - {""}  # type: ignore[union-attr]
+        if not (hit := hit_gaps(functions.mode(start), start, gaps, orders)):
             return
-        order = self._order(taking, gaps)
-        where = f"{self.kernels.name} at t = {start.t:.6g} s"
-        hit = gaps.in_turn(start.qd, where) if order == "in turn" else gaps.all_at_once(start.qd, where)
         self.at = replace(start, qd=hit.qd)
-        self._check_energy(hit, gaps, where)
         self._note_turns(hit, hitting, start)
         slides = {gap: number for number, gap in functions.gaps.items()}
         for number, k in enumerate(taking):
             if hit.sticks[number]:
                 self.stuck.append(slides[k])
         due_searches: dict[str, Search] = {functions.events[k].name: search for k, search in searches.items() if k < len(functions.events)}
-        self._note_impulses(gaps.names, due_searches, hit, start)
+        self._note_impulses(gaps, due_searches, hit, start)
         for k in due:  # what else they do
             if len(functions.events[k].do) > 1:
                 self._act(k, searches[k])
@@ -197,63 +192,41 @@ class Instant:
             self.done.append(Done(tuple(hitting[number] for number in turn), True, start, after))
             start = after
 
-    def _gaps(self, taking: list[int]) -> list[Gap]:
-        """The gaps that take part in impacts, with their friction, and ratchets."""
-        functions, at, nothing = self.functions, self.at, np.zeros((0, self.kernels.n))
-        gradients, drift = functions.slopes(at)
-        sliding, gaps = functions.sliding(at), []
-        slides = {gap: number for number, gap in functions.gaps.items()}
-        for k in taking:
-            if k in functions.ratchets:
-                gaps.append(Gap(functions.ratchets[k].name, functions.rate_slopes(at)[k], 0.0, 0.0, nothing))
-                continue
-            gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), nothing)
-            if k in slides:
-                number = slides[k]
-                gap = replace(
-                    gap, rubs=sliding[number][1], friction=functions.friction(number, at),
-                    tangential=functions.tangential(number, at), is_poisson=functions.contacts[number].law == "poisson",
-                )  # fmt: skip
-            gaps.append(gap)
-        return gaps
-
-    def _check_energy(self, hit: Hit, gaps: Gaps, where: str) -> None:
-        """Raise ModelError where a law of impact gives energy, as Newton's may with friction."""
-        if (lost := float(np.sum(hit.lost))) < -GAIN * float(np.sum(np.abs(hit.lost)) + abs(self._energy(self.at)[0])):
-            raise ModelError(
-                f"{where}: the impact of {', '.join(gaps.names)} would gain {-lost:.6g} J; with friction Newton's law may do so, "
-                'take law="poisson" or less restitution'
-            )
-
-    def _order(self, taking: list[int], gaps: Gaps) -> str:
-        """The law of several impacts. Raises ModelError where it is not said and matters."""
-        events = self.functions.events
-        orders = {events[k].impact.order for k in taking if events[k].impact} - {""}  # type: ignore[union-attr]
-        if len(orders) > 1:
-            raise ModelError(
-                f"{self.kernels.name}: impacts of {', '.join(gaps.names)} at one instant, t = {self.at.t:.6g} s, have different orders; "
-                "give all the same one"
-            )
-        if not orders and gaps.are_coupled():
-            raise ModelError(
-                f"{self.kernels.name}: several impacts at one instant, of {', '.join(gaps.names)} at t = {self.at.t:.6g} s, "
-                'where laws differ; say which holds, order="simultaneous" or order="in turn" of ncgen.impact or of the element'
-            )
-        return next(iter(orders), "simultaneous")
-
     def _note(self, name: str, search: Search, start: State, what: str) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
         self.happened.append(Happening(start.t, name, search, start.q, start.qd, self.at.qd, 0.0, lost, what=what))
 
-    def _note_impulses(self, names: Sequence[str], searches: Mapping[str, Search], hit: Hit, start: State) -> None:
+    def _note_impulses(self, gaps: Sequence[Gap], searches: Mapping[str, Search], hit: Hit, start: State) -> None:
         """Of every gap that was hit."""
-        for name, impulse, lost in zip(names, hit.impulses.tolist(), hit.lost.tolist(), strict=True):
+        for gap, impulse, lost in zip(gaps, hit.impulses.tolist(), hit.lost.tolist(), strict=True):
             if impulse > 0:
-                self.happened.append(Happening(start.t, name, searches.get(name, "action"), start.q, start.qd, hit.qd, impulse, lost))
+                search = searches.get(gap.name, "action")
+                self.happened.append(Happening(start.t, gap.name, search, start.q, start.qd, hit.qd, impulse, lost))
 
     def _energy(self, at: State) -> np.ndarray:
         """Kinetic and potential energy (J)."""
         return self.kernels.energy(at.q, at.qd, at.t, at.p)[:2]
+
+
+def gaps_of(functions: EventFunctions, at: State, taking: Sequence[int]) -> list[Gap]:
+    """The gaps that take part in impacts, with their friction, and ratchets, by the numbers of their conditions."""
+    nothing = np.zeros((0, functions.kernels.n))
+    gradients, drift = functions.slopes(at)
+    sliding, gaps = functions.sliding(at), []
+    slides = {gap: number for number, gap in functions.gaps.items()}
+    for k in taking:
+        if k in functions.ratchets:
+            gaps.append(Gap(functions.ratchets[k].name, functions.rate_slopes(at)[k], 0.0, 0.0, nothing))
+            continue
+        gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), nothing)
+        if k in slides:
+            number = slides[k]
+            gap = replace(
+                gap, rubs=sliding[number][1], friction=functions.friction(number, at),
+                tangential=functions.tangential(number, at), is_poisson=functions.contacts[number].law == "poisson",
+            )  # fmt: skip
+        gaps.append(gap)
+    return gaps
 
 
 def _with_rates(kernels: Kernels, at: State, held: Mapping[int, float]) -> np.ndarray:

@@ -81,13 +81,13 @@ class EventLoop:
         task, first, path, at = self.task, len(self.path.q), self.path, self.at
         ahead = task.grid[first:]
         fresh = int(not (len(ahead) and ahead[0] == at.t))
-        extra_times = np.append(np.zeros(fresh, dtype=bool), task.looks_from(first))
+        extra_times = np.append(np.zeros(fresh, dtype=bool), task.movable_from(first))
         active, held = self.active_constraints, self.held
         loads = load_conditions(self.functions, self.mode, tuple(active.rows[k] for k in held)) if held or self.functions.loaded else None
         conditions = self.functions.watched(self.signs, task.stop, active.directions(held, at.p), loads)
         part_task = replace(
-            task, grid=np.concatenate([[at.t] * fresh, ahead]), looks=extra_times, q=at.q, velocities=at.qd, p=at.p, conditions=conditions,
-            rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step, stop_when_stiff=False,
+            task, grid=np.concatenate([[at.t] * fresh, ahead]), movable=extra_times, q=at.q, velocities=at.qd, p=at.p,
+            conditions=conditions, rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step, stop_when_stiff=False,
         )  # fmt: skip
         try:
             return self.engine(part, self.mode, part_task)

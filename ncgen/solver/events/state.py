@@ -22,12 +22,16 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """What was done at an instant: the events of these numbers hit their gaps together, or one acted. before, after: states"""
+    """What was done at an instant: the gaps and ratchets of these numbers were hit together, one event acted, or locks closed.
+
+    before, after: states; locks: names of those that closed
+    """
 
     events: tuple[int, ...]
     is_impact: bool
     before: State
     after: State
+    locks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

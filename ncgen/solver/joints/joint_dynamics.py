@@ -314,7 +314,7 @@ class JointDynamics(JointKinematics):
         """
         return identification.base_parameters(self, tolerance)
 
-    def inverse_dynamics_slopes(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseSlopes:
+    def inverse_dynamics_derivatives(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseSlopes:
         """Compute the exact derivatives of `inverse_dynamics`.
 
         That by a position is along the motion of a joint at rate 1; rates and accelerations keep their numbers.
@@ -336,12 +336,12 @@ class JointDynamics(JointKinematics):
         q, v, a = self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a")
         return InverseSlopes(*self._slopes("joint_inverse_tangent", 0.0, q, v, a), self.mass_matrix(q))
 
-    def forward_dynamics_slopes(
+    def forward_dynamics_derivatives(
         self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0
     ) -> ForwardSlopes:
         """Compute the exact derivatives of `forward_dynamics`, the model's own forces included.
 
-        Positions are as for `inverse_dynamics_slopes`.
+        Positions are as for `inverse_dynamics_derivatives`.
 
         Parameters
         ----------

@@ -19,6 +19,7 @@ from ncgen.model.argument_readers import truth
 from ncgen.solver.engines.compiled import GROWTH
 from ncgen.solver.given import Given, checked_kernels, finite, has_events, names_of
 from ncgen.solver.groups import MotionArguments, StartArguments, takes
+from ncgen.solver.motions.event_batches import INTERRUPTED, not_begun, status_of, through_events
 from ncgen.solver.motions.simulate import simulate
 from ncgen.solver.motions.states import CommonCoordinates, States, those_in_lanes
 from ncgen.solver.positions.position import TOLERANCE
@@ -31,9 +32,6 @@ from ncgen.solver.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneOutcome
-
-INTERRUPTED = "interrupted"
-"""The status of a state that was on its way, or had not begun, when the batch was ended from outside."""
 
 MOST_STEPS = 1_000_000
 """Steps with error control after which a state of a batch is given up."""
@@ -260,7 +258,13 @@ def side_by_side(
 
     run: its times and tolerances; threads, progress: as of `simulate_batch`; inputs: what changes with time, which lanes cannot follow
     """
-    done = _not_begun(run, states) if inputs or has_events(kernels.model) else _begun(kernels, run, method, states, threads, progress)
+    events: dict[int, tuple[Happening, ...]] = {}
+    if inputs:
+        done = not_begun(run, states)
+    elif has_events(kernels.model):
+        done, events = through_events(kernels, run, method, states, threads, progress)
+    else:
+        done = _begun(kernels, run, method, states, threads, progress)
     exhausted = np.flatnonzero((done.steps >= MOST_STEPS) & (np.array(done.status) != "ok"))
     for i in exhausted:
         done.status[i] = (
@@ -270,8 +274,8 @@ def side_by_side(
     for i, fault in states.faults.items():
         done.status[i] = fault
     alone = np.array([status not in ("ok", INTERRUPTED) for status in done.status])
-    alone[[*exhausted, *states.faults]] = False
-    batch = _Batch(kernels, run.times, states, done, alone, progress)
+    alone[[*exhausted, *states.faults, *events]] = False
+    batch = _Batch(kernels, run.times, states, done, alone, progress, events)
     options = dict(
         t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol, max_step=run.max_step,
         inputs=inputs,
@@ -295,7 +299,7 @@ def _begun(
         return _in_lanes(kernels, run, method, states, threads, progress, breaks)
     pairs = enumerate(zip(states.p, states.q, breaks, strict=True))
     smooth = [i for i, each in pairs if not has_driver_jumps(kernels, *each)]
-    done = _not_begun(run, states)
+    done = not_begun(run, states)
     if not smooth:
         return done
     some = replace(states, q=states.q[smooth], zd=states.zd[smooth], p=states.p[smooth], faults={})
@@ -314,19 +318,9 @@ def _in_lanes(
     sizes = kernels.column_sizes[states.choice.places]
     tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
     return states.choice.lanes.simulate(
-        method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, breaks, tolerance=TOLERANCE, growth=GROWTH,
+        method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, breaks, tolerance=TOLERANCE, max_growth=GROWTH,
         max_step=0.0 if np.isinf(run.max_step) else run.max_step, max_steps=MOST_STEPS, **tolerances,
     )  # fmt: skip
-
-
-def _not_begun(run: Run, states: States) -> LaneOutcome:
-    """What is known of states before they are simulated one at a time."""
-    from ncgen.mechanism.batch_runs import LaneOutcome
-
-    count, n = states.q.shape
-    rows = np.full((count, len(run.times), n), np.nan)
-    status, steps, reached = ["not begun"] * count, np.zeros(count, dtype=int), np.full(count, run.times[0])
-    return LaneOutcome(rows, rows.copy(), rows[:, :, 0].copy(), status, steps, reached)
 
 
 def in_lanes(kernels: Kernels, run: Run) -> Method:
@@ -346,7 +340,7 @@ class _Batch:
     done: LaneOutcome
     alone: np.ndarray
     progress: Callable[[float], None] | None
-    events: dict[int, tuple[Happening, ...]] = field(default_factory=dict)
+    events: dict[int, tuple[Happening, ...]]
 
     def trajectory(self) -> BatchTrajectory:
         done = self.done
@@ -390,9 +384,7 @@ class _Batch:
         done, count = self.done, len(run.t) if run.t[-1] == self.grid[len(run.t) - 1] else len(run.t) - 1
         done.q[i, :count], done.qd[i, :count], done.work[i, :count] = run.q[:count], run.qd[:count], run.work[:count]
         done.steps[i], self.events[i] = run.statistics.steps, run.events
-        if count == len(self.grid):
-            return "ok"
-        return f"{self.kernels.name}: event {run.events[-1].name} ended the motion at t = {run.t[-1]:.9g} s"
+        return status_of(self.kernels, count == len(self.grid), run.events, float(run.t[-1]))
 
 
 def checked_threads(threads: int | None) -> int | None:

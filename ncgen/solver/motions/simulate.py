@@ -23,7 +23,7 @@ from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
 from ncgen.solver.positions.rank import freedom_at, rank_at
-from ncgen.solver.runs.alarms import doubts, looks
+from ncgen.solver.runs.alarms import doubts, monitoring_times
 from ncgen.solver.runs.choice import IMPLICIT, Choice, choose, stiff_choice
 from ncgen.solver.runs.divergence import divergence
 from ncgen.solver.runs.path import Path
@@ -136,7 +136,7 @@ def _carry_out(
     Raises Interrupted with what was reached.
     """
     check_mass(kernels, start.q, run.initial.t, start.p)
-    motion = _Motion(kernels, run, choice, start, *_with_looks(run.times, looks(run, choice.method)), progress, breaks)
+    motion = _Motion(kernels, run, choice, start, *_with_extra(run.times, monitoring_times(run, choice.method)), progress, breaks)
     clock = _Stopwatch()
     try:
         motion.advance()
@@ -162,7 +162,7 @@ def _carry_out(
     return trajectory
 
 
-def _with_looks(times: np.ndarray, extra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _with_extra(times: np.ndarray, extra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A grid with instants inside it put between its own where they are others, and a mask of these."""
     extra = extra[times[np.searchsorted(times, extra)] != extra]
     both = np.concatenate([times, extra])
@@ -195,7 +195,7 @@ class _Motion:
     """One run on its way: the path so far, and which engine makes it.
 
     given_breaks: None, or the breaks of a run that takes one step from each of its times to the next
-    times: its own instants and those at which it is looked at, of which `looks` is a mask; C moves these to where its steps end
+    times: its own instants and those at which it is looked at, of which `movable` is a mask; C moves these to where its steps end
     """
 
     kernels: Kernels
@@ -203,7 +203,7 @@ class _Motion:
     choice: Choice
     start: Start
     times: np.ndarray
-    looks: np.ndarray
+    movable: np.ndarray
     progress: Callable[[float], None] | None
     given_breaks: np.ndarray | None = None
     engine: str = "c"
@@ -346,7 +346,7 @@ class _Motion:
         gives_way = stiff_choice(run, self.choice, recurs=True) is not None
         return Task(
             method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
-            run.signals, self.breaks, self.looks, self.jumps, steps_to_rows=self.given_breaks is not None,
+            run.signals, self.breaks, self.movable, self.jumps, steps_to_rows=self.given_breaks is not None,
         )  # fmt: skip
 
     def _rates(self) -> np.ndarray:
@@ -356,10 +356,10 @@ class _Motion:
     def _rows(self) -> tuple[np.ndarray, np.ndarray]:
         """Times of the path's rows, and a mask of those that were not asked for."""
         path = self.path
-        times, is_extra = self.times[: len(path.q)], self.looks[: len(path.q)]
+        times, is_extra = self.times[: len(path.q)], self.movable[: len(path.q)]
         if path.stopped is None:
             return times, is_extra
-        return np.append(self.times[: len(path.q) - 1], path.stopped), np.append(self.looks[: len(path.q) - 1], False)
+        return np.append(self.times[: len(path.q) - 1], path.stopped), np.append(self.movable[: len(path.q) - 1], False)
 
     def inspected(self, run: Trajectory) -> Trajectory:
         """A trajectory at the instants at which it is looked at, and at its ends."""

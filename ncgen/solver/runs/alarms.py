@@ -33,7 +33,7 @@ ROUNDINGS = 64.0
 """The same in roundings of a number type that has fewer digits."""
 
 
-def looks(run: Run, method: Method) -> np.ndarray:
+def monitoring_times(run: Run, method: Method) -> np.ndarray:
     """Times inside a run at which its energy is looked at; none where they would change the steps."""
     if method.has_fixed_step:
         return np.empty(0)

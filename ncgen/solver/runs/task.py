@@ -27,7 +27,7 @@ class Task:
     """A method, from a start over a time grid.
 
     grid (points,): s; q (n,): m and rad; p (n_p,): parameters
-    looks (points,): a mask of instants that need not be exact: C moves them, in the grid, to where its steps end
+    movable (points,): a mask of instants that need not be exact: C moves them, in the grid, to where its steps end
     velocities: in the same per second, of all coordinates (n,), or with coordinate partitioning of the independent ones (nz,)
     max_step: s, or inf; tolerances: where the method has error control
     number: C's type; stop: where to end before
@@ -57,7 +57,7 @@ class Task:
     stop_when_stiff: bool = False
     signals: Signals | None = None
     breaks: np.ndarray = field(default_factory=lambda: NO_BREAKS)
-    looks: np.ndarray | None = None
+    movable: np.ndarray | None = None
     jumps: np.ndarray = field(default_factory=lambda: NO_BREAKS)
     rank: int | None = None
     before: tuple[float, int] = (0.0, 0)
@@ -70,13 +70,13 @@ class Task:
         """The rank of Φ_q where the run, or what is left of it, begins: at q (n,) and t (s), unless it is known already."""
         return rank_at(kernels, q, t, self.p)[0] if self.rank is None else self.rank
 
-    def looks_from(self, row: int) -> np.ndarray:
+    def movable_from(self, row: int) -> np.ndarray:
         """The mask from a row on."""
-        return (np.zeros(len(self.grid), dtype=bool) if self.looks is None else self.looks)[row:]
+        return (np.zeros(len(self.grid), dtype=bool) if self.movable is None else self.movable)[row:]
 
     def looked_at(self, row: int, times: np.ndarray) -> None:
-        """Rows from one on are of these times (s), of which looks may be others than were asked for."""
-        np.copyto(self.grid[row : row + len(times)], times, where=self.looks_from(row)[: len(times)])
+        """Rows from one on are of these times (s), of which movable may be others than were asked for."""
+        np.copyto(self.grid[row : row + len(times)], times, where=self.movable_from(row)[: len(times)])
 
     @property
     def step_in_c(self) -> float:

@@ -1,0 +1,293 @@
+"""Many motions with events over a grid of times in C (`ncgen_event_runs.h`), in memory of their own: for one thread at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ncgen.mechanism.arguments import pointer
+from ncgen.mechanism.conditions_in_c import basis
+from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
+from ncgen.mechanism.listening import Listener, watch
+from ncgen.mechanism.runtime_library import event_runtime
+from ncgen.toolchain.abi import InC
+
+NOTES = 1024
+"""Notes that C takes before Python reads them."""
+
+STATE = 8
+"""Numbers of a note before position and velocities."""
+
+
+@dataclass(frozen=True)
+class EventsInC:
+    """The events of a mechanism as C has them.
+
+    actions: (event, name of its kind in C, place, value); law: of several impacts, its name in C; most: velocities that one event sets, or
+    the number of events if that is more; n_values: numbers that actions set; degree, noise: of conditions within a step
+    conditions, slopes, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed
+    """
+
+    directions: Sequence[int]
+    actions: Sequence[tuple[int, str, int, int]]
+    law: str
+    most: int
+    n_values: int
+    degree: int
+    noise: float
+    conditions: int
+    slopes: int
+    rates: int
+    values: int
+    holds: bool
+
+    @property
+    def count(self) -> int:
+        """Of the events."""
+        return len(self.directions)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldGaps:
+    """A mode: numbers of the events whose gaps are held, the mechanism that moves then, the rank of its Φ_q, and the address of the
+    conditions with the loads behind them."""
+
+    held: tuple[int, ...]
+    dynamics: ConstrainedDynamics
+    rank: int
+    conditions: int
+
+
+@dataclass(frozen=True, eq=False)
+class Note:
+    """What happened at an event of motion `owner`; what: 0 it happened, 1 its gap rests, 2 it leaves; found: 0 by its condition, 1 at the
+    start, 2 it follows from others, 3 by its load; limit: s, or None; other members as of `Happening`."""
+
+    owner: int
+    event: int
+    what: int
+    found: int
+    t: float
+    impulse: float
+    lost: float
+    limit: float | None
+    q: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class MotionRows:
+    """Where motions begin and what becomes of them.
+
+    times (points,): s; q, qd (B, n), p (B, n_p): starts; out_q, out_qd (B, points, n), out_work (B, points)
+    rows, steps (B,): how many there are; ended (B,): s
+    """
+
+    times: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    p: np.ndarray
+    out_q: np.ndarray
+    out_qd: np.ndarray
+    out_work: np.ndarray
+    rows: np.ndarray
+    steps: np.ndarray
+    ended: np.ndarray
+
+
+class EventRuns:
+    """MotionRows with events, carried out in C one after the other."""
+
+    def __init__(
+        self,
+        table: EventsInC,
+        mechanism: HeldGaps,
+        motions: MotionRows,
+        options: dict[str, Any],
+        sizes: np.ndarray | None,
+        listener: Listener,
+    ) -> None:
+        """mechanism: with nothing held; options: members of `ncgen_options`; sizes (2 n + 1,): what atol is multiplied by"""
+        self._ffi, self._library = event_runtime()
+        self._table, self._kept, self.listener = table, [motions, sizes], listener
+        kernels = mechanism.dynamics.kernels
+        self._n, self._n_p, self._modes = kernels.n, len(kernels.p0), [mechanism]
+        ffi, count = self._ffi, table.count
+        most = 2 * count  # conditions that are watched: of the events, and of the loads of their gaps
+        nodes, inverse = basis(table.degree)
+        self._signs, self._wanted = self._integers(most), self._integers(2 * count)
+        self._mode, self._stopped = self._integers(1), self._integers(1)
+        self._context = ffi.new_handle(listener)
+        watched = self._new(
+            "ncgen_event *", count=count, coordinates=self._ints(np.full(most, -1)), values=self._reals(np.zeros(most)),
+            directions=self._ints(table.directions), signs=self._at(self._signs), function=self._function(table.conditions),
+            degree=table.degree, nodes=self._reals(nodes), inverse=self._reals(inverse),
+            samples=self._reals(np.zeros((table.degree + 3) * 2 * most)), crossed=self._ints(np.zeros(most)),
+        )  # fmt: skip
+        more = {} if sizes is None else {"sizes": pointer(ffi, sizes)}
+        settings = self._new(
+            "ncgen_options *",
+            event=watched,
+            progress=watch("double"),
+            context=self._context,
+            attempts_left=listener.attempts,
+            **more,
+            **options,
+        )
+        self._events = self._new("ncgen_events *", **self._described(table))
+        self._rows = np.zeros((NOTES, STATE + 3 * self._n))
+        self._log = self._new("ncgen_log *", room=NOTES, due=self._ints(np.zeros(count)), rows=pointer(ffi, self._rows.ravel()))
+        workspace = self._library.ncgen_events_workspace(count, table.most, self._n, table.n_values)
+        due = self._library.ncgen_events_integers(count)
+        model, described = mechanism.dynamics.described(mechanism.rank)
+        self._kept.append(described)
+        passage = {
+            "signs": self._at(self._signs), "happened": self._ints(np.zeros(count)), "due": self._ints(np.zeros(due)),
+            "stopped": self._at(self._stopped), "workspace": self._reals(np.zeros(workspace)), "mode": self._at(self._mode),
+            "directions": self._ints(np.zeros(most)), "wanted": self._at(self._wanted),
+            "room": self._reals(np.zeros(2 * self._n + 2 * most)), "log": self._log,
+        }  # fmt: skip
+        arrays = {name: getattr(motions, name) for name in ("times", "q", "qd", "p", "out_q", "out_qd", "out_work", "ended")}
+        arrays |= {"own_p": np.zeros(max(self._n_p, 1)), "kept": np.zeros(3 * self._n + self._n_p)}
+        points, n = len(motions.times), self._n
+        sized = {"part_times": points + 1, "part_q": (points + 2) * n, "part_qd": (points + 2) * n, "part_work": points + 2}
+        arrays |= {name: np.zeros(size) for name, size in sized.items()}
+        self._own = {name: np.zeros(n) for name in ("q", "qd", "qdd")}
+        self._p = arrays["own_p"]
+        self._kept.append(arrays)
+        self._runs = self._new(
+            "ncgen_event_runs *",
+            driven={"model": model, "dynamics": described, "options": settings}, events=self._events, passage=passage,
+            n_times=points, rows=pointer(ffi, motions.rows, "int[]"), steps=pointer(ffi, motions.steps, "long[]"),
+            kept_integers=self._ints(np.zeros(3 * most)), moment={name: pointer(ffi, a) for name, a in self._own.items()},
+            **{name: pointer(ffi, a.reshape(-1)) for name, a in arrays.items()},
+        )  # fmt: skip
+        self._make_room()
+
+    # -- memory ----------------------------------------------------------------------------------------------------------------------------
+
+    def _new(self, kind: str, **members: Any) -> InC:
+        made = self._ffi.new(kind, members)
+        self._kept.append(made)
+        return made
+
+    def _integers(self, count: int) -> np.ndarray:
+        return np.zeros(max(count, 1), dtype=np.intc)
+
+    def _at(self, array: np.ndarray) -> InC:
+        return pointer(self._ffi, array, "int[]")
+
+    def _ints(self, values: Any) -> InC:
+        array = np.array(values if len(values) else [0], dtype=np.intc)
+        self._kept.append(array)
+        return self._at(array)
+
+    def _reals(self, values: np.ndarray) -> InC:
+        array = np.array(values, dtype=float).ravel()
+        self._kept.append(array)
+        return pointer(self._ffi, array)
+
+    def _function(self, address: int, kind: str = "ncgen_velocity_kernel *") -> InC:
+        return self._ffi.cast(kind, address)
+
+    def _described(self, table: EventsInC) -> dict[str, Any]:
+        rows = [
+            {"event": event, "kind": getattr(self._library, kind), "place": place, "value": value}
+            for event, kind, place, value in table.actions
+        ]
+        actions = self._ffi.new("ncgen_action[]", rows)
+        self._kept.append(actions)
+        return {
+            "count": table.count, "most": table.most, "n_actions": len(rows), "law": getattr(self._library, table.law),
+            "directions": self._ints(table.directions), "actions": actions, "conditions": self._function(table.conditions),
+            "slopes": self._function(table.slopes), "rates": self._function(table.rates, "ncgen_forced_kernel *"),
+            "values": self._function(table.values), "noise": table.noise, **self._modes_in_c(table.holds),
+        }  # fmt: skip
+
+    def _modes_in_c(self, holds: bool) -> dict[str, Any]:
+        """The modes as C has them; where gaps may be held, an empty one comes first, which no gaps choose."""
+        if not holds:
+            return {"n_modes": 0}
+        described: list[dict[str, Any]] = [{"count": 0}]
+        for mode in self._modes[1:]:
+            model, dynamics = mode.dynamics.described(mode.rank)
+            self._kept.append(dynamics)
+            described.append({
+                "count": len(mode.held), "held": self._ints(mode.held), "model": model, "dynamics": dynamics,
+                "conditions": self._function(mode.conditions),
+            })  # fmt: skip
+        self._in_c = self._ffi.new("ncgen_mode[]", described)
+        return {"n_modes": len(described), "modes": self._in_c}
+
+    def _make_room(self) -> None:
+        """Workspace for all modes."""
+        runs, library, ffi = self._runs, self._library, self._ffi
+        sizes, rows = [], 0
+        for mode in self._modes:
+            model, dynamics = mode.dynamics.described(mode.rank)
+            driven = ffi.new("ncgen_driven *", {"model": model, "dynamics": dynamics, "options": runs.driven.options})
+            sizes += [library.ncgen_driven_workspace(driven), library.ncgen_workspace(model, dynamics, runs.driven.options)]
+            rows = max(rows, mode.dynamics.kernels.m)
+        self._workspace, self._room = np.empty(max(sizes)), self._integers(7 * self._n + 3 * rows)
+        runs.driven.workspace, runs.driven.integers = pointer(ffi, self._workspace), self._at(self._room)
+
+    # -- motions ---------------------------------------------------------------------------------------------------------------------------
+
+    def take(self, first: int, last: int) -> None:
+        """The motions from `first` to before `last` are next."""
+        self._runs.at, self._runs.count, self._runs.begun = first, last, 0
+
+    def go_on(self) -> str:
+        """Return "ok" where all have come to their ends, "mode" where one needs a mode that it does not have, "full" where notes have to be
+        read first, or else "failed". Raises what ended it from outside."""
+        status = self._library.ncgen_go_on_with_runs(self._runs)
+        if self.listener.raised:
+            raise self.listener.raised
+        named = {0: "ok", self._library.NCGEN_AT_REST: "mode", self._library.NCGEN_LOG_FULL: "full"}
+        return named.get(status, "failed")
+
+    @property
+    def at(self) -> int:
+        """The number of the present motion."""
+        return int(self._runs.at)
+
+    def skip(self) -> None:
+        """Leave the present motion."""
+        self._runs.at, self._runs.begun = self._runs.at + 1, 0
+
+    @property
+    def wanted(self) -> tuple[int, ...]:
+        """The events whose gaps a mode is to hold."""
+        return tuple(np.flatnonzero(self._wanted[: self._table.count]).tolist())
+
+    @property
+    def held(self) -> set[tuple[int, ...]]:
+        """The modes that there are."""
+        return {mode.held for mode in self._modes}
+
+    @property
+    def state(self) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+        """t (s), q and qd (n,), p (n_p,) of the present motion where its last part began."""
+        return self._runs.moment.t, self._own["q"].copy(), self._own["qd"].copy(), self._p[: self._n_p].copy()
+
+    def add(self, mode: HeldGaps) -> None:
+        """Give it one more mode."""
+        self._modes.append(mode)
+        for name, value in self._modes_in_c(True).items():
+            setattr(self._events, name, value)
+        self._make_room()
+
+    def notes(self) -> list[Note]:
+        """Those that have come since the last call."""
+        rows, self._log.count = self._rows[: self._log.count].copy(), 0
+        n, found = self._n, []
+        for row in rows:
+            owner, event, what, how, t, impulse, lost, limit = row[:STATE].tolist()
+            q, before, after = (row[STATE + k * n : STATE + (k + 1) * n] for k in range(3))
+            ends = None if limit < 0 else t + limit
+            found.append(Note(int(owner), int(event), int(what), int(how), t, impulse, lost, ends, q, before, after))
+        return found

@@ -1,0 +1,82 @@
+"""The laws of impact in C, as arrays (ncgen_impulses.h)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from ncgen.mechanism.arguments import pointer
+from ncgen.mechanism.runtime_library import interface_of, runtime_of
+from ncgen.toolchain.abi import InC
+
+Law = Literal["NCGEN_NO_LAW", "NCGEN_SIMULTANEOUS", "NCGEN_IN_TURN"]
+
+Failure = Literal["NCGEN_SINGULAR", "NCGEN_NO_ORDER", "NCGEN_NO_IMPULSES", "NCGEN_GAIN", "NCGEN_ENDLESS"]
+
+FAILURES: tuple[Failure, ...] = ("NCGEN_SINGULAR", "NCGEN_NO_ORDER", "NCGEN_NO_IMPULSES", "NCGEN_GAIN", "NCGEN_ENDLESS")
+
+LAWS: dict[str, Law] = {"": "NCGEN_NO_LAW", "simultaneous": "NCGEN_SIMULTANEOUS", "in turn": "NCGEN_IN_TURN"}
+"""Laws of several impacts, in C."""
+
+
+class Blow(NamedTuple):
+    """A contact: the place of its gap among the velocities, behind which stand those of its directions of sliding; coefficients"""
+
+    gap: int
+    directions: int
+    is_poisson: bool
+    restitution: float
+    friction: float
+    tangential: float
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactInC:
+    """What C has of an impact of k contacts with r velocities.
+
+    failure: None where all went well; which: the contact that it is about, or −1; closes: whether a gap did; velocities, impulses (r,);
+    sticks (k,); lost (k,): J; turns: contact and impulses (r,) of each impact in turn; count: of these
+    """
+
+    failure: Failure | None
+    which: int
+    closes: bool
+    velocities: np.ndarray
+    impulses: np.ndarray
+    sticks: np.ndarray
+    lost: np.ndarray
+    turns: tuple[tuple[int, np.ndarray], ...]
+    count: int
+
+
+def impact(G: np.ndarray, velocities: np.ndarray, blows: list[Blow], law: Law, rounding: np.ndarray, energy: float) -> ImpactInC:
+    """The impact of contacts whose gaps are closed; nothing happens unless one closes.
+
+    G (r, r): responses of velocities to impulses; velocities (r,); rounding (r,): of velocities; energy: kinetic (J)
+    """
+    ffi, library = interface_of("double"), runtime_of("double", "events")
+    rows, count = len(velocities), len(blows)
+    numbers = {"G": np.ascontiguousarray(G), "coefficients": np.array([each[3:] for each in blows]), "rounding": rounding}
+    numbers |= {"velocities": velocities.copy(), "impulses": np.zeros(rows), "lost": np.zeros(count)}
+    numbers["workspace"] = np.zeros(library.ncgen_impact_workspace(rows))
+    integers = {"places": np.array([each[:3] for each in blows], dtype=np.intc), "sticks": np.zeros(count, dtype=np.intc)}
+    if law == "NCGEN_IN_TURN":
+        integers["turns"] = np.zeros(library.NCGEN_MOST_TURNS, dtype=np.intc)
+        numbers["pushes"] = np.zeros((library.NCGEN_MOST_TURNS, 3))
+    members = {name: pointer(ffi, array) for name, array in numbers.items()}
+    members |= {name: pointer(ffi, array, "int[]") for name, array in integers.items()}
+    whole = {"count": count, "rows": rows, "law": getattr(library, law), "energy": energy}
+    struct: InC = ffi.new("ncgen_impact *", whole | members)
+    status = library.ncgen_impact_of_gaps(struct)
+    failure = next((name for name in FAILURES if status == getattr(library, name)), None)
+    turns = []
+    for k in range(struct.n_turns if law == "NCGEN_IN_TURN" and not failure else 0):
+        blow, pushes = blows[(number := int(integers["turns"][k]))], np.zeros(rows)
+        pushes[blow.gap : blow.gap + 1 + blow.directions] = numbers["pushes"][k, : 1 + blow.directions]
+        turns.append((number, pushes))
+    return ImpactInC(
+        failure, struct.which, bool(struct.closes), numbers["velocities"], numbers["impulses"], integers["sticks"] > 0, numbers["lost"],
+        tuple(turns), struct.n_turns,
+    )  # fmt: skip

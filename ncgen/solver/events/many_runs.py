@@ -1,0 +1,230 @@
+"""Many motions of a mechanism with events, each carried out in C from event to event, on several threads.
+
+C has what tables can say: impacts, gaps that are held closed, other parameters, inputs and velocities, the end of a motion. A mode is
+compiled when a motion first needs it. What C cannot carry out is left to a run of its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from ncgen.errors import NcgenError
+from ncgen.mechanism.event_runs import EventRuns, EventsInC, HeldGaps, MotionRows, Note
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.listening import REACTION, Listener
+from ncgen.mechanism.program_functions import CompiledFunctions
+from ncgen.mechanism.program_functions import functions as functions_of
+from ncgen.mechanism.time_laws import time_laws
+from ncgen.methods.method import Method
+from ncgen.methods.table import number_in_c
+from ncgen.model.actions import Change, Impact, Stop
+from ncgen.program.motions.event_programs import INPUTS, assemble_conditions
+from ncgen.solver.engines import compiled
+from ncgen.solver.events.action_rows import Actions
+from ncgen.solver.events.conditions import EventFunctions
+from ncgen.solver.events.modes import Held, load_conditions, rank_of, variant
+from ncgen.solver.events.state import State
+from ncgen.solver.loads.constraint_loads import refusal_of_multipliers
+from ncgen.solver.parameter_checks import judged_parameters
+from ncgen.solver.runs.run import Run
+from ncgen.solver.runs.tolerances import Tolerances
+from ncgen.solver.trajectories.happening import GAPS, Happening, Search
+
+CHUNK = 16
+"""MotionRows of one call of C, between which a batch can be ended and says how far it has come."""
+
+FOUND: tuple[Search, ...] = ("proof", "start", "action", "sampled")
+"""How an event was found, by the numbers of C; the first one is what the condition allows."""
+
+
+def refusal_in_c(kernels: Kernels, method: Method) -> str | None:
+    """Why motions with the events of a mechanism are not carried out in C as a whole, in words, or None."""
+    model = kernels.model
+    if others := [*model.ratchets, *model.locks, *model.frictions, *model.contacts]:
+        return f"{others[0]} is held in Python"
+    if not all(isinstance(action, (Change, Impact, Stop)) for event in model.events.values() for action in event.do):
+        return "an event does what no table can say"
+    if model.callbacks or model.branches or time_laws(kernels).has_breaks:
+        return "the mechanism calls Python functions, or has laws with breaks"
+    if len(kernels.holonomic) < kernels.m or refusal_of_multipliers(kernels):
+        return "there are rolling conditions, or more unknowns than are emitted"
+    dynamics = compiled.all_coordinates(kernels, form=compiled.form_of(kernels, method), integrator=method.integrator.name)
+    if dynamics.singular_mass and not dynamics.is_emitted:
+        return "a motion may have no inertia"
+    if Actions.of(kernels).changed(kernels) & judged_parameters(kernels):
+        return "events change parameters that have conditions"
+    return None
+
+
+@dataclass(eq=False)
+class ManyRuns:
+    """MotionRows of a mechanism over the times of a run.
+
+    carried: {number of a motion that C carried out: its events}
+    """
+
+    kernels: Kernels
+    run: Run
+    method: Method
+    motions: MotionRows
+    carried: dict[int, tuple[Happening, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        kernels = self.kernels
+        self.functions = EventFunctions(kernels)
+        self._lock, self._ended, self._done = Lock(), False, 0
+        self._searches = self.functions.searches
+        self._names = [event.name for event in self.functions.events]
+        tolerances = Tolerances.of(self.run, kernels.length, compiled.rounding("double")).in_c(kernels.column_sizes, kernels.column_sizes)
+        self._sizes = tolerances.pop("sizes")
+        step = self.run.max_step
+        self._options = {
+            "method": number_in_c(self.method.integrator), "formalism": number_in_c(self.method.formalism),
+            "tolerance": compiled.closeness("double"), "max_step": 0.0 if np.isinf(step) else step,
+            **compiled.settings_in_c(self.method.options), **tolerances,
+        }  # fmt: skip
+        if kernels.model.beginnings:
+            for i, p in enumerate(self.motions.p):
+                for name, value in self.functions.beginnings(self._start(i)).items():
+                    p[kernels.parameters.index(name)] = value
+
+    def carry_out(self, threads: int, progress: Callable[[float], None] | None) -> None:
+        """All of them. Raises what is raised meanwhile, with those that are done in `carried`."""
+        count = len(self.motions.q)
+        ends = [*range(0, count, CHUNK), count]
+        chunks = iter(list(zip(ends[:-1], ends[1:], strict=True)))
+        workers = min(threads, len(ends) - 1)
+        if workers == 1:
+            self._work(chunks, progress)
+            return
+        with ThreadPoolExecutor(workers) as pool:
+            futures = [pool.submit(self._work, chunks, None) for _ in range(workers)]
+            try:
+                while any(not each.done() for each in futures):
+                    wait(futures, REACTION)
+                    if progress:
+                        progress(self._done / count)
+                for each in futures:
+                    each.result()
+            finally:
+                self._ended = True
+
+    # -- in one thread -----------------------------------------------------------------------------------------------------------------
+
+    def _work(self, chunks: Any, progress: Callable[[float], None] | None) -> None:
+        """Chunks of motions as long as there are some."""
+
+        def heard(t: float) -> None:
+            if self._ended:
+                raise KeyboardInterrupt
+            if progress:
+                progress(self._done / len(self.motions.q))
+
+        with self._lock:
+            runs = EventRuns(self._table, self._mechanism, self.motions, self._options, self._sizes, Listener(heard, self.kernels.n))
+        while not self._ended:
+            with self._lock:
+                chunk = next(chunks, None)
+            if chunk is None:
+                return
+            self._carry(runs, *chunk)
+            with self._lock:
+                self._done += chunk[1] - chunk[0]
+            heard(0.0)
+
+    def _carry(self, runs: EventRuns, first: int, last: int) -> None:
+        notes: dict[int, list[Note]] = {i: [] for i in range(first, last)}
+        refused: set[int] = set()
+
+        def read() -> bool:
+            new = runs.notes()
+            for note in new:
+                notes[note.owner].append(note)
+            return bool(new)
+
+        runs.take(first, last)
+        while (status := runs.go_on()) != "ok":
+            if (status == "full" and read()) or (status == "mode" and self._adds(runs)):
+                continue
+            refused.add(runs.at)
+            runs.skip()
+        read()
+        for i in range(first, last):
+            if i not in refused:
+                self.carried[i] = tuple(map(self._happening, notes[i]))
+
+    def _happening(self, note: Note) -> Happening:
+        search = self._searches[note.event] if note.found == 0 else FOUND[note.found]
+        what = ("", *GAPS)[note.what]
+        name = self._names[note.event]
+        return Happening(note.t, name, search, note.q, note.before, note.after, note.impulse, note.lost, note.limit, what)
+
+    # -- what C is given ---------------------------------------------------------------------------------------------------------------
+
+    @property
+    def _table(self) -> EventsInC:
+        functions, actions = self.functions, Actions.of(self.kernels)
+        address = {name: functions.address(name) for name in ("conditions", "condition_slopes", "condition_rates")}
+        rows = [(row.event, row.kind, row.place, row.value) for row in actions.rows]
+        return EventsInC(
+            actions.directions, rows, actions.law, actions.most, len(actions.values), actions.degree, actions.noise,
+            address["conditions"], address["condition_slopes"], address["condition_rates"], self._values(actions), bool(functions.rows),
+        )  # fmt: skip
+
+    def _values(self, actions: Actions) -> int:
+        """The address of the function of what actions set, 0 where they set nothing."""
+        if not actions.values:
+            return 0
+        kernels = self.kernels
+        digest = hashlib.sha256(repr([(words, str(value)) for words, value in actions.values]).encode()).hexdigest()[:16]
+
+        def made() -> CompiledFunctions:
+            functions = functions_of(
+                kernels, f"actions_{digest}", {"element_values": INPUTS["element_values"]}, {"element_values": len(actions.values)},
+                {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)},
+                lambda: assemble_conditions(kernels.programs.equations, [], [], actions.values, []),
+            )  # fmt: skip
+            assert isinstance(functions, CompiledFunctions), "events need compiled kernels"
+            return functions
+
+        return kernels.remember("values of actions", digest, made).address("element_values")
+
+    def _start(self, i: int) -> State:
+        motions = self.motions
+        return State(float(motions.times[0]), motions.q[i], motions.qd[i], motions.p[i])
+
+    @property
+    def _mechanism(self) -> HeldGaps:
+        kernels = self.kernels
+        finite = np.flatnonzero(np.isfinite(self.motions.q).all(axis=1) & np.isfinite(self.motions.qd).all(axis=1))
+        return self._mode((), kernels, self._start(int(finite[0]) if len(finite) else 0), 0)
+
+    def _mode(self, held: tuple[int, ...], kernels: Kernels, at: State, conditions: int) -> HeldGaps:
+        dynamics = compiled.all_coordinates(kernels, form=compiled.form_of(kernels, self.method), integrator=self.method.integrator.name)
+        return HeldGaps(held, dynamics, rank_of(self.kernels, kernels, at), conditions)
+
+    def _adds(self, runs: EventRuns) -> bool:
+        """Whether the mode that a motion needs could be added."""
+        wanted = runs.wanted
+        with self._lock:
+            rows: dict[int, Held] = {row.number: row for row in self.functions.rows}
+            if not wanted or wanted in runs.held or not set(wanted) <= set(rows):
+                return False
+            held = tuple(rows[k] for k in wanted)
+            try:
+                kernels = variant(self.kernels, held)
+                if refusal_of_multipliers(kernels):
+                    return False
+                loads = load_conditions(self.functions, kernels, held)
+                t, q, qd, p = runs.state
+                runs.add(self._mode(wanted, kernels, State(t, q, qd, p), loads.address))
+            except (NcgenError, np.linalg.LinAlgError):
+                return False  # which the run of its own says in words
+        return True

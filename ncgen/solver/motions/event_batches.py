@@ -1,0 +1,78 @@
+"""States of a batch whose mechanism has events, in C as far as it carries them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
+from ncgen.solver.given import has_events
+from ncgen.solver.motions.states import States
+from ncgen.solver.positions.position import TOLERANCE
+from ncgen.solver.runs.choice import choose
+from ncgen.solver.runs.run import COMPILED, Run
+from ncgen.solver.trajectories.happening import Happening
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.batch_runs import LaneOutcome
+
+INTERRUPTED = "interrupted"
+"""The status of a state that was on its way, or had not begun, when the batch was ended from outside."""
+
+
+def not_begun(run: Run, states: States) -> LaneOutcome:
+    """What is known of states before they are simulated."""
+    from ncgen.mechanism.batch_runs import LaneOutcome
+
+    count, n = states.q.shape
+    rows = np.full((count, len(run.times), n), np.nan)
+    status, steps, reached = ["not begun"] * count, np.zeros(count, dtype="l"), np.full(count, run.times[0])
+    return LaneOutcome(rows, rows.copy(), rows[:, :, 0].copy(), status, steps, reached)
+
+
+def through_events(
+    kernels: Kernels, run: Run, method: Method, states: States, threads: int | None, progress: Callable[[float], None] | None
+) -> tuple[LaneOutcome, dict[int, tuple[Happening, ...]]]:
+    """What came of states, and the events of those that C carried out; others have not begun."""
+    done = not_begun(run, states)
+    if not has_events(kernels.model):
+        return done, {}
+    from ncgen.mechanism.event_runs import MotionRows
+    from ncgen.mechanism.kernel_batch import thread_count
+    from ncgen.solver.events.many_runs import ManyRuns, refusal_in_c
+
+    single = Run.from_arguments(
+        kernels, run.duration, t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol,
+        max_step=run.max_step, engine=COMPILED,
+    )  # fmt: skip
+    chosen = choose(single).method
+    if refusal_in_c(kernels, chosen):
+        return done, {}
+    q, qd = np.empty(states.q.shape), np.empty(states.q.shape)
+    states.choice.lanes.accelerate(
+        run.initial.t, states.q, states.zd, states.p, (q, qd, np.empty(states.zd.shape)), threads, tolerance=TOLERANCE
+    )
+    rows = np.zeros(len(q), dtype=np.intc)
+    motions = MotionRows(single.times, q, qd, np.array(states.p), done.q, done.qd, done.work, rows, done.steps, done.reached)
+    many = ManyRuns(kernels, single, chosen, motions)
+    raised: BaseException | None = None
+    try:
+        many.carry_out(thread_count(threads, kernels.name), progress)
+    except BaseException as error:
+        raised = error
+    for i in range(len(q)):
+        if i not in many.carried:
+            done.q[i], done.qd[i], done.work[i], done.steps[i] = np.nan, np.nan, np.nan, 0
+            done.status[i] = INTERRUPTED if raised else done.status[i]
+        else:
+            done.status[i] = status_of(kernels, int(rows[i]) == len(run.times), many.carried[i], float(done.reached[i]))
+    return replace(done, raised=raised), many.carried
+
+
+def status_of(kernels: Kernels, arrived: bool, events: tuple[Happening, ...], t: float) -> str:
+    """Of a motion that has come to its end at t (s)."""
+    return "ok" if arrived else f"{kernels.name}: event {events[-1].name} ended the motion at t = {t:.9g} s"
