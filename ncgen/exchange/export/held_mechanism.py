@@ -18,6 +18,7 @@ from ncgen.model.values import Scalar, evaluate, symbol_of
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_programs import HeldLoad, assemble_mode_conditions
 from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
+from ncgen.solver.trajectories.output_values import uses_loads
 
 GAP, JOINT, RATCHET, LOCK = "NCGEN_HOLDS_GAP", "NCGEN_HOLDS_JOINT", "NCGEN_HOLDS_RATCHET", "NCGEN_HOLDS_LOCK"
 """Kinds of what is held, in C."""
@@ -56,8 +57,8 @@ class HeldMechanism:
 
 
 def holdables(model: Model) -> tuple[Holdable, ...]:
-    """What a mechanism may hold, gaps first; conditions are numbered in the order events, frictions, ratchets."""
-    return tuple(_holdables(model))
+    """What a mechanism with switches may hold, gaps first; conditions are numbered in the order events, frictions, ratchets."""
+    return tuple(each for each in _holdables(model) if each.switch in model.parameters)
 
 
 def _holdables(model: Model) -> Iterator[Holdable]:
@@ -80,7 +81,7 @@ def _where_it_is(kind: str, name: str, condition: int, along, held: str, slip: s
 
 def with_switches(model: Model) -> Model:
     """A model with the switches of what it may hold, all off; the model itself where it holds nothing."""
-    some = holdables(model)
+    some = list(_holdables(model))
     if not some:
         return model
     other = copy.deepcopy(model)
@@ -89,12 +90,13 @@ def with_switches(model: Model) -> Model:
     return other
 
 
-def refusal_of_held(kernels: Kernels) -> str | None:
-    """Why what a mechanism with switches may hold cannot be exported, in words, or None."""
-    some = holdables(kernels.model)
-    if some and (why := refusal_of_multipliers(kernels)):
-        return f"what it may hold ({', '.join(each.name for each in some)}) needs its loads, and {why}"
-    return None
+def refusal_of_loads(kernels: Kernels) -> str:
+    """Why nothing can be held in a mechanism, in words, or nothing."""
+    if not holdables(kernels.model):
+        return ""
+    if uses_loads(kernels.model):
+        return "its outputs are loads of joints, which are not known by themselves then"
+    return refusal_of_multipliers(kernels)
 
 
 def held_mechanism(model: Model, conditions: Sequence[tuple[str, Scalar]]) -> HeldMechanism | None:

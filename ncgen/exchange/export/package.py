@@ -22,7 +22,7 @@ from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, neede
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError, shortened
 from ncgen.exchange.export.event_table import EventTable, refusal_of_events
-from ncgen.exchange.export.held_mechanism import HeldMechanism, refusal_of_held, with_switches
+from ncgen.exchange.export.held_mechanism import HeldMechanism, refusal_of_loads, with_switches
 from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_sources import motion_source
@@ -37,6 +37,7 @@ from ncgen.program.motions.output_programs import assemble_outputs
 from ncgen.solver.engines.compiled import own_positions
 from ncgen.solver.given import has_events, names_of_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
+from ncgen.solver.name_lists import listed_names
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.positions.rank import freedom, trial_positions
 from ncgen.solver.runs.run import Run
@@ -266,9 +267,7 @@ class Package:
 def package(model: Model, events: bool = False) -> Package:
     """Generate a mechanism and its motion; events: whether the target supports them. Raises ModelError where its motion has no export."""
     _require_none(model, _refusal(model, events))
-    sources = generate(with_switches(model))
-    kernels = compile(sources, backend="numpy")
-    _require_none(model, refusal_of_held(kernels))
+    sources, kernels = _generated(model)
     run = _simulation(kernels)
     start = begin(kernels, run.initial, partitioned=True)
     positions = trial_positions(kernels, start.q, 0.0, None)
@@ -279,6 +278,18 @@ def package(model: Model, events: bool = False) -> Package:
         warn_of_shared(instant(kernels, 0.0, start.q, start.qd, kernels.p0))
     independent = determined(start.partitions).velocity.names(kernels)
     return Package(sources, kernels, sizes, start.q, start.qd, independent, run.duration, freedom(kernels).dof)
+
+
+def _generated(model: Model) -> tuple[Sources, Kernels]:
+    """A mechanism with switches of what it may hold, unless its loads are not known: then gaps at rest end the motion."""
+    sources = generate(with_switches(model))
+    kernels = compile(sources, backend="numpy")
+    if not (why := refusal_of_loads(kernels)):
+        return sources, kernels
+    if others := [*model.frictions, *model.ratchets, *model.locks]:
+        _require_none(model, f"{listed_names(others)} may not be held: {why}; use ncgen.simulate")
+    sources = generate(model)
+    return sources, compile(sources, backend="numpy")
 
 
 def _require_none(model: Model, reason: str | None) -> None:
