@@ -51,14 +51,14 @@ class ImpactInC:
     count: int
 
 
-def impact(G: np.ndarray, velocities: np.ndarray, blows: list[Blow], law: Law, rounding: np.ndarray, energy: float) -> ImpactInC:
+def impact(G: np.ndarray, velocities: np.ndarray, blows: list[Blow], law: Law, terms: np.ndarray, energy: float) -> ImpactInC:
     """The impact of contacts whose gaps are closed; nothing happens unless one closes.
 
-    G (r, r): responses of velocities to impulses; velocities (r,); rounding (r,): of velocities; energy: kinetic (J)
+    G (r, r): responses of velocities to impulses; velocities (r,), sums of terms (r,); energy: kinetic (J)
     """
     ffi, library = interface_of("double"), runtime_of("double", "events")
     rows, count = len(velocities), len(blows)
-    numbers = {"G": np.ascontiguousarray(G), "coefficients": np.array([each[3:] for each in blows]), "rounding": rounding}
+    numbers = {"G": np.ascontiguousarray(G), "coefficients": np.array([each[3:] for each in blows]), "terms": terms}
     numbers |= {"velocities": velocities.copy(), "impulses": np.zeros(rows), "lost": np.zeros(count)}
     numbers["workspace"] = np.zeros(library.ncgen_impact_workspace(rows))
     integers = {"places": np.array([each[:3] for each in blows], dtype=np.intc), "sticks": np.zeros(count, dtype=np.intc)}

@@ -57,6 +57,7 @@ STRUCTS = {
     "ncgen_driven.h": ("ncgen_driven", "ncgen_moment"),
     "ncgen_event_table.h": (),
     "ncgen_impulses.h": ("ncgen_impact",),
+    "ncgen_chain.h": ("ncgen_chain",),
 }
 
 

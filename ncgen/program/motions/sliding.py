@@ -55,11 +55,15 @@ class Sliding:
 
 class SlidingNodes:
     """Accelerations and multipliers with friction. lam (m): nodes; forces {coordinate: node}; margin: a node that is positive where the
-    loads are determined"""
+    loads are determined
+
+    motion: without friction; columns: of each what slides {coordinate: node} of its force for a multiplier of 1, but for the sign; signs,
+    loads: nodes; friction: of the force along each
+    """
 
     def __init__(self, lines: Lines, sizes: MotionSizes, sliding: Sequence[Sliding]) -> None:
         graph, n = lines.graph, len(lines.equations.free)
-        motion = AccelerationNodes(lines, sizes)
+        self.motion = motion = AccelerationNodes(lines, sizes)
         self.lam, zero, one = list(motion.lam), graph.const(0.0), graph.const(1.0)
         along = [_direction(lines, each) for each in sliding]
         answers = [motion.saddle.refined(column) for column in along]
@@ -67,12 +71,14 @@ class SlidingNodes:
         shares = [[graph.mul(x.get(n + each.row, zero), m) for x, m in zip(answers, mu, strict=True)] for each in sliding]
         joints = [k for k, each in enumerate(sliding) if each.is_joint]
 
-        def solved(signs: Sequence[int]) -> tuple[list[int], int]:
-            matrix = [
+        def matrix(signs: Sequence[int]) -> list[list[int]]:
+            return [
                 [graph.sub(one if i == j else zero, graph.mul(share, s)) for j, (share, s) in enumerate(zip(row, signs, strict=True))]
                 for i, row in enumerate(shares)
             ]
-            return _solved(graph, matrix, [graph.neg(motion.lam[each.row]) for each in sliding])
+
+        def solved(signs: Sequence[int]) -> tuple[list[int], int]:
+            return solved_in_order(graph, matrix(signs), [graph.neg(motion.lam[each.row]) for each in sliding])
 
         signs = [one] * len(sliding)
         for _ in range(2 ** len(joints) - 1):
@@ -89,6 +95,9 @@ class SlidingNodes:
             for c, node in column.items():
                 sums.setdefault(c, []).append(graph.mul(node, f))
         self.forces = {c: graph.sum(nodes) for c, nodes in sums.items()}
+        self.rows, self.answers, self.signs, self.loads, self.friction = [n + s.row for s in sliding], answers, signs, loads, friction
+        self.columns = [{c: graph.mul(node, m) for c, node in column.items()} for column, m in zip(along, mu, strict=True)]
+        self.mu, self.matrix = mu, matrix(signs)
 
 
 def assemble_friction(equations: Terms, sizes: MotionSizes, sliding: Sequence[Sliding]) -> dict[str, Program]:
@@ -144,7 +153,7 @@ def _least(graph: Graph, nodes: Sequence[int]) -> int:
     return least
 
 
-def _solved(graph: Graph, matrix: list[list[int]], right: list[int]) -> tuple[list[int], int]:
+def solved_in_order(graph: Graph, matrix: list[list[int]], right: list[int]) -> tuple[list[int], int]:
     """The solution of a small system by elimination in the given order, and the product of the pivots."""
     matrix, right = [list(row) for row in matrix], list(right)
     size, product = len(right), graph.const(1.0)

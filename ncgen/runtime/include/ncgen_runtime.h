@@ -79,7 +79,7 @@ typedef struct ncgen_motion {
  * the position link by link: none of them has coordinates of later links. */
 typedef struct ncgen_tree {
     int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors, n_groups;
-    int most_rows, most_unknowns, most_members; /* of a link */
+    int most_rows, most_members;   /* of a link */
     const int *parent;             /* of a link; -1: the ground */
     const int *reference;          /* 3 components of a point of each link */
     const int *screw_start;        /* n_links + 1 */
@@ -89,13 +89,16 @@ typedef struct ncgen_tree {
     const ncgen_scalar *weights;   /* of a term */
     const int *element_start;      /* n_links + 1 */
     const int *elements;           /* 3 components of each */
-    const int *is_point;
+    const ncgen_scalar *is_point;  /* of an element: 1, or 0 for a vector */
     const ncgen_scalar *heaviness; /* of an element: how much its velocity counts where a joint's rates are found */
     const int *member_start;       /* n_links + 1 */
-    const int *members;            /* elements between which a body has mass that is the same along all axes */
-    const int *square_start;       /* n_links + 1: where a link's matrix of these masses begins */
+    const int *members;            /* 3 components of elements between which a body has mass that is the same along all axes, without the
+                                    * reference point, but with it, without mass, where they are less than three */
+    const ncgen_scalar *member_is_point;
+    const int *mass_start;         /* n_links + 1: where the masses of its members begin */
     const int *pair_start;         /* n_links + 1 */
-    const int *pairs;              /* 3 of each pair: two members of its link, number of its value in the mass matrix */
+    const int *pairs;              /* 3 of each pair: two members of its link, number of its value in the mass matrix; the number behind
+                                    * the last member is the reference point */
     const int *single_start;       /* n_links + 1 */
     const int *singles;            /* 5 of each entry: element and axis, element and axis, number of its value */
     const int *measured;           /* 2 of each measured coordinate: itself, its screw */
@@ -108,9 +111,10 @@ typedef struct ncgen_tree {
     const int *rotors;             /* 2 of each inertia along a measured coordinate: its screw, number of its value in the mass matrix */
     const ncgen_scalar *gears;     /* ratios squared */
     const int *row_start, *rows;   /* n_links + 1: the rows that close a link */
-    const int *group;              /* of a coordinate: the link with which it closes */
-    const int *place;              /* of a coordinate: its number there */
-    const int *unknowns, *order;   /* n_links + 1: where a link's own begin in the coordinates ordered by links */
+    const int *own_start, *own;    /* of the rows in this order, one more: entries of Phi_q of the link's own coordinates */
+    const int *entry_start;        /* n_links: where its products of two rows begin, below the diagonal and on it */
+    const int *product_start;      /* of such a product, one more */
+    const int *products;           /* 2 of each term: entries of Phi_q */
     const ncgen_scalar *fixed;     /* values of the fixed components */
 } ncgen_tree;
 

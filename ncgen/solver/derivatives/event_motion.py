@@ -24,7 +24,7 @@ from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals
 
 FINE = 1e-11
-"""rtol of the simulation that finds events."""
+"""rtol of the simulation that finds events, at most: states at which an event is differentiated should be those of the steps before it."""
 
 SAME_INSTANT = 1e-13
 """Events nearer than this fraction of the motion's length happen at one instant."""
@@ -103,7 +103,7 @@ class EventMotion:
         first = len(kernels.p0) - len(laws)
         driven = [first + i for i, signal in enumerate(laws) if signal is not None]
         self._jacobians = EventJacobians(kernels.driven_by(signals), driven, float(times[-1] - times[0]))
-        passage = simulate_events(kernels, times, rtol=FINE, **given)
+        passage = simulate_events(kernels, times, **given)
         self.instants, begun = passage.instants, passage.begun
         assert begun is not None, "a run with events has begun"
         self._check()

@@ -157,7 +157,7 @@ def _laws(
         if speed > AT_LIMIT * size:
             d = left / speed
             turning = limit / speed * (np.eye(len(d)) - np.outer(d, d))
-            matrix[across] += turning @ G
+            matrix[across] += turning @ G[across]
             matrix[across, gap] += blow.friction * d
             right[across] += np.outer(d, blow.friction * former.by[gap] - each.friction * more[gap]) - turning @ rest
         elif float(np.linalg.norm(more[across])) < limit * (1 - AT_LIMIT):

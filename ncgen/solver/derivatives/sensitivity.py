@@ -18,7 +18,7 @@ from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS, Integrator
-from ncgen.solver.derivatives.event_motion import EventMotion, EventSensitivity
+from ncgen.solver.derivatives.event_motion import FINE, EventMotion, EventSensitivity
 from ncgen.solver.derivatives.objective import check_objective, filled, of_objective
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.derivatives.stepped_motion import SteppedMotion
@@ -270,7 +270,8 @@ def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "
         raise ModelError(f"options: {integrator} has none")
     make = partial(motion_from, integrator=integrator, tolerances=tolerances, signals=signals)
     if has_events(kernels.model):
-        return EventMotion(kernels, initial, times, follows, signals, make, start | ({"inputs": inputs} if inputs is not None else {}))
+        given = start | ({"inputs": inputs} if inputs is not None else {}) | {"rtol": FINE if rtol is None else min(rtol, FINE)}
+        return EventMotion(kernels, initial, times, follows, signals, make, given)
     return make(kernels, initial, times, follows)
 
 

@@ -11,6 +11,7 @@ import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -19,15 +20,17 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import STATUS
-from ncgen.mechanism.program_functions import CompiledFunctions
+from ncgen.mechanism.program_functions import CompiledFunctions, ProgramFunctions
 from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.model.contacts import Contact
 from ncgen.model.frictions import Friction
 from ncgen.model.values import Scalar, Value, as_sympy, evaluate
+from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_programs import INPUTS, HeldLoad, assemble_mode_conditions
 from ncgen.program.motions.multipliers import STATE
 from ncgen.program.motions.sliding import Sliding, assemble_friction
+from ncgen.program.motions.sliding_derivatives import assemble_friction_derivatives
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.loads.constraint_loads import motion_sizes, refusal_of_multipliers
@@ -138,13 +141,26 @@ def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
     if why := refusal_of_multipliers(kernels):
         raise ModelError(f"{kernels.name}: {names} cannot slide: {why}; leave the friction out")
     digest = hashlib.sha256(repr([(s.words, s.row, str(s.friction), str(s.velocity), s.slip) for s in sliding]).encode()).hexdigest()[:16]
+    equations, sizes = kernels.programs.equations, motion_sizes(kernels)
     made = functions_of(
         kernels, f"friction_{digest}", {"friction_forces": STATE}, {"friction_forces": kernels.n},
-        {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)},
-        lambda: assemble_friction(kernels.programs.equations, motion_sizes(kernels), sliding),
+        {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)}, lambda: assemble_friction(equations, sizes, sliding),
     )  # fmt: skip
     assert isinstance(made, CompiledFunctions), "events need compiled kernels"
-    return ReactiveForce(made, "friction_forces")
+
+    def programs() -> dict[str, Program]:
+        return assemble_friction(equations, sizes, sliding) | assemble_friction_derivatives(equations, sizes, sliding)
+
+    @cache
+    def tangents() -> ProgramFunctions:
+        counts = {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0), "seed": 2 * kernels.n + len(kernels.p0)}
+        name, inputs = "friction_tangent", (*STATE, "seed")
+        return functions_of(
+            kernels, f"{name}_{digest}", {name: inputs}, {name: kernels.n}, counts,
+            lambda: {name: assemble_friction_derivatives(equations, sizes, sliding)[name]},
+        )  # fmt: skip
+
+    return ReactiveForce(made, "friction_forces", f"friction {digest}", programs, tangents)
 
 
 def forces_of(mode: Kernels, held: tuple[Held, ...], number: int, at: State) -> np.ndarray:
