@@ -77,7 +77,7 @@ static int worst(const ncgen_instant *i, const int *wanted, const ncgen_real *pa
 {
     const ncgen_events *e = i->events;
     const int *before = held_before(e, i->passage);
-    int found = -1;
+    int violated = -1;
     ncgen_real most = least;
     for (int h = 0; h < e->n_holds; ++h)
         for (int l = 0; wanted[h] && l < ncgen_loads_of(e->holds + h); ++l) {
@@ -86,11 +86,11 @@ static int worst(const ncgen_instant *i, const int *wanted, const ncgen_real *pa
             const ncgen_real over = reserve - (load[1] > 0 ? load[0] / load[1] : 0);
             if (over > most) {
                 most = over;
-                found = h;
+                violated = h;
                 ncgen_release_to(e->holds + h, l, side);
             }
         }
-    return found;
+    return violated;
 }
 
 /* Modes ---------------------------------------------------------------------------------------------------------- */
@@ -218,12 +218,12 @@ static int let_go(ncgen_instant *i, int was_hit)
 }
 
 /* The moment q, qd of the start in the mode that is wanted, and what must be released there, -1 for nothing. */
-static int try_mode(ncgen_instant *i, const ncgen_real *q, const ncgen_real *qd, const int *wanted, int *released, int *found)
+static int try_mode(ncgen_instant *i, const ncgen_real *q, const ncgen_real *qd, const int *wanted, int *released, int *violated)
 {
     const ncgen_events *e = i->events;
     ncgen_real *pairs = i->passage->room + 2 * i->n;
     int some = 0, others = 0, status = NCGEN_OK, side = 0;
-    *found = -1;
+    *violated = -1;
     for (int h = 0; h < e->n_holds; ++h) {
         some |= wanted[h];
         others |= wanted[h] && e->holds[h].kind != NCGEN_HOLDS_JOINT;
@@ -233,16 +233,16 @@ static int try_mode(ncgen_instant *i, const ncgen_real *q, const ncgen_real *qd,
         return NCGEN_OK;
     if (!others) { /* joints that stand still: their loads there say it without projecting */
         status = e->held_conditions(i->moment->t, q, qd, i->p, pairs);
-        *found = status == NCGEN_OK ? worst(i, wanted, pairs, slack_before, &side) : -1;
+        *violated = status == NCGEN_OK ? worst(i, wanted, pairs, slack_before, &side) : -1;
     }
-    if (status == NCGEN_OK && *found < 0) {
+    if (status == NCGEN_OK && *violated < 0) {
         status = project(i, 1);
         if (status == NCGEN_OK)
             status = e->held_conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, pairs);
-        *found = status == NCGEN_OK ? worst(i, wanted, pairs, slack, &side) : -1;
+        *violated = status == NCGEN_OK ? worst(i, wanted, pairs, slack, &side) : -1;
     }
-    if (*found >= 0)
-        released[*found] = side;
+    if (*violated >= 0)
+        released[*violated] = side;
     return status;
 }
 
@@ -263,20 +263,20 @@ int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting,
     const ncgen_events *e = i->events;
     ncgen_real *q = i->passage->room, *qd = q + i->n;
     int *wanted = wanted_of(e, i->passage), *released = released_of(e, i->passage);
-    int status = let_go(i, was_hit), found = 0;
+    int status = let_go(i, was_hit), violated = 0;
     if (status == NCGEN_OK)
         status = find_wanted(i, happened, resting, was_hit);
     ncgen_copy(i->n, i->moment->q, q);
     ncgen_copy(i->n, i->moment->qd, qd);
-    for (int round = 0; status == NCGEN_OK && found >= 0; ++round) {
+    for (int round = 0; status == NCGEN_OK && violated >= 0; ++round) {
         if (round > e->n_holds)
             return NCGEN_NO_MODE;
         ncgen_copy(i->n, q, i->moment->q);
         ncgen_copy(i->n, qd, i->moment->qd);
         set_slip(i, wanted, released, happened);
-        status = try_mode(i, q, qd, wanted, released, &found);
-        if (found >= 0)
-            wanted[found] = 0;
+        status = try_mode(i, q, qd, wanted, released, &violated);
+        if (violated >= 0)
+            wanted[violated] = 0;
     }
     if (status != NCGEN_OK)
         return status;
