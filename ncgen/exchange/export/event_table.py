@@ -24,7 +24,7 @@ START = -1
 """The event of what is done where a motion begins."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class HoldRow:
     """What may be held, with the members of `ncgen_hold`."""
 
@@ -100,7 +100,10 @@ class EventTable:
         first = len(self._filled.values) + len(self.kernels.model.beginnings)
         for each in self.holdables:
             places = [parameters.index(name) if name else -1 for name in (each.switch, each.held, each.slip)]
-            rows.append(HoldRow(each.kind, each.condition, places[0], places[1], first if each.held else -1, places[2], load))
+            rows.append(HoldRow(
+                kind=each.kind, condition=each.condition, on=places[0], held=places[1], value=first if each.held else -1, slip=places[2],
+                load=load,
+            ))  # fmt: skip
             first += bool(each.held)
             load += LOADS[each.kind]
         return rows

@@ -27,7 +27,7 @@ LOADS = {GAP: 1, JOINT: 2, RATCHET: 1, LOCK: 0}
 """How many conditions of its load each has."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Holdable:
     """What may be held. condition: number of its condition, −1 of a lock; row: the expression that stays zero; switch: its parameter
 
@@ -65,7 +65,7 @@ def _holdables(model: Model) -> Iterator[Holdable]:
     first = len(model.events)
     for k, event in enumerate(model.events.values()):
         if event.impact and event.impact.rest == "hold":
-            yield Holdable(GAP, event.name, k, event.when, f"{event.name}.on")
+            yield Holdable(kind=GAP, name=event.name, condition=k, row=event.when, switch=f"{event.name}.on")
     for k, friction in enumerate(model.frictions.values(), first):
         yield _where_it_is(JOINT, friction.name, k, friction.along, friction.held, friction.slip, friction.static)
     for k, ratchet in enumerate(model.ratchets.values(), first + len(model.frictions)):
@@ -75,8 +75,10 @@ def _holdables(model: Model) -> Iterator[Holdable]:
 
 
 def _where_it_is(kind: str, name: str, condition: int, along, held: str, slip: str = "", static: Scalar | None = None) -> Holdable:  # type: ignore[no-untyped-def]
-    row = along.position - symbol_of(held)
-    return Holdable(kind, name, condition, row, f"{name}.on", held, along.position, along.initial, slip, static)
+    return Holdable(
+        kind=kind, name=name, condition=condition, row=along.position - symbol_of(held), switch=f"{name}.on", held=held,
+        position=along.position, initial=along.initial, slip=slip, static=static,
+    )  # fmt: skip
 
 
 def with_switches(model: Model) -> Model:
@@ -117,6 +119,8 @@ def held_mechanism(model: Model, conditions: Sequence[tuple[str, Scalar]]) -> He
         other.constrain(symbol_of(each.switch) * each.row, f"{each.name}, held")  # type: ignore[arg-type]
     sources = generate(other)
     kernels = compile(sources, backend="numpy")
-    loads = [HeldLoad(each.name, kernels.m - len(some) + i, each.static) for i, each in enumerate(some) if each.kind != LOCK]
+    loads = [
+        HeldLoad(words=each.name, row=kernels.m - len(some) + i, static=each.static) for i, each in enumerate(some) if each.kind != LOCK
+    ]
     programs = assemble_mode_conditions(sources.programs.equations, conditions, loads, (), motion_sizes(kernels), kernels.row_sizes)
     return HeldMechanism(sources, kernels, replace(programs["conditions"], name="held_conditions"))
