@@ -171,7 +171,7 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
     int *wanted = passage->wanted, *released = wanted + count;
     for (int k = 0; k < count; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
-        kinds[k] = impact && !impact->place ? NCGEN_A_GAP : NCGEN_A_LOCK;
+        kinds[k] = impact && !impact->place ? NCGEN_HOLDS_GAP : NCGEN_HOLDS_LOCK;
         needs[k] = -1;
         before[k] = ncgen_holds(i->events, passage, k);
         closed[k] = ncgen_is_closed(i, k);
@@ -307,7 +307,7 @@ int ncgen_apply_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
 static int begin_held(ncgen_instant *i)
 {
     const ncgen_events *e = i->events;
-    for (int h = 0; h < 3 * e->n_holds; ++h)
+    for (int h = 0; h < NCGEN_HELD_INTEGERS(e->n_holds); ++h)
         i->passage->flags[h] = 0;
     ncgen_write_held(e, NULL, 1, i->p);
     ncgen_begin_slip(i);
