@@ -91,7 +91,9 @@ class OwnConstraints(Coordinates):
         segment = self._direction(segment, f"angle {vector.name}")
         measured = length is None or cosine is None
         length = measures.length(segment) if length is None else length
-        Bound(f"{label}: the length of the segment is", length, ">", "m", "give points that are apart").check([self._number(length, label)])
+        Bound(
+            wording=f"{label}: the length of the segment is", value=length, relation=">", unit="m", remedy="give points that are apart"
+        ).check([self._number(length, label)])
         cosine = measures.cosine(as_combination(vector), segment) if cosine is None else cosine
         numeric = self._number(cosine, f"{label}, cosine")
         return self._keep(row.vector_segment(vector, segment, length, cosine, _owner(owner), numeric, self.scale), measured)
@@ -137,7 +139,7 @@ class OwnConstraints(Coordinates):
         Row
             The constraint.
         """
-        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False))
+        return self._keep(Row(owner=owner, label=label, expression=as_sympy(expression), scaled=False))
 
     @fact
     def constrain_velocity(self, expression: Expression, label: str = "velocity constraint", owner: Owner = USER) -> Row:
@@ -157,7 +159,7 @@ class OwnConstraints(Coordinates):
         Row
             The constraint.
         """
-        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False, level="velocity"))
+        return self._keep(Row(owner=owner, label=label, expression=as_sympy(expression), scaled=False, level="velocity"))
 
     @fact
     def drive(self, coordinate: Component | Relative, law: Expression) -> Row:

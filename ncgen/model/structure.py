@@ -87,7 +87,7 @@ class Structure(OwnConstraints):
         """
         if name in self.bodies or name == self.ground.name:
             raise ModelError(f"body {name}: there is already a body of that name; choose another")
-        body = Body(name, rigid=rigid, constant_mass=constant_mass, frame=Frame(Owner("body", name)))
+        body = Body(name=name, rigid=rigid, constant_mass=constant_mass, frame=Frame(owner=Owner("body", name)))
         self.bodies[name] = body
         self.extend(body, *points, *vectors)
         if mass is None and (com is not None or inertia is not None):
@@ -248,7 +248,7 @@ class Structure(OwnConstraints):
         check_inertia(name, self._number(mass, ""), self._numbers(com), self._numbers(tensor), as_given)
         if not all(map(is_number, tensor.flat)):
             check_pairs(name, tensor, self.parameters)
-        return Inertia(mass, tuple(com), symmetric(tensor), carriers, assumed, is_judged=not as_given)
+        return Inertia(mass=mass, com=tuple(com), tensor=symmetric(tensor), basis=carriers, assumed=assumed, is_judged=not as_given)
 
     def _check_word(self, name: str, word: str) -> None:
         """Raise ModelError where an inertia is called by a word that has no meaning, or two."""
