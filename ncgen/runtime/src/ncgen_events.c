@@ -5,7 +5,7 @@
 #include "ncgen_impacts.h"
 #include "ncgen_modes.h"
 
-/* A gap is still if its velocity is below this share of its terms. */
+/* A gap is still if its velocity is below this share of what the greatest velocity of the mechanism may make of it. */
 static const ncgen_scalar standstill = R(1.0e-9);
 
 static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
@@ -104,11 +104,12 @@ static int act(ncgen_instant *i, int event)
 
 static int is_still(const ncgen_instant *i, int k)
 {
+    const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_largest(i->n, i->moment->qd, sizes);
     const ncgen_real *w = ncgen_gradient(i, k);
     ncgen_real sum = w[2 * i->n], size = NCGEN_ABS(sum);
     for (int j = 0; j < i->n; ++j) {
         sum += w[j] * i->moment->qd[j];
-        size += NCGEN_ABS(w[j] * i->moment->qd[j]);
+        size += NCGEN_ABS(w[j]) * sizes[j] * speed;
     }
     return NCGEN_ABS(sum) <= standstill * size;
 }
