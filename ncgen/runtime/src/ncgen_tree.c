@@ -120,8 +120,8 @@ static int is_same(int count, const ncgen_real *a, const ncgen_real *b)
     return 1;
 }
 
-/* Outward: where links are, how they move, and their bodies; at the position of the evaluation before this one only how they move. Wrenches are those of mass that is the same along all axes without
- * accelerations of the joints, or none. */
+/* Outward: where links are, how they move, and their bodies; at the position of the evaluation before this one only how they move.
+ * Wrenches are those of mass that is the same along all axes without accelerations of the joints, or none. */
 static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *q, const ncgen_real *qd, const int with_changes)
 {
     const ncgen_tree *tree = w->tree;
