@@ -32,7 +32,7 @@ class Blow(NamedTuple):
     tangential: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ImpactInC:
     """What C has of an impact of k contacts with r velocities.
 
@@ -51,14 +51,14 @@ class ImpactInC:
     count: int
 
 
-def impact(G: np.ndarray, velocities: np.ndarray, blows: list[Blow], law: Law, rounding: np.ndarray, energy: float) -> ImpactInC:
+def impact(G: np.ndarray, velocities: np.ndarray, blows: list[Blow], law: Law, terms: np.ndarray, energy: float) -> ImpactInC:
     """The impact of contacts whose gaps are closed; nothing happens unless one closes.
 
-    G (r, r): responses of velocities to impulses; velocities (r,); rounding (r,): of velocities; energy: kinetic (J)
+    G (r, r): responses of velocities to impulses; velocities (r,), sums of terms (r,); energy: kinetic (J)
     """
     ffi, library = interface_of("double"), runtime_of("double", "events")
     rows, count = len(velocities), len(blows)
-    numbers = {"G": np.ascontiguousarray(G), "coefficients": np.array([each[3:] for each in blows]), "rounding": rounding}
+    numbers = {"G": np.ascontiguousarray(G), "coefficients": np.array([each[3:] for each in blows]), "terms": terms}
     numbers |= {"velocities": velocities.copy(), "impulses": np.zeros(rows), "lost": np.zeros(count)}
     numbers["workspace"] = np.zeros(library.ncgen_impact_workspace(rows))
     integers = {"places": np.array([each[:3] for each in blows], dtype=np.intc), "sticks": np.zeros(count, dtype=np.intc)}
@@ -77,6 +77,13 @@ def impact(G: np.ndarray, velocities: np.ndarray, blows: list[Blow], law: Law, r
         pushes[blow.gap : blow.gap + 1 + blow.directions] = numbers["pushes"][k, : 1 + blow.directions]
         turns.append((number, pushes))
     return ImpactInC(
-        failure, struct.which, bool(struct.closes), numbers["velocities"], numbers["impulses"], integers["sticks"] > 0, numbers["lost"],
-        tuple(turns), struct.n_turns,
-    )  # fmt: skip
+        failure=failure,
+        which=struct.which,
+        closes=bool(struct.closes),
+        velocities=numbers["velocities"],
+        impulses=numbers["impulses"],
+        sticks=integers["sticks"] > 0,
+        lost=numbers["lost"],
+        turns=tuple(turns),
+        count=struct.n_turns,
+    )

@@ -11,6 +11,7 @@ from ncgen.emit.c.files import dynamics_files, motion_files, seeded_files
 from ncgen.mechanism import recall
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
+from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.mechanism.recall import Files
 from ncgen.program.ir.sampling import Sample
 from ncgen.program.programs import Split
@@ -26,11 +27,12 @@ def motion_source(
     kernels: Kernels, samples_of: Callable[[], Seen | None], kind: Literal["motion", "tangent", "adjoint"] = "motion"
 ) -> Files:
     """{file name: text} of the motion of all coordinates by recursion, or of its derivatives; {} where there is none. Of a model with
-    functions of Python its derivative takes their forces as one more input.
+    functions of Python, or friction of loads, its derivative takes their forces as one more input; its derivatives have those of friction.
 
     samples_of: called for independent coordinates of the positions, and typical positions, None where there are none
     """
     equations, forced = kernels.programs.equations, bool(kernels.model.callbacks)
+    friction = ReactiveForce.only(kernels.model.callbacks)
 
     def assembled() -> MotionPrograms | None:
         from ncgen.program.motions.dynamics import assemble_motion
@@ -46,12 +48,13 @@ def motion_source(
             return {}
         if kind == "motion":
             return motion_files(programs, equations, forced)
-        return seeded_files(differentiated(programs, equations, kind), equations, kind)
+        return seeded_files(differentiated(programs, equations, kind, friction.programs() if friction else None), equations, kind)
 
-    return recall.derived(kernels.programs, f"forced {kind}" if forced else kind, made)
+    words = kind if not forced else f"forced {kind}" if kind == "motion" or not friction else f"{kind} with {friction.key}"
+    return recall.derived(kernels.programs, words, made)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Written:
     """A state derivative on independent coordinates.
 

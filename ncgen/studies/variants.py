@@ -21,7 +21,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.given import has_events, position
 from ncgen.solver.motions.batch import in_lanes, side_by_side
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.motions.states import CommonCoordinates, States, closed
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.runs.run import EMITTED, Run
@@ -29,9 +29,11 @@ from ncgen.solver.runs.start import begin, check_count, check_independent
 from ncgen.solver.trajectories.energy import drifts
 from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations
 from ncgen.solver.trajectories.trajectory import Trajectory
+from ncgen.studies.columns import StudiedMotion, columns_of
 from ncgen.studies.definition import Study
 from ncgen.studies.design import argument_of
-from ncgen.studies.kept import OF_EVENTS, Histories, with_events
+from ncgen.studies.eventful import EventfulVariants
+from ncgen.studies.kept import Histories
 from ncgen.studies.slopes import Slopes
 
 FIRST = 64
@@ -88,11 +90,14 @@ class Bench:
             )
         self.refused = self.refused or self._choose()
         self._slopes = Slopes(study, self.kernels, self._independent()) if study.gradients else None
+        self._eventful = EventfulVariants(study, self.kernels)
 
     @property
     def made_with(self) -> str:
         """How variants are computed, in words."""
         how = f"one at a time by simulate: {self.refused}" if self.refused else f"{self._lanes_run[1]}, in lanes"
+        if not self._eventful.refused:
+            how = f"{self._eventful.method}, through events in C"
         return f"{how}; {self._slopes}" if self._slopes else how
 
     def part(self, first: int, count: int, threads: int | None = 1, progress: Callable[[float], None] | None = None) -> Part:
@@ -106,7 +111,7 @@ class Bench:
     def computed(self, first: int, rows: np.ndarray, threads: int | None = 1, progress: Callable[[float], None] | None = None) -> Part:
         """The variants with these numbers (B, names), which are not in it; else as `part`."""
         moved = (lambda share: progress(0.0)) if progress and self._slopes else progress  # gradients take longer
-        part, ends = self._alone(first, rows, moved) if self._choice is None else self._together(first, rows, threads, moved)
+        part, ends = self._alone(first, rows, threads, moved) if self._choice is None else self._together(first, rows, threads, moved)
         return self._with_slopes(part, rows, ends, progress)
 
     def _samples(self) -> Iterator[np.ndarray]:
@@ -248,12 +253,12 @@ class Bench:
         q, faults = closed(kernels, q, run.initial.t, p)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of those that had to go on alone: their energy is a column for whoever wants it
-            done = side_by_side(kernels, run, method, States(self._choice, q, zd, p, faults), threads, progress)
+            done = side_by_side(kernels, run, method, States(choice=self._choice, q=q, zd=zd, p=p, faults=faults), threads, progress)
         ok = done.ok
         done.q[~ok], done.qd[~ok] = np.nan, np.nan
         columns: dict[str, np.ndarray] = {"ok": ok}
         outputs = self._outputs(run.times, done, p, ok)
-        histories = Histories(kernels.index, tuple(kernels.model.outputs), run.times, done.q, done.qd, outputs)
+        histories = Histories(index=kernels.index, labels=tuple(kernels.model.outputs), t=run.times, q=done.q, qd=done.qd, outputs=outputs)
         for column in self.study.values:
             columns[column.word] = self._column(column, histories, done, p, ok)
         return Part(first, columns, {first + i: done.status[i] for i in np.flatnonzero(~ok).tolist()}), done.q[:, -1]
@@ -283,19 +288,20 @@ class Bench:
 
     # -- one at a time ---------------------------------------------------------------------------------------------------------------------
 
-    def _alone(self, first: int, rows: np.ndarray, progress: Callable[[float], None] | None) -> Moved:
+    def _alone(self, first: int, rows: np.ndarray, threads: int | None, progress: Callable[[float], None] | None) -> Moved:
         study, messages = self.study, {}
         shapes = {column.word: (len(study.times),) if column.over == "history" else () for column in study.values}
         columns = {word: np.full((len(rows), *shape), np.nan) for word, shape in shapes.items()}
         columns |= {column.word: np.zeros(len(rows), dtype=np.int64) for column in study.values if column.is_count}
         ok, reported, ends = np.zeros(len(rows), dtype=bool), 0.0, np.full((len(rows), self.kernels.n), np.nan)
+        carried = self._eventful.values(rows, threads, progress)
         for i, row in enumerate(rows):
             if progress and i / len(rows) - reported >= PROGRESS_INTERVAL:
                 reported = i / len(rows)
                 progress(reported)
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
-                values = self._simulated(row, progress)
+                values = carried.pop(i, None) or self._simulated(row, progress)
             if isinstance(values, str):
                 messages[first + i] = values
                 continue
@@ -311,7 +317,7 @@ class Bench:
         """What is kept of one variant and where it ends (n,), or why it has no motion."""
         study, kernels = self.study, self.kernels
         try:
-            run = simulate(kernels, **study.options(row), points=study.grid, progress=(lambda t: None) if progress else None)
+            run = simulate_one(kernels, **study.options(row), points=study.grid, progress=(lambda t: None) if progress else None)
             return self._kept(run), run.q[-1]
         except NcgenError as error:
             return str(error)
@@ -320,20 +326,13 @@ class Bench:
 
     def _kept(self, run: Trajectory) -> dict[str, Any]:
         """What is kept of one motion."""
-        study, kernels = self.study, self.kernels
-        outputs = np.zeros((len(run.t), 0))
-        if any(column.is_output(study.model) for column in study.values):
-            outputs = np.column_stack([*run.outputs.values()])
-        histories = Histories(kernels.index, tuple(kernels.model.outputs), run.t, run.q[None], run.qd[None], outputs[None])
-        smooth = with_events(histories, run.events)
-        own = {"steps": lambda: run.statistics.steps, "time": lambda: run.t[-1], "energy_drift": lambda: run.energy_drift}
-        kept: dict[str, Any] = {}
-        for column in study.values:
-            if column.over in own:
-                kept[column.word] = own[column.over]()
-            elif column.over in OF_EVENTS:
-                kept[column.word] = column.of_events(run.events)
-            else:
-                is_smooth = column.over in ("max", "min") and not column.is_output(study.model)
-                kept[column.word] = (smooth if is_smooth else histories).column(column, study.times)[0]
-        return kept
+        motion = StudiedMotion(
+            t=run.t,
+            q=run.q,
+            qd=run.qd,
+            events=run.events,
+            steps=run.statistics.steps,
+            outputs=lambda: np.column_stack([*run.outputs.values()]),
+            energy_drift=lambda: run.energy_drift,
+        )
+        return columns_of(self.study, self.kernels, motion)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+import sympy
 from test_contacts import RADIUS, G, disc, velocity
 
 import ncgen
@@ -260,3 +261,25 @@ def test_models_that_call_python_do_not_slide():
     m.callback(lambda t, q, qd, kernels: np.zeros(4))
     with pytest.raises(ncgen.ModelError, match="ball: contact floor cannot slide: the model calls a Python function"):
         ncgen.simulate(ncgen.compile(m), 0.1, qd0=velocity(1.0, 0.0))
+
+
+@pytest.mark.parametrize("com", [0.5, 0.8, 0.95])
+def test_a_block_on_two_tips_that_is_pushed_to_and_fro_stays(com):
+    """Friction holds 2.943 N, so 2.9 N at 1 Hz move nothing, however the loads of the tips are shared; 3.2 N move it at asin(2.943/3.2)."""
+    pushed = {2.9: 2.0, 3.2: 0.25}
+    for most, duration in pushed.items():
+        m = ncgen.Model("block")
+        up, O = m.vector("up", (0, 1), fixed=True), m.point("O", (0, 0), fixed=True)
+        tips = {"left": m.point("A", (0, 0)), "right": m.point("B", (1, 0))}
+        body = m.body("block", list(tips.values()), mass=1.0, com=(com, 0), inertia=0.1)
+        m.gravity((0, -9.81))
+        m.force(tips["left"], (most * sympy.sin(2 * math.pi * m.time), 0))
+        for name, P in tips.items():
+            m.contact(name, body, P, m.ground, O, normal=up, friction=0.3, order="simultaneous")
+        run = ncgen.simulate(ncgen.compile(m), duration, rtol=1e-10)
+        if most < 2.943:
+            assert not np.any(run.q - run.q[0]) and not np.any(run.qd)
+        else:
+            first = math.asin(2.943 / most) / (2 * math.pi)
+            assert [each.t for each in run.events if each.what == "slips"][-1] == pytest.approx(first, rel=1e-9)
+            assert run["rate(A.x)"][-1] > 1e-3

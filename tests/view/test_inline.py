@@ -18,8 +18,7 @@ from ncgen.report import bar
 from ncgen.solver.derivatives.sensitivity import Gradient, Sensitivities
 from ncgen.solver.linear.linearise import Linearisation
 from ncgen.solver.motions.batch import BatchAccelerations, BatchTrajectory
-from ncgen.solver.motions.simulation import SimulationState
-from ncgen.solver.motions.simulations import SimulationStates
+from ncgen.solver.motions.simulation_states import SimulationState, SimulationStates
 from ncgen.solver.positions.partition import Partition, Partitions
 from ncgen.solver.trajectories.monitor import Health
 from ncgen.studies.definition import Study
@@ -125,16 +124,42 @@ def test_everything_has_a_short_name(robot_numpy, robot_model, run):
     programs, instants, names = robot_numpy.programs, np.linspace(0, 1, 40), robot_numpy.coordinates
     partition = Partition(np.arange(30), np.arange(30), np.arange(30, 36))
     things = [
-        robot_model, robot_numpy, run, run.animate(), programs, programs.programs["phi"], programs.phi_q, programs.equations,
-        programs.equations.rows[0].template.key, robot_numpy.batch, run.kernels.tangents, Sources(programs), robot_numpy.rows[0],
-        ncgen.freedom(robot_numpy), Partitions(partition, partition),
-        Linearisation(np.zeros((12, 12)), names[:6], names[:6], names, np.zeros((36, 12))),
-        Sensitivities(instants, many, many, many[..., None], many[..., None], names), Gradient(1.0, dict.fromkeys(names, 0.5)),
-        Health(names, *[instants] * 7), SimulationState(0.0, many[0], many[0], 0.0, many[0], 0.1, ""),
-        SimulationStates(instants, many, many, instants, many, instants, ""),
-        BatchTrajectory(robot_numpy, instants, many, many, many, names, ("ok",) * 40, instants, instants > 2),
-        BatchAccelerations(many, many, many, np.zeros(40), SimpleNamespace(names=names[:6])), Indices(names, many[0], many[0], 8, 8),
-        Part(0, {"ok": instants > 0, "steps": instants}), Study.of(run.model, {"start(rate(psi))": [1.0, 2.0]}, keep="steps"),
-    ]  # fmt: skip
+        robot_model,
+        robot_numpy,
+        run,
+        run.animate(),
+        programs,
+        programs.programs["phi"],
+        programs.phi_q,
+        programs.equations,
+        programs.equations.rows[0].template.key,
+        robot_numpy.batch,
+        run.kernels.tangents,
+        Sources(programs),
+        robot_numpy.rows[0],
+        ncgen.freedom(robot_numpy),
+        Partitions(partition, partition),
+        Linearisation(matrix=np.zeros((12, 12)), positions=names[:6], velocities=names[:6], coordinates=names, shapes=np.zeros((36, 12))),
+        Sensitivities(t=instants, q=many, qd=many, q_by=many[..., None], qd_by=many[..., None], names=names),
+        Gradient(1.0, dict.fromkeys(names, 0.5)),
+        Health(independent=names, **dict.fromkeys(("t", "sigma", "quality", "best", "energy", "drift", "violation"), instants)),
+        SimulationState(t=0.0, q=many[0], qd=many[0], work=0.0, p=many[0], next_step=0.1, mechanism=""),
+        SimulationStates(t=instants, q=many, qd=many, work=instants, p=many, next_step=instants, mechanism=""),
+        BatchTrajectory(
+            kernels=robot_numpy,
+            t=instants,
+            q=many,
+            qd=many,
+            work=many,
+            independent=names,
+            status=("ok",) * 40,
+            steps=instants,
+            alone=instants > 2,
+        ),
+        BatchAccelerations(q=many, qd=many, zdd=many, codes=np.zeros(40), choice=SimpleNamespace(names=names[:6])),
+        Indices(names=names, first=many[0], total=many[0], points=8, of=8),
+        Part(0, {"ok": instants > 0, "steps": instants}),
+        Study.of(run.model, {"start(rate(psi))": [1.0, 2.0]}, keep="steps"),
+    ]
     found = [repr(thing) for thing in things]
     assert [name for name in found if len(name) > 150 or "\n" in name or " object at 0x" in name] == []

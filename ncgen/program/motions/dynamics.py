@@ -12,7 +12,7 @@ much an error of the independent coordinates grows in the others; infinite where
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import MutableSequence, Sequence
+from collections.abc import Mapping, MutableSequence, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -42,6 +42,7 @@ from ncgen.program.ir.verify import verify
 from ncgen.program.kernel_table import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.motions.motion import assemble_motions
+from ncgen.program.motions.sliding_derivatives import with_friction
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.tree.closed_positions import assemble_closed_positions
 from ncgen.program.tree.composite import massless
@@ -149,11 +150,16 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
     return motion
 
 
-def differentiated(programs: MotionPrograms, equations: Terms, kind: str) -> MotionPrograms:
-    """A motion's programs, power and growth left out, along a direction (kind "tangent") or transposed ("adjoint")."""
+def differentiated(programs: MotionPrograms, equations: Terms, kind: str, friction: Mapping[str, Program] | None = None) -> MotionPrograms:
+    """A motion's programs, power and growth left out, along a direction (kind "tangent") or transposed ("adjoint").
+
+    friction: of a forced motion, as of `with_friction`
+    """
     made, n, more = {"tangent": tangent_of, "adjoint": adjoint_of}[kind], len(equations.free), programs.prepared
     return MotionPrograms(
-        made(programs.derivative, equations, 2 * n, more),
+        with_friction(programs.derivative, friction, equations, kind, more)
+        if friction
+        else made(programs.derivative, equations, 2 * n, more),
         made(programs.velocities, equations, n, more),
         made(programs.closing, equations, n, more),
         made(programs.prepare, equations, more) if programs.prepare else None,

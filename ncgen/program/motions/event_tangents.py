@@ -25,6 +25,8 @@ from ncgen.program.motions.event_programs import HeldLoad, Named, load_condition
 from ncgen.program.motions.expression_nodes import expression_node
 from ncgen.program.motions.full_motion import MotionSizes, directions
 from ncgen.program.motions.multipliers import AccelerationNodes
+from ncgen.program.motions.sliding import Sliding, SlidingNodes
+from ncgen.program.motions.sliding_derivatives import SlidingDerivatives
 from ncgen.symbolic.numbering import Terms
 
 STATE = ("t", "q", "qd", "p")
@@ -36,18 +38,28 @@ INPUTS = {
 
 
 def assemble_condition_tangent(
-    equations: Terms, conditions: Sequence[Named], held: Sequence[HeldLoad], sizes: MotionSizes, rows: np.ndarray
-) -> dict[str, Program]:
+    equations: Terms, conditions: Sequence[Named], held: Sequence[HeldLoad], sliding: Sequence[Sliding], sizes: MotionSizes,
+    rows: np.ndarray,
+) -> dict[str, Program]:  # fmt: skip
     """Of a mode, or of the mechanism itself where nothing is held; arguments as of `assemble_mode_conditions`."""
     lines = Lines(equations)
     nodes = [expression_node(lines, *each) for each in conditions]
     along = directions(lines)
     if held:
-        motion = AccelerationNodes(lines, sizes)
-        nodes += load_conditions(lines, motion.lam, held, rows)[::2]
-        changes = motion.along(dict(along))[1]
-        along |= {node: change for node, change in zip(motion.lam, changes, strict=True) if lines.graph.value(node) is None}
+        lam, changes = _multipliers(lines, sizes, sliding, along)
+        nodes += load_conditions(lines, lam, held, rows)[::2]
+        along |= {node: change for node, change in zip(lam, changes, strict=True) if lines.graph.value(node) is None}
     return {"condition_tangent": _program(lines, "condition_tangent", nodes, along)}
+
+
+def _multipliers(lines: Lines, sizes: MotionSizes, sliding: Sequence[Sliding], along: dict[int, int]) -> tuple[list[int], list[int]]:
+    """Nodes of all multipliers (m) in a mode, and how they change."""
+    if not sliding:
+        motion = AccelerationNodes(lines, sizes)
+        return motion.lam, motion.along(dict(along))[1]
+    friction, n = SlidingNodes(lines, sizes, sliding), len(lines.equations.free)
+    changes, _ = SlidingDerivatives(lines, friction).along(along)
+    return friction.lam, [changes.get(n + r, lines.graph.const(0.0)) for r in range(len(friction.lam))]
 
 
 def assemble_value_tangents(equations: Terms, values: Sequence[Named]) -> dict[str, Program]:

@@ -10,6 +10,9 @@ import numpy as np
 from ncgen.model.elements import Point
 from ncgen.program.tree.tree_tables import OpenTree
 
+LEAST_MEMBERS = 3
+"""Members that every body has in the tables: with this number, which most have, loops over them need no branches."""
+
 
 @dataclass(frozen=True, eq=False)
 class TreeTables:
@@ -24,18 +27,14 @@ def tables_of(tree: OpenTree) -> TreeTables:
     """As C reads them."""
     links, screws, coupled = range(len(tree.tree.links)), range(len(tree.screws)), tree.coupled
     per_link = np.bincount(tree.home, minlength=len(links)) if tree.home else np.zeros(len(links), dtype=int)
-    place = [0] * tree.n
-    for unknowns in tree.unknowns:
-        for k, c in enumerate(unknowns):
-            place[c] = k
-    members = [sorted({e for pair in tree.pairs if pair[0] == link for e in pair[1:3]}) for link in links]
+    members = [_members(tree, link) for link in links]
     meters = {k: number for number, (k, _) in enumerate(tree.measured.values())}
+    own, products = _closing(tree)
     counts = {
         "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
         "n_measured": len(tree.measured), "n_rotors": len(tree.rotors),
         "n_groups": len(tree.coupled.carriers),
-        "most_rows": max(map(len, tree.closes)), "most_unknowns": max(map(len, tree.unknowns)),
-        "most_members": max(map(len, members)),
+        "most_rows": max(map(len, tree.closes)), "most_members": max(map(len, members)),
     }  # fmt: skip
     indices = {
         "parent": [-1 if link.parent is None else link.parent for link in tree.tree.links],
@@ -47,12 +46,11 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "terms": [c for terms in tree.terms for _, components in terms for c in components],
         "element_start": _starts(per_link.tolist()),
         "elements": _flat(tree.components),
-        "is_point": [int(isinstance(element, Point)) for element in tree.elements],
         "pair_start": _starts(_count(len(links), [pair[0] for pair in tree.pairs])),
         "member_start": _starts([len(each) for each in members]),
-        "members": _flat(members),
-        "square_start": _starts([len(each) ** 2 for each in members]),
-        "pairs": _flat([(members[link].index(a), members[link].index(b), value) for link, a, b, value in tree.pairs]),
+        "members": [c for each, link in zip(members, links, strict=True) for e in each for c in _components(tree, link, e)],
+        "mass_start": _starts([1 + len(each) + len(each) ** 2 for each in members]),
+        "pairs": _flat([(_place(members[link], a), _place(members[link], b), value) for link, a, b, value in tree.pairs]),
         "single_start": _starts(_count(len(links), [single[0] for single in tree.singles])),
         "singles": _flat([single[1:] for single in tree.singles]),
         "measured": _flat([(c, k) for c, (k, _) in tree.measured.items()]),
@@ -63,20 +61,55 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "rotors": _flat([rotor[:2] for rotor in tree.rotors]),
         "row_start": _starts([len(rows) for rows in tree.closes]),
         "rows": _flat(tree.closes),
-        "group": tree.group,
-        "place": place,
-        "unknowns": _starts([len(unknowns) for unknowns in tree.unknowns]),
-        "order": _flat(tree.unknowns),
+        "own_start": _starts([len(entries) for entries in own]),
+        "own": _flat(own),
+        "entry_start": _starts([len(rows) * (len(rows) + 1) // 2 for rows in tree.closes]),
+        "product_start": _starts([len(terms) for terms in products]),
+        "products": _flat([pair for terms in products for pair in terms]),
     }
     numbers = {
         "weights": [weight for terms in tree.terms for weight, _ in terms],
+        "is_point": [_is_point(tree, e) for e in range(len(tree.elements))],
         "heaviness": tree.heaviness,
+        "member_is_point": [1.0 if e is None else _is_point(tree, e) for each in members for e in each],
         "ratios": [ratio for _, ratio in tree.measured.values()],
         "ratio": [coupled.leaders[k][1] if k in coupled.leaders else 1.0 for k in screws],
         "gears": [rotor[2] for rotor in tree.rotors],
         "fixed": [component.initial for component in tree.fixed],
     }
     return TreeTables(counts, indices, numbers)
+
+
+def _is_point(tree: OpenTree, element: int) -> float:
+    return float(isinstance(tree.elements[element], Point))
+
+
+def _members(tree: OpenTree, link: int) -> list[int | None]:
+    """Elements between which a link's body has mass that is the same along all axes, without the reference point; at least
+    LEAST_MEMBERS, of which None is the reference point without mass."""
+    elements = sorted({e for pair in tree.pairs if pair[0] == link for e in pair[1:3] if tree.components[e] != tree.references[link]})
+    return [*elements, *[None] * (LEAST_MEMBERS - len(elements))]
+
+
+def _components(tree: OpenTree, link: int, element: int | None) -> list[int]:
+    return tree.references[link] if element is None else tree.components[element]
+
+
+def _place(members: Sequence[int | None], element: int) -> int:
+    """The number of a member; of the reference point the one behind the last."""
+    return members.index(element) if element in members else len(members)
+
+
+def _closing(tree: OpenTree) -> tuple[list[list[int]], list[list[tuple[int, int]]]]:
+    """Of every row, link by link, the entries of Φ_q that belong to coordinates of its link, and of every product of two rows of a link,
+    below the diagonal and on it, the pairs of entries that it consists of."""
+    own: list[list[int]] = []
+    products: list[list[tuple[int, int]]] = []
+    for link, rows in enumerate(tree.closes):
+        entries = [{c: tree.pattern.indptr[r] + k for k, c in enumerate(tree.rows[r]) if tree.group[c] == link} for r in rows]
+        own += [list(each.values()) for each in entries]
+        products += [[(s, other[c]) for c, s in one.items() if c in other] for i, one in enumerate(entries) for other in entries[: i + 1]]
+    return own, products
 
 
 def _starts(lengths: Sequence[int]) -> list[int]:

@@ -79,7 +79,7 @@ typedef struct ncgen_motion {
  * the position link by link: none of them has coordinates of later links. */
 typedef struct ncgen_tree {
     int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors, n_groups;
-    int most_rows, most_unknowns, most_members; /* of a link */
+    int most_rows, most_members;   /* of a link */
     const int *parent;             /* of a link; -1: the ground */
     const int *reference;          /* 3 components of a point of each link */
     const int *screw_start;        /* n_links + 1 */
@@ -89,13 +89,16 @@ typedef struct ncgen_tree {
     const ncgen_scalar *weights;   /* of a term */
     const int *element_start;      /* n_links + 1 */
     const int *elements;           /* 3 components of each */
-    const int *is_point;
+    const ncgen_scalar *is_point;  /* of an element: 1, or 0 for a vector */
     const ncgen_scalar *heaviness; /* of an element: how much its velocity counts where a joint's rates are found */
     const int *member_start;       /* n_links + 1 */
-    const int *members;            /* elements between which a body has mass that is the same along all axes */
-    const int *square_start;       /* n_links + 1: where a link's matrix of these masses begins */
+    const int *members;            /* 3 components of elements between which a body has mass that is the same along all axes, without the
+                                    * reference point, but with it, without mass, where they are less than three */
+    const ncgen_scalar *member_is_point;
+    const int *mass_start;         /* n_links + 1: where the masses of its members begin */
     const int *pair_start;         /* n_links + 1 */
-    const int *pairs;              /* 3 of each pair: two members of its link, number of its value in the mass matrix */
+    const int *pairs;              /* 3 of each pair: two members of its link, number of its value in the mass matrix; the number behind
+                                    * the last member is the reference point */
     const int *single_start;       /* n_links + 1 */
     const int *singles;            /* 5 of each entry: element and axis, element and axis, number of its value */
     const int *measured;           /* 2 of each measured coordinate: itself, its screw */
@@ -108,9 +111,10 @@ typedef struct ncgen_tree {
     const int *rotors;             /* 2 of each inertia along a measured coordinate: its screw, number of its value in the mass matrix */
     const ncgen_scalar *gears;     /* ratios squared */
     const int *row_start, *rows;   /* n_links + 1: the rows that close a link */
-    const int *group;              /* of a coordinate: the link with which it closes */
-    const int *place;              /* of a coordinate: its number there */
-    const int *unknowns, *order;   /* n_links + 1: where a link's own begin in the coordinates ordered by links */
+    const int *own_start, *own;    /* of the rows in this order, one more: entries of Phi_q of the link's own coordinates */
+    const int *entry_start;        /* n_links: where its products of two rows begin, below the diagonal and on it */
+    const int *product_start;      /* of such a product, one more */
+    const int *products;           /* 2 of each term: entries of Phi_q */
     const ncgen_scalar *fixed;     /* values of the fixed components */
 } ncgen_tree;
 
@@ -139,9 +143,49 @@ typedef struct ncgen_dynamics {
                                            * repeated with a shorter one; after NCGEN_INTERRUPTED the run ends */
 } ncgen_dynamics;
 
+/* Operations of formulas. A number is at `a` of the numbers, a state at `a` of the inputs, a parameter at `a` of p; others take the results
+ * of the operations a and b. A lookup takes that of a, and at b of the numbers are how many knots, degree and period, the knots, and the
+ * rows of an origin and coefficients. */
+enum {
+    NCGEN_FORMULA_NUMBER, NCGEN_FORMULA_STATE, NCGEN_FORMULA_TIME, NCGEN_FORMULA_PARAMETER, NCGEN_FORMULA_ADD, NCGEN_FORMULA_SUBTRACT,
+    NCGEN_FORMULA_MULTIPLY, NCGEN_FORMULA_DIVIDE, NCGEN_FORMULA_NEGATE, NCGEN_FORMULA_SQRT, NCGEN_FORMULA_SIN, NCGEN_FORMULA_COS,
+    NCGEN_FORMULA_EXP, NCGEN_FORMULA_LOG, NCGEN_FORMULA_ATAN2, NCGEN_FORMULA_ABS, NCGEN_FORMULA_SIGN, NCGEN_FORMULA_LOOKUP
+};
+
+struct ncgen_formulas;
+struct ncgen_basis;
+struct ncgen_walk;
+
+/* A step from t to t + h with the parameters p, on which a condition is bounded. rounding: distance from 1 to the next number */
+typedef struct ncgen_formula_step {
+    const struct ncgen_formulas *formulas;
+    int degree;
+    ncgen_scalar rounding, t, h;
+    const ncgen_real *p;
+} ncgen_formula_step;
+
+/* ncgen_walk_formula of ncgen_formula.h, which says what it does. */
+typedef int ncgen_formula_walker(const ncgen_formula_step *step, const struct ncgen_basis *basis, int k, ncgen_scalar size,
+                                 struct ncgen_walk *walk, ncgen_scalar *reached, ncgen_scalar *unbounded, int *parts);
+
+/* Conditions as formulas, which bound them between the nodes. */
+typedef struct ncgen_formulas {
+    ncgen_formula_walker *walk;
+    const int *first;               /* of each condition its first operation, and the end of the last one's; what has none is sampled */
+    const int *operations;          /* of each what it is, a and b, operations counted from the condition's first */
+    const ncgen_scalar *numbers;
+    int n_inputs;
+    const int *inputs;              /* positions in q, or n_coordinates + position in qd */
+    const ncgen_scalar *through;    /* (degree + 1)^2: from values at the nodes to coefficients in Chebyshev's basis */
+    const ncgen_scalar *cosines;    /* 2 degree: cos(pi k / degree) */
+    ncgen_real *values;             /* of each input the values at the nodes and coefficients, degree + 1 each: workspace */
+    ncgen_real *workspace;          /* 16 for each operation of the longest of them */
+    int *sampled;                   /* of each condition: 1 where it had no bounds somewhere, and was sampled there */
+} ncgen_formulas;
+
 /* Conditions, at the first of which a run stops: where a coordinate, a velocity or a function of (t, q, qd, p) passes a value. Within a
  * step they are polynomials in time through as many values as the basis has nodes: those of coordinates, velocities and time, and with
- * degree 14 products of two of them, are polynomials indeed, so that none of their crossings is missed. */
+ * degree 14 products of two of them, are polynomials indeed, so that none of their crossings is missed; others are bounded by formulas. */
 typedef struct ncgen_event {
     int count;
     const int *coordinates;       /* of each: position in q, or n_coordinates + position in qd; -1: the function's */
@@ -154,6 +198,7 @@ typedef struct ncgen_event {
     const ncgen_scalar *inverse;  /* (degree + 1)^2: from values there to coefficients in the basis of Bernstein */
     ncgen_real *samples;          /* (degree + 3) x 2 count: workspace */
     int *crossed;                 /* count: 1 where it is one of those that stopped the run */
+    const ncgen_formulas *formulas; /* NULL, or of conditions that are no such polynomials */
 } ncgen_event;
 
 /* The inputs of a mechanism at time t, inside a step that began at the time `from`: a value that jumps at the start of a step is the

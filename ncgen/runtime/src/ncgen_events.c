@@ -1,15 +1,11 @@
 /* ncgen_events.c: what happens at one instant: the actions of all events that are due, and of those that these bring about. */
 #include "ncgen_events.h"
 #include "ncgen_breaks.h"
+#include "ncgen_chain.h"
 #include "ncgen_impacts.h"
 #include "ncgen_modes.h"
 
-enum { MOST_ROUNDS = 1000 };
-
-/* A bounce that stays lower than this many times what has no sign is none. */
-static const ncgen_scalar at_rest = R(50.0);
-
-/* A gap is still if its velocity is below this share of its terms. */
+/* A gap is still if its velocity is below this share of what the greatest velocity of the mechanism may make of it. */
 static const ncgen_scalar standstill = R(1.0e-9);
 
 static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
@@ -32,7 +28,7 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->velocities = ncgen_take(&space, count);
     i->impulses = ncgen_take(&space, count);
     i->lost = ncgen_take(&space, count);
-    i->rounding = ncgen_take(&space, count);
+    i->terms = ncgen_take(&space, count);
     i->coefficients = ncgen_take(&space, 3 * count);
     i->space = ncgen_take(&space, NCGEN_IMPACT_WORKSPACE(count));
     i->taking = passage->due + count;
@@ -106,36 +102,14 @@ static int act(ncgen_instant *i, int event)
     return status;
 }
 
-/* Events whose conditions the last actions carried to the other side. */
-static int turned(ncgen_instant *i, const int *done)
-{
-    int count = 0;
-    for (int k = 0; k < i->count; ++k) {
-        const ncgen_real before = i->before[2 * k], after = i->values[2 * k];
-        const int clear = !ncgen_is_closed(i, k) && NCGEN_ABS(before) > NCGEN_CLOSED * i->scales[k];
-        i->passage->due[k] = clear && !done[k] && sign_of(before) != sign_of(after) && sign_of(after) * i->events->directions[k] >= 0;
-        count += i->passage->due[k];
-    }
-    return count;
-}
-
-/* Is the next bounce of an impact one that cannot be told from none? *ends: time in which all bounces end, if so. */
-static int rests(ncgen_instant *i, int k, ncgen_real restitution, ncgen_real *ends)
-{
-    const ncgen_real *first = i->responses, *second = first + i->count; /* responses are no longer needed */
-    const ncgen_real speed = first[k] > 0 ? first[k] : 0, pull = -second[k];
-    const ncgen_real deep = NCGEN_ABS(i->values[2 * k]), least = at_rest * i->events->noise * i->scales[k];
-    *ends = pull > 0 && restitution < 1 ? 2 * speed / pull / (1 - restitution) : 0;
-    return pull > 0 && speed * speed <= 2 * pull * (deep > least ? deep : least);
-}
-
 static int is_still(const ncgen_instant *i, int k)
 {
+    const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_largest(i->n, i->moment->qd, sizes);
     const ncgen_real *w = ncgen_gradient(i, k);
     ncgen_real sum = w[2 * i->n], size = NCGEN_ABS(sum);
     for (int j = 0; j < i->n; ++j) {
         sum += w[j] * i->moment->qd[j];
-        size += NCGEN_ABS(w[j] * i->moment->qd[j]);
+        size += NCGEN_ABS(w[j]) * sizes[j] * speed;
     }
     return NCGEN_ABS(sum) <= standstill * size;
 }
@@ -166,46 +140,43 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
     }
     ncgen_copy(i->n, i->moment->qd, i->prior);
     for (int k = 0; k < i->count; ++k)
-        i->rounding[k] = ncgen_holds(i->events, passage, k); /* room for what was held */
+        i->terms[k] = ncgen_holds(i->events, passage, k); /* room for what was held */
     const int status = ncgen_choose_mode(i->d, i->events, i->p, i->moment, passage);
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
-        const int holds = ncgen_holds(i->events, passage, k), held = i->rounding[k] > 0;
+        const int holds = ncgen_holds(i->events, passage, k), held = i->terms[k] > 0;
         if (holds != held)
             ncgen_note(passage->log, i->n, i->moment, k, holds ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
     }
     return status == NCGEN_OK ? accelerate(i) : status;
 }
 
-/* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate; happened (count): what has. resting
- * (count): which gaps are at rest */
-static int finish(ncgen_instant *i, const int *happened, int *resting)
+/* The end of an instant: sides on which conditions go on, and gaps in which bounces accumulate. resting (count): which gaps are at rest */
+static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
 {
+    const ncgen_real *rates = i->responses, *accelerations = rates + i->count; /* responses are no longer needed */
     int status = accelerate(i), rested = 0;
     ncgen_notes_follow(i->passage->log, 0);
     if (status == NCGEN_OK)
         status = find_numbers(i);
     if (status == NCGEN_OK)
         status = i->events->rates(i->moment->t, i->moment->q, i->moment->qd, i->moment->qdd, i->p, i->responses);
-    for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
-        const int clear = !ncgen_is_closed(i, k), way = i->events->directions[k], side = i->passage->signs[k];
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_set_sides(chain, i->passage->signs);
+    for (int k = 0; k < i->count; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
         resting[k] = 0;
         i->velocities[k] = -1; /* room for the time in which bounces end */
-        if (happened[k])
-            i->passage->signs[k] = way ? way : clear ? sign_of(i->values[2 * k]) : -side;
-        else if (clear)
-            i->passage->signs[k] = sign_of(i->values[2 * k]);
-        ncgen_real ends = 0;
-        if (!happened[k] || !impact || !rests(i, k, i->numbers[impact->value], &ends))
+        if (!chain->happened[k] || !impact || !ncgen_is_at_rest(i->values[2 * k], i->scales[k], rates[k], accelerations[k], i->events->noise))
             continue;
-        i->velocities[k] = ends;
+        i->velocities[k] = ncgen_time_of_bounces(rates[k], accelerations[k], i->numbers[impact->value]);
         if (impact->place)
             *i->passage->stopped = 1;
         else
             rested = resting[k] = 1;
     }
-    if (status == NCGEN_OK && i->events->n_modes) {
-        status = choose_mode(i, happened, resting);
+    if (i->events->n_modes) {
+        status = choose_mode(i, chain->happened, resting);
         rested = 0;
     }
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
@@ -214,36 +185,46 @@ static int finish(ncgen_instant *i, const int *happened, int *resting)
     return status == NCGEN_OK && rested ? NCGEN_AT_REST : status;
 }
 
+/* The impacts and actions that are due. */
+static int act_all(void *context)
+{
+    ncgen_instant *i = (ncgen_instant *)context;
+    const int *due = i->passage->due;
+    int hit = 0, status = find_numbers(i);
+    if (status == NCGEN_OK)
+        status = ncgen_hit(i, &hit);
+    for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
+        if (due[k] && (hit || !ncgen_impact_of(i->events, k)))
+            status = act(i, k);
+    return status;
+}
+
+static int look_again(void *context)
+{
+    ncgen_instant *i = (ncgen_instant *)context;
+    ncgen_notes_follow(i->passage->log, 1);
+    return look(i);
+}
+
+/* The chain of events of an instant. */
+static ncgen_chain chain_of(ncgen_instant *i)
+{
+    int *due = i->passage->due;
+    const ncgen_chain chain = {i->count, i->events->directions, due,       due + 3 * i->count, due + 2 * i->count, i->values,
+                               i->before, i->scales,            i,         look_again,         act_all};
+    return chain;
+}
+
 static int happen(ncgen_instant *i)
 {
     const ncgen_real before = energy(i);
-    int *due = i->passage->due, *first = due + 2 * i->count, *done = due + 3 * i->count, status = NCGEN_OK, some = 1, hit = 0;
-    ncgen_begin_notes(i->passage->log, i->count, due);
-    for (int k = 0; k < i->count; ++k)
-        first[k] = due[k];
-    for (int round = 0; some && status == NCGEN_OK; ++round) {
-        if (round == MOST_ROUNDS)
-            return NCGEN_ENDLESS;
-        ncgen_copy(2 * i->count, i->values, i->before);
-        status = find_numbers(i);
-        if (status == NCGEN_OK)
-            status = ncgen_hit(i, &hit);
-        for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
-            done[k] = due[k];
-            if (due[k] && (hit || !ncgen_impact_of(i->events, k)))
-                status = act(i, k);
-        }
-        if (status == NCGEN_OK)
-            status = look(i);
-        some = turned(i, done);
-        ncgen_notes_follow(i->passage->log, 1);
-        for (int k = 0; k < i->count; ++k)
-            first[k] |= due[k];
-    }
+    ncgen_chain chain = chain_of(i);
+    ncgen_begin_notes(i->passage->log, i->count, chain.due);
+    int status = ncgen_follow_chain(&chain);
     if (status == NCGEN_OK)
-        status = finish(i, first, done);
+        status = finish(i, &chain, chain.done);
     for (int k = 0; k < i->count; ++k)
-        due[k] = 0;
+        chain.due[k] = 0;
     i->moment->work += energy(i) - before;
     return status;
 }
@@ -269,16 +250,18 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
         passage->wanted[k] = 0;
     if (status == NCGEN_OK)
         status = events->rates(moment->t, moment->q, moment->qd, moment->qdd, p, i.responses);
-    for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
-        const ncgen_real value = i.values[2 * k], rate = i.responses[k];
-        const int is_impact = ncgen_impact_of(events, k) != NULL, is_zero = ncgen_is_closed(&i, k), way = sign_of(rate);
-        if (is_impact && value < 0 && !is_zero)
-            return NCGEN_OVERLAP;
-        passage->due[k] = is_zero && way && way * events->directions[k] >= 0;
-        passage->signs[k] = is_impact ? 1 : is_zero ? way : sign_of(value);
-        some |= passage->due[k];
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_chain chain = chain_of(&i);
+    for (int k = 0; k < i.count; ++k) {
+        i.taking[k] = ncgen_impact_of(events, k) != NULL;
+        chain.done[k] = i.taking[k] && is_still(&i, k);
     }
-    return status == NCGEN_OK && (some || events->n_modes) ? happen(&i) : status;
+    if (ncgen_find_first(&chain, i.responses, i.taking, chain.done, passage->signs) >= 0)
+        return NCGEN_OVERLAP;
+    for (int k = 0; k < i.count; ++k)
+        some |= chain.due[k];
+    return some || events->n_modes ? happen(&i) : NCGEN_OK;
 }
 
 int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,

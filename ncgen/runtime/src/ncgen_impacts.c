@@ -61,16 +61,16 @@ int ncgen_set_velocities(ncgen_instant *i, int event)
     return NCGEN_OK;
 }
 
-/* How velocities of gaps change with impulses on them, and which of them are rounding. */
+/* Velocities of gaps, what they are sums of, and how impulses on gaps change them. */
 static int find_responses(ncgen_instant *i, ncgen_impact *impact)
 {
     const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_largest(i->n, i->moment->qd, sizes);
     for (int a = 0; a < impact->count; ++a) {
         const ncgen_real *w = ncgen_gradient(i, i->taking[a]), drift = w[2 * i->n];
-        i->rounding[a] = NCGEN_OPENING * NCGEN_ABS(drift);
+        i->terms[a] = NCGEN_ABS(drift);
         i->velocities[a] = drift + ncgen_dot(i->n, w, i->moment->qd);
         for (int j = 0; j < i->n; ++j)
-            i->rounding[a] += NCGEN_OPENING * NCGEN_ABS(w[j]) * sizes[j] * speed;
+            i->terms[a] += NCGEN_ABS(w[j]) * sizes[j] * speed;
         const int status = ncgen_respond(i->d, i->p, i->moment, w, response(i, a));
         if (status != NCGEN_OK)
             return status;
@@ -103,7 +103,7 @@ static int take_gaps(ncgen_instant *i, ncgen_impact *impact)
 
 int ncgen_hit(ncgen_instant *i, int *hit)
 {
-    ncgen_impact impact = {0, 0, i->events->law, i->places, i->coefficients, i->G, i->rounding, 0, i->velocities, i->impulses, i->lost,
+    ncgen_impact impact = {0, 0, i->events->law, i->places, i->coefficients, i->G, i->terms, 0, i->velocities, i->impulses, i->lost,
                            i->sticks, 0, 0, 0, NULL, NULL, i->space};
     ncgen_real energies[3] = {0, 0, 0};
     *hit = 0;

@@ -2,6 +2,7 @@
 #ifndef NCGEN_IMPACTS_H
 #define NCGEN_IMPACTS_H
 
+#include "ncgen_chain.h"
 #include "ncgen_event_log.h"
 #include "ncgen_vectors.h"
 
@@ -18,17 +19,13 @@ typedef struct ncgen_instant {
     ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
     ncgen_real *kept, *prior, *numbers;          /* n, n: velocities before what is noted, what actions set */
     /* of an impact, as ncgen_impact has them: gaps that take part, and what is known of them */
-    ncgen_real *velocities, *impulses, *lost, *rounding, *coefficients, *space;
+    ncgen_real *velocities, *impulses, *lost, *terms, *coefficients, *space;
     int *taking, *places, *sticks;
 } ncgen_instant;
 
-/* A gap is closed where it is smaller than `closed` times its scale; a velocity above minus `opening` times its terms does not close it. */
-#define NCGEN_CLOSED R(1.0e-10)
-#define NCGEN_OPENING R(1.0e-12)
-
 static inline int ncgen_is_closed(const ncgen_instant *i, int k)
 {
-    return NCGEN_ABS(i->values[2 * k]) <= NCGEN_CLOSED * i->scales[k];
+    return ncgen_is_zero(i->values[2 * k], i->scales[k]);
 }
 
 /* The derivatives of a condition by q and qd (n each) and t. */

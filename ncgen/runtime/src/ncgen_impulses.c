@@ -361,7 +361,7 @@ static int fastest(const ncgen_impact *i)
     int found = -1;
     for (int b = 0; b < i->count; ++b) {
         const int gap = contact_of(i, b).gap;
-        if (i->velocities[gap] < -i->rounding[gap] && (found < 0 || i->velocities[gap] < i->velocities[contact_of(i, found).gap]))
+        if (i->velocities[gap] < -nothing * i->terms[gap] && (found < 0 || i->velocities[gap] < i->velocities[contact_of(i, found).gap]))
             found = b;
     }
     return found;

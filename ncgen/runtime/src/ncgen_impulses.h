@@ -20,7 +20,7 @@ typedef struct ncgen_impact {
                                   * many these are; 1: law of Poisson */
     const ncgen_scalar *coefficients; /* count x 3: restitution, friction, tangential restitution */
     const ncgen_real *G;         /* rows x rows */
-    const ncgen_scalar *rounding; /* rows: a gap whose velocity is above minus this does not close */
+    const ncgen_real *terms;     /* rows: what velocities are sums of, before */
     ncgen_scalar energy;         /* kinetic, before (J) */
     ncgen_real *velocities;      /* rows: before, and then after */
     ncgen_real *impulses;        /* rows */

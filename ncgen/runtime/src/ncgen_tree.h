@@ -2,9 +2,7 @@
 #ifndef NCGEN_TREE_H
 #define NCGEN_TREE_H
 
-#include "ncgen_tree_work.h"
-
-void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w);
+#include "ncgen_tree_records.h"
 
 /* Functions of an ncgen_motion. growth is 0, or huge where a joint moves nothing. */
 void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);

@@ -1,57 +1,38 @@
 /* ncgen_tree_closing.c: how far the coordinates of an open tree are from satisfying its rows, link by link outward. */
 #include "ncgen_tree_closing.h"
 
-/* The rows that close a link over its own coordinates, in natural sizes, one after the other in w->dense, and their right sides. */
-static void find_block(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, const ncgen_real *step)
+/* The right sides of the rows that close a link: `step` is zero for its own coordinates. */
+NCGEN_SHORT_LOOPS static void find_right(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, const ncgen_real *step)
 {
     const ncgen_tree *tree = w->tree;
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
-    const ncgen_scalar *sizes = r->dynamics->column_sizes;
     const int first = tree->row_start[link], count = tree->row_start[link + 1] - first;
-    const int width = tree->unknowns[link + 1] - tree->unknowns[link];
-    for (int j = 0; j < count * width; ++j)
-        w->dense[j] = 0;
     for (int i = 0; i < count; ++i) {
         const int row = tree->rows[first + i];
-        ncgen_real *own = w->dense + i * width, rest = -phi[row];
-        for (int s = phi_q->indptr[row]; s < phi_q->indptr[row + 1]; ++s) {
-            const int c = phi_q->indices[s];
-            if (tree->group[c] == link)
-                own[tree->place[c]] = w->jacobian[s] * sizes[c];
-            else
-                rest -= w->jacobian[s] * step[c];
-        }
+        ncgen_real rest = -phi[row];
+        for (int s = phi_q->indptr[row]; s < phi_q->indptr[row + 1]; ++s)
+            rest -= w->jacobian[s] * step[phi_q->indices[s]];
         w->right[i] = rest;
     }
 }
 
-/* The products of the rows of a block, below the diagonal and on it, in w->gram. */
-static void multiply_rows(ncgen_tree_work *w, int count, int width)
-{
-    for (int i = 0; i < count; ++i) {
-        const ncgen_real *own = w->dense + i * width;
-        ncgen_real *products = w->gram + i * count;
-        for (int j = 0; j <= i; ++j) {
-            const ncgen_real *other = w->dense + j * width;
-            ncgen_real sum = 0;
-            for (int c = 0; c < width; ++c)
-                sum += own[c] * other[c];
-            products[j] = sum;
-        }
-    }
-}
-
-/* The smallest change, in natural sizes, of a link's coordinates that closes its rows, the others' changes being known. A row that
- * those before it imply is left out. */
-static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, ncgen_real *step)
+/* The products of the rows of a link, below the diagonal and on it, in w->gram. */
+NCGEN_SHORT_LOOPS static void multiply_rows(ncgen_tree_work *w, int link, int count)
 {
     const ncgen_tree *tree = w->tree;
-    const int count = tree->row_start[link + 1] - tree->row_start[link];
-    const int begin = tree->unknowns[link], width = tree->unknowns[link + 1] - begin;
-    ncgen_real *a = w->gram, *right = w->right, *pivot = w->right + tree->most_rows;
-    find_block(r, w, link, phi, step);
-    multiply_rows(w, count, width);
-    /* L D L' row by row: of a row above only what is eliminated already is read. */
+    int entry = tree->entry_start[link];
+    for (int i = 0; i < count; ++i)
+        for (int j = 0; j <= i; ++j, ++entry) {
+            ncgen_real sum = 0;
+            for (int s = tree->product_start[entry]; s < tree->product_start[entry + 1]; ++s)
+                sum += w->scaled[tree->products[2 * s]] * w->scaled[tree->products[2 * s + 1]];
+            w->gram[i * count + j] = sum;
+        }
+}
+
+/* L D L' x = right, row by row: of a row above only what is eliminated already is read. A row that those before it imply is left out. */
+NCGEN_SHORT_LOOPS static void solve(int count, ncgen_scalar rounding, ncgen_real *a, ncgen_real *right, ncgen_real *pivot)
+{
     for (int i = 0; i < count; ++i) {
         ncgen_real *own = a + i * count;
         const ncgen_real size = own[i];
@@ -69,7 +50,7 @@ static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const n
             known -= share * right[k];
             own[k] = share;
         }
-        const int is_implied = !(rest > 1000 * r->rounding * size);
+        const int is_implied = !(rest > 1000 * rounding * size);
         for (int k = 0; is_implied && k < i; ++k)
             own[k] = 0;
         pivot[i] = is_implied ? 0 : 1 / rest; /* 0: nothing is taken from others, and it moves nothing */
@@ -81,22 +62,35 @@ static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const n
             x -= a[k * count + i] * right[k];
         right[i] = x;
     }
-    for (int j = 0; j < width; ++j)
-        w->unknown[j] = 0;
+}
+
+/* The smallest change, in natural sizes, of a link's coordinates that closes its rows, the others' changes being known. */
+NCGEN_SHORT_LOOPS static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, ncgen_real *step)
+{
+    const ncgen_tree *tree = w->tree;
+    const int *indices = r->model->phi_q_pattern.indices;
+    const int first = tree->row_start[link], count = tree->row_start[link + 1] - first;
+    find_right(r, w, link, phi, step);
+    multiply_rows(w, link, count);
+    solve(count, r->rounding, w->gram, w->right, w->right + tree->most_rows);
     for (int i = 0; i < count; ++i)
-        for (int j = 0; j < width; ++j)
-            w->unknown[j] += w->dense[i * width + j] * right[i];
-    for (int j = 0; j < width; ++j) {
-        const int c = tree->order[begin + j];
-        step[c] = w->unknown[j] * r->dynamics->column_sizes[c];
-    }
+        for (int k = tree->own_start[first + i]; k < tree->own_start[first + i + 1]; ++k) {
+            const int s = tree->own[k], c = indices[s];
+            step[c] += w->scaled[s] * r->dynamics->column_sizes[c] * w->right[i];
+        }
 }
 
 void ncgen_tree_closing(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *out)
 {
+    const int n_values = ncgen_nonzeros(&r->model->phi_q_pattern);
+    const int *indices = r->model->phi_q_pattern.indices;
     ncgen_real *phi = out + r->n;
     ncgen_phi(r, t, q, phi);
     ncgen_phi_q(r, t, q, w->jacobian);
+    for (int s = 0; s < n_values; ++s)
+        w->scaled[s] = w->jacobian[s] * r->dynamics->column_sizes[indices[s]];
+    for (int i = 0; i < r->n; ++i)
+        out[i] = 0;
     for (int link = 0; link < w->tree->n_links; ++link)
         close_link(r, w, link, phi, out);
 }

@@ -7,263 +7,95 @@
  */
 #include "ncgen_tree_solve.h"
 
-/* From a link's reference point to an element of its body, which may stand with another link. */
-static void lever_of(const ncgen_tree_work *w, int link, int element, ncgen_real *lever)
+static inline ncgen_real dot6(const ncgen_real *a, const ncgen_real *b)
 {
-    const ncgen_tree *tree = w->tree;
-    for (int i = 0; i < 3; ++i)
-        lever[i] = w->values[tree->elements[3 * element + i]] - (tree->is_point[element] ? w->values[tree->reference[3 * link + i]] : 0);
+    return ncgen_dot3(a, b) + ncgen_dot3(a + 3, b + 3);
 }
 
-/* The masses between the members of a link as a matrix. */
-static void weigh(ncgen_tree_work *w, int link)
+/* A wrench without what a joint takes of it. */
+static inline void take_share(ncgen_real share, const ncgen_real *momentum, ncgen_real *wrench)
 {
-    const ncgen_tree *tree = w->tree;
-    const int count = tree->member_start[link + 1] - tree->member_start[link];
-    const int *members = tree->members + tree->member_start[link];
-    ncgen_real *square = w->square + tree->square_start[link];
-    for (int i = 0; i < count * count; ++i)
-        square[i] = 0;
-    w->total[link] = 0;
-    for (int s = tree->pair_start[link]; s < tree->pair_start[link + 1]; ++s) {
-        const int *pair = tree->pairs + 3 * s;
-        const ncgen_real mass = w->mass[pair[2]];
-        square[pair[0] * count + pair[1]] = square[pair[1] * count + pair[0]] = mass;
-        if (tree->is_point[members[pair[0]]] && tree->is_point[members[pair[1]]])
-            w->total[link] += pair[0] == pair[1] ? mass : 2 * mass;
+    ncgen_add_times(-share, momentum, wrench);
+    ncgen_add_times(-share, momentum + 3, wrench + 3);
+}
+
+/* Forces along the coordinates of a link's elements. */
+static inline void add_forces(const ncgen_real *forces, const ncgen_tree_element *e, const ncgen_tree_element *end, ncgen_real *wrench)
+{
+    for (; e < end; ++e) {
+        const ncgen_real force[3] = {forces[e->c[0]], forces[e->c[1]], forces[e->c[2]]};
+        ncgen_add_cross(e->lever, force, wrench);
+        ncgen_add_times(e->is_point, force, wrench + 3);
     }
 }
 
-void ncgen_tree_weigh(ncgen_tree_work *w)
+/* The inertia and the wrench beyond a screw without what it does not pass on; 0 where it moves nothing. */
+static inline int eliminate(ncgen_tree_screw *screw, int turns, ncgen_real *inertia, ncgen_real *wrench)
 {
-    for (int link = 0; link < w->tree->n_links; ++link)
-        weigh(w, link);
+    const int along = turns ? 0 : 3;
+    ncgen_real momentum[6];
+    ncgen_find_momentum(inertia, turns, screw->axis, momentum);
+    const ncgen_real pivot = screw->rotor + ncgen_dot3(screw->axis, momentum + along), inverse = 1 / pivot;
+    const ncgen_real push = screw->push + ncgen_dot3(screw->axis, wrench + along);
+    screw->pivot = inverse;
+    screw->push = push;
+    ncgen_set6(momentum, screw->momentum);
+    ncgen_add_own_product(-inverse, momentum, inertia);
+    take_share(inverse * push, momentum, wrench);
+    return pivot > 0;
 }
 
-/* The inertia of members, whose mass is the same in all directions: I = tr(P) 1 - P with P = sum of m x y', B = h x. */
-static void add_members(const ncgen_tree_work *w, int link, ncgen_real *inertia)
-{
-    const ncgen_tree *tree = w->tree;
-    const int count = tree->member_start[link + 1] - tree->member_start[link];
-    const int *members = tree->members + tree->member_start[link];
-    const ncgen_real *square = w->square + tree->square_start[link];
-    ncgen_real *second = w->moments + 9 * link, *first = second + 6;
-    for (int i = 0; i < 9; ++i)
-        second[i] = 0;
-    for (int a = 0; a < count; ++a)
-        lever_of(w, link, members[a], w->member + 3 * a);
-    for (int a = 0; a < count; ++a) {
-        const ncgen_real *x = w->member + 3 * a, *masses = square + a * count;
-        ncgen_real u = 0, v = 0, z = 0;
-        for (int b = 0; b < count; ++b) {
-            u += masses[b] * w->member[3 * b];
-            v += masses[b] * w->member[3 * b + 1];
-            z += masses[b] * w->member[3 * b + 2];
-        }
-        second[0] += x[0] * u;
-        second[1] += x[1] * v;
-        second[2] += x[2] * z;
-        second[3] += x[0] * v;
-        second[4] += x[0] * z;
-        second[5] += x[1] * z;
-        if (tree->is_point[members[a]]) {
-            first[0] += u;
-            first[1] += v;
-            first[2] += z;
-        }
-    }
-    inertia[TURNING] += second[1] + second[2];
-    inertia[TURNING + 1] += second[0] + second[2];
-    inertia[TURNING + 2] += second[0] + second[1];
-    for (int i = 3; i < 6; ++i)
-        inertia[TURNING + i] -= second[i];
-    inertia[MIXED + 1] -= first[2];
-    inertia[MIXED + 2] += first[1];
-    inertia[MIXED + 3] += first[2];
-    inertia[MIXED + 5] -= first[0];
-    inertia[MIXED + 6] -= first[1];
-    inertia[MIXED + 7] += first[0];
-    for (int i = 0; i < 3; ++i)
-        inertia[ALONG + i] += w->total[link];
-}
-
-/* The velocity of one coordinate of an element over a twist: six numbers. */
-static void coordinate_row(const ncgen_tree_work *w, int link, int element, int axis, ncgen_real *row)
-{
-    ncgen_real unit[3] = {0, 0, 0}, lever[3];
-    unit[axis] = 1;
-    lever_of(w, link, element, lever);
-    ncgen_cross(lever, unit, row);
-    for (int i = 0; i < 3; ++i)
-        row[3 + i] = w->tree->is_point[element] ? unit[i] : 0;
-}
-
-static void add_singles(const ncgen_tree_work *w, int link, ncgen_real *inertia)
-{
-    const ncgen_tree *tree = w->tree;
-    for (int s = tree->single_start[link]; s < tree->single_start[link + 1]; ++s) {
-        const int *entry = tree->singles + 5 * s;
-        const int is_diagonal = entry[0] == entry[2] && entry[1] == entry[3];
-        ncgen_real a[6], b[6];
-        coordinate_row(w, link, entry[0], entry[1], a);
-        coordinate_row(w, link, entry[2], entry[3], b);
-        ncgen_add_product(w->mass[entry[4]] * (is_diagonal ? 1 : 2), a, b, inertia);
-    }
-}
-
-/* A wrench about a link's reference point, added to one about its parent's. */
-static void add_wrench(const ncgen_tree_work *w, int link, const ncgen_real *wrench, ncgen_real *sum)
-{
-    ncgen_real d[3];
-    ncgen_between(w, link, d);
-    ncgen_add_cross(d, wrench + 3, sum);
-    ncgen_add_times(1, wrench, sum);
-    ncgen_add_times(1, wrench + 3, sum + 3);
-}
-
-/* The inertia beyond a link's own screws without what they do not pass on; 0 where one of them moves nothing. */
-static int eliminate_screws(ncgen_tree_work *w, int link)
-{
-    const ncgen_tree *tree = w->tree;
-    ncgen_real *inertia = w->inertia + INERTIA * link;
-    int is_regular = 1;
-    for (int k = tree->screw_start[link + 1] - 1; k >= tree->screw_start[link]; --k) {
-        ncgen_real *momentum = w->momentum + 6 * k;
-        const ncgen_real *axis = w->axis + 3 * k;
-        ncgen_find_momentum(inertia, tree->turns[k], axis, momentum);
-        const ncgen_real pivot = w->pivot[k] + ncgen_dot3(axis, momentum + (tree->turns[k] ? 0 : 3));
-        is_regular &= pivot > 0;
-        w->pivot[k] = 1 / pivot;
-        ncgen_add_product(-w->pivot[k], momentum, momentum, inertia);
-    }
-    return is_regular;
-}
+/* Groups of joints that follow one another ------------------------------------------------------------------------ */
 
 /* What a link hands on of its group's momentum: to the link before it in the group, else to the carrier's sum. */
-static ncgen_real *joined_before(const ncgen_tree_work *w, int link)
+static ncgen_real *joined_before(const ncgen_tree_work *w, const ncgen_tree_link *own)
 {
-    const ncgen_tree *tree = w->tree;
-    const int group = tree->coupling[link], before = tree->parent[link];
-    return w->joined + 6 * (before >= 0 && tree->coupling[before] == group ? before : tree->n_links + group);
+    const int is_inside = own->parent >= 0 && w->link[own->parent].group == own->group;
+    return w->joined + 6 * (is_inside ? own->parent : w->tree->n_links + own->group);
 }
 
-/* A link of a group takes nothing from the inertia beyond it: its screw adds to the group's momentum and pivot, and the carrier takes all. */
-static void join(ncgen_tree_work *w, int link)
+/* A link of a group takes nothing from what is beyond it: its screw adds to the group's momentum, pivot and push, and the carrier
+ * takes all. */
+static void join(ncgen_tree_work *w, int link, ncgen_tree_screw *screw)
 {
-    const ncgen_tree *tree = w->tree;
-    const int k = tree->screw_start[link], along = tree->turns[k] ? 0 : 3;
-    const ncgen_real *axis = w->axis + 3 * k;
-    const ncgen_scalar ratio = tree->ratio[k];
-    ncgen_real *pivot = w->group + 2 * tree->coupling[link], *joined = w->joined + 6 * link, *momentum = w->momentum + 6 * k;
-    ncgen_find_momentum(w->inertia + INERTIA * link, tree->turns[k], axis, momentum);
-    *pivot += ratio * (2 * ncgen_dot3(axis, joined + along) + ratio * (w->pivot[k] + ncgen_dot3(axis, momentum + along)));
-    ncgen_add_times(ratio, momentum, joined);
-    ncgen_add_times(ratio, momentum + 3, joined + 3);
-    if (tree->parent[link] >= 0)
-        add_wrench(w, link, joined, joined_before(w, link));
+    const ncgen_tree_link *own = w->link + link;
+    const int along = screw->turns ? 0 : 3;
+    ncgen_real *sums = w->group + 2 * own->group, *joined = w->joined + 6 * link;
+    ncgen_find_momentum(own->inertia, screw->turns, screw->axis, screw->momentum);
+    sums[0] += screw->ratio * (2 * ncgen_dot3(screw->axis, joined + along) +
+                               screw->ratio * (screw->rotor + ncgen_dot3(screw->axis, screw->momentum + along)));
+    screw->push += ncgen_dot3(screw->axis, own->wrench + along);
+    sums[1] += screw->ratio * screw->push;
+    ncgen_add_times(screw->ratio, screw->momentum, joined);
+    ncgen_add_times(screw->ratio, screw->momentum + 3, joined + 3);
+    if (own->parent >= 0)
+        ncgen_add_wrench(joined, own->offset, joined_before(w, own));
 }
 
-/* The pivots of groups that hang on a link, whose inertia loses what they do not pass on; 0 where one of them moves nothing. */
+/* The pivots of groups that hang on a link, whose inertia and wrench lose what they do not pass on; 0 where one of them moves nothing. */
 static int close_groups(ncgen_tree_work *w, int link)
 {
     int is_regular = 1;
     for (int group = 0; group < w->tree->n_groups; ++group) {
         if (w->tree->carrier[group] != link)
             continue;
-        ncgen_real *pivot = w->group + 2 * group, *momentum = w->joined + 6 * (w->tree->n_links + group);
-        is_regular &= *pivot > 0;
-        *pivot = 1 / *pivot;
-        if (link >= 0)
-            ncgen_add_product(-*pivot, momentum, momentum, w->inertia + INERTIA * link);
+        ncgen_real *own = w->group + 2 * group, *momentum = w->joined + 6 * (w->tree->n_links + group);
+        is_regular &= own[0] > 0;
+        own[0] = 1 / own[0];
+        if (link >= 0) {
+            ncgen_add_own_product(-own[0], momentum, w->link[link].inertia);
+            take_share(own[0] * own[1], momentum, w->link[link].wrench);
+        }
     }
     return is_regular;
 }
 
-int ncgen_tree_factor(ncgen_tree_work *w)
+static void clear_groups(ncgen_tree_work *w)
 {
-    const ncgen_tree *tree = w->tree;
-    int is_regular = 1;
-    for (int i = 0; i < INERTIA * tree->n_links; ++i)
-        w->inertia[i] = 0;
-    for (int i = 0; tree->n_groups && i < 6 * (tree->n_links + tree->n_groups); ++i)
+    for (int i = 0; i < 6 * (w->tree->n_links + w->tree->n_groups); ++i)
         w->joined[i] = 0;
-    for (int group = 0; group < tree->n_groups; ++group)
-        w->group[2 * group] = 0;
-    for (int k = 0; k < tree->n_screws; ++k)
-        w->pivot[k] = 0;
-    for (int i = 0; i < tree->n_rotors; ++i)
-        w->pivot[tree->rotors[2 * i]] += tree->gears[i] * w->mass[tree->rotors[2 * i + 1]];
-    for (int link = tree->n_links - 1; link >= 0; --link) {
-        ncgen_real *inertia = w->inertia + INERTIA * link, d[3];
-        add_members(w, link, inertia);
-        add_singles(w, link, inertia);
-        is_regular &= close_groups(w, link);
-        if (tree->coupling[link] >= 0)
-            join(w, link);
-        else
-            is_regular &= eliminate_screws(w, link);
-        if (tree->parent[link] >= 0) {
-            ncgen_between(w, link, d);
-            ncgen_add_shifted(inertia, d, w->inertia + INERTIA * tree->parent[link]);
-        }
-    }
-    return is_regular & close_groups(w, -1);
-}
-
-/* Of a rigid body with P = sum of m x y' and h = sum of m x: I a + h x v + (P w) x w, and a x h + m v + w x (w x h). */
-void ncgen_tree_take_inertial(ncgen_tree_work *w)
-{
-    for (int link = 0; link < w->tree->n_links; ++link) {
-        const ncgen_real *second = w->moments + 9 * link, *first = second + 6;
-        const ncgen_real *turning = w->twist + 6 * link, *change = w->change + 6 * link, *lift = change + 3;
-        const ncgen_real trace = second[0] + second[1] + second[2], factor = -w->total[link];
-        ncgen_real *moment = w->wrench + 6 * link, *force = moment + 3, spun[3], moved[3];
-        ncgen_turned(second, change, spun); /* I a = tr(P) a - P a */
-        ncgen_add_times(-trace, change, moment);
-        ncgen_add_times(1, spun, moment);
-        ncgen_add_cross(lift, first, moment);
-        ncgen_turned(second, turning, spun);
-        ncgen_add_cross(turning, spun, moment);
-        ncgen_add_cross(first, change, force);
-        ncgen_add_times(factor, lift, force);
-        ncgen_cross(first, turning, moved);
-        ncgen_add_cross(turning, moved, force);
-    }
-}
-
-static ncgen_real dot6(const ncgen_real *a, const ncgen_real *b)
-{
-    return ncgen_dot3(a, b) + ncgen_dot3(a + 3, b + 3);
-}
-
-/* A wrench without what a joint takes of it. */
-static void take_share(ncgen_real share, const ncgen_real *momentum, ncgen_real *wrench)
-{
-    ncgen_add_times(-share, momentum, wrench);
-    ncgen_add_times(-share, momentum + 3, wrench + 3);
-}
-
-/* Inward: pushes of all screws and groups, and what is left of the wrenches. */
-static void push_inward(ncgen_tree_work *w)
-{
-    const ncgen_tree *tree = w->tree;
-    for (int group = 0; group < tree->n_groups; ++group)
-        w->group[2 * group + 1] = 0;
-    for (int link = tree->n_links - 1; link >= 0; --link) {
-        ncgen_real *wrench = w->wrench + 6 * link;
-        for (int group = 0; group < tree->n_groups; ++group)
-            if (tree->carrier[group] == link)
-                take_share(w->group[2 * group] * w->group[2 * group + 1], w->joined + 6 * (tree->n_links + group), wrench);
-        for (int k = tree->screw_start[link + 1] - 1; k >= tree->screw_start[link]; --k) {
-            w->push[k] += ncgen_dot3(w->axis + 3 * k, wrench + (tree->turns[k] ? 0 : 3));
-            if (tree->coupling[link] >= 0)
-                w->group[2 * tree->coupling[link] + 1] += tree->ratio[k] * w->push[k];
-            else
-                take_share(w->pivot[k] * w->push[k], w->momentum + 6 * k, wrench);
-        }
-        if (tree->parent[link] >= 0)
-            add_wrench(w, link, wrench, w->wrench + 6 * tree->parent[link]);
-    }
+    for (int i = 0; i < 2 * w->tree->n_groups; ++i)
+        w->group[i] = 0;
 }
 
 /* What is left for the groups that hang on a link whose acceleration is known. */
@@ -276,27 +108,57 @@ static void release_groups(ncgen_tree_work *w, int link, const ncgen_real *known
         }
 }
 
-void ncgen_tree_solve(ncgen_tree_work *w, ncgen_real *change)
+/* The tree --------------------------------------------------------------------------------------------------------- */
+
+int ncgen_tree_reduce(ncgen_tree_work *w)
 {
-    const ncgen_tree *tree = w->tree;
-    push_inward(w);
-    release_groups(w, -1, ncgen_nothing);
-    for (int link = 0; link < tree->n_links; ++link) {
-        const ncgen_real *before = ncgen_of_parent(w, w->wrench, link);
-        const int group = tree->coupling[link];
-        ncgen_real *own = w->wrench + 6 * link, d[3];
-        ncgen_copy(6, before, own);
-        if (tree->parent[link] >= 0) {
-            ncgen_between(w, link, d);
-            ncgen_add_cross(before, d, own + 3);
+    const int n_groups = w->tree->n_groups;
+    const ncgen_tree_element *element = w->element + w->tree->n_elements;
+    ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
+    int is_regular = 1;
+    if (n_groups)
+        clear_groups(w);
+    for (int link = w->tree->n_links - 1; link >= 0; --link) {
+        ncgen_tree_link *own = w->link + link, *parent = w->link + own->parent;
+        element -= own->n_elements;
+        add_forces(w->force, element, element + own->n_elements, own->wrench);
+        if (n_groups)
+            is_regular &= close_groups(w, link);
+        if (own->is_hinge)
+            is_regular &= eliminate(--screw, 1, own->inertia, own->wrench);
+        else if (own->group >= 0)
+            join(w, link, --screw);
+        else
+            for (int k = 0; k < own->n_screws; ++k) {
+                --screw;
+                is_regular &= eliminate(screw, screw->turns, own->inertia, own->wrench);
+            }
+        if (own->parent >= 0) {
+            ncgen_add_shifted(own->inertia, own->offset, parent->inertia);
+            ncgen_add_wrench(own->wrench, own->offset, parent->wrench);
         }
-        for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k) {
-            w->push[k] = group < 0 ? w->pivot[k] * (w->push[k] - dot6(w->momentum + 6 * k, own)) : tree->ratio[k] * w->group[2 * group + 1];
-            ncgen_add_screw(w, k, w->push[k], own);
-        }
-        release_groups(w, link, own);
-        for (int i = 0; i < 6; ++i)
-            change[6 * link + i] += own[i];
     }
+    return n_groups ? is_regular & close_groups(w, -1) : is_regular;
 }
 
+void ncgen_tree_release(ncgen_tree_work *w)
+{
+    const int n_groups = w->tree->n_groups;
+    ncgen_tree_screw *screw = w->screw;
+    if (n_groups)
+        release_groups(w, -1, ncgen_nothing);
+    for (ncgen_tree_link *own = w->link; own < w->link + w->tree->n_links; ++own) {
+        const ncgen_real *before = w->link[own->parent].wrench;
+        ncgen_real added[6];
+        ncgen_set6(before, added);
+        ncgen_add_cross(before, own->offset, added + 3);
+        for (const ncgen_tree_screw *end = screw + own->n_screws; screw < end; ++screw) {
+            screw->push = own->group < 0 ? screw->pivot * (screw->push - dot6(screw->momentum, added))
+                                         : screw->ratio * w->group[2 * own->group + 1];
+            ncgen_add_times(screw->push, screw->axis, added + (screw->turns ? 0 : 3));
+        }
+        if (n_groups)
+            release_groups(w, (int)(own - w->link), added);
+        ncgen_set6(added, own->wrench);
+    }
+}

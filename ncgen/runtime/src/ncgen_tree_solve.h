@@ -4,16 +4,11 @@
 
 #include "ncgen_tree_work.h"
 
-/* What factors need of a new w->mass. */
-void ncgen_tree_weigh(ncgen_tree_work *w);
+/* Momenta, pivots and pushes of all screws and groups, from inertias and wrenches of the bodies, forces along coordinates and pushes;
+ * 0 where a screw or a group moves nothing. */
+int ncgen_tree_reduce(ncgen_tree_work *w);
 
-/* Momenta and pivots of all screws and groups, from w->mass; 0 where one of them moves nothing. */
-int ncgen_tree_factor(ncgen_tree_work *w);
-
-/* The wrenches less those of inertia without accelerations of the joints, where all mass is between members; after ncgen_tree_factor. */
-void ncgen_tree_take_inertial(ncgen_tree_work *w);
-
-/* What the wrenches and pushes change the joints' rates by, added to `change` of all links; in w->push. */
-void ncgen_tree_solve(ncgen_tree_work *w, ncgen_real *change);
+/* What the joints' rates change by, in pushes, and the links by that, in wrenches. */
+void ncgen_tree_release(ncgen_tree_work *w);
 
 #endif

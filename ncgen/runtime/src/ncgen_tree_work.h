@@ -1,58 +1,112 @@
-/* ncgen_tree_work.h: what the loops over the tables of an open tree share. */
+/* ncgen_tree_work.h: what the loops over the tables of an open tree share.
+ *
+ * A link, an element, a member and a screw are one record each, with what the tables say of it (int) and what belongs to a state.
+ */
 #ifndef NCGEN_TREE_WORK_H
 #define NCGEN_TREE_WORK_H
 
 #include "ncgen_inertia.h"
 #include "ncgen_state.h"
 
+/* Of loops of few passes, most of them of two to six, vectors only lengthen the way there and back. */
+#if defined(__GNUC__) && !defined(__clang__)
+#define NCGEN_SHORT_LOOPS __attribute__((optimize("no-tree-vectorize")))
+#else
+#define NCGEN_SHORT_LOOPS
+#endif
+
+/* A link; of the ground, the one before the first, all numbers are zero. */
+typedef struct ncgen_tree_link {
+    int parent, reference[3]; /* -1: the ground; components of its reference point */
+    int n_elements, n_screws, n_members;
+    int group;    /* of joints that move as one, to which its only screw belongs; -1: none */
+    int is_hinge; /* its joint is one screw that turns, has a measured coordinate and belongs to no group */
+    ncgen_real origin[3];        /* its reference point */
+    ncgen_real offset[3];        /* ... from that of its parent */
+    ncgen_real twist[6];         /* angular velocity, velocity of its reference point */
+    ncgen_real change[6];        /* the same of accelerations, first without those of the joints */
+    ncgen_real wrench[6];        /* moment about its reference point, force; then what the joints' accelerations add to the link's */
+    ncgen_real inertia[INERTIA]; /* of its own body, then of what it carries, less what its joint takes */
+} ncgen_tree_link;
+
+/* A point or a vector that moves with a link. */
+typedef struct ncgen_tree_element {
+    int c[3]; /* its components */
+    ncgen_scalar is_point, heaviness;
+    ncgen_real lever[3]; /* from its link's reference point, of a vector itself */
+} ncgen_tree_element;
+
+/* What has mass that is the same along all axes. */
+typedef struct ncgen_tree_member {
+    int c[3];
+    ncgen_scalar is_point;
+} ncgen_tree_member;
+
+/* One of the motions of a joint. */
+typedef struct ncgen_tree_screw {
+    int turns, is_carried, c[3]; /* components of the first term of its axis */
+    int first_term, end_term;    /* the others */
+    int leader;                  /* the screw that it follows; -1: none */
+    int coordinate;              /* the measured one that gives its rate; -1: elements do */
+    ncgen_scalar weight;         /* of the first term */
+    ncgen_scalar ratio, slowness; /* its rate over that of its leader; over that of the coordinate */
+    ncgen_real axis[3];
+    ncgen_real momentum[6]; /* at rate 1 */
+    ncgen_real pivot;       /* 1 / (screw . momentum) */
+    ncgen_real push;        /* force along a measured coordinate, then what is left for the screw, then its acceleration */
+    ncgen_real rate;
+    ncgen_real rotor; /* inertia along a measured coordinate */
+} ncgen_tree_screw;
+
+/* Where a loop over the links has come to in the other records, which are in their order. */
+typedef struct ncgen_tree_place {
+    ncgen_tree_element *element;
+    ncgen_tree_member *member;
+    ncgen_tree_screw *screw;
+    const ncgen_real *masses;
+} ncgen_tree_place;
+
 typedef struct ncgen_tree_work {
     const ncgen_tree *tree;
     int mass_is_there;
-    ncgen_real *values;   /* coordinates, then fixed components */
-    ncgen_real *mass;     /* values of M */
-    ncgen_real *square;   /* of every link: masses between its members, symmetric */
-    ncgen_real *total;    /* of a link: the mass of its members */
-    ncgen_real *moments;  /* 9 a link: sum of m x y' of its members as xx, yy, zz, xy, xz, yz, and of their points m x */
-    ncgen_real *member;   /* 3 a member of a link */
-    ncgen_real *lever;    /* 3 an element: from its link's reference point, of a vector itself */
-    ncgen_real *axis;     /* 3 a screw */
-    ncgen_real *twist;    /* 6 a link: angular velocity, velocity of its reference point */
-    ncgen_real *change;   /* 6 a link: the same of accelerations, first without those of the joints */
-    ncgen_real *wrench;   /* 6 a link: moment about its reference point, force */
-    ncgen_real *inertia;  /* 21 a link: of what it carries */
-    ncgen_real *momentum; /* 6 a screw: at rate 1 */
-    ncgen_real *pivot;    /* of a screw: 1 / (screw . momentum) */
-    ncgen_real *push;     /* of a screw: force along a measured coordinate, then what is left for it */
-    ncgen_real *rate;     /* of a screw */
-    ncgen_real *joined;   /* 6 a link of a group, then 6 a group for its carrier: momentum at rate 1 of the group's first screw */
-    ncgen_real *group;    /* 2 a group: its pivot, and its push, then what is left for it */
-    ncgen_real *force, *bias, *inertial; /* n */
-    ncgen_real *gram, *right;            /* of the rows that close a link */
-    ncgen_real *jacobian;                /* values of Phi_q */
-    ncgen_real *unknown;                 /* of a link */
-    ncgen_real *dense;                   /* the part of a link */
+    ncgen_tree_link *link;
+    ncgen_tree_element *element;
+    ncgen_tree_member *member;
+    ncgen_tree_screw *screw;
+    ncgen_real *values; /* coordinates, then fixed components */
+    ncgen_real *moved;  /* n + n_fixed: velocities or accelerations */
+    ncgen_real *force;  /* n + n_fixed: forces along the coordinates, then zeros */
+    ncgen_real *mass;   /* values of M */
+    ncgen_real *masses; /* of every link: its mass, of every member the mass that it has with points, the masses between members by rows */
+    ncgen_real *levers; /* 3 a member of a link */
+    ncgen_real *joined; /* 6 a link of a group, then 6 a group for its carrier: momentum at rate 1 of the group's first screw */
+    ncgen_real *group;  /* 2 a group: its pivot, and its push, then what is left for it */
+    ncgen_real *bias, *inertial; /* n */
+    ncgen_real *jacobian;        /* values of Phi_q */
+    ncgen_real *scaled;          /* ... in natural sizes of the coordinates */
+    ncgen_real *gram, *right;    /* of the rows that close a link */
 } ncgen_tree_work;
 
 static const ncgen_real ncgen_nothing[6] = {0, 0, 0, 0, 0, 0};
 
-/* The reference point of a link, from that of its parent. */
-static inline void ncgen_between(const ncgen_tree_work *w, int link, ncgen_real *d)
+static inline ncgen_tree_place ncgen_tree_begin(const ncgen_tree_work *w)
 {
-    const ncgen_tree *tree = w->tree;
-    const int *mine = tree->reference + 3 * link, *before = tree->reference + 3 * tree->parent[link];
-    for (int i = 0; i < 3; ++i)
-        d[i] = w->values[mine[i]] - w->values[before[i]];
+    const ncgen_tree_place place = {w->element, w->member, w->screw, w->masses};
+    return place;
 }
 
-static inline const ncgen_real *ncgen_of_parent(const ncgen_tree_work *w, const ncgen_real *all, int link)
+static inline void ncgen_tree_go_on(const ncgen_tree_link *own, ncgen_tree_place *place)
 {
-    return w->tree->parent[link] < 0 ? ncgen_nothing : all + 6 * w->tree->parent[link];
+    place->element += own->n_elements;
+    place->member += own->n_members;
+    place->screw += own->n_screws;
+    place->masses += 1 + own->n_members * (1 + own->n_members);
 }
 
-/* A screw's rate added to a twist. */
-static inline void ncgen_add_screw(const ncgen_tree_work *w, int screw, ncgen_real rate, ncgen_real *twist)
+/* Is all mass the same along all axes? */
+static inline int ncgen_has_pairs_alone(const ncgen_tree_work *w)
 {
-    ncgen_add_times(rate, w->axis + 3 * screw, twist + (w->tree->turns[screw] ? 0 : 3));
+    return w->tree->single_start[w->tree->n_links] == 0;
 }
 
 #endif

@@ -26,11 +26,14 @@ from ncgen.solver.events.conditions import EventFunctions, changes_of
 from ncgen.solver.events.modes import Held, count_of, load_conditions
 from ncgen.solver.events.state import Done, Occurrence, State
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.name_lists import listed_names
 
 RATE_ROUNDING, MIN_RELATIVE_RATE = 1e-9, 1e-6
 """A condition touches zero where its rate is below these fractions of the sizes of the rate's terms, and of the condition's own size over
 the motion's length: rounding of the condition, 1e-13 of its size, then says nothing about when it is zero."""
+
+
+SAME_TIME = 1e-9
+"""Events that happen together do so at all parameters if their times change alike to this share, such as of two feet of one body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +57,12 @@ class EventJacobians:
         self.kernels, self.functions, self.driven, self.length = kernels, EventFunctions(kernels), list(driven), length
         self.tangents = EventTangents(self.functions)
         self.impacts = ImpactJacobians(self.tangents)
-        self._refuse()
         self.rows = {row.number: row for row in self.functions.rows}
         self.n = kernels.n
 
     def __call__(self, o: Occurrence) -> EventJacobian:
         """Raises ModelError naming events and the time where there is no derivative."""
+        self._check_in_space(o)
         flow = self._flow(o.before, o.held_before)
         time = self._time(o, flow)
         before = np.eye(len(time)) + np.outer(flow, time)
@@ -71,19 +74,8 @@ class EventJacobians:
                 change = self._lock(done, time, change) if done.locks else self._act(done, time, change)
         through = self._mode(o, time, change) - np.outer(following := self._flow(o.after, o.held), time)
         if o.held or o.after.locked:
-            through = self._onto(o, through)
+            through = self._onto(self.mode(o.after, o.held), o.after, through)
         return EventJacobian(time, before, through + np.outer(following, time), through)
-
-    def _refuse(self) -> None:
-        """Raise ModelError naming elements whose events have no derivatives yet."""
-        model = self.kernels.model
-        pressed = [each.name for each in model.frictions.values() if each.load is not None]
-        if elements := [*model.contacts, *pressed]:
-            names = listed_names(elements)
-            raise ModelError(
-                f"{model.name}: derivatives through friction of contacts and of loads ({names}) are not supported yet; "
-                "take differences of runs, or leave them out"
-            )
 
     def mode(self, at: State, held: tuple[int, ...]) -> Kernels:
         """The kernels of the mode of a state in which these are held."""
@@ -103,15 +95,21 @@ class EventJacobians:
     def _time(self, o: Occurrence, flow: np.ndarray) -> np.ndarray:
         """How the instant moves (N,); 0 at the start of the run."""
         where = f"at t = {o.before.t:.9g} s"
-        crossed: list[int] = list(o.crossed)
+        crossed = [] if self._only_turns(o) else list(o.crossed)
         if not crossed:
             if any(done.is_impact and min(done.events) < len(self.functions.events) for done in o.done):
                 raise self._none(o.names, f"{where} happens where the motion begins", "begin before it")
             return np.zeros(len(flow))
-        if len(crossed) > 1:
+        times = np.array([self._time_of(k, o, flow, where) for k in crossed])
+        if len(times) > 1:  # of what the constraints allow
+            times = times @ self._onto(self.mode(o.before, o.held_before), o.before, np.eye(len(flow)))
+        if np.max(np.abs(times - times[0])) > SAME_TIME * np.max(np.abs(times)):
             names = ", ".join(self._name(k, o.held_before) for k in crossed)
             raise self._none(names, f"{where} happen at one instant, where the order of events changes", "move one of them")
-        k = crossed[0]
+        return times[0]
+
+    def _time_of(self, k: int, o: Occurrence, flow: np.ndarray, where: str) -> np.ndarray:
+        """How the instant of one condition moves (N,)."""
         name = self._name(k, o.held_before)
         if k > self.functions.count + count_of(self._held(o.held_before)) - 1:
             raise self._none("stop", f"{where} ends the motion", "leave it out")
@@ -123,6 +121,23 @@ class EventJacobians:
         if not abs(rate) > max(RATE_ROUNDING * size, MIN_RELATIVE_RATE * self._scale(k, o) / self.length):
             raise self._none(name, f"{where} only touches its condition", "move it")
         return -by_state / rate
+
+    def _only_turns(self, o: Occurrence) -> bool:
+        """Whether only the direction of contacts in space was set anew, with which nothing changes."""
+        turning = {*self.functions.turns, *self.functions.turns.values()}
+        return not o.done and o.held == o.held_before and turning.issuperset(o.crossed)
+
+    def _check_in_space(self, o: Occurrence) -> None:
+        """Raise ModelError where a contact in space comes to rest or begins to slide."""
+        functions = self.functions
+        for k in functions.turns.values():
+            rests = k in o.crossed and k in o.held and k not in o.held_before
+            slides = k in o.held_before and k not in o.held and functions.gaps[k] in o.held
+            if rests or slides:
+                why = (
+                    f"at t = {o.before.t:.9g} s {'comes to rest' if rests else 'begins to slide'} in space, where friction has no direction"
+                )
+                raise self._none(functions.contacts[k].name, why, "end the motion before, or take differences of runs")
 
     def _scale(self, k: int, o: Occurrence) -> float:
         """The size of a condition."""
@@ -204,9 +219,9 @@ class EventJacobians:
                 after[first + names.index(each.held)] = self.impacts.element(f"{each.name}, place", values)
         return after
 
-    def _onto(self, o: Occurrence, change: np.ndarray) -> np.ndarray:
-        """What the constraints of the mode allow of a change: that of a gap that comes to rest by bounces vanishes."""
-        kernels, n, at = self.mode(o.after, o.held), self.n, o.after
+    def _onto(self, kernels: Kernels, at: State, change: np.ndarray) -> np.ndarray:
+        """What the constraints of a mode allow of a change: that of a gap that comes to rest by bounces vanishes."""
+        n = self.n
         dq, dqd, dp = np.split(change, [n, 2 * n])
         given = {"t": at.t, "q": at.q, "qd": at.qd, "qdd": np.zeros(n), "lam": np.zeros(kernels.m), "p": at.p}
         own = kernels.holonomic

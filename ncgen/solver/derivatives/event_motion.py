@@ -24,7 +24,7 @@ from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.signals import Signals
 
 FINE = 1e-11
-"""rtol of the simulation that finds events."""
+"""rtol of the simulation that finds events, at most: states at which an event is differentiated should be those of the steps before it."""
 
 SAME_INSTANT = 1e-13
 """Events nearer than this fraction of the motion's length happen at one instant."""
@@ -38,7 +38,7 @@ MakeSmooth: TypeAlias = Callable[[Kernels, Initial, np.ndarray, bool], Smooth]
 """From kernels, a start, times of a grid (s), and whether the position at the start is the model's own."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class EventSensitivity:
     """How an event changes, columns in the order of `Sensitivities.names`.
 
@@ -103,7 +103,7 @@ class EventMotion:
         first = len(kernels.p0) - len(laws)
         driven = [first + i for i, signal in enumerate(laws) if signal is not None]
         self._jacobians = EventJacobians(kernels.driven_by(signals), driven, float(times[-1] - times[0]))
-        passage = simulate_events(kernels, times, rtol=FINE, **given)
+        passage = simulate_events(kernels, times, **given)
         self.instants, begun = passage.instants, passage.begun
         assert begun is not None, "a run with events has begun"
         self._check()
@@ -191,7 +191,17 @@ class EventMotion:
             jacobian = self._through[self.instants.index(o)]
             time, before, after = jacobian.time @ change, jacobian.before @ change, jacobian.after @ change
             for each in o.happened:
-                sensitivities.append(EventSensitivity(each.t, each.name, each.what, time, before[:n], before[n : 2 * n], after[n : 2 * n]))
+                sensitivities.append(
+                    EventSensitivity(
+                        t=each.t,
+                        name=each.name,
+                        what=each.what,
+                        t_by=time,
+                        q_by=before[:n],
+                        before_by=before[n : 2 * n],
+                        after_by=after[n : 2 * n],
+                    )
+                )
         return tuple(sensitivities)
 
     def _walk(self, directions: np.ndarray) -> Iterator[tuple[Any, Any]]:

@@ -19,6 +19,7 @@ from scipy.linalg import cho_factor, cho_solve
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving_breaks import Jump
+from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.mechanism.taped import Driven
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.derivatives.jumps import Jumps, Stepping
@@ -358,6 +359,9 @@ class _Stage:
         given = {"t": t, "q": q, "qd": qd, "qdd": qdd, "lam": self.lam, "p": p}
         for name in TANGENTS:
             setattr(self, name, kernels.dense_tangent(name, **given))
+        if friction := ReactiveForce.only(kernels.model.callbacks):
+            by_q, by_qd, by_p = np.split(friction.jacobian(t, q, qd, p), [len(q), 2 * len(q)], axis=1)
+            self.stiffness, self.damping, self.balance_p = self.stiffness - by_q, self.damping - by_qd, self.balance_p - by_p
 
     def forward(self, dy: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(df, dq, dq̇) along directions dy (2 nz, columns) and dp (parameters, columns)."""
@@ -393,6 +397,7 @@ class _Stage:
 
 
 def _check(kernels: Kernels) -> None:
-    refuse_callbacks(kernels)
+    if not ReactiveForce.only(kernels.model.callbacks):
+        refuse_callbacks(kernels)
     if len(kernels.holonomic) != kernels.m:
         raise ModelError(f"{kernels.name}: motions with rolling conditions are not differentiated")

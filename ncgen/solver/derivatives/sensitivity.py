@@ -18,7 +18,7 @@ from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS, Integrator
-from ncgen.solver.derivatives.event_motion import EventMotion, EventSensitivity
+from ncgen.solver.derivatives.event_motion import FINE, EventMotion, EventSensitivity
 from ncgen.solver.derivatives.objective import check_objective, filled, of_objective
 from ncgen.solver.derivatives.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.derivatives.stepped_motion import SteppedMotion
@@ -36,7 +36,7 @@ NOT_DIFFERENTIATED = ("formalism", "engine", "number", "atol", "max_step")
 """Arguments of a method that make no difference where its steps are differentiated."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Sensitivities:
     """A motion and its derivatives at K instants; columns in the order of `names`: parameters, z at the start, ż at the start.
 
@@ -131,46 +131,18 @@ def sensitivities(
     directions = np.eye(len(motion.names))[:, [motion.names.index(name) for name in names]]
     q_by, qd_by = motion.along(directions)
     events = motion.events_along(directions) if isinstance(motion, EventMotion) else ()
-    return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, names, events)
+    return Sensitivities(t=motion.t, q=motion.q, qd=motion.qd, q_by=q_by, qd_by=qd_by, names=names, events=events)
 
 
-@takes(MotionArguments, unused=NOT_DIFFERENTIATED, integrator="rk4", rtol=None)
-def gradient(
+def gradient_one(
     kernels: Kernels,
     duration: float,
     steps: int,
     objective: Callable[[np.ndarray, np.ndarray], tuple],
-    *,
-    by: str | Iterable[str] | None = None,
+    by: str | Iterable[str] | None,
     **arguments: Unpack[MotionArguments],
 ) -> Gradient:
-    """Compute the gradient of a number that depends on a motion, by one reverse sweep.
-
-    Parameters
-    ----------
-    kernels : Kernels
-        Compiled mechanism.
-    duration : float
-        Length of the motion in s.
-    steps : int
-        Number of equal steps, K = steps + 1 times.
-    objective : callable
-        Function (q, qd), each (K, n), to (value, its derivative by q, its derivative by qd), each (K, n); None is a derivative of zero.
-    by : str or iterable of str, optional
-        Names of the derivatives. Default: all.
-    **arguments : MotionArguments
-        The start and the method, as of `sensitivities`.
-
-    Returns
-    -------
-    Gradient
-        The value and its derivatives by name.
-
-    Raises
-    ------
-    ModelError, ConvergenceError, SingularError
-        As `sensitivities`.
-    """
+    """Compute the gradient of one motion; arguments and errors as of `gradient` without rows."""
     checked_kernels(kernels)
     check_objective(objective)
     motion = motion_of(kernels, duration, steps, **arguments)
@@ -270,7 +242,8 @@ def motion_of(kernels: Kernels, duration: float, steps: int, integrator: str = "
         raise ModelError(f"options: {integrator} has none")
     make = partial(motion_from, integrator=integrator, tolerances=tolerances, signals=signals)
     if has_events(kernels.model):
-        return EventMotion(kernels, initial, times, follows, signals, make, start | ({"inputs": inputs} if inputs is not None else {}))
+        given = start | ({"inputs": inputs} if inputs is not None else {}) | {"rtol": FINE if rtol is None else min(rtol, FINE)}
+        return EventMotion(kernels, initial, times, follows, signals, make, given)
     return make(kernels, initial, times, follows)
 
 

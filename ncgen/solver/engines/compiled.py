@@ -10,6 +10,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, NcgenError, SingularError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.reactive import ReactiveForce
 from ncgen.methods.method import Method
 from ncgen.methods.newmark import newmark
 from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, in_c, number_in_c
@@ -175,7 +176,8 @@ def _may_recur(kernels: Kernels, method: Method) -> bool:
 
 def is_written_out(kernels: Kernels, method: Method) -> bool:
     """True where a run over all coordinates takes its accelerations from a recursion that is emitted and compiled, with all forces."""
-    return not kernels.model.callbacks and _is_recursive(kernels, method)
+    callbacks = kernels.model.callbacks
+    return (not callbacks or ReactiveForce.only(callbacks) is not None) and _is_recursive(kernels, method)
 
 
 def _is_recursive(kernels: Kernels, method: Method) -> bool:
@@ -362,7 +364,9 @@ def _made(
         return DenseDynamics(kernels, split, number, positions)
     kernels = checked_compiled(kernels)
     around = hashlib.sha256(np.concatenate([q, p]).tobytes()).hexdigest()
-    written = Written(kernels, split, partial(samples, kernels, q.copy(), p.copy()), around, form == "refined")
+    written = Written(
+        kernels=kernels, split=split, samples_of=partial(samples, kernels, q.copy(), p.copy()), around=around, refine=form == "refined"
+    )
     try:
         return LaneDynamics(written) if form == "lanes" else EmittedDynamics(written, number)
     except EliminationError as error:

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ConvergenceError
+from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.instants import GAP_TOLERANCE
 from ncgen.solver.events.mobility import is_blocked
 from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of
 from ncgen.solver.events.rubbing import check_determined, is_prevented, undetermined
@@ -123,7 +123,10 @@ class ActiveConstraints:
         functions, start, released = self.functions, at, dict(self.left)
         self._before = self._speed(before)
         self._reserve = FRICTION_RESERVE if any(self.rows[k].sticks for k in self.left) else 0.0
-        wanted = [k for k in self.rows if self._may_hold(k, at, held, due, resting) and k not in released]
+        may = [k for k in self.rows if self._may_hold(k, at, held, due, resting)]
+        if any(self.rows[k].sticks and k not in held and k not in released for k in may):  # that can take over: loads are shared anew
+            released = {k: side for k, side in released.items() if not self.rows[k].sticks}
+        wanted = [k for k in may if k not in released]
         self._drop_what_is_open(wanted)
         p = at.p.copy()
         for k in wanted:
@@ -189,7 +192,7 @@ class ActiveConstraints:
 
     def _is_closed(self, k: int, at: State) -> bool:
         values, scales = self.functions.weighed(at)
-        return bool(abs(values[k]) <= GAP_TOLERANCE * scales[k])
+        return is_zero(values[k], scales[k])
 
     def is_still(self, k: int, at: State) -> bool:
         """Whether a gap does not change, or a joint or a contact does not move, but for rounding."""
@@ -272,7 +275,7 @@ class ActiveConstraints:
                 change = JOINTS[2]
             if change:
                 search: Search = due.get(k, "sampled" if k in before else "action")
-                happened.append(Happening(at.t, row.name, search, at.q, start.qd, at.qd, what=change))
+                happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, what=change))
         return happened
 
     def _place(self, name: str) -> int:

@@ -12,7 +12,7 @@ from ncgen.mechanism.program_functions import functions as functions_of
 from ncgen.program.ir.blocks import Program
 from ncgen.program.motions.event_tangents import INPUTS, assemble_condition_tangent, assemble_impact_tangent, assemble_value_tangents
 from ncgen.solver.events.conditions import EventFunctions
-from ncgen.solver.events.modes import Held, count_of, held_loads
+from ncgen.solver.events.modes import Held, count_of, held_loads, sliding_of
 from ncgen.solver.events.state import State
 from ncgen.solver.loads.constraint_loads import motion_sizes
 
@@ -66,14 +66,17 @@ class EventTangents:
 
     def _conditions(self, mode: Kernels, held: tuple[Held, ...]) -> ProgramFunctions:
         conditions, loads = self.functions.conditions, held_loads(mode, held)
+        sliding = sliding_of(mode, held, self.functions.loaded)
 
         def made() -> dict[str, Program]:
-            return assemble_condition_tangent(mode.programs.equations, conditions, loads, motion_sizes(mode), mode.row_sizes)
+            return assemble_condition_tangent(mode.programs.equations, conditions, loads, sliding, motion_sizes(mode), mode.row_sizes)
 
+        words = [*conditions, *((e.words, (e.row, e.static, e.grip, e.directions, e.pressed)) for e in loads)]
+        words += [(s.words, (s.row, s.velocity, s.friction, s.slip)) for s in sliding]
         sizes = {"condition_tangent": len(conditions) + count_of(held)}
         return functions_of(
             mode,
-            _word("conditions", [*conditions, *((each.words, each.static) for each in loads)]),
+            _word("conditions", words),
             {name: INPUTS[name] for name in sizes},
             sizes,
             self._counts(mode),

@@ -18,11 +18,8 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.mobility import response
 from ncgen.solver.events.state import State
 
-OPENING = 1e-12
-"""A gap whose velocity is above minus this, relative to all velocities before, does not close."""
 
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Gap:
     """A gap at an instant: its gradient (n,), drift ∂g/∂t, and restitution.
 
@@ -40,7 +37,7 @@ class Gap:
     is_poisson: bool = False
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Hit:
     """Velocities qd (n,) after impacts, and of every gap its impulse (N s, or N m s), whether it sticks, and the energy (J) it takes.
 
@@ -61,10 +58,10 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     """
     W, drift, blows = rows_of(gaps)
     places, sizes = [blow.gap for blow in blows], kernels.column_sizes
-    rounding = OPENING * (np.abs(W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(drift))
+    terms = np.abs(W) @ sizes * np.max(np.abs(at.qd) / sizes, initial=0.0) + np.abs(drift)
     responses = response(kernels, at, W)
     energy = float(kernels.energy(at.q, at.qd, at.t, at.p)[0])
-    solved = impact(W @ responses, W @ at.qd + drift, blows, LAWS[next(iter(orders))] if len(orders) == 1 else LAWS[""], rounding, energy)
+    solved = impact(W @ responses, W @ at.qd + drift, blows, LAWS[next(iter(orders))] if len(orders) == 1 else LAWS[""], terms, energy)
     if solved.failure:
         raise _failure(kernels, at, [gap.name for gap in gaps], orders, solved, at.qd + responses @ solved.impulses)
     if not solved.closes:
@@ -76,7 +73,7 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     impulses, qd = solved.impulses[places], at.qd + responses @ solved.impulses
     if not solved.turns:
         turns = [(tuple(np.flatnonzero(impulses > 0).tolist()), qd)]
-    return Hit(qd, impulses, solved.sticks, solved.lost, tuple(turns))
+    return Hit(qd=qd, impulses=impulses, sticks=solved.sticks, lost=solved.lost, turns=tuple(turns))
 
 
 def rows_of(gaps: Sequence[Gap]) -> tuple[np.ndarray, np.ndarray, list[Blow]]:

@@ -1,14 +1,17 @@
-"""What happens at one instant: the actions of all events that are due, and of those that these bring about, to a fixed point."""
+"""What happens at one instant: the actions of events that are due; C has the chain of those that these bring about (`chain_in_c`)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import count
 
 import numpy as np
 import scipy.sparse
 
 from ncgen.errors import ConvergenceError, ModelError, shown
+from ncgen.mechanism.chain_in_c import Chain, is_zero
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call, Locking, Stop
 from ncgen.model.elements import coordinate_of
@@ -20,17 +23,11 @@ from ncgen.solver.formalisms.projection import least_energy, project_velocity, v
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.trajectories.happening import LOCKS, Happening, Search
 
-MAX_ROUNDS = 1000
-"""Rounds of events that bring about others at one instant."""
-
 LOCKED = 1e-9
 """The largest share of its terms by which a velocity may miss the constraints after a lock has closed."""
 
-GAP_TOLERANCE = 1e-10
-"""A gap is closed where it is smaller than this share of its scale."""
 
-
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Instant:
     """What happens at one instant. at: the state so far; happened, done: in order; stops: True where the run ends here
 
@@ -48,33 +45,33 @@ class Instant:
     def kernels(self) -> Kernels:
         return self.functions.kernels
 
+    @cached_property
+    def chain(self) -> Chain:
+        """The chain of events, as C has it."""
+        return Chain(self.functions.directions[: len(self.functions.events)], lambda: self.functions.weighed(self.at))
+
     def happen(self, due: Mapping[int, Search]) -> None:
         """Carry out the events of these positions, each with how it was found, and those that follow at the same instant.
 
         Raises ConvergenceError naming events that bring about each other without end, ModelError for what an action cannot do.
         """
-        events, done = self.functions.events, 0
-        while due:
-            if (done := done + 1) > MAX_ROUNDS:
-                names = ", ".join(events[k].name for k in due)
-                raise ConvergenceError(
-                    f"{self.kernels.name}: events {names} bring about each other without end at t = {self.at.t:.6g} s; "
-                    "change their conditions"
-                )
-            before, _ = self.functions.values(self.at)
-            self._impacts([k for k in due if events[k].impact], due)
-            for k in due:
-                if not events[k].impact:
-                    self._act(k, due[k])
-            due = self.turned(before, due)
+        if not due:
+            return
+        events, chain, rounds = self.functions.events, self.chain, count()
 
-    def turned(self, before: np.ndarray, done: Iterable[int]) -> dict[int, Search]:
-        """Events, but for those done, whose conditions the last changes carried to the other side; before (C,): their values then."""
-        after, scales = self.functions.weighed(self.at)
-        small, ways = GAP_TOLERANCE * scales, self.functions.directions
-        ways = np.where(np.arange(len(ways)) < len(self.functions.events), ways, np.nan)  # velocities of joints and contacts are no events
-        turned = (before * after < 0) & (np.abs(before) > small) & (np.abs(after) > small) & (np.sign(after) * ways >= 0)
-        return {k: "action" for k in np.flatnonzero(turned).tolist() if k not in done}
+        def act(numbers: tuple[int, ...]) -> None:
+            first = next(rounds) == 0
+            searches: dict[int, Search] = {k: due[k] if first else "action" for k in numbers}
+            self._impacts([k for k in numbers if events[k].impact], searches)
+            for k in numbers:
+                if not events[k].impact:
+                    self._act(k, searches[k])
+
+        if not chain.follow(due, act):
+            names = ", ".join(events[k].name for k in np.flatnonzero(chain.due))
+            raise ConvergenceError(
+                f"{self.kernels.name}: events {names} bring about each other without end at t = {self.at.t:.6g} s; change their conditions"
+            )
 
     def lock(self, names: Sequence[str]) -> None:
         """Close locks where they are, with the impulses of their constraints. Raises ModelError where others contradict them."""
@@ -94,7 +91,7 @@ class Instant:
                 "free these first"
             )
         self.at = replace(at, qd=qd)
-        self.done.append(Done((), False, start, self.at, tuple(new)))
+        self.done.append(Done(events=(), is_impact=False, before=start, after=self.at, locks=tuple(new)))
 
     def free(self, name: str) -> None:
         """Open a lock."""
@@ -133,7 +130,7 @@ class Instant:
                 self._set(changes or {}, event.name)
         before = self.at
         self._set(self.functions.numbers(before).get(k, {}), event.name)
-        self.done.append(Done((k,), False, before, self.at))
+        self.done.append(Done(events=(k,), is_impact=False, before=before, after=self.at))
         self._note(event.name, search, start, what)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
@@ -163,7 +160,7 @@ class Instant:
         functions, start = self.functions, self.at
         all_impacts = [k for k, event in enumerate(functions.events) if event.impact]
         values, scales = functions.weighed(start)
-        taking = [k for k in all_impacts if k in due or abs(values[k]) <= GAP_TOLERANCE * scales[k]]
+        taking = [k for k in all_impacts if k in due or is_zero(values[k], scales[k])]
         if self.at.locked:
             still = is_blocked(functions.mode(start), self.kernels, start, functions.slopes(start)[0][taking])
             taking = [k for k, fixed in zip(taking, still, strict=True) if not fixed]
@@ -189,19 +186,27 @@ class Instant:
         """Note what hits did, of gaps with these numbers of conditions."""
         for turn, velocities in hit.turns:
             after = replace(start, qd=velocities)
-            self.done.append(Done(tuple(hitting[number] for number in turn), True, start, after))
+            self.done.append(Done(events=tuple(hitting[number] for number in turn), is_impact=True, before=start, after=after))
             start = after
 
     def _note(self, name: str, search: Search, start: State, what: str) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
-        self.happened.append(Happening(start.t, name, search, start.q, start.qd, self.at.qd, 0.0, lost, what=what))
+        self.happened.append(
+            Happening(
+                t=start.t, name=name, search=search, q=start.q, before=start.qd, after=self.at.qd, impulse=0.0, energy_lost=lost, what=what
+            )
+        )
 
     def _note_impulses(self, gaps: Sequence[Gap], searches: Mapping[str, Search], hit: Hit, start: State) -> None:
         """Of every gap that was hit."""
         for gap, impulse, lost in zip(gaps, hit.impulses.tolist(), hit.lost.tolist(), strict=True):
             if impulse > 0:
                 search = searches.get(gap.name, "action")
-                self.happened.append(Happening(start.t, gap.name, search, start.q, start.qd, hit.qd, impulse, lost))
+                self.happened.append(
+                    Happening(
+                        t=start.t, name=gap.name, search=search, q=start.q, before=start.qd, after=hit.qd, impulse=impulse, energy_lost=lost
+                    )
+                )
 
     def _energy(self, at: State) -> np.ndarray:
         """Kinetic and potential energy (J)."""
@@ -216,9 +221,17 @@ def gaps_of(functions: EventFunctions, at: State, taking: Sequence[int]) -> list
     slides = {gap: number for number, gap in functions.gaps.items()}
     for k in taking:
         if k in functions.ratchets:
-            gaps.append(Gap(functions.ratchets[k].name, functions.rate_slopes(at)[k], 0.0, 0.0, nothing))
+            gaps.append(
+                Gap(name=functions.ratchets[k].name, gradient=functions.rate_slopes(at)[k], drift=0.0, restitution=0.0, rubs=nothing)
+            )
             continue
-        gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), nothing)
+        gap = Gap(
+            name=functions.events[k].name,
+            gradient=gradients[k],
+            drift=float(drift[k]),
+            restitution=functions.restitution(k, at),
+            rubs=nothing,
+        )
         if k in slides:
             number = slides[k]
             gap = replace(

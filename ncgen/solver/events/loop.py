@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.chain_in_c import is_at_rest, time_of_bounces
 from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.active_constraints import ActiveConstraints
 from ncgen.solver.events.conditions import VALUE_ROUNDING, EventFunctions
-from ncgen.solver.events.instants import GAP_TOLERANCE, Instant
+from ncgen.solver.events.instants import Instant
 from ncgen.solver.events.modes import Mode, count_of, load_conditions, rank_of
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.state import Occurrence, State
@@ -24,16 +25,13 @@ from ncgen.solver.trajectories.happening import Happening, Search
 if TYPE_CHECKING:
     from ncgen.solver.engines.segments import Engine
 
-AT_REST = 50.0
-"""A bounce that stays lower than this many times what has no sign is none: from then on the gap is at rest."""
-
 
 def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, passage: Passage) -> str | None:
     """Complete an empty path as an engine does, with the events of the model.
 
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
-    loop = EventLoop(engine, kernels, State(float(task.grid[0]), task.q, task.velocities, task.p), passage)
+    loop = EventLoop(engine, kernels, State(t=float(task.grid[0]), q=task.q, qd=task.velocities, p=task.p), passage)
     ends = loop.begin()
     return loop.run(path, task, ends)
 
@@ -137,19 +135,16 @@ class EventLoop:
         Raises ModelError for a gap that an impact is to close and that is open by less than nothing.
         """
         functions, at = self.functions, self.at
-        values, scales = functions.weighed(at)
         rates, _ = functions.rates(at, self._accelerations())
-        due: dict[int, Search] = {}
-        for k, event in enumerate(functions.events):
-            is_zero = abs(values[k]) <= GAP_TOLERANCE * scales[k]
-            if event.impact and values[k] < 0 and not is_zero:
-                raise ModelError(
-                    f"event {event.name}: the gap is {values[k]:.6g} at the start; begin where it is not below 0, or make it another event"
-                )
-            moves = rates[k] and not (event.impact and self.active_constraints.is_still(k, at))
-            if is_zero and moves and (np.sign(rates[k]) == functions.directions[k] or not functions.directions[k]):
-                due[k] = "start"
-            self.signs[k] = 1 if event.impact else int(np.sign(rates[k] if is_zero else values[k]))
+        gaps = np.array([event.impact is not None for event in functions.events], dtype=bool)
+        keeps = np.array([gap and self.active_constraints.is_still(k, at) for k, gap in enumerate(gaps)], dtype=bool)
+        chain = Instant(functions=functions, at=at).chain
+        if (below := chain.first(rates, gaps, keeps, self.signs)) >= 0:
+            raise ModelError(
+                f"event {functions.events[below].name}: the gap is {functions.values(at)[0][below]:.6g} at the start; "
+                "begin where it is not below 0, or make it another event"
+            )
+        due: dict[int, Search] = dict.fromkeys(np.flatnonzero(chain.due).tolist(), "start")
         self.at = self.active_constraints.begin(at)
         self._note_parameters(at)
         self.passage.begun = self.at
@@ -159,13 +154,13 @@ class EventLoop:
         """Go on with other parameters p (n_p,), which may bring about events. Returns whether the run ends with them."""
         before = self.functions.values(self.at)[0]
         self.at = replace(self.at, p=p)
-        due = Instant(self.functions, self.at).turned(before, ())
+        due: dict[int, Search] = dict.fromkeys(Instant(functions=self.functions, at=self.at).chain.turned(before), "action")
         return self._act(due) if due or self.functions.can_hold else False
 
     def arrive(self, at: State, work: float) -> None:
         """Take on the state at the end of a run, and work (J), from which the next one begins."""
         self.at, self.work = at, work
-        self._set_signs({})
+        self._set_signs(Instant(functions=self.functions, at=at))
 
     def watched(self) -> Conditions:
         """The conditions of the mechanism where nothing is held."""
@@ -180,13 +175,13 @@ class EventLoop:
     def _act(self, due: dict[int, Search], is_start: bool = False, crossed: tuple[int, ...] = ()) -> bool:
         """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
         before = self.at
-        instant = Instant(self.functions, before)
+        instant = Instant(functions=self.functions, at=before)
         if is_start:
             instant.begin()
         instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
         instant.catch(due)
         self.at = instant.at
-        rests = self._resting(due)
+        rests = self._resting(np.flatnonzero(instant.chain.happened).tolist())
         ended = [name for name, _ in rests.values() if self.functions.named[name].impact.rest == "end"]  # type: ignore[union-attr]
         resting = [k for k in rests if self.functions.events[k].name not in ended]
         unhit = self.held if np.array_equal(before.qd, self.at.qd) else ()
@@ -194,10 +189,22 @@ class EventLoop:
         held, changes = self.held, (active.held, active.at.locked) != (self.held, before.locked)
         self.go_to(active.at, self.signs, active.held)
         self._note(before, instant.happened, active.happened, dict(rests.values()))
-        self._set_signs(due)
+        instant.at = self.at
+        self._set_signs(instant)
         happened = (*instant.happened, *active.happened)
         stops = instant.stops or bool(ended)
-        self.passage.instants.append(Occurrence(before, self.at, held, active.held, crossed, tuple(instant.done), stops, happened))
+        self.passage.instants.append(
+            Occurrence(
+                before=before,
+                after=self.at,
+                held_before=held,
+                held=active.held,
+                crossed=crossed,
+                done=tuple(instant.done),
+                stops=stops,
+                happened=happened,
+            )
+        )
         if changes or (is_start and self.functions.loaded):
             self.first_step = 0.0
             self.passage.modes.append(
@@ -222,16 +229,12 @@ class EventLoop:
         if not np.array_equal(before.p, self.at.p):
             self.passage.changes.append((self.at.t, self.at.p))
 
-    def _set_signs(self, due: dict[int, Search]) -> None:
-        """The side on which each condition continues: beyond zero for those that happened, else where it is."""
-        functions = self.functions
-        now, scales = functions.weighed(self.at)
-        clear = np.abs(now) > GAP_TOLERANCE * scales
-        self.signs = np.where(clear, np.sign(now), self.signs).astype(int)
-        for k in due:
-            if k < len(functions.events):
-                way = functions.directions[k]
-                self.signs[k] = int(way) if way else (int(np.sign(now[k])) if clear[k] else 0)
+    def _set_signs(self, instant: Instant) -> None:
+        """The side on which each condition continues: that of events follows from what happened."""
+        functions, chain = self.functions, instant.chain
+        self.signs = self.signs.copy()
+        chain.look()
+        chain.set_sides(self.signs)
         ways = self.active_constraints.directions(self.held, self.at.p)
         for k in range(len(functions.events), functions.count):
             self.signs[k] = 0 if ways[k] == UNWATCHED else -int(ways[k])
@@ -239,22 +242,18 @@ class EventLoop:
             if k < len(functions.events):
                 self.signs[k] = 1
 
-    def _resting(self, due: dict[int, Search]) -> dict[int, tuple[str, float]]:
+    def _resting(self, happened: list[int]) -> dict[int, tuple[str, float]]:
         """{number: (name, limit time in s)} of gaps that closed and whose next bounce cannot be told from none."""
         resting_gaps: dict[int, tuple[str, float]] = {}
-        impacts = [k for k in due if k < len(self.functions.events) and self.functions.events[k].impact]
+        impacts = [k for k in happened if self.functions.events[k].impact]
         if not impacts:
             return resting_gaps
         rates, second = self.functions.rates(self.at, self._accelerations())
-        scales = self.functions.scales(self.at)
+        values, scales = self.functions.weighed(self.at)
         for k in impacts:
-            restitution = self.functions.restitution(k, self.at)
-            speed, pull = max(float(rates[k]), 0.0), -float(second[k])
-            if pull > 0 and speed**2 / (2 * pull) <= AT_REST * VALUE_ROUNDING[self.functions.degree] * scales[k]:
-                resting_gaps[k] = (
-                    self.functions.events[k].name,
-                    self.at.t + (2 * speed / pull / (1 - restitution) if restitution < 1 else 0.0),
-                )
+            if is_at_rest(values[k], scales[k], rates[k], second[k], VALUE_ROUNDING[self.functions.degree]):
+                ends = time_of_bounces(rates[k], second[k], self.functions.restitution(k, self.at))
+                resting_gaps[k] = self.functions.events[k].name, self.at.t + ends
         return resting_gaps
 
     def _accelerations(self) -> np.ndarray:

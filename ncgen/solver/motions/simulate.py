@@ -18,7 +18,7 @@ from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
 from ncgen.solver.events.passage import Passage, check_events
 from ncgen.solver.given import checked_kernels, has_events
-from ncgen.solver.groups import MotionArguments, takes
+from ncgen.solver.groups import MotionArguments
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
@@ -32,7 +32,8 @@ from ncgen.solver.runs.run import COMPILED, EMITTED, Form, Run
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
-from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
+from ncgen.solver.trajectories.grid_motion import Statistics
+from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.preparation import preparation_seconds
 
 STEP_COUNT_TOLERANCE = 1 + 1e-12
@@ -42,8 +43,7 @@ MAX_PARTITIONED_DOF = 100
 """Degrees of freedom from which coordinate partitioning, whose matrices are dense, is worth a warning."""
 
 
-@takes(MotionArguments)
-def simulate(
+def simulate_one(
     kernels: Kernels,
     duration: float,
     *,
@@ -52,47 +52,7 @@ def simulate(
     progress: ProgressOption = None,
     **arguments: Unpack[MotionArguments],
 ) -> Trajectory:
-    """Simulate a mechanism and return its trajectory on a time grid.
-
-    Parameters
-    ----------
-    kernels : Kernels
-        Compiled mechanism, from `ncgen.compile`.
-    duration : float
-        Length of the motion in s.
-    points : int or array_like, shape (points,)
-        Number of equidistant output times, or the output times themselves in s, from `t0` to the end.
-    stop : {coordinate: value}, optional
-        End where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction, {"psi": (1.2, "rising")} or
-        "falling". The last output time is the time of the event, and `stopped` of the trajectory is True. Within a step the first
-        passage of the interpolant is found by bounds, not by samples, however short it is. With coordinate partitioning a dependent
-        coordinate is interpolated by a polynomial of degree 8 through nine states of the step.
-    progress : callable or bool, optional
-        Called again and again with the time reached, in s; True for a bar in a terminal or a notebook.
-    **arguments : MotionArguments
-        The start and the method.
-
-    Returns
-    -------
-    Trajectory
-        Positions, velocities and work at the output times; accelerations and reactions on demand.
-
-    Raises
-    ------
-    ModelError
-        For invalid arguments.
-    ConvergenceError
-        Where the start cannot be assembled, with the names of the constraints, or the motion cannot continue, with the time.
-    SingularError
-        Where the start is singular.
-    Interrupted
-        At Ctrl-C; it is a KeyboardInterrupt, and its `run` is the trajectory up to there.
-
-    Warns
-    -----
-    UserWarning
-        Where the energy of the result says that it cannot be right, and where another formalism would be many times faster.
-    """
+    """Simulate one motion; arguments, results and errors as of `simulate` without rows."""
     run = Run.from_arguments(checked_kernels(kernels), duration, points=points, stop=stop, progress=progress, **arguments)
     kernels = kernels.driven_by(run.signals)
     choice = choose(run)
@@ -107,7 +67,7 @@ def simulate(
 
 
 def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **options: Any) -> Trajectory:
-    """As `simulate` by a method with a fixed step, with one step from each of the times (K,), s, to the next.
+    """As `simulate_one` by a method with a fixed step, with one step from each of the times (K,), s, to the next.
 
     breaks (B, 2): of the laws in time, as of `break_times`; no step goes from one side of a row to the other
     """
@@ -119,11 +79,13 @@ def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **op
 
 
 def simulate_events(kernels: Kernels, times: np.ndarray, **options: Any) -> Passage:
-    """As `simulate` over times (K,), s, from the first of them on: what a run with events meets on its way."""
+    """As `simulate_one` over times (K,), s, from the first of them on: what a run with events meets on its way."""
     run = Run.from_arguments(checked_kernels(kernels), float(times[-1] - times[0]), points=times, **options)
     kernels, choice = kernels.driven_by(run.signals), choose(run)
     start = begin(kernels, run.initial, partitioned=False)
-    motion = _Motion(kernels, run, choice, start, run.times, np.zeros(len(run.times), dtype=bool), None)
+    motion = _Motion(
+        kernels=kernels, run=run, choice=choice, start=start, times=run.times, movable=np.zeros(len(run.times), dtype=bool), progress=None
+    )
     motion.advance()
     return motion.passage
 
@@ -136,7 +98,10 @@ def _carry_out(
     Raises Interrupted with what was reached.
     """
     check_mass(kernels, start.q, run.initial.t, start.p)
-    motion = _Motion(kernels, run, choice, start, *_with_extra(run.times, monitoring_times(run, choice.method)), progress, breaks)
+    times, movable = _with_extra(run.times, monitoring_times(run, choice.method))
+    motion = _Motion(
+        kernels=kernels, run=run, choice=choice, start=start, times=times, movable=movable, progress=progress, given_breaks=breaks
+    )
     clock = _Stopwatch()
     try:
         motion.advance()
@@ -190,7 +155,7 @@ class _Stopwatch:
         return time.perf_counter() - self._begun - preparation, preparation
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Motion:
     """One run on its way: the path so far, and which engine makes it.
 
@@ -345,9 +310,23 @@ class _Motion:
         velocities = start.qd if method.is_constrained else self._rates()
         gives_way = stiff_choice(run, self.choice, recurs=True) is not None
         return Task(
-            method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
-            run.signals, self.breaks, self.movable, self.jumps, steps_to_rows=self.given_breaks is not None,
-        )  # fmt: skip
+            method=method,
+            grid=self.times,
+            q=start.q,
+            velocities=velocities,
+            p=start.p,
+            max_step=run.max_step,
+            tolerances=self.tolerances,
+            number=run.number,
+            stop=run.stop,
+            progress=self.progress,
+            stop_when_stiff=gives_way,
+            signals=run.signals,
+            breaks=self.breaks,
+            movable=self.movable,
+            jumps=self.jumps,
+            steps_to_rows=self.given_breaks is not None,
+        )
 
     def _rates(self) -> np.ndarray:
         """Velocities of the independent coordinates at the start."""
@@ -380,15 +359,41 @@ class _Motion:
         steps, evaluations, newton_steps, changes, repeated = map(int, path.counts)
         seconds, preparation = clock.read()
         spent = Statistics(
-            steps, evaluations, newton_steps, changes, repeated, seconds, path.projections, path.largest_projection, path.jacobians,
-            path.fallbacks, preparation,
-        )  # fmt: skip
+            steps=steps,
+            evaluations=evaluations,
+            newton_steps=newton_steps,
+            partition_changes=changes,
+            repeated_steps=repeated,
+            seconds=seconds,
+            projections=path.projections,
+            largest_projection=path.largest_projection,
+            jacobians=path.jacobians,
+            fallbacks=path.fallbacks,
+            preparation=preparation,
+        )
         kernels = self.passage.driving(self.kernels, self.start.p)
         modes = tuple(replace(each, kernels=self.passage.driving(each.kernels, self.start.p)) for each in self.passage.modes)
         return Trajectory(
-            kernels, times[wanted], path.q[wanted], path.qd[wanted], path.work[wanted], self.start.p, path.partitions,
-            spent, method.formalism.name, method.integrator.name, self.engine,
-            run.initial.z or self.kernels.model.chosen_independent, kernels, method.options, path.stopped is not None, run.number,
-            f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses), tuple(self.passage.happened),
-            modes, bool(self.passage.changes), method.formalism if method.formalism.own else None,
-        )  # fmt: skip
+            kernels=kernels,
+            t=times[wanted],
+            q=path.q[wanted],
+            qd=path.qd[wanted],
+            work=path.work[wanted],
+            p=self.start.p,
+            partitions=path.partitions,
+            statistics=spent,
+            formalism=method.formalism.name,
+            integrator=method.integrator.name,
+            engine=self.engine,
+            chosen=run.initial.z or self.kernels.model.chosen_independent,
+            moved_by=kernels,
+            options=method.options,
+            stopped=path.stopped is not None,
+            number=run.number,
+            made_with=f"{method}, {self.engine}: {self.choice.why}",
+            impulses=tuple(path.impulses),
+            events=tuple(self.passage.happened),
+            modes=modes,
+            changed=bool(self.passage.changes),
+            own=method.formalism if method.formalism.own else None,
+        )

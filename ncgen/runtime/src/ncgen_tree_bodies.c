@@ -1,0 +1,44 @@
+/* ncgen_tree_bodies.c: bodies of an open tree that are not like most: of many members, or with mass that is not the same along all axes. */
+#include "ncgen_tree_bodies.h"
+
+NCGEN_SHORT_LOOPS void ncgen_tree_add_many(const ncgen_tree_work *w, const ncgen_tree_link *own, const ncgen_tree_place *at,
+                                           ncgen_real *second)
+{
+    const int count = own->n_members;
+    const ncgen_real *shares = at->masses + 1, *square = shares + count;
+    for (int a = 0; a < count; ++a)
+        ncgen_find_lever(at->member + a, w->values, own->origin, w->levers + 3 * a);
+    for (int a = 0; a < count; ++a) {
+        ncgen_real u[3] = {0, 0, 0};
+        for (int b = 0; b < count; ++b)
+            ncgen_add_times(square[a * count + b], w->levers + 3 * b, u);
+        ncgen_add_member(w->levers + 3 * a, u, shares[a], second);
+    }
+}
+
+/* The velocity of one coordinate of an element, which may stand with another link, over a link's twist: six numbers. */
+static void coordinate_row(const ncgen_tree_work *w, const ncgen_tree_link *own, int element, int axis, ncgen_real *row)
+{
+    const ncgen_tree_element *e = w->element + element;
+    ncgen_real unit[3] = {0, 0, 0}, lever[3];
+    unit[axis] = 1;
+    for (int i = 0; i < 3; ++i)
+        lever[i] = w->values[e->c[i]] - e->is_point * own->origin[i];
+    ncgen_cross(lever, unit, row);
+    for (int i = 0; i < 3; ++i)
+        row[3 + i] = e->is_point * unit[i];
+}
+
+void ncgen_tree_add_singles(ncgen_tree_work *w)
+{
+    const ncgen_tree *tree = w->tree;
+    for (int link = 0; link < tree->n_links; ++link)
+        for (int s = tree->single_start[link]; s < tree->single_start[link + 1]; ++s) {
+            const int *entry = tree->singles + 5 * s;
+            const int is_diagonal = entry[0] == entry[2] && entry[1] == entry[3];
+            ncgen_real a[6], b[6];
+            coordinate_row(w, w->link + link, entry[0], entry[1], a);
+            coordinate_row(w, w->link + link, entry[2], entry[3], b);
+            ncgen_add_product(w->mass[entry[4]] * (is_diagonal ? 1 : 2), a, b, w->link[link].inertia);
+        }
+}

@@ -1,0 +1,38 @@
+"""What happens at one instant stands once, in C: no other file has the words of its rules."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from ncgen.resources import folder
+
+RULES = {
+    "chain of events": (r"most_rounds|max_rounds|while due", "ncgen_chain.c"),
+    "zero of a condition": (r"closed_below|gap_tolerance|ncgen_closed\b", "ncgen_chain.c"),
+    "bounces that accumulate": (r"\bat_rest\b(?!\()|1 - [^\n]*restitution", "ncgen_chain.c"),
+    "laws of impact": (r"restitution[\])]*\s*\*|1 \+ [^\n]*restitution", "ncgen_impulses.c"),
+    "least squares of impulses": (r"nnls|lstsq|lawson", "ncgen_impulses.c"),
+    "contacts in turn": (r"fastest\b", "ncgen_impulses.c"),
+}
+"""{rule: words that its text has, the file that has it}"""
+
+COMMENT = re.compile(r'/\*.*?\*/|""".*?"""|#[^\n"]*\n', re.DOTALL)
+
+
+def texts() -> dict[str, str]:
+    """{file: text without comments} of Python for events, and of C."""
+    root = folder("runtime").parent
+    files = [*(root / "solver" / "events").glob("*.py"), *(root / "mechanism").glob("*.py")]
+    files += [root / "exchange" / "export" / "event_table.py"]
+    files += [*(root / "runtime" / "src").glob("*.[ch]"), *(root / "runtime" / "include").glob("*.h")]
+    return {path.name: path.read_text(encoding="utf-8") for path in files}
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_rule_of_an_instant_stands_in_one_file(rule):
+    words, home = RULES[rule]
+    having = {name for name, text in texts().items() if re.search(words, COMMENT.sub("\n", text).lower())}
+    assert having - {home.replace(".c", ".h")} <= {home}, f"{rule} stands in {', '.join(sorted(having))}; call {home}"
+    assert re.search(words, texts()[home].lower()), f"{home} has no words of {rule}"
