@@ -154,7 +154,9 @@ def draw(path: str) -> None:
     import matplotlib.pyplot as plt
 
     figure, places = plt.subplots(2, 4, figsize=(15, 7), layout="constrained")
-    for place, of in zip(places.flat, (draw_ball, draw_wheel, draw_walker, draw_clearance, draw_cam, draw_buffer, draw_screw), strict=False):
+    for place, of in zip(
+        places.flat, (draw_ball, draw_wheel, draw_walker, draw_clearance, draw_cam, draw_buffer, draw_screw), strict=False
+    ):
         of(place)
     places[1, 3].set_axis_off()
     figure.savefig(path, dpi=80)
@@ -202,8 +204,8 @@ def draw_clearance(place) -> None:
         place.plot(1e3 * run.t, 1e3 * (run[f"P{corner}.y"] - 0.025), label=f"corner {corner}")
     for guide in (-1, 1):
         place.axhline(guide, color="black", linewidth=0.8)
-    place.set(title="A slider rattles in its guide", xlabel="t (ms)", ylabel="mm")
-    place.legend(frameon=False, loc="upper right")
+    place.set(title="A slider rattles in its guide", xlabel="t (ms)", ylabel="mm", ylim=(-1.15, 1.5))
+    place.legend(frameon=False, loc="upper center", ncols=2)
 
 
 def draw_cam(place) -> None:
@@ -211,8 +213,8 @@ def draw_cam(place) -> None:
     run = ncgen.simulate(ncgen.compile(follower()), 0.25, points=1001)
     place.plot(1e3 * run.t, 1e3 * LIFT * (1 - np.cos(SPEED * run.t)), color="grey", label="cam")
     place.plot(1e3 * run.t, 1e3 * run["P.y"], label="follower")
-    place.set(title="A follower leaves its cam", xlabel="t (ms)", ylabel="height (mm)")
-    place.legend(frameon=False, loc="upper right")
+    place.set(title="A follower leaves its cam", xlabel="t (ms)", ylabel="height (mm)", ylim=(-0.3, 13))
+    place.legend(frameon=False, loc="upper center", ncols=2)
 
 
 def draw_buffer(place) -> None:
