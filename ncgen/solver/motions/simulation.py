@@ -9,7 +9,7 @@ A step is one call of C. It finds out nothing about the mechanism that is not kn
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -140,7 +140,7 @@ class Simulation:
         self._mechanism = compiled.checked_compiled(kernels).fingerprint
         self.drive(**inputs)
         if has_events(kernels.model):
-            self._steps = through_events(kernels, self.integrator, rtol, atol, self._now)
+            self._steps = through_events(kernels, self.integrator, rtol, atol, self._now, {})
 
     def __repr__(self) -> str:
         return f"<Simulation {self.kernels.name}: t = {self.t:g} s, {self.integrator}>"
@@ -457,11 +457,13 @@ def known_text(name: object) -> str:
     return name
 
 
-def through_events(kernels: Kernels, integrator: str, rtol: float, atol: float | None, now: Moving | MovingRow) -> Steps:
-    """What carries a mechanism over its events. Raises what a start with events raises."""
+def through_events(
+    kernels: Kernels, integrator: str, rtol: float, atol: float | None, now: Moving | MovingRow, modes: dict[Hashable, Stepping]
+) -> Steps:
+    """What carries a mechanism over its events; modes: as of `Steps`. Raises what a start with events raises."""
     from ncgen.solver.events.steps import Steps
 
-    return Steps(kernels, Method.of(ALL, integrator), Tolerances(rtol, absolute(rtol, atol), atol is None, 0.0), now)
+    return Steps(kernels, Method.of(ALL, integrator), Tolerances(rtol, absolute(rtol, atol), atol is None, 0.0), now, modes)
 
 
 def absolute(rtol: float, atol: float | None) -> float:

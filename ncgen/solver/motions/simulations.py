@@ -10,7 +10,7 @@ A step of all is one call of C for every thread. Each row moves by the same code
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Unpack
 
@@ -43,6 +43,7 @@ from ncgen.solver.runs.run import MOST_NUMBERS, Initial
 from ncgen.solver.trajectories.output_values import uses_accelerations
 
 if TYPE_CHECKING:
+    from ncgen.mechanism.moving import Stepping
     from ncgen.solver.events.steps import Past, Steps
     from ncgen.solver.trajectories.happening import Happening
 
@@ -147,7 +148,8 @@ class Simulations:
         self.drive(**inputs)
         if has_events(kernels.model):
             rows = (MovingRow(now, row) for row in range(size))
-            self._steps = tuple(through_events(kernels, self.integrator, rtol, atol, row) for row in rows)
+            modes: dict[Hashable, Stepping] = {}
+            self._steps = tuple(through_events(kernels, self.integrator, rtol, atol, row, modes) for row in rows)
         self._began = self.states
 
     def __repr__(self) -> str:
