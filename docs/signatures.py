@@ -43,7 +43,7 @@ def signature(read: Callable[[str], str], module: str, name: str) -> str:
     """Return the parameters of a function, without annotations; "" for what is no function."""
     path = module.replace(".", "/")
     for node in ast.parse(read(f"{path}.py") or read(f"{path}/__init__.py")).body:
-        if isinstance(node, ast.FunctionDef) and node.name == name:
+        if isinstance(node, ast.FunctionDef) and node.name == name and "overload" not in map(ast.unparse, node.decorator_list):
             every = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
             kinds = [a.annotation for a in [node.args.kwarg] if a]
             star = [f"**{ast.unparse(kind.slice if isinstance(kind, ast.Subscript) else kind)}" for kind in kinds if kind]

@@ -25,6 +25,9 @@ __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str) -> object:
+    if name.removesuffix("_batch") in _HOMES and name.endswith("_batch"):
+        today = name.removesuffix("_batch")
+        raise AttributeError(f"ncgen.{name} is now ncgen.{today}, called with rows of states (docs/renamed.md)")
     if name not in _HOMES:
         raise AttributeError(f"module 'ncgen' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)

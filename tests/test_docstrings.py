@@ -26,7 +26,8 @@ RESULTS = (
     "mechanism.kernels.Kernels", "solver.trajectories.trajectory.Trajectory", "solver.joints.joint_space.JointsOfTree",
     "solver.joints.joint_loops.JointsInLoops", "solver.motions.simulation.Simulation", "solver.motions.simulations.Simulations",
     "studies.result.StudyResult", "solver.linear.linearise.Linearisation", "solver.loads.reactions.Reactions",
-    "solver.motions.batch.BatchTrajectory", "solver.positions.rank.Freedom", "solver.derivatives.gradients.BatchGradients",
+    "solver.motions.batch.BatchTrajectory", "solver.motions.batch.StateAccelerations", "solver.motions.batch.BatchAccelerations",
+    "solver.positions.rank.Freedom", "solver.derivatives.gradients.BatchGradients",
 )  # fmt: skip
 """Classes of what public functions return."""
 

@@ -70,7 +70,7 @@ def cost(kernels: Kernels, integrator: str) -> tuple[float, int]:
 
 def cost_together(kernels: Kernels, integrator: str, count: int = 256) -> float:
     """Microseconds of a step of 1 ms by every state, of so many that move together, the best of 20 times 20 steps."""
-    sims, force, best = ncgen.start_batch(kernels, count, integrator=integrator), np.full(count, 0.5), np.inf
+    sims, force, best = ncgen.start(kernels, count, integrator=integrator), np.full(count, 0.5), np.inf
     for _ in range(20):
         sims.reset()
         clock = time.perf_counter()

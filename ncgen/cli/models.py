@@ -181,7 +181,7 @@ def run(
     from ncgen.report.run_report import run_record, write_outputs
     from ncgen.report.screen import show_inspection, show_run
     from ncgen.report.timing import kernel_times
-    from ncgen.solver.motions.simulate import simulate
+    from ncgen.solver.motions.simulate import simulate_one
     from ncgen.solver.positions.rank import freedom
     from ncgen.solver.runs.simulation_options import check_simulation, simulation_of
 
@@ -209,7 +209,7 @@ def run(
     options = simulation_of(kernels.model, **given)
     with progress(f"simulating {options['duration']} s", options["duration"]) as advance:
         try:
-            trajectory = simulate(kernels, progress=lambda t: advance(t - options.get("t0", 0.0)), **options)
+            trajectory = simulate_one(kernels, progress=lambda t: advance(t - options.get("t0", 0.0)), **options)
         except Interrupted as stopped:
             err.print(f"ncgen: {stopped}; partial results were written", markup=False)
             trajectory = stopped.run

@@ -16,7 +16,8 @@ from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.methods import ToleranceArguments
 from ncgen.report.repeat import KernelCall, each, runner
 from ncgen.solver.engines.compiled import GROWTH, dynamics, is_emitted
-from ncgen.solver.motions.batch import BatchTrajectory, accelerations_batch, simulate_batch
+from ncgen.solver.motions.batch import BatchTrajectory
+from ncgen.solver.motions.entry_points import accelerations, simulate
 from ncgen.solver.positions.position import TOLERANCE
 from ncgen.solver.runs.simulation_options import simulation_of
 
@@ -84,11 +85,11 @@ def _derivative_records(kernels: CompiledKernels) -> Iterator[dict]:
     q, parts, programs = emitted_parts(kernels)
     zd = np.random.default_rng(0).uniform(-1, 1, (STATES, programs["acceleration"].size - kernels.n - 2))
     states = np.tile(q, (STATES, 1))
-    batch = accelerations_batch(kernels, states, zd)
+    batch = accelerations(kernels, states, zd)
     states = batch.q
     runs = {
         ALONE_IN_C: runner(0.0, q, zd[-1], kernels.p0, [parts["newton"]], parts["acceleration"]),
-        BATCH.format(1): repeated(lambda: accelerations_batch(kernels, states, zd, threads=1, out=batch)),
+        BATCH.format(1): repeated(lambda: accelerations(kernels, states, zd, threads=1, out=batch)),
     }
     spent = measure(runs, ROUNDS)
     own = parts["acceleration"].out[kernels.n : -2]
@@ -109,7 +110,7 @@ def _simulation_records(kernels: CompiledKernels) -> Iterator[dict]:
         ]
 
     def together(count: int) -> Callable[[], BatchTrajectory]:
-        return lambda: simulate_batch(kernels, duration, zd0=zd0, threads=count, **TOLERANCES)
+        return lambda: simulate(kernels, duration, zd0=zd0, threads=count, **TOLERANCES)
 
     threads = sorted({1, available()})
     batch, runs = together(1)(), alone()

@@ -16,7 +16,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.report.methods import ToleranceArguments
 from ncgen.solver.engines.compiled import is_emitted
 from ncgen.solver.groups import StartArguments
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.runs.simulation_options import simulation_of
 from ncgen.solver.trajectories.trajectory import Trajectory
 
@@ -94,7 +94,7 @@ def end_state(kernels: Kernels, duration: float) -> dict[str, float] | None:
         return module.END
     try:
         tight = {"rtol": REFERENCE_RTOL, "atol": ATOL_OVER_RTOL * REFERENCE_RTOL}
-        run = simulate(
+        run = simulate_one(
             kernels, duration, formalism=PARTITIONED, integrator="dopri5", points=2, engine="emitted", **tight, **own_run(kernels)[1]
         )
     except NcgenError:
@@ -136,7 +136,7 @@ def _repeated(
     """The last of at least one run, and the seconds of each: of the run, and of the whole call."""
     seconds, totals = [], []
     call = partial(
-        simulate, kernels, duration, formalism=way.formalism, integrator=integrator, engine=way.engine, points=2, **options,
+        simulate_one, kernels, duration, formalism=way.formalism, integrator=integrator, engine=way.engine, points=2, **options,
         **own_run(kernels)[1],
     )  # fmt: skip
     if way != IN_PYTHON:

@@ -15,7 +15,7 @@ from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.simulate import simulate_one
 
 ATOL_OVER_RTOL = 1e-2
 """Absolute tolerance as a share of the relative one, for a mechanism of one metre."""
@@ -50,7 +50,7 @@ def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: s
     start = time.perf_counter()
     try:
         with warnings.catch_warnings(record=True) as caught:
-            run = simulate(kernels, case.duration, formalism=formalism, integrator=integrator, progress=time_limit(limit), **options)
+            run = simulate_one(kernels, case.duration, formalism=formalism, integrator=integrator, progress=time_limit(limit), **options)
     except (NcgenError, TimeIsUp) as error:
         return record | {"seconds": time.perf_counter() - start, "reason": str(error)}
     record |= {"engine": run.engine.split(":")[0], "seconds": run.statistics.seconds}
@@ -64,7 +64,7 @@ def warm(kernels: CompiledKernels, case: Case, **options: Any) -> None:
     """Begin a run, so that what it compiles is in the cache; what goes wrong goes wrong again in the run itself."""
     with suppress(NcgenError, TimeIsUp), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        simulate(kernels, 1e-3 * case.duration, progress=time_limit(LIMIT), **options)
+        simulate_one(kernels, 1e-3 * case.duration, progress=time_limit(LIMIT), **options)
 
 
 def lines(records: list[dict]) -> Iterator[str]:

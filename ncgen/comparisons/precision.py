@@ -28,7 +28,7 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model
 from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.runs.simulation_options import check_simulation
 from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
@@ -78,7 +78,7 @@ def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) 
     for method in (("lagrange", "dop853"), ("coordinate-partitioning", "dop853"), ("lagrange", "dopri5")):
         try:
             tight: dict[str, Any] = {"rtol": REFERENCE_RTOL, "atol": 1e-2 * REFERENCE_RTOL * kernels.length, "points": 2}
-            ends.append(simulate(kernels, duration, formalism=method[0], integrator=method[1], **tight, **start).q[-1])
+            ends.append(simulate_one(kernels, duration, formalism=method[0], integrator=method[1], **tight, **start).q[-1])
         except NcgenError:
             if len(ends) < 1 and method[1] == "dopri5":
                 raise
@@ -215,7 +215,7 @@ def _title(engine: str, backend: str, number: str) -> str:
 def _run(kernels: Kernels, duration: float, options: dict[str, Any], limit: float) -> Trajectory:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a method without projection drifts; its error says so
-        return simulate(kernels, duration, progress=time_limit(limit), **options)
+        return simulate_one(kernels, duration, progress=time_limit(limit), **options)
 
 
 # -- for people --------------------------------------------------------------------------------------------------------

@@ -139,7 +139,7 @@ def motion() -> None:
     """A second of motion by the default call, then its error and its energy."""
     from ncgen.compiler import compile
     from ncgen.exchange.examples import load
-    from ncgen.solver.motions.simulate import simulate
+    from ncgen.solver.motions.simulate import simulate_one
     from ncgen.solver.positions.rank import freedom
 
     warnings.simplefilter("ignore")
@@ -150,7 +150,7 @@ def motion() -> None:
     duration, run = 0.0, None
     for duration in DURATIONS:
         for repeat in range(REPEATS):
-            once = simulate(kernels, duration, rtol=RTOL, zd0=zd0 or None, points=11)
+            once = simulate_one(kernels, duration, rtol=RTOL, zd0=zd0 or None, points=11)
             run = once if run is None or repeat == 0 or once.statistics.seconds < run.statistics.seconds else run
             if once.statistics.seconds > 1.0:
                 break
@@ -162,7 +162,7 @@ def motion() -> None:
     assert run is not None
     places = [kernels.coordinates.index(name) for name in names] or list(range(kernels.n))
     with suppress(NcgenError):  # then the error is unknown, and the run counts all the same
-        tight = simulate(kernels, duration, rtol=REFERENCE_RTOL, zd0=zd0 or None, points=2)
+        tight = simulate_one(kernels, duration, rtol=REFERENCE_RTOL, zd0=zd0 or None, points=2)
         _print_results(error=float(np.max(np.abs(run.q[-1] - tight.q[-1])[places])))
     _print_results(drift=float(run.energy_drift))
 

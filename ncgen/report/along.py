@@ -17,9 +17,10 @@ from ncgen.methods.table import FORMALISMS
 from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.positions.partition import choose_partitions
 from ncgen.solver.runs.signals import Signals, signals_of
+from ncgen.solver.trajectories.grid_motion import Statistics
 from ncgen.solver.trajectories.happening import Happening
 from ncgen.solver.trajectories.monitor import Health, monitor
-from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
+from ncgen.solver.trajectories.trajectory import Trajectory
 
 ARRAYS = {"t": "K", "q": "Kn", "qd": "Kn", "work": "K", "p": "p"}
 """Numbers of a trajectory and their axes: instants, coordinates, parameters."""

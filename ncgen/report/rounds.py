@@ -11,7 +11,7 @@ from ncgen.compiler import compile
 from ncgen.errors import NcgenError, counted
 from ncgen.exchange.checking import checked
 from ncgen.report.run_report import run_record
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.positions.rank import freedom
 from ncgen.solver.runs.simulation_options import simulation_of
 
@@ -41,7 +41,7 @@ def check_and_run(path: Path, progress: Callable[[float], None] | None = None) -
             return Round(tuple(problems))
         kernels = compile(model)
         mobility = freedom(kernels)
-        run = simulate(kernels, progress=progress, **simulation_of(model))
+        run = simulate_one(kernels, progress=progress, **simulation_of(model))
         counts = {"rows": kernels.m, "redundant": len(mobility.redundant), "bodies": len(model.bodies)}
         return Round((), run_record(run, mobility, None, []) | counts)
     except NcgenError as error:

@@ -10,9 +10,9 @@ import difflib
 import inspect
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import wraps
-from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar, cast
 
 from ncgen.errors import ModelError, shown
 from ncgen.solver.name_lists import offer
@@ -35,17 +35,19 @@ class StartArguments(TypedDict, total=False):
     ----------
     q0 : array_like, shape (n,), or {name: value}, optional
         Initial position in m and rad; by name, the other coordinates have the model's values. Default: the model's position. A position
-        that is only approximate is assembled first, with a warning. In a batch also rows (B, n), or arrays (B,) by name.
+        that is only approximate is assembled first, with a warning. Rows (B, n), or arrays (B,) by name, are a batch, in functions that
+        take one.
     zd0 : array_like, shape (nz,), or {name: value}, optional
-        Initial velocities of the independent coordinates in m/s and rad/s, as an array in the order of `z`. Default: rest. In a batch
-        also rows (B, nz), or arrays (B,) by name.
+        Initial velocities of the independent coordinates in m/s and rad/s, as an array in the order of `z`. Default: rest. Rows
+        (B, nz), or arrays (B,) by name, are a batch.
     qd0 : array_like, shape (n,), or {name: value}, optional
         Instead of `zd0`, initial velocities of all coordinates, or of any of them by name; the others follow with the least kinetic
-        energy. What the constraints do not allow is projected, with a warning. In a batch also rows (B, n), or arrays (B,) by name.
+        energy. What the constraints do not allow is projected, with a warning. Rows (B, n), or arrays (B,) by name,
+        are a batch.
     z : str or iterable of str, optional
         Names of the independent coordinates. Default: the model's choice, else found by pivoting.
     p : array_like, shape (n_p,), or {name: value}, optional
-        Parameters. Default: the model's. In a batch also rows (B, n_p), or arrays (B,) by name.
+        Parameters. Default: the model's. Rows (B, n_p), or arrays (B,) by name, are a batch.
     t0 : float
         Start time in s.
     closing : float
@@ -117,6 +119,28 @@ class MethodArguments(TypedDict, total=False):
 
 class MotionArguments(StartArguments, MethodArguments, total=False):
     """The start of a motion and the method that computes it: `StartArguments` and `MethodArguments`."""
+
+
+OneState: TypeAlias = "Sequence[float] | Mapping[str, float]"
+"""For type checkers: numbers of one state. They do not know how many dimensions an array has, so a call with one returns `Any` for them."""
+
+
+class OneStart(TypedDict, total=False):
+    """For type checkers: `StartArguments` of one state, of a function that takes the state itself by other names."""
+
+    p: OneState | None
+    z: str | Iterable[str] | None
+    t0: float
+    closing: float
+    inputs: Mapping[str, Signal] | None
+
+
+class OneMotion(OneStart, MethodArguments, total=False):
+    """For type checkers: `MotionArguments` of one state."""
+
+    q0: OneState | None
+    zd0: OneState | None
+    qd0: OneState | None
 
 
 DEFAULTS: dict[str, Any] = {
@@ -197,12 +221,21 @@ def _named(
         if former[word] in given:
             raise ModelError(f"{function}: {word} is the former name of {former[word]}, and both are given; give {former[word]}")
         given[former[word]] = given.pop(word)
-    for word in [word for word in given if word in unused]:
-        value = given.pop(word)
-        if value is not None and not (isinstance(value, (str, int, float)) and value == DEFAULTS[word]):
-            raise ModelError(f"{function}: {word} is given, and it has no effect here; leave it out")
+    given = without_unused(function, given, unused)
     check_names(function, given, known)
     return given
+
+
+def without_unused(function: str, given: Mapping[str, Any], unused: Collection[str], where: str = "here") -> dict[str, Any]:
+    """Return arguments without those that make no difference; where: in which kind of call, for the message.
+
+    Raises ModelError for a value of one of these that is not its default.
+    """
+    for word in [word for word in given if word in unused]:
+        value = given[word]
+        if value is not None and not (isinstance(value, (str, int, float)) and value == DEFAULTS[word]):
+            raise ModelError(f"{function}: {word} is given, and it has no effect {where}; leave it out")
+    return {word: value for word, value in given.items() if word not in unused}
 
 
 def _words(group: type) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
 from ncgen.solver.given import has_events, position
 from ncgen.solver.motions.batch import in_lanes, side_by_side
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.motions.states import CommonCoordinates, States, closed
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.runs.run import EMITTED, Run
@@ -317,7 +317,7 @@ class Bench:
         """What is kept of one variant and where it ends (n,), or why it has no motion."""
         study, kernels = self.study, self.kernels
         try:
-            run = simulate(kernels, **study.options(row), points=study.grid, progress=(lambda t: None) if progress else None)
+            run = simulate_one(kernels, **study.options(row), points=study.grid, progress=(lambda t: None) if progress else None)
             return self._kept(run), run.q[-1]
         except NcgenError as error:
             return str(error)

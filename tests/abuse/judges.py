@@ -878,7 +878,7 @@ class Subject:
         if not motions.shape[1]:
             return
         q0 = np.tile(k.q0, (3, 1))
-        found = self.attempt("simulate_batch", ncgen.simulate_batch, k, DURATION / 5, q0=q0, points=3)
+        found = self.attempt("simulate rows", ncgen.simulate, k, DURATION / 5, q0=q0, points=3)
         if found is not None:
             self.count("batches")
 

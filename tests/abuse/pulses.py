@@ -213,7 +213,7 @@ def by_batch(pulses: Sequence[Pulse], rtol: float) -> Iterator[End]:
     kernels, inputs = compiled(pulses[0].mechanism), pulses[0].inputs
     if inputs:
         pulses = pulses[:1]
-    batch = ncgen.simulate_batch(
+    batch = ncgen.simulate(
         kernels, DURATION, points=2, rtol=rtol, p=_columns(pulses), zd0={"x": [pulse.speed for pulse in pulses]}, inputs=inputs or None
     )
     assert batch.ok.all()
@@ -290,8 +290,8 @@ class Door:
 DOORS = {
     "simulate": Door(by_simulate, 0.4),
     "engine='python'": Door(by_python, 0.01),
-    "simulate_batch": Door(by_batch, 0.25, 100, laws=tuple(LAWS)),
-    "simulate_batch with an input": Door(by_batch, 0.03, 1, laws=SIGNALS),
+    "simulate rows": Door(by_batch, 0.25, 100, laws=tuple(LAWS)),
+    "simulate rows with an input": Door(by_batch, 0.03, 1, laws=SIGNALS),
     "study": Door(by_study, 0.2, 100, laws=tuple(LAWS)),
     "start": Door(by_stepper, 0.05, 12, laws=tuple(LAWS)),
     "exported C": Door(by_export, 0.05, 12, laws=tuple(LAWS)),

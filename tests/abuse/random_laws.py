@@ -228,7 +228,7 @@ class Driven(Subject):
         else:
             for share, function in (
                 (0.4, self.by_python), (1.0, self.by_batch), (0.7, self.by_study), (1.0, self.by_stepper), (0.5, self.by_gradient),
-                (0.3, self.by_sensitivities), (0.3, self.by_gradient_batch), (0.5, self.by_steppers), (0.15, self.by_export),
+                (0.3, self.by_sensitivities), (0.3, self.by_gradients_of_rows), (0.5, self.by_steppers), (0.15, self.by_export),
             ):  # fmt: skip
                 if self.rng.random() < share:
                     function(run)
@@ -292,10 +292,10 @@ class Driven(Subject):
     def by_batch(self, first) -> None:
         given = self.given | {"q0": np.tile(first.q[0], (2, 1))}
         given |= {"qd0": np.tile(first.qd[0], (2, 1))} if "qd0" in given else {}
-        found = self.attempt("simulate_batch", ncgen.simulate_batch, self.used, DURATION, points=3, **given)
+        found = self.attempt("simulate rows", ncgen.simulate, self.used, DURATION, points=3, **given)
         if found is not None and found.ok.all():
             for k in range(2):
-                self.ends("simulate_batch", first, found.q[k, -1], found.qd[k, -1])
+                self.ends("simulate rows", first, found.q[k, -1], found.qd[k, -1])
         elif found is not None:
             self.count("batches that did not go on")
 
@@ -361,7 +361,7 @@ class Driven(Subject):
                 self.find("gradient", f"slopes that are no numbers: {found.slopes}")
             self.ends(f"gradient by {how[1]}", first, *ends, agree=LOOSE if how[1] == "rk4" else AGREE)
 
-    def by_gradient_batch(self, first) -> None:
+    def by_gradients_of_rows(self, first) -> None:
         """Inputs keep their values there."""
         if self.maker.signals or not self.kernels.n:
             return
@@ -376,27 +376,27 @@ class Driven(Subject):
         if "qd0" in self.given:
             return
         given = {"q0": np.tile(first.q[0], (2, 1))}
-        found = self.attempt("gradient_batch", ncgen.gradient_batch, self.used, DURATION, EQUAL_STEPS, objective, **given)
+        found = self.attempt("gradient of rows", ncgen.gradient, self.used, DURATION, EQUAL_STEPS, objective, **given)
         if found is None or not found.ok.all():
             return
         if not np.all(np.isfinite(found.slopes)):
-            self.find("gradient_batch", "slopes that are no numbers")
+            self.find("gradient of rows", "slopes that are no numbers")
         for q, qd in ends:
-            self.ends("gradient_batch", first, q, qd, agree=LOOSE)
+            self.ends("gradient of rows", first, q, qd, agree=LOOSE)
 
     def by_steppers(self, first) -> None:
         """Many at once, where inputs keep their values."""
         if self.maker.signals:
             return
-        sims = self.attempt("start_batch", ncgen.start_batch, self.used, 2, **self.given)
+        sims = self.attempt("start of many", ncgen.start, self.used, 2, **self.given)
         if sims is None:
             return
         for _ in range(STEPS):
-            self.attempt("step of start_batch", sims.step, DURATION / STEPS)
+            self.attempt("step of many", sims.step, DURATION / STEPS)
             if self.refusal:
                 return
         for k in range(2):
-            self.ends("start_batch", first, sims.q[k], sims.qd[k])
+            self.ends("start of many", first, sims.q[k], sims.qd[k])
 
     def by_export(self, first) -> None:
         """In C, in one part and in several, where inputs keep their values."""

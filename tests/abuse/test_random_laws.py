@@ -13,7 +13,7 @@ ALWAYS = (2000, 2011, 2015, 2028, 2029)
 """Quick ones that all public functions take."""
 
 FUNCTIONS = (
-    "moved", "simulate_batch", "study", "step", "start_batch", "gradient by rk4", "gradient by dop853", "sensitivities", "exported C",
+    "moved", "simulate rows", "study", "step", "start of many", "gradient by rk4", "gradient by dop853", "sensitivities", "exported C",
 )  # fmt: skip
 
 MANY = int(os.environ.get("NCGEN_ABUSE_LAWS", 2000))

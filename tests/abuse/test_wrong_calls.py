@@ -67,7 +67,7 @@ def test_wrong_calls_end_in_one_line(group):
         (lambda k: ncgen.load("pendulum", floating=3), "^floating: 3 given; give True or False$"),
         (lambda k: ncgen.start(k).step(10**400), "^h is a number of 401 digits; it must be a finite number$"),
         (lambda k: ncgen.start(k).step(1e-3, tau=10**400), "^step: tau is a number of 401 digits; it must be a finite number$"),
-        (lambda k: ncgen.start_batch(k, 2).drive(tau=np.array([1j, 0])), "^step: tau is .*; it must be a number, or 2 of them$"),
+        (lambda k: ncgen.start(k, 2).drive(tau=np.array([1j, 0])), "^step: tau is .*; it must be a number, or 2 of them$"),
         (lambda k: ncgen.joint_space(k).inverse_kinematics("C", [0, 0, 1e300]), "^place: 1e[+]300 m given"),
     ],
 )  # fmt: skip
@@ -107,7 +107,7 @@ USES = {
 @pytest.mark.parametrize("many", [False, True], ids=["one", "many"])
 def test_two_threads_at_one_simulation_are_refused(kernels, monkeypatch, use, many):
     """While a step is on its way in C nobody else moves, drives, resets or settles the same simulation; afterwards all do."""
-    sim = ncgen.start_batch(kernels, 2) if many else ncgen.start(kernels)
+    sim = ncgen.start(kernels, 2) if many else ncgen.start(kernels)
     kept = sim.states if many else sim.state
     call = USES.get(use) or (lambda sim: sim.reset(states=kept) if many else sim.reset(kept))
     under_way, done = threading.Event(), threading.Event()

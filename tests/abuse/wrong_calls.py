@@ -202,14 +202,14 @@ def run_calls(k: Any) -> list[Call]:
         Call("simulate", lambda **given: ncgen.simulate(k, 0.01, **given), {"points": grid, "inputs": {"tau": (grid, grid)}}),
         Call("simulate, qd0", by_qd(ncgen.simulate), {"kernels": k, "qd0": np.zeros(k.n)}),
         Call("start", ncgen.start, {"kernels": k, **start, "rtol": 1e-6, "atol": 1e-6, "integrator": "rk4", "inputs": {"tau": 0.1}}),
-        Call("start_batch", ncgen.start_batch, {"kernels": k, "variants": 2, **start, "rtol": 1e-6, "atol": 1e-6, "threads": 1,
+        Call("start of many", ncgen.start, {"kernels": k, "variants": 2, **start, "rtol": 1e-6, "atol": 1e-6, "threads": 1,
                                                 "inputs": {"tau": np.zeros(2)}}),
-        Call("simulate_batch", ncgen.simulate_batch, {
+        Call("simulate rows", ncgen.simulate, {
             "kernels": k, "duration": 0.01, **rows, "t0": 0.0, "z": ("psi", "phi"), "integrator": "dopri5", "rtol": 1e-4, "atol": 1e-4,
             "max_step": 0.1, "points": 3, "threads": 1, "inputs": {"tau": 0.1}, "progress": None,
         }),
-        Call("simulate_batch, qd0", by_qd(ncgen.simulate_batch), {"kernels": k, "qd0": np.zeros((3, k.n))}),
-        Call("accelerations_batch", ncgen.accelerations_batch, {
+        Call("simulate rows, qd0", by_qd(ncgen.simulate), {"kernels": k, "qd0": np.zeros((3, k.n))}),
+        Call("accelerations of rows", ncgen.accelerations, {
             "kernels": k, "q": rows["q0"], "zd": rows["zd0"], "p": k.p0.copy(), "t": 0.0, "z": ("psi", "phi"), "velocities": True,
             "threads": 1,
         }),
@@ -224,7 +224,7 @@ def derivative_calls(k: Any) -> list[Call]:
         Call("sensitivities", ncgen.sensitivities, {**common, **start, "rtol": None, "options": None, "by": ("M", "psi")}),
         Call("gradient", ncgen.gradient, {**common, **start, "objective": objective, "rtol": None, "options": None}),
         Call("hessian", ncgen.hessian, {**common, **start, "objective": with_change, "rtol": None, "directions": np.eye(6)[:, :2]}),
-        Call("gradient_batch", ncgen.gradient_batch, {
+        Call("gradient of rows", ncgen.gradient, {
             "kernels": k, "duration": 0.01, "steps": 3, "objective": objective, "integrator": "rk4", "q0": np.tile(k.q0, (2, 1)),
             "zd0": np.zeros((2, 2)), "p": k.p0.copy(), "t0": 0.0, "z": ("psi", "phi"), "threads": 1,
         }),
@@ -317,7 +317,7 @@ def joint_calls(k: Any) -> list[Call]:
 
 def simulation_calls(k: Any) -> list[Call]:
     """A motion step by step, and many of them."""
-    sim, sims = ncgen.start(k), ncgen.start_batch(k, 3)
+    sim, sims = ncgen.start(k), ncgen.start(k, 3)
     kept, all_kept = sim.state, sims.states
     calls = [
         Call("sim.step", lambda h, tau: sim.step(h, tau=tau), {"h": 1e-4, "tau": 0.1}),

@@ -22,6 +22,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
+import ncgen
 from benchmarks.exact_motion import exact_motion
 from benchmarks.rivals import articulated, mujoco, pinocchio
 from ncgen.comparisons.batches import STATES
@@ -42,7 +43,6 @@ from ncgen.report.clock import Run, measure, repeated
 from ncgen.report.derivative import motion
 from ncgen.report.repeat import KernelCall, runner
 from ncgen.solver.engines.compiled import all_coordinates, dynamics, split_of
-from ncgen.solver.motions.batch import accelerations_batch
 from ncgen.solver.motions.simulate import simulate
 
 COUNTS = (7, 20, 50)
@@ -212,8 +212,8 @@ def own(place: Posture) -> Iterator[Contender]:
 def _side_by_side(place: Posture, operations: int) -> Contender:
     """Many states in one call on one core; the whole call from Python, in place."""
     q, rates = (np.tile(x, (STATES, 1)) for x in (place.q, place.rates))
-    batch = accelerations_batch(place.kernels, q, rates)
-    run = repeated(lambda: accelerations_batch(place.kernels, batch.q, rates, threads=1, out=batch))
+    batch = ncgen.accelerations(place.kernels, q, rates)
+    run = repeated(lambda: ncgen.accelerations(place.kernels, batch.q, rates, threads=1, out=batch))
     return Contender(f"ncgen: {STATES:,} states in one call", run, lambda: batch.zdd[-1], operations, states=STATES)
 
 

@@ -85,14 +85,14 @@ def main() -> None:
         kernels, smooth = ncgen.compile(scene.eventful), ncgen.compile(scene.smooth)
 
         def together(kernels: ncgen.Kernels = kernels, scene: Scene = scene) -> ncgen.BatchTrajectory:
-            return ncgen.simulate_batch(kernels, scene.seconds, points=11, threads=1, **scene.together)
+            return ncgen.simulate(kernels, scene.seconds, points=11, threads=1, **scene.together)
 
         def loop(kernels: ncgen.Kernels = kernels, scene: Scene = scene) -> None:
             for start in scene.alone:
                 ncgen.simulate(kernels, scene.seconds, points=11, integrator="dopri5", **start)
 
         def without(kernels: ncgen.Kernels = smooth, scene: Scene = scene) -> None:
-            ncgen.simulate_batch(kernels, scene.seconds, points=11, threads=1, **scene.together)
+            ncgen.simulate(kernels, scene.seconds, points=11, threads=1, **scene.together)
 
         batch = together()
         assert batch.ok.all(), next(status for status in batch.status if status != "ok")

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+import ncgen
 from benchmarks.data import ALL, first_written_out
 from benchmarks.rivals import casadi_motions
 from ncgen.compiler import compile
@@ -15,7 +16,6 @@ from ncgen.exchange.motion_functions import rates_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.clock import measure, repeated
-from ncgen.solver.derivatives.gradients import gradient_batch
 from ncgen.solver.derivatives.sensitivity import motion_of
 from ncgen.solver.derivatives.taped_motion import TapedMotion
 from ncgen.solver.positions.position import solve_position
@@ -102,7 +102,7 @@ class _Case:
         options = simulation_of(kernels.model)
         given = {name: options[name] for name in ("q0", "zd0", "z") if name in options}
         duration, many = float(options["duration"]), np.tile(kernels.p0, (TOGETHER, 1))
-        found = gradient_batch(kernels, duration, STEPS, lambda q, qd: (0.0, *weights), p=many, threads=1, **given)
+        found = ncgen.gradient(kernels, duration, STEPS, lambda q, qd: (0.0, *weights), p=many, threads=1, **given)
         return found.slopes[-1, : len(kernels.p0)]
 
     def in_casadi(self) -> dict[str, Callable[[], np.ndarray]]:

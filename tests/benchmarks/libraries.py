@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+import ncgen
 from benchmarks.data import ALL, first_written_out
 from ncgen.compiler import compile
 from ncgen.errors import ModelError
@@ -18,8 +19,6 @@ from ncgen.exchange.torch_functions import torch
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.clock import measure, repeated
-from ncgen.solver.derivatives.gradients import gradient_batch
-from ncgen.solver.motions.batch import simulate_batch
 
 MOTIONS, STEPS, DURATION = 1000, 80, 0.4
 """Motions of so many steps of rk4, and seconds."""
@@ -69,7 +68,7 @@ class _Many:
     def moved(self) -> Calls:
         """Positions at all instants, (MOTIONS, STEPS + 1, n)."""
         given = {"zd0": self.rates, "z": self.z, "integrator": "rk4", "max_step": DURATION / STEPS, "points": STEPS + 1}
-        calls: Calls = {"ncgen": lambda: simulate_batch(self.kernels, DURATION, **given).q}
+        calls: Calls = {"ncgen": lambda: ncgen.simulate(self.kernels, DURATION, **given).q}
         if self.jax:
             motion = jax(self.kernels).motion(DURATION, STEPS)
             in_jax = self.jax.jit(self.jax.vmap(lambda rates: motion(self.kernels.p0, rates)))
@@ -85,7 +84,7 @@ class _Many:
         of_rates = slice(count + len(self.z), None)
 
         def own() -> np.ndarray:
-            found = gradient_batch(kernels, DURATION, STEPS, lambda q, qd: (0.0, self.by_q, self.by_qd), zd0=self.rates, z=self.z).slopes
+            found = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: (0.0, self.by_q, self.by_qd), zd0=self.rates, z=self.z).slopes
             return np.hstack([found[:, :count], found[:, of_rates]])
 
         calls: Calls = {"ncgen": own}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+import ncgen
 from ncgen.comparisons.derivative_parts import REFINED, emitted_parts
 from ncgen.comparisons.rivals.base import own_start
 from ncgen.mechanism.kernels import Kernels
@@ -13,7 +14,6 @@ from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.ir.functions import FUNCTIONS
 from ncgen.report.repeat import KernelCall, runner
 from ncgen.solver.engines.compiled import is_emitted
-from ncgen.solver.motions.batch import accelerations_batch
 
 POSITIONS = 1000
 REACH = 1.0
@@ -54,14 +54,14 @@ def _positions(kernels: Kernels, q: np.ndarray, count: int) -> tuple[np.ndarray,
     """Closed positions, reached from q in stages, and random rates of the `count` independent coordinates."""
     rng = np.random.default_rng(0)
     rates = rng.uniform(-1, 1, (POSITIONS, count))
-    batch = accelerations_batch(kernels, np.tile(q, (POSITIONS, 1)), rates)
+    batch = ncgen.accelerations(kernels, np.tile(q, (POSITIONS, 1)), rates)
     independent = [kernels.index[name] for name in batch.independent]
     steps = rng.uniform(-REACH, REACH, rates.shape) * kernels.column_sizes[independent] / STAGES
     arrived = np.ones(POSITIONS, dtype=bool)
     for _ in range(STAGES):
         batch.q[:, independent] += steps
         batch.q[~arrived] = q  # what does not close any more stays out
-        batch = accelerations_batch(kernels, batch.q, rates, out=batch)
+        batch = ncgen.accelerations(kernels, batch.q, rates, out=batch)
         arrived &= batch.ok
     return batch.q[arrived], rates[arrived]
 

@@ -241,7 +241,7 @@ def test_unknown_names_are_refused():
 @pytest.mark.parametrize(
     ("call", "what"),
     [
-        (lambda k: ncgen.gradient_batch(k, 1.0, 10, lambda q, qd: (q[-1, 0], None, None), q0=np.ones((2, 1))), "gradient_batch"),
+        (lambda k: ncgen.gradient(k, 1.0, 10, lambda q, qd: (q[-1, 0], None, None), q0=np.ones((2, 1))), "gradient of rows"),
         (lambda k: ncgen.sensitivities(k, 1.0, 10, integrator="rattle"), "a derivative by steps of rattle"),
     ],
     ids=lambda x: x if isinstance(x, str) else "",

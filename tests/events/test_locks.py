@@ -94,7 +94,7 @@ def test_steps_and_batches_go_through_locks():
         sim.reset(state)
         sim.step(1.5)
         assert sim.q == pytest.approx(run.q[-1], abs=1e-12) and [e.name for e in sim.events] == [e.name for e in run.events]
-    batch = ncgen.simulate_batch(kernels, 3.0, qd0=[[0.0, 0.0], [1.0, 1.0]], points=7)
+    batch = ncgen.simulate(kernels, 3.0, qd0=[[0.0, 0.0], [1.0, 1.0]], points=7)
     assert batch.q[0, -1] == pytest.approx(run.q[-1], abs=1e-12)
     assert [[e.what for e in events if e.t > 0] for events in batch.events] == [["locks", "frees"]] * 2
 

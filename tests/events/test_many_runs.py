@@ -47,7 +47,7 @@ def numbers(events: Sequence[Happening]) -> np.ndarray:
 def test_random_mechanisms_are_what_they_are_alone(seed):
     kernels = between_floors(seed)
     restitution = np.random.default_rng(seed).uniform(0.0, 0.9, COUNT)
-    batch = ncgen.simulate_batch(kernels, 1.0, points=7, p={"e": restitution}, rtol=1e-9)
+    batch = ncgen.simulate(kernels, 1.0, points=7, p={"e": restitution}, rtol=1e-9)
     assert not batch.alone.any() and sum(map(len, batch.events)) > COUNT
     for i, e in enumerate(restitution.tolist()):
         run = ncgen.simulate(kernels, 1.0, points=7, p={"e": e}, rtol=1e-9, integrator="dopri5")
@@ -62,8 +62,8 @@ def test_random_mechanisms_are_what_they_are_alone(seed):
 def test_neighbours_and_threads_make_no_difference():
     kernels = ncgen.compile(ball())
     heights = np.linspace(0.1, 2.0, 2 * CHUNK + 5)
-    one, two = (ncgen.simulate_batch(kernels, 1.5, points=5, q0=heights[:, None], threads=threads) for threads in (1, 2))
-    last = ncgen.simulate_batch(kernels, 1.5, points=5, q0=heights[-1:, None])
+    one, two = (ncgen.simulate(kernels, 1.5, points=5, q0=heights[:, None], threads=threads) for threads in (1, 2))
+    last = ncgen.simulate(kernels, 1.5, points=5, q0=heights[-1:, None])
     assert one.q.tobytes() == two.q.tobytes() and one.qd.tobytes() == two.qd.tobytes() and one.work.tobytes() == two.work.tobytes()
     assert one.q[-1].tobytes() == last.q[0].tobytes()
     for a, b in zip(one.events, two.events, strict=True):
@@ -75,7 +75,7 @@ def test_gaps_that_rest_and_leave():
     """Lifted by 4 t each ball leaves the floor at G/4, however it came to rest."""
     m = ball()
     m.force(m.elements["P"], (0, 4 * m.time))
-    batch = ncgen.simulate_batch(ncgen.compile(m), 4.0, p={"e": np.array([0.0, 0.3, 0.5])})
+    batch = ncgen.simulate(ncgen.compile(m), 4.0, p={"e": np.array([0.0, 0.3, 0.5])})
     assert batch.ok.all() and not batch.alone.any()
     for events in batch.events:
         rests, leaves = (each for each in events if each.what)
@@ -88,7 +88,7 @@ def test_thousands_of_events_of_one_motion():
     """More than C has room for at a time: bounces without loss from 1 mm."""
     m = ball(1.0)
     first, seconds = math.sqrt(2e-3 / G), 60.0
-    batch = ncgen.simulate_batch(ncgen.compile(m), seconds, q0=np.array([[1e-3], [1.0]]), rtol=1e-10)
+    batch = ncgen.simulate(ncgen.compile(m), seconds, q0=np.array([[1e-3], [1.0]]), rtol=1e-10)
     times = np.array([each.t for each in batch.events[0]])
     assert len(times) == int((seconds / first + 1) / 2) > 2000
     assert times == pytest.approx(first * (2 * np.arange(len(times)) + 1), rel=1e-9)
@@ -104,7 +104,7 @@ def test_a_progress_that_ends_a_batch():
             raise RuntimeError("enough")
 
     with pytest.raises(RuntimeError, match="enough") as raised:
-        ncgen.simulate_batch(kernels, 1.0, q0=np.linspace(0.5, 1.0, 4 * CHUNK)[:, None], progress=stop, threads=1)
+        ncgen.simulate(kernels, 1.0, q0=np.linspace(0.5, 1.0, 4 * CHUNK)[:, None], progress=stop, threads=1)
     found = raised.value.trajectory
     assert found.status.count("ok") == CHUNK and found.status.count("interrupted") == 3 * CHUNK
     assert np.isfinite(found.q[0]).all() and np.isnan(found.q[-1]).all() and found.events[0] and not found.events[-1]
@@ -114,7 +114,7 @@ def test_what_is_not_in_c_runs_alone():
     m, s = sliding_block("held")
     m.friction(s, coulomb=1.0)
     kernels = ncgen.compile(m)
-    batch = ncgen.simulate_batch(kernels, 2.0, zd0=np.array([[1.0], [0.5]]), z=("s",))
+    batch = ncgen.simulate(kernels, 2.0, zd0=np.array([[1.0], [0.5]]), z=("s",))
     assert batch.ok.all() and batch.alone.all() and [each[-1].what for each in batch.events] == ["sticks", "sticks"]
     assert "friction" in refusal_in_c(kernels, Method.of("lagrange", "dopri5"))
     assert refusal_in_c(ncgen.compile(ball()), Method.of("lagrange", "dopri5")) is None
@@ -125,7 +125,7 @@ def test_a_failure_is_reported_as_alone():
     m = ball()
     m.event("kick", when=m.elements["P"].y - 0.5, do={"rate(P.y)": m.parameter("square", 4.0) ** 0.5})
     kernels = ncgen.compile(m)
-    batch = ncgen.simulate_batch(kernels, 0.4, p={"square": np.array([4.0, -1.0])})
+    batch = ncgen.simulate(kernels, 0.4, p={"square": np.array([4.0, -1.0])})
     assert batch.ok.tolist() == [True, False] and batch.alone.tolist() == [False, True]
     assert batch.q[0, -1, 0] > 0.5
     with pytest.raises(ncgen.NcgenError) as raised:

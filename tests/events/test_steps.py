@@ -191,7 +191,7 @@ def test_steps_with_what_is_held_are_calls_of_c(monkeypatch):
     m.torque(s, m.input("push"))
     m.friction(s, coulomb=1.0)
     kernels = ncgen.compile(m)
-    sim, sims = ncgen.start(kernels), ncgen.start_batch(kernels, 2)
+    sim, sims = ncgen.start(kernels), ncgen.start(kernels, 2)
     sim.step(0.1, push=0.9), sims.step(0.1, push=[0.9, -0.9])
     with monkeypatch.context() as patched:
         patched.setattr(Steps, "_run", lambda *given: pytest.fail("a step went through Python"))
@@ -207,7 +207,7 @@ def test_inputs_that_no_condition_reads_change_nothing_else(monkeypatch):
     """A ball that is pushed by another force in every step falls as the forces say, and hits the floor as ever."""
     m = ball()
     m.force(m.elements["P"], (0, m.input("F")))
-    sims = ncgen.start_batch(ncgen.compile(m), 2)
+    sims = ncgen.start(ncgen.compile(m), 2)
     random, height, velocity = np.random.default_rng(7), np.ones(2), np.zeros(2)
     with monkeypatch.context() as patched:
         patched.setattr(EventLoop, "change", lambda *given: pytest.fail("inputs went through an instant of events"))
@@ -224,6 +224,6 @@ def test_inputs_that_no_condition_reads_change_nothing_else(monkeypatch):
 def test_an_input_that_a_condition_reads_brings_about_its_event():
     m = ball()
     m.event("asked", when=m.input("level") - 0.5, direction="rising", do="stop")
-    sims = ncgen.start_batch(ncgen.compile(m), 2).step(0.1)
+    sims = ncgen.start(ncgen.compile(m), 2).step(0.1)
     sims.step(0.1, level=[0.0, 1.0])
     assert sims.stopped.tolist() == [False, True] and sims.events[1][-1].name == "asked" and sims.t == pytest.approx([0.2, 0.1])

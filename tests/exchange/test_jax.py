@@ -142,7 +142,7 @@ def test_without_a_compiler_nothing_is_in_place(monkeypatch):
 
 @pytest.mark.slow
 def test_vmap_costs_what_a_batch_does():
-    """1,000 falls of the robot: at most 1.2 times `simulate_batch` with the same steps; the best of turns."""
+    """1,000 falls of the robot: at most 1.2 times `simulate` with rows with the same steps; the best of turns."""
     jax.config.update("jax_enable_x64", True)
     robot = ncgen.compile(ncgen.load("robot"))
     functions = ncgen.jax(robot)
@@ -151,7 +151,7 @@ def test_vmap_costs_what_a_batch_does():
     many = jax.jit(jax.vmap(lambda rates: motion(robot.p0, rates)[0]))
 
     def theirs():
-        ncgen.simulate_batch(robot, 0.4, zd0=rates, z=z, integrator="rk4", max_step=0.005, points=81)
+        ncgen.simulate(robot, 0.4, zd0=rates, z=z, integrator="rk4", max_step=0.005, points=81)
 
     tools = {"ours": theirs, "vmap": lambda: jax.block_until_ready(many(rates))}
     spent = {name: [] for name in tools}

@@ -169,4 +169,4 @@ def test_motions_without_inertia_are_refused_where_dynamics_are_written_out(engi
     m.point("massless", (2, 0, 0))
     k = ncgen.compile(m, "c")
     with pytest.raises(ncgen.SingularError, match="no inertia"):
-        ncgen.simulate_batch(k, 0.1, q0=np.array([k.q0, k.q0])) if engine == "batch" else ncgen.simulate(k, 0.1, engine=engine)
+        ncgen.simulate(k, 0.1, q0=np.array([k.q0, k.q0])) if engine == "batch" else ncgen.simulate(k, 0.1, engine=engine)

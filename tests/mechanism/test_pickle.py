@@ -144,12 +144,12 @@ def test_results():
     q = ncgen.assemble(kernels, kernels.q0)
     states = np.tile(q, (4, 1))
     dof = ncgen.freedom(kernels, q).dof
-    several = ncgen.simulate_batch(kernels, 0.05, q0=states, zd0=np.linspace(0, 1, 4)[:, None] * np.ones(dof), points=3)
+    several = ncgen.simulate(kernels, 0.05, q0=states, zd0=np.linspace(0, 1, 4)[:, None] * np.ones(dof), points=3)
     twin = travelled(several)
     assert np.array_equal(twin.q, several.q) and twin.status == several.status and twin.kernels.name == "fourbar"
-    found = ncgen.accelerations_batch(kernels, states, np.ones((4, dof)))
+    found = ncgen.accelerations(kernels, states, np.ones((4, dof)))
     there, same = travelled((kernels, found))
-    again = ncgen.accelerations_batch(there, states, np.ones((4, dof)), out=same)
+    again = ncgen.accelerations(there, states, np.ones((4, dof)), out=same)
     assert np.array_equal(again.zdd, found.zdd) and again.independent == found.independent
     linear = ncgen.linearise(kernels, q0=q)
     assert np.array_equal(travelled(linear).eigenvalues, linear.eigenvalues)

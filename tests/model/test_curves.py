@@ -134,7 +134,7 @@ def test_a_motion_under_splines_and_tables(options):
 def test_many_states_in_lanes():
     """Each crosses knots at its own times."""
     kernels = ncgen.compile(forced())
-    found = ncgen.simulate_batch(kernels, 1.0, p={"k": np.array([1.0, 2.0, 4.0])}, integrator="dop853", rtol=1e-10)
+    found = ncgen.simulate(kernels, 1.0, p={"k": np.array([1.0, 2.0, 4.0])}, integrator="dop853", rtol=1e-10)
     for k, q in zip((1.0, 2.0, 4.0), found.q[:, -1, kernels.index["s"]], strict=True):
         assert q == pytest.approx(motion(k, 1.0)[0], abs=1e-7)
 

@@ -12,7 +12,7 @@ from ncgen.exchange.toml_reader import model_of
 from ncgen.exchange.toml_writer import to_toml
 from ncgen.program.motions.dynamics import assemble_motion
 from ncgen.solver.engines.compiled import own_positions
-from ncgen.solver.motions.simulation import outputs_at
+from ncgen.solver.motions.step_preparation import outputs_at
 from tests.robots.test_link_frames import ARM
 
 ROBOTS = Path(sysconfig.get_paths()["purelib"], "cmeel.prefix/share/example-robot-data/robots")

@@ -27,7 +27,7 @@ from ncgen.exchange.robots.motors import AWAY_FROM_ZERO
 from ncgen.exchange.robots.robot import Robot
 from ncgen.exchange.robots.sensors import SENSORS
 from ncgen.exchange.robots.stops import left
-from ncgen.solver.motions.simulation import outputs_at
+from ncgen.solver.motions.step_preparation import outputs_at
 
 WITHIN = 1e-9
 """Largest error of an acceleration over 1 + the largest acceleration."""

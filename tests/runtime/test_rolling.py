@@ -60,7 +60,7 @@ def test_a_stop_and_what_is_not_written_out():
     ):
         roll(0.1, engine="emitted")
     with pytest.raises(ModelError, match="disc cannot be simulated in a batch: a state derivative is emitted for one choice"):
-        ncgen.simulate_batch(disc(), 0.1, zd0=np.zeros((2, 3)))
+        ncgen.simulate(disc(), 0.1, zd0=np.zeros((2, 3)))
 
 
 TILT, BASE, TRAIL, REAR, FRONT = np.pi / 10, 1.02, 0.08, 0.3, 0.35

@@ -246,12 +246,12 @@ def test_states_in_lanes_end_steps_at_breaks(integrator):
     kernels = ncgen.compile(m)
     begins = np.linspace(1.03, 5.0, 10)
     given = dict(integrator=integrator, rtol=1e-9, points=[0.0, 6.1, 10.0], max_step=0.01 if integrator == "rk4" else np.inf)
-    batch = ncgen.simulate_batch(kernels, 10.0, p={"begin": begins}, **given)
+    batch = ncgen.simulate(kernels, 10.0, p={"begin": begins}, **given)
     assert batch.ok.all() and not batch.alone.any()
     x = batch.q[:, :, kernels.index["A.x"]]
     for k, begin in enumerate(begins):
         np.testing.assert_allclose(x[k, -1], after_the_pulse(15.0 - begin), rtol=0, atol=3e-7)
-    alone = ncgen.simulate_batch(kernels, 10.0, p={"begin": begins[3:4]}, **given)
+    alone = ncgen.simulate(kernels, 10.0, p={"begin": begins[3:4]}, **given)
     assert np.array_equal(alone.q[0], batch.q[3])
 
 
@@ -261,7 +261,7 @@ def test_steps_from_outside_end_at_breaks(integrator, h):
     if integrator == "rk4":
         h = 0.01
     kernels = ncgen.compile(hanging(PENDULUM_PULSES["Heaviside"]))
-    one, many = ncgen.start(kernels, integrator=integrator, rtol=1e-9), ncgen.start_batch(kernels, 3, integrator=integrator, rtol=1e-9)
+    one, many = ncgen.start(kernels, integrator=integrator, rtol=1e-9), ncgen.start(kernels, 3, integrator=integrator, rtol=1e-9)
     for _ in range(round(10.0 / h)):
         one.step(h)
         many.step(h)

@@ -43,19 +43,19 @@ def the_check(kernels, duration=1.0, **given):
 
 
 def batch(kernels, duration=1.0, **given):
-    return ncgen.simulate_batch(kernels, duration, zd0=given.pop("zd0", np.zeros((2, 1))), **given)
+    return ncgen.simulate(kernels, duration, zd0=given.pop("zd0", np.zeros((2, 1))), **given)
 
 
 DOORS = {
     "simulate": lambda k, duration=1.0, **given: ncgen.simulate(k, duration, **given),
     "simulate in Python": lambda k, duration=1.0, **given: ncgen.simulate(k, duration, engine="python", **given),
-    "simulate_batch": batch,
+    "simulate rows": batch,
     "sensitivities": lambda k, duration=1.0, **given: ncgen.sensitivities(k, duration, 5, **given),
     "gradient": lambda k, duration=1.0, **given: ncgen.gradient(k, duration, 5, nothing, **given),
     "check": the_check,
 }
 ALL = tuple(DOORS)
-RUNS = ("simulate", "simulate in Python", "simulate_batch", "check")
+RUNS = ("simulate", "simulate in Python", "simulate rows", "check")
 SINGLE = ("simulate", "simulate in Python", "sensitivities", "gradient", "check")
 
 WRONG = [

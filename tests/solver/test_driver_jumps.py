@@ -320,7 +320,7 @@ def test_steps_from_outside_take_the_impulse(integrator, h, within):
     """Steps that end at the jump, and such that pass it."""
     kernels, impulses = kernels_of("Max"), []
     given = dict(integrator=integrator, rtol=1e-9, zd0={"phi": TURNING})
-    one, many = ncgen.start(kernels, **given), ncgen.start_batch(kernels, 3, threads=2, **given)
+    one, many = ncgen.start(kernels, **given), ncgen.start(kernels, 3, threads=2, **given)
     before, total = one.state, sum(one.energy()[:2])
     while one.t < 2.0 - 1e-9:
         step = min(h, 2.0 - one.t)
@@ -363,8 +363,8 @@ def test_a_state_that_goes_on_alone_takes_the_recursion(monkeypatch):
         engines.append(run.engine)
         return run
 
-    monkeypatch.setattr("ncgen.solver.motions.batch.simulate", simulate)
-    batch = ncgen.simulate_batch(kernels_of("parameter"), 2.0, zd0={"phi": TURNING}, p={"begin": np.array([1.0])})
+    monkeypatch.setattr("ncgen.solver.motions.batch.simulate_one", simulate)
+    batch = ncgen.simulate(kernels_of("parameter"), 2.0, zd0={"phi": TURNING}, p={"begin": np.array([1.0])})
     assert batch.alone.all() and engines == ["emitted"]
 
 
@@ -374,7 +374,7 @@ def test_states_of_a_batch_take_the_impulse(integrator):
     begins = np.array([0.5, 1.0, 1.7, 2.5, 3.0])
     step = {"max_step": 0.01} if integrator == "rk4" else {}
     given = dict(zd0={"phi": TURNING}, rtol=1e-9, integrator=integrator, **step)
-    batch = ncgen.simulate_batch(kernels_of("parameter"), 2.0, p={"begin": begins}, **given)
+    batch = ncgen.simulate(kernels_of("parameter"), 2.0, p={"begin": begins}, **given)
     assert batch.ok.all() and batch.alone.tolist() == [True, True, True, False, False]
     index = kernels_of("parameter").index
     for k, begin in enumerate(begins[:3]):
@@ -382,7 +382,7 @@ def test_states_of_a_batch_take_the_impulse(integrator):
         found = [batch.q[k, -1, index["phi"]], batch.qd[k, -1, index["phi"]], batch.work[k, -1]]
         assert found == pytest.approx([phi, rate, work], abs=1e-7)
     assert batch.q[3:, -1, index["phi"]] == pytest.approx(2 * TURNING, abs=1e-7)
-    alone = ncgen.simulate_batch(kernels_of("parameter"), 2.0, p={"begin": begins[3:4]}, **given)
+    alone = ncgen.simulate(kernels_of("parameter"), 2.0, p={"begin": begins[3:4]}, **given)
     assert np.array_equal(alone.q[0], batch.q[3])
 
 
@@ -390,7 +390,7 @@ def test_a_batch_says_which_positions_jump():
     def law(m):
         return PLACE + 0.1 * sympy.Heaviside(m.time - m.parameter("begin", 1.0))
 
-    batch = ncgen.simulate_batch(ncgen.compile(spinner(law)), 2.0, p={"begin": np.array([1.0, 3.0])})
+    batch = ncgen.simulate(ncgen.compile(spinner(law)), 2.0, p={"begin": np.array([1.0, 3.0])})
     assert batch.status[1] == "ok" and "jumps by 0.1 at t = 1 s" in batch.status[0]
 
 
@@ -408,5 +408,5 @@ def test_derivatives_of_many_motions_over_an_impulse_are_refused():
         slope[-1, 0] = 1.0
         return q[-1, 0], slope, np.zeros_like(qd)
 
-    found = ncgen.gradient_batch(kernels_of("parameter"), 2.0, 100, objective, p={"begin": np.array([1.0, 3.0])})
+    found = ncgen.gradient(kernels_of("parameter"), 2.0, 100, objective, p={"begin": np.array([1.0, 3.0])})
     assert found.status[1] == "ok" and "do not go through that impulse" in found.status[0]

@@ -46,7 +46,7 @@ def alone(kernels, p, zd0, integrator="rk4"):
 def test_each_is_its_own(kernels, integrator):
     """Values and slopes of 19 variants with their own lengths, which is no number of full vectors, to rounding."""
     p, zd0 = variants(kernels, 19)
-    found = ncgen.gradient_batch(kernels, DURATION, STEPS, objective, integrator=integrator, p=p, zd0=zd0, z="psi")
+    found = ncgen.gradient(kernels, DURATION, STEPS, objective, integrator=integrator, p=p, zd0=zd0, z="psi")
     assert found.ok.all() and not found.alone.any() and found.slopes.shape == (19, len(kernels.p0) + 2)
     for i in range(19):
         value, slopes, names = alone(kernels, p[i], zd0[i], integrator)
@@ -60,7 +60,7 @@ def test_bits_do_not_depend_on_company(kernels, monkeypatch):
     p, zd0 = variants(kernels, 40)
 
     def found(count, threads):
-        return ncgen.gradient_batch(kernels, DURATION, STEPS, objective, p=p[:count], zd0=zd0[:count], z="psi", threads=threads)
+        return ncgen.gradient(kernels, DURATION, STEPS, objective, p=p[:count], zd0=zd0[:count], z="psi", threads=threads)
 
     one = found(40, 1)
     monkeypatch.setattr(kernel_batch, "available", lambda: 3)
@@ -73,7 +73,7 @@ def test_bits_do_not_depend_on_company(kernels, monkeypatch):
 def test_a_state_that_goes_otherwise_has_a_run_of_its_own(kernels, monkeypatch):
     """What lanes hand back is computed alone, to the bits of the single call; the others stay as they are."""
     p, zd0 = variants(kernels, 12)
-    plain, run = ncgen.gradient_batch(kernels, DURATION, STEPS, objective, p=p, zd0=zd0, z="psi"), motions.Motions.run
+    plain, run = ncgen.gradient(kernels, DURATION, STEPS, objective, p=p, zd0=zd0, z="psi"), motions.Motions.run
 
     def some(self, *start):
         done = run(self, *start)
@@ -82,7 +82,7 @@ def test_a_state_that_goes_otherwise_has_a_run_of_its_own(kernels, monkeypatch):
         return done
 
     monkeypatch.setattr(motions.Motions, "run", some)
-    found = ncgen.gradient_batch(kernels, DURATION, STEPS, objective, p=p, zd0=zd0, z="psi")
+    found = ncgen.gradient(kernels, DURATION, STEPS, objective, p=p, zd0=zd0, z="psi")
     assert np.flatnonzero(found.alone).tolist() == [2, 7] and found.ok.all()
     for i in range(12):
         expected = alone(kernels, p[i], zd0[i])[1] if i in (2, 7) else plain.slopes[i]
@@ -96,7 +96,7 @@ def test_what_cannot_move_says_why_and_costs_nothing_else(kernels):
     q0 = ncgen.assemble(kernels, kernels.q0)
     p[:, : len(kernels.p0)] = kernels.p0
     p[1, crank], p[4, mass], zd0[6] = 30.0, np.nan, 1e5
-    found = ncgen.gradient_batch(kernels, DURATION, STEPS, objective, p=p, zd0=zd0, q0=q0, z="psi")
+    found = ncgen.gradient(kernels, DURATION, STEPS, objective, p=p, zd0=zd0, q0=q0, z="psi")
     assert [found.status[i] == "ok" for i in range(9)] == [i not in (1, 4, 6) for i in range(9)]
     assert np.isnan(found.slopes[[1, 4, 6]]).all() and np.isnan(found.values[[1, 4, 6]]).all()
     for i in (1, 4, 6):
@@ -112,7 +112,7 @@ def test_progress_and_what_is_raised(kernels):
     """The share of what is done ascends to the whole; what the objective or the progress raises ends the call."""
     p, zd0 = variants(kernels, 30)
     given, told = {"p": p, "zd0": zd0, "z": "psi"}, []
-    ncgen.gradient_batch(kernels, DURATION, STEPS, objective, **given, progress=told.append, threads=1)
+    ncgen.gradient(kernels, DURATION, STEPS, objective, **given, progress=told.append, threads=1)
     assert told == sorted(told) and told[-1] == 1.0
 
     def broken(q, qd):
@@ -120,16 +120,16 @@ def test_progress_and_what_is_raised(kernels):
 
     for threads in (1, 2):
         with pytest.raises(ArithmeticError, match="enough"):
-            ncgen.gradient_batch(kernels, DURATION, STEPS, broken, **given, threads=threads)
+            ncgen.gradient(kernels, DURATION, STEPS, broken, **given, threads=threads)
 
 
 def test_refusals(kernels):
-    """In the words of `gradient` and of `simulate_batch`."""
+    """In the words of `gradient` and of `simulate`."""
     given = {"zd0": np.zeros((3, 1)), "z": "psi"}
 
     def refused(*arguments, **options):
         with pytest.raises(ModelError) as caught:
-            ncgen.gradient_batch(*arguments, **{**given, **options})
+            ncgen.gradient(*arguments, **{**given, **options})
         return str(caught.value)
 
     assert refused(kernels, 0.1, 0, objective) == "steps: 0 given; a motion has at least 1"
@@ -140,7 +140,7 @@ def test_refusals(kernels):
     assert refused(kernels, 0.1, 2, objective, threads=0).startswith("threads: 0 given")
     plain = ncgen.compile(linkage(), backend="numpy")
     assert "its motion is not emitted in C" in refused(plain, 0.1, 2, objective, integrator="dop853")
-    found = ncgen.gradient_batch(kernels, 0.1, 4, objective, **given)
+    found = ncgen.gradient(kernels, 0.1, 4, objective, **given)
     assert repr(found).startswith("<BatchGradients by crank, rise, foot") and repr(found).endswith("3 of 3 states>")
     with pytest.raises(ModelError, match="there is no derivative by 'nothing'; there are crank"):
         found.by("nothing")
@@ -154,8 +154,8 @@ def test_two_threads_are_nearly_twice_as_quick():
     kernels = ncgen.compile(ncgen.load("robot"))
     zd0 = 0.1 * np.random.default_rng(1).standard_normal((800, 6))
     tools = {
-        "gradients": lambda threads: ncgen.gradient_batch(kernels, 0.5, 100, objective, zd0=zd0, threads=threads),
-        "motions": lambda threads: ncgen.simulate_batch(kernels, 0.5, zd0=zd0, threads=threads, rtol=1e-10, points=20),
+        "gradients": lambda threads: ncgen.gradient(kernels, 0.5, 100, objective, zd0=zd0, threads=threads),
+        "motions": lambda threads: ncgen.simulate(kernels, 0.5, zd0=zd0, threads=threads, rtol=1e-10, points=20),
     }
     spent = {(tool, threads): [] for tool in tools for threads in (1, 2)}
     for _ in range(9):
@@ -200,11 +200,11 @@ def test_lanes_stay_within_their_memory(kernels, monkeypatch, steps):
         monkeypatch.setattr(module, "aligned", guarded)
     p, zd0 = variants(kernels, 9)
     for integrator in ("rk4", "dop853"):
-        found = ncgen.gradient_batch(
+        found = ncgen.gradient(
             kernels, 0.01 * steps, steps, lambda q, qd: (0.0, q, qd), integrator=integrator, p=p, zd0=zd0, z="psi", threads=1
         )
         assert found.ok.all()
-    ncgen.simulate_batch(kernels, 0.1, p=p, zd0=zd0, z="psi", points=3, threads=1)
+    ncgen.simulate(kernels, 0.1, p=p, zd0=zd0, z="psi", points=3, threads=1)
     q = np.tile(kernels.q0, (9, 1))
     for name in kernels.programs.programs:
         kernels.batch.values(name, 0.0, q, q, p)
@@ -222,7 +222,7 @@ def test_positions_are_closed_in_lanes(kernels):
 
     p, zd0 = variants(kernels, 9)
     p[:] = kernels.p0  # by which phi judges
-    found = ncgen.gradient_batch(kernels, 0.5, 5, weigh, p=p, zd0=3 * zd0, z="psi")
+    found = ncgen.gradient(kernels, 0.5, 5, weigh, p=p, zd0=3 * zd0, z="psi")
     assert found.ok.all() and not found.alone.any()
     assert len(left) == 9 * 6 and np.max(left) < 1e-12
 
@@ -269,7 +269,7 @@ def test_a_number_that_is_none_is_seen_wherever_it_is(rod):
         by_q[-1, :count] = 1.0
         return float(last[-1].sum()), by_q, np.zeros_like(q)
 
-    found = ncgen.gradient_batch(kernels, 0.5, 5, end, p=p)
+    found = ncgen.gradient(kernels, 0.5, 5, end, p=p)
     assert found.alone[-1] != rod
     said = [word.partition(" is not a number")[0] for word in found.status]
     assert said == [*(f"particles: force on P{i // 2}" for i in range(count)), "ok"]

@@ -161,7 +161,7 @@ def test_many_motions():
     """One after the other where a law has breaks in the run, side by side where none has; a state without a derivative says why."""
     kernels = block(LAWS["Heaviside"][0])
     t1 = np.array([T1, 1.2, 0.0])
-    found = ncgen.gradient_batch(kernels, T, 20, end_of, integrator="dop853", p={"t1": t1})
+    found = ncgen.gradient(kernels, T, 20, end_of, integrator="dop853", p={"t1": t1})
     for k in (0, 1):
         alone = ncgen.gradient(kernels, T, 20, end_of, integrator="dop853", p={"t1": t1[k]})
         assert found.values[k] == alone.value
@@ -169,7 +169,7 @@ def test_many_motions():
     assert found.by("t1")[0] == pytest.approx(expected("Heaviside")["t1"], abs=1e-9)
     assert found.ok.tolist() == [True, True, False] and np.isnan(found.values[2]) and np.all(np.isnan(found.slopes[2]))
     assert "no derivative by t1" in found.status[2]
-    assert not np.any(ncgen.gradient_batch(kernels, 0.5, 20, end_of, p={"t1": t1[:2]}).alone)
+    assert not np.any(ncgen.gradient(kernels, 0.5, 20, end_of, p={"t1": t1[:2]}).alone)
 
 
 def test_a_long_run_in_segments_feels_jumps(monkeypatch):

@@ -16,16 +16,13 @@ from ncgen.solver.runs.run import Initial, Run
 
 OF_GROUPS = {
     "simulate": (1.0,),
-    "simulate_batch": (1.0,),
     "start": (),
-    "start_batch": (2,),
     "sensitivities": (1.0, 5),
     "gradient": (1.0, 5, lambda q, qd: (0.0, None, None)),
-    "gradient_batch": (1.0, 5, lambda q, qd: (0.0, None, None)),
     "hessian": (1.0, 5, lambda q, qd: (0.0, None, None, None)),
     "linearise": (),
     "driven_positions": ([0.0],),
-    "accelerations_batch": ([[0.0]], [[0.0]]),
+    "accelerations": ([0.0], [0.0]),
 }
 """{function that takes a group: arguments without which it cannot be called}"""
 

@@ -246,14 +246,14 @@ def test_what_drives_a_batch_drives_every_state_of_it(signal):
     kernels = ncgen.compile(ncgen.load("cartpole"))
     starts = np.array([[0.0, 0.5], [0.2, -0.4], [0.0, 0.0]])
     given = dict(integrator="dop853", rtol=1e-10, z=["s", "phi"], inputs={"F": signal})
-    batch = ncgen.simulate_batch(kernels, 1.0, zd0=starts, points=11, **given)
+    batch = ncgen.simulate(kernels, 1.0, zd0=starts, points=11, **given)
     assert batch.ok.all()
     for k, zd0 in enumerate(starts):
         run = ncgen.simulate(kernels, 1.0, zd0=zd0, points=11, formalism="coordinate-partitioning", **given)
         assert np.max(np.abs(batch.q[k] - run.q)) < 1e-8
     if isinstance(signal, float):
         plain = given | {"inputs": None}
-        same = ncgen.simulate_batch(kernels, 1.0, zd0=starts, points=11, p={"F": signal}, **plain)
+        same = ncgen.simulate(kernels, 1.0, zd0=starts, points=11, p={"F": signal}, **plain)
         assert np.array_equal(batch.q, same.q)
 
 
@@ -261,7 +261,7 @@ def test_a_batch_refuses_inputs_in_the_words_of_simulate():
     kernels = ncgen.compile(ncgen.load("cartpole"))
     for wrong in ({"G": 1.0}, {"F": "much"}, {"F": ([0, 1], [0.0])}, [1.0]):
         words = []
-        for door, more in ((ncgen.simulate, {}), (ncgen.simulate_batch, {"zd0": np.zeros((2, 2))})):
+        for door, more in ((ncgen.simulate, {}), (ncgen.simulate, {"zd0": np.zeros((2, 2))})):
             with pytest.raises(ncgen.ModelError) as refused:
                 door(kernels, 1.0, inputs=wrong, **more)
             words.append(str(refused.value))

@@ -106,13 +106,13 @@ def test_batches_and_steppers_feel_it():
     s, rng = 4e-4, np.random.default_rng(8)
     size = MASS / s / math.sqrt(2 * math.pi)
     at = rng.uniform(0.5, 9.5, 40)
-    batch = ncgen.simulate_batch(kernels, DURATION, p={"at": at, "width": s, "size": size}, points=2, rtol=1e-6)
+    batch = ncgen.simulate(kernels, DURATION, p={"at": at, "width": s, "size": size}, points=2, rtol=1e-6)
     assert batch.ok.all()
     np.testing.assert_allclose(batch.qd[:, -1, kernels.index["A.x"]], 1.0, rtol=0, atol=1e-5)
     np.testing.assert_allclose(batch.q[:, -1, kernels.index["A.x"]], DURATION - at, rtol=0, atol=1e-4)
     for h in (10.0, 1.0, 0.03):
         one = ncgen.start(kernels, p={"at": at[0], "width": s, "size": size}, rtol=1e-6)
-        many = ncgen.start_batch(kernels, 3, p={"at": at[0], "width": s, "size": size}, rtol=1e-6)
+        many = ncgen.start(kernels, 3, p={"at": at[0], "width": s, "size": size}, rtol=1e-6)
         for _ in range(math.ceil(DURATION / h)):
             one.step(h)
             many.step(h)

@@ -61,7 +61,7 @@ def test_steps_see_what_runs_see():
     """One motion and three that go on together, at their own speeds and couples."""
     kernels = ncgen.compile(pendulum())
     sim = ncgen.start(kernels, zd0={"psi": 2.0})
-    sims = ncgen.start_batch(kernels, 3)
+    sims = ncgen.start(kernels, 3)
     sims.qd[:] *= 0
     for _ in range(5):
         sim.step(0.02, tau=1.0)

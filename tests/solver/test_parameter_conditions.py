@@ -124,7 +124,7 @@ def objective(q, qd):
 SINGLE = {
     "simulate": lambda k, p: ncgen.simulate(k, 0.01, p=p),
     "start": lambda k, p: ncgen.start(k, p=p),
-    "start_batch": lambda k, p: ncgen.start_batch(k, 2, p=p),
+    "start of many": lambda k, p: ncgen.start(k, 2, p=p),
     "assemble": lambda k, p: ncgen.assemble(k, p=p),
     "freedom": lambda k, p: ncgen.freedom(k, p=p),
     "solve_position": lambda k, p: ncgen.solve_position(k, p=p),
@@ -153,16 +153,16 @@ def test_every_public_function_names_the_parameter(kernels, name):
 
 def test_in_a_batch_one_state_is_refused(kernels):
     """The others move; where all are refused, the call is."""
-    run = ncgen.simulate_batch(kernels, 0.01, p={"M": [2.0, 0.1, 3.0, np.nan]})
+    run = ncgen.simulate(kernels, 0.01, p={"M": [2.0, 0.1, 3.0, np.nan]})
     assert run.status[1] == "with M = 0.1, body bob: the mass is -0.7 kg; give a positive number"
     assert [run.status[0], run.status[2]] == ["ok", "ok"] and np.isnan(run.q[1]).all()
     assert run.status[3] != "ok" and "mass" not in run.status[3]
     with pytest.raises(ModelError, match="no state of the batch has a start; the first: with M = 0.1, body bob: the mass is -0.7 kg"):
-        ncgen.simulate_batch(kernels, 0.01, p={"M": [0.1, 0.2]})
-    gradients = ncgen.gradient_batch(kernels, 0.01, 2, objective, p={"M": [2.0, 0.1]})
+        ncgen.simulate(kernels, 0.01, p={"M": [0.1, 0.2]})
+    gradients = ncgen.gradient(kernels, 0.01, 2, objective, p={"M": [2.0, 0.1]})
     assert gradients.status == ("ok", "with M = 0.1, body bob: the mass is -0.7 kg; give a positive number")
     with pytest.raises(ModelError, match="^p of state 1: with M = 0.1, body bob: the mass is -0.7 kg"):
-        ncgen.accelerations_batch(kernels, kernels.q0, {}, p={"M": [2.0, 0.1]})
+        ncgen.accelerations(kernels, kernels.q0, {}, p={"M": [2.0, 0.1]})
 
 
 @pytest.mark.parametrize("integrator", ["dopri5", "radau"])
@@ -183,7 +183,7 @@ def test_states_do_not_bring_them_in(kernels):
     with pytest.raises(ModelError, match="^p: with M = 0.1, body bob: the mass is -0.7 kg"):
         sim.reset(replace(sim.state, p=bad, t=3.0))
     assert sim.t == 0.0 and np.array_equal(sim.p, kernels.p0)
-    sims = ncgen.start_batch(kernels, 2)
+    sims = ncgen.start(kernels, 2)
     with pytest.raises(ModelError, match="^reset: p of simulation 1: with M = 0.1"):
         sims.reset(states=replace(sims.states, p=np.array([kernels.p0, bad])))
     assert np.array_equal(sims.p, [kernels.p0, kernels.p0])

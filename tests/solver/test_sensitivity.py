@@ -211,7 +211,7 @@ def test_many_against_complex_steps(case):
     kernels, rates, columns, method = case
     a, b = weights(kernels)
     others = {name: rate * np.array([0.5, 1.0, 1.2]) for name, rate in rates.items()}
-    found = ncgen.gradient_batch(
+    found = ncgen.gradient(
         kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q**2 / 2 + b * qd), a * q, b), integrator=method, zd0=others, z=tuple(rates)
     )
     assert found.names == tuple(columns) and found.ok.all() and found.alone.all() == (method == "rk4")

@@ -19,7 +19,7 @@ def rod():
 @pytest.mark.parametrize("threads", [1, 2])
 def test_rows_are_single_simulations_to_the_bit(rod, integrator, threads):
     inputs = np.random.default_rng(1).uniform(-4, 4, (50, 5))
-    sims = ncgen.start_batch(rod, 5, integrator=integrator, threads=threads, zd0={"psi": 0.5})
+    sims = ncgen.start(rod, 5, integrator=integrator, threads=threads, zd0={"psi": 0.5})
     singles = [ncgen.start(rod, integrator=integrator, zd0={"psi": 0.5}) for _ in range(5)]
     for taus in inputs:
         sims.step(5e-3, tau=taus)
@@ -33,7 +33,7 @@ def test_rows_are_single_simulations_to_the_bit(rod, integrator, threads):
 
 def test_loops_and_redundant_rows_too():
     kernels = ncgen.compile(ncgen.load("bricard"))
-    sims, sim = ncgen.start_batch(kernels, 3), ncgen.start(kernels)
+    sims, sim = ncgen.start(kernels, 3), ncgen.start(kernels)
     for _ in range(10):
         sims.step(2e-3)
         sim.step(2e-3)
@@ -41,7 +41,7 @@ def test_loops_and_redundant_rows_too():
 
 
 def test_chosen_rows_go_back(rod):
-    sims = ncgen.start_batch(rod, 4, zd0={"psi": 1.0}, inputs={"tau": [0.0, 1.0, 2.0, 3.0]})
+    sims = ncgen.start(rod, 4, zd0={"psi": 1.0}, inputs={"tau": [0.0, 1.0, 2.0, 3.0]})
     first = sims.states
     sims.step(0.05)
     kept = sims.states
@@ -57,7 +57,7 @@ def test_chosen_rows_go_back(rod):
 
 
 def test_names_and_written_positions(rod):
-    sims = ncgen.start_batch(rod, 3)
+    sims = ncgen.start(rod, 3)
     angles = np.array([0.0, 0.4, -1.2])
     sims.q[:, rod.index["psi"]] = angles
     sims.q[:, rod.index["A.x"]], sims.q[:, rod.index["A.y"]] = 0.7 * np.cos(angles), 0.7 * np.sin(angles) + 1e-3
@@ -71,7 +71,7 @@ def test_names_and_written_positions(rod):
 def test_outputs_are_those_of_single_simulations():
     kernels = ncgen.compile(ncgen.load("cartpole"))
     pushes = [0.0, 2.0, -3.0]
-    sims = ncgen.start_batch(kernels, 3).step(0.01, F=pushes)
+    sims = ncgen.start(kernels, 3).step(0.01, F=pushes)
     for row, push in enumerate(pushes):
         sim = ncgen.start(kernels).step(0.01, F=push)
         assert {name: values[row] for name, values in sims.outputs.items()} == sim.outputs
@@ -80,7 +80,7 @@ def test_outputs_are_those_of_single_simulations():
 def test_who_is_stuck_stays_and_the_others_move():
     m = pendulum()
     m.force(m.elements["A"], (0, -((1 - m.inputs["tau"].symbol) ** 0.5), 0), label="rooted")
-    sims = ncgen.start_batch(ncgen.compile(m), 3)
+    sims = ncgen.start(ncgen.compile(m), 3)
     with pytest.raises((ncgen.DomainError, ConvergenceError), match="rooted"):
         sims.step(0.01, tau=[0.0, 2.0, 0.5])
     assert sims.stuck.tolist() == [False, True, False]
@@ -90,11 +90,11 @@ def test_who_is_stuck_stays_and_the_others_move():
 
 
 def test_what_is_refused(rod):
-    sims = ncgen.start_batch(rod, 3)
+    sims = ncgen.start(rod, 3)
     for act, said in (
-        (lambda: ncgen.start_batch(rod, 0), "variants"),
-        (lambda: ncgen.start_batch(rod, 10**12), "coordinates take more than 16 GiB; ask for fewer"),
-        (lambda: ncgen.start_batch(rod, 2, threads=0), "threads is 0"),
+        (lambda: ncgen.start(rod, 0), "variants"),
+        (lambda: ncgen.start(rod, 10**12), "coordinates take more than 16 GiB; ask for fewer"),
+        (lambda: ncgen.start(rod, 2, threads=0), "threads is 0"),
         (lambda: sims.step(-1.0), "h is -1.0; it must be positive"),
         (lambda: sims.step(1e-3, nobody=1.0), "step: the mechanism has no input nobody; it has tau"),
         (lambda: sims.step(1e-3, tau=[1.0, 2.0]), "step: tau has the shape (2,); it must be a number, or 3 of them"),

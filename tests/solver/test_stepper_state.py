@@ -69,7 +69,7 @@ def test_inputs_may_be_called_as_arguments_are(name):
     pushed = ncgen.start(kernels).step(0.1, **{name: 1.0})
     assert np.isclose(pushed["rate(B.y)"], 0.1, rtol=1e-2)
     assert np.isclose(ncgen.start(kernels).drive(**{name: 1.0}).step(0.1)["rate(B.y)"], pushed["rate(B.y)"], rtol=0, atol=1e-12)
-    assert np.allclose(ncgen.start_batch(kernels, 2).step(0.1, **{name: 1.0}).qd[:, 1], pushed.qd[1], rtol=0, atol=1e-9)
+    assert np.allclose(ncgen.start(kernels, 2).step(0.1, **{name: 1.0}).qd[:, 1], pushed.qd[1], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("act", [copy.copy, copy.deepcopy])
@@ -101,7 +101,7 @@ def test_a_second_thread_is_refused(sim):
 
 @pytest.mark.parametrize("name", ["q", "qd", "p", "t", "work"])
 def test_arrays_of_many_stay(sim, name):
-    sims = ncgen.start_batch(sim.kernels, 3)
+    sims = ncgen.start(sim.kernels, 3)
     with pytest.raises(ModelError, match=rf"write sims\.{name}\[:\] = array"):
         setattr(sims, name, getattr(sims, name))
     with pytest.raises(ModelError, match="simulations are not copied"):
@@ -111,7 +111,7 @@ def test_arrays_of_many_stay(sim, name):
 @pytest.mark.parametrize("change", [{"q": np.zeros((2, 1))}, {"qd": None}, {"next_step": -np.ones(3)}, {"p": np.full((3, 1), math.nan)},
                                     {"t": np.zeros(3) + 1j}, {"mechanism": "another"}])  # fmt: skip
 def test_reset_of_many_changes_nothing_where_it_refuses(sim, change):
-    sims = ncgen.start_batch(sim.kernels, 3)
+    sims = ncgen.start(sim.kernels, 3)
     kept, moved = sims.states, sims.step(0.01).states
     with pytest.raises(ModelError, match="reset: "):
         sims.reset(states=dataclasses.replace(kept, **change))

@@ -11,7 +11,7 @@ import pytest
 
 import ncgen
 from ncgen.errors import ModelError, NcgenError
-from ncgen.solver.trajectories.trajectory import _cell
+from ncgen.solver.trajectories.trajectory_files import _cell
 
 
 def test_names(turning, fourbar):

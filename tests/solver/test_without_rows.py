@@ -56,7 +56,7 @@ def test_the_default_runs_in_c(kernels):
 
 
 def test_a_batch(kernels):
-    runs = ncgen.simulate_batch(kernels, DURATION, zd0=np.array([[0.0, 1.0], [0.0, 2.0]]), points=11)
+    runs = ncgen.simulate(kernels, DURATION, zd0=np.array([[0.0, 1.0], [0.0, 2.0]]), points=11)
     assert list(runs.status) == ["ok", "ok"]
     assert np.max(np.abs(runs.q[0] - expected(runs.t))) < 1e-6
 

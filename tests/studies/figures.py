@@ -127,13 +127,13 @@ def bits(folder: Path, count: int) -> None:
     kernels = ncgen.compile(model)
     rows = ncgen.studies.design.Design.of(vary, "sobol", count, 1).rows(0, count)
     p = dict(zip(vary, rows.T, strict=True))
-    ncgen.simulate_batch(kernels, 0.5, p=p, **TOLERANCES)
+    ncgen.simulate(kernels, 0.5, p=p, **TOLERANCES)
     for _ in range(3):
         clock = time.perf_counter()
-        ncgen.simulate_batch(kernels, 0.5, p=p, **TOLERANCES)
+        ncgen.simulate(kernels, 0.5, p=p, **TOLERANCES)
         plain = time.perf_counter() - clock
         _, seconds = timed(model, vary, count)
-        print(f"simulate_batch {plain:.2f} s, study {seconds:.2f} s, of {count}")
+        print(f"simulate rows {plain:.2f} s, study {seconds:.2f} s, of {count}")
 
 
 def killed(folder: Path, count: int) -> None:

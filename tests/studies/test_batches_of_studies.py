@@ -22,7 +22,7 @@ def test_instants_of_ones_own(kernels):
     for options in ({}, {"engine": "python"}, {"formalism": "coordinate-partitioning", "integrator": "dopri5"}):
         run = ncgen.simulate(kernels, 1.0, zd0={"psi": 1.0}, points=times, rtol=1e-10, **options)
         assert run.t.tolist() == times and run["psi"] == pytest.approx(even["psi"][[0, 2, 5, 16, 20]], abs=1e-8)
-    batch = ncgen.simulate_batch(kernels, 1.0, zd0=np.array([[1.0]]), points=times, rtol=1e-10)
+    batch = ncgen.simulate(kernels, 1.0, zd0=np.array([[1.0]]), points=times, rtol=1e-10)
     assert batch.q[0, :, kernels.index["psi"]] == pytest.approx(even["psi"][[0, 2, 5, 16, 20]], abs=1e-8)
 
 
@@ -48,13 +48,13 @@ def test_mirror_roots_are_seen_with_own_parameters():
     psi = kernels.index["psi"]
     q0[1, psi] = -np.pi / 2  # of G on the other side it is π/2: the mirror root
     for order in ([0, 1], [1, 0]):
-        batch = ncgen.simulate_batch(kernels, 0.01, q0=q0[order], p=p[order])
+        batch = ncgen.simulate(kernels, 0.01, q0=q0[order], p=p[order])
         assert batch.ok.tolist() == [i == 0 for i in order], batch.status
         assert "mirror root" in batch.status[order.index(1)]
 
 
 def test_drifts_are_those_of_single_motions(kernels):
     p = np.array([[0.9, 2.0, 9.81], [1.1, 3.0, 9.81]])
-    batch = ncgen.simulate_batch(kernels, 1.0, p=p, zd0=np.array([[1.0], [2.0]]), points=11, rtol=1e-5)
+    batch = ncgen.simulate(kernels, 1.0, p=p, zd0=np.array([[1.0], [2.0]]), points=11, rtol=1e-5)
     own = [drift(kernels, batch.t, batch.q[i], batch.qd[i], batch.work[i], p[i]) for i in range(2)]
     assert drifts(kernels, batch.t, batch.q, batch.qd, batch.work, p) == pytest.approx(own, rel=1e-6) and min(own) > 0

@@ -324,7 +324,7 @@ def test_a_whole_run_without_a_flag(scripted, cache, said):
     assert ncgen.simulate(kernels, 0.02, engine="emitted").engine.startswith("emitted")
     assert ncgen.simulate(kernels, 0.02, integrator="radau").engine == "c"
     kernels.batch.gamma([kernels.q0], [kernels.q0]), kernels.direct("phi")()
-    ncgen.simulate_batch(kernels, 0.02, q0=[kernels.q0] * 2)
+    ncgen.simulate(kernels, 0.02, q0=[kernels.q0] * 2)
     runtime_library.runtime_of.cache_clear(), direct._caller.cache_clear()
     assert len([w for w in said if "-march=native" in str(w.message)]) == 1 == len(said)
 

@@ -18,8 +18,7 @@ from ncgen.report import bar
 from ncgen.solver.derivatives.sensitivity import Gradient, Sensitivities
 from ncgen.solver.linear.linearise import Linearisation
 from ncgen.solver.motions.batch import BatchAccelerations, BatchTrajectory
-from ncgen.solver.motions.simulation import SimulationState
-from ncgen.solver.motions.simulations import SimulationStates
+from ncgen.solver.motions.simulation_states import SimulationState, SimulationStates
 from ncgen.solver.positions.partition import Partition, Partitions
 from ncgen.solver.trajectories.monitor import Health
 from ncgen.studies.definition import Study

@@ -6,6 +6,7 @@
  */
 #include "ncgen_dense.h"
 #include "ncgen_method.h"
+#include "ncgen_pivots.h"
 
 enum { REFINEMENT_LIMIT = 20 };
 
@@ -58,74 +59,6 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     w->is_left_out = r->integers ? r->integers + r->n + r->m : NULL;
 }
 
-/* Sizes -------------------------------------------------------------------------------------------------------- */
-
-/* The natural size of every diagonal entry: masses, and for rows what they have after elimination of the masses. */
-static void find_sizes(ncgen_run *r, ncgen_constrained *w)
-{
-    const ncgen_pattern *mass = &r->model->mass_pattern, *phi_q = &r->model->phi_q_pattern;
-    const ncgen_scalar *sizes = r->dynamics->column_sizes;
-    const ncgen_real *values = w->kkt.values + w->n_mass;
-    ncgen_real least = 0;
-    w->mass_size = 0;
-    for (int i = 0; i < r->n; ++i) {
-        w->natural[i] = 0;
-        for (int k = mass->indptr ? mass->indptr[i] : 0; k < (mass->indptr ? mass->indptr[i + 1] : 0); ++k)
-            if (mass->indices[k] == i)
-                w->natural[i] = w->kkt.values[k];
-        const ncgen_real scaled = w->natural[i] * sizes[i] * sizes[i];
-        if (scaled > 0 && (!(least > 0) || scaled < least))
-            least = scaled;
-        if (scaled > w->mass_size)
-            w->mass_size = scaled;
-    }
-    if (!(least > 0))
-        least = w->mass_size = 1;
-    for (int i = 0; i < r->m; ++i) {
-        ncgen_real own = 0, borrowed = 0;
-        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
-            const int j = phi_q->indices[k];
-            if (w->natural[j] > 0)
-                own += values[k] * values[k] / w->natural[j];
-            borrowed += values[k] * values[k] * sizes[j] * sizes[j] / least;
-        }
-        const ncgen_real size = r->dynamics->row_sizes[i];
-        w->reduced[i] = own > 0 ? own : borrowed > 0 ? borrowed : size * size / least;
-    }
-    for (int i = 0; i < r->n; ++i)
-        if (!(w->natural[i] > 0))
-            w->natural[i] = least / (sizes[i] * sizes[i]);
-}
-
-/* The diagonal -E, the smallest pivots and what replaces them, in the order of elimination.
- *
- * Without a penalty E is zero: near a singular position the constraint forces that are needed there would be lost
- * otherwise. Only a row whose pivot is at rounding is let go, and one that others imply: off the constraints, where the
- * stages of a method are, it contradicts them. */
-static void set_diagonal(ncgen_run *r, ncgen_constrained *w)
-{
-    const ncgen_options *o = r->options;
-    const int by_penalty = w->iterated || o->formalism == NCGEN_PENALTY;
-    const ncgen_scalar penalty = o->penalty > 0 ? o->penalty : R(1.0) / NCGEN_SQRT(r->rounding);
-    const ncgen_scalar precise = NCGEN_SQRT(r->rounding);
-    const ncgen_scalar implied = precise * NCGEN_SQRT(precise); /* 2e-12 in double */
-    for (int i = 0; i < r->m; ++i) {
-        const ncgen_real size = r->dynamics->row_sizes[i];
-        w->diagonal[i] = by_penalty ? size * size / (penalty * w->mass_size) : 0;
-    }
-    for (int k = 0; k < w->kkt.plan->size; ++k) {
-        const int unknown = w->kkt.plan->order[k];
-        const int row = unknown - r->n;
-        w->kkt.row[k] = 0;
-        w->kkt.diagonal[k] = row < 0 ? 0 : -w->diagonal[row];
-        w->kkt.replacement[k] = row < 0 ? precise * w->natural[unknown] : -w->reduced[row] / (r->rounding * r->rounding);
-        if (row < 0 || w->is_left_out[row])
-            w->kkt.min_pivot[k] = w->kkt.replacement[k];
-        else
-            w->kkt.min_pivot[k] = by_penalty ? w->kkt.diagonal[k] / 2 : -implied * w->reduced[row];
-    }
-}
-
 /* Accelerations ------------------------------------------------------------------------------------------------ */
 
 /* M and Phi_q at r->q, with sizes and diagonal of the matrix, which most runs by an emitted motion never need. */
@@ -137,12 +70,12 @@ static int prepare(ncgen_run *r, ncgen_scalar t)
         status = ncgen_constrained_phi_q(r, t);
     if (status != NCGEN_OK)
         return status;
-    find_sizes(r, w);
+    ncgen_find_pivot_sizes(r, w);
     for (int i = 0; i < r->m; ++i)
         w->is_left_out[i] = 0;
     if (w->redundant)
         ncgen_choose_rows(r, w);
-    set_diagonal(r, w);
+    ncgen_set_diagonal(r, w);
     w->is_prepared = 1;
     return NCGEN_OK;
 }
@@ -176,8 +109,8 @@ int ncgen_constrained_factor(ncgen_run *r)
     return status;
 }
 
-/* w->residual = w->right - [M Phi_q'; Phi_q 0] w->solution, with the corner -E where it is meant to stay. */
-static void find_residual(ncgen_run *r, ncgen_constrained *w, int with_corner)
+/* w->residual = w->right - [M Phi_q'; Phi_q 0] w->solution, with the diagonal -E where it is meant to stay. */
+static void find_residual(ncgen_run *r, ncgen_constrained *w, int with_diagonal)
 {
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
     const ncgen_real *values = w->kkt.values + w->n_mass;
@@ -187,7 +120,7 @@ static void find_residual(ncgen_run *r, ncgen_constrained *w, int with_corner)
         rest[i] = w->right[i] - rest[i];
     for (int i = 0; i < r->m; ++i) {
         const ncgen_real lam = w->solution[r->n + i];
-        ncgen_real sum = w->right[r->n + i] + (with_corner ? w->diagonal[i] * lam : 0);
+        ncgen_real sum = w->right[r->n + i] + (with_diagonal ? w->diagonal[i] * lam : 0);
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
             sum -= values[k] * w->solution[phi_q->indices[k]];
             rest[phi_q->indices[k]] -= values[k] * lam;
@@ -395,7 +328,7 @@ void ncgen_constrained_rows(ncgen_run *r)
     if (!r->constrained->redundant || !r->constrained->is_prepared)
         return;
     ncgen_choose_rows(r, r->constrained);
-    set_diagonal(r, r->constrained);
+    ncgen_set_diagonal(r, r->constrained);
 }
 
 int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)

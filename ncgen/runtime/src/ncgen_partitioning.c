@@ -143,6 +143,24 @@ int ncgen_partitioning_place(ncgen_run *r, ncgen_scalar t, ncgen_real *amplifica
     return NCGEN_OK;
 }
 
+/* Power of drivers and of forces without a potential; w->missing holds the forces less M times what is not of zdd, and is overwritten. */
+static int find_power(ncgen_run *r, ncgen_scalar t, const ncgen_real *qd, const ncgen_real *zdd, ncgen_real *power)
+{
+    ncgen_partitioning *w = r->partitioning;
+    ncgen_real energies[3];
+    if (ncgen_energies(r, t, r->q, qd, energies) != NCGEN_OK)
+        return NCGEN_DOMAIN;
+    *power = energies[2];
+    if (!r->model->nu)
+        return NCGEN_OK;
+    for (int z = 0; z < r->nz; ++z)
+        for (int i = 0; i < r->n; ++i)
+            w->missing[i] -= w->MR[z * r->n + i] * zdd[z];
+    ncgen_partitioning_multipliers(r, w->missing, w->lam);
+    *power -= ncgen_dot(r->m, w->nu, w->lam);
+    return NCGEN_OK;
+}
+
 /* qd, zdd, power and amplification at r->q for the speeds zd, with the model's kernels; the factors of Phi_q^d, R, M R and
  * the reduced mass matrix stay. */
 int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
@@ -150,7 +168,7 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
     const ncgen_model *model = r->model;
     ncgen_partitioning *w = r->partitioning;
     const ncgen_partition *d = &w->velocities->of;
-    ncgen_real *qd = r->partitioning->out, *zdd = r->partitioning->out + r->n;
+    ncgen_real *qd = w->out, *zdd = w->out + r->n;
     int status = factor_jacobian(r, t, w->velocities);
     if (status != NCGEN_OK)
         return status;
@@ -194,20 +212,8 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
     status = ncgen_solve_positive(r->nz, w->reduced, zdd);
     if (status != NCGEN_OK)
         return status;
-    ncgen_real energies[3];
-    if (ncgen_energies(r, t, r->q, qd, energies) != NCGEN_OK)
-        return NCGEN_DOMAIN;
-    ncgen_real power = energies[2];
-    if (model->nu) {
-        for (int z = 0; z < r->nz; ++z)
-            for (int i = 0; i < r->n; ++i)
-                w->missing[i] -= w->MR[z * r->n + i] * zdd[z];
-        ncgen_partitioning_multipliers(r, w->missing, w->lam);
-        power -= ncgen_dot(model->n_rows, w->nu, w->lam);
-    }
-    r->partitioning->out[r->n + r->nz] = power;
-    r->partitioning->out[r->n + r->nz + 1] = amplification;
-    return NCGEN_OK;
+    w->out[r->n + r->nz + 1] = amplification;
+    return find_power(r, t, qd, zdd, w->out + r->n + r->nz);
 }
 
 /* Does the emitted elimination serve? Where a step is repeated, its pivots may be what is wrong. */

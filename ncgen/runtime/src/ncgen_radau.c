@@ -2,7 +2,7 @@
  *
  * Method, choice of step and of fresh Jacobians: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8.
  */
-#include "ncgen_explicit.h"
+#include "ncgen_step_error.h"
 #include "ncgen_implicit.h"
 
 enum {
@@ -262,26 +262,74 @@ static int begin_anew(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t)
     return status;
 }
 
+/* The first derivative, step and Jacobian; past a jump at the start. */
+static int begin_run(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar *t, ncgen_scalar *h)
+{
+    const ncgen_scalar end = r->times[r->n_times - 1];
+    int status = ncgen_implicit_begin(r, w, m);
+    if (status == NCGEN_OK && ncgen_cross_break(r, t, end))
+        status = r->derivative(r, *t, r->y, w->stage_derivatives);
+    if (status != NCGEN_OK)
+        return status;
+    *h = ncgen_first_step(r, w, ORDER, *t, end - *t);
+    return begin_anew(r, m, *t);
+}
+
+/* A step with its error over the tolerance, and its end where that is below 1; NCGEN_NOT_CONVERGED for an error beyond all bounds. */
+static int try_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h, int rejected, ncgen_real *error)
+{
+    *error = 0;
+    int status = attempt(r, w, m, t, h);
+    if (status != NCGEN_OK)
+        return status;
+    for (int i = 0; i < r->ny; ++i)
+        w->new_y[i] = r->y[i] + part(r, m->stages, 2)[i];
+    status = estimate(r, w, m, t, h, rejected, error);
+    if (status == NCGEN_OK && *error < 1)
+        status = conclude(r, w, m, t, h);
+    return status == NCGEN_OK && !(*error < R(1.0e30)) ? NCGEN_NOT_CONVERGED : status;
+}
+
+/* On from a break, past a jump. */
+static int step_over_break(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar *t)
+{
+    const ncgen_scalar end = r->times[r->n_times - 1];
+    (void)ncgen_cross_break(r, t, end);
+    if (!(*t < end))
+        return NCGEN_OK;
+    const int status = r->derivative(r, *t, r->y, w->stage_derivatives);
+    return status == NCGEN_OK ? begin_anew(r, m, *t) : status;
+}
+
+/* On from an accepted step: with a new Jacobian where Newton's method took many iterations, and with a new step where it is worth new
+ * factors. */
+static int renew(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_real factor, ncgen_scalar *h)
+{
+    const int is_new = m->iterations > 2 && m->rate > R(1.0e-3);
+    int status = NCGEN_OK;
+    ncgen_copy(r->ny, w->stage_derivatives + r->ny, w->stage_derivatives);
+    if (is_new) {
+        status = ncgen_implicit_jacobian(r, m, t, r->y);
+        m->is_current = 1;
+    }
+    if (is_new || !(factor < R(1.2))) { /* else the factors serve again */
+        m->factored = 0;
+        *h *= factor;
+    }
+    return status;
+}
+
 int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
     const ncgen_scalar end = r->times[r->n_times - 1];
-    ncgen_scalar t = r->times[0], goal = end;
+    ncgen_scalar t = r->times[0], h = 0;
     int repeats = 0, rejected = 0, trouble = NCGEN_STEP_TOO_SHORT;
-    int status = ncgen_implicit_begin(r, w, m);
-    if (status != NCGEN_OK)
-        return status;
-    if (ncgen_cross_break(r, &t, end))
-        status = r->derivative(r, t, r->y, w->stage_derivatives);
-    if (status != NCGEN_OK)
-        return status;
-    ncgen_scalar h = ncgen_first_step(r, w, ORDER, t, end - t);
-    status = begin_anew(r, m, t);
+    int status = begin_run(r, w, m, &t, &h);
     w->interpolate = interpolate;
     while (t < end && status == NCGEN_OK) {
-        const ncgen_scalar wanted = h;
+        const ncgen_scalar wanted = h, goal = ncgen_next_break(r, t, end);
         if (r->options->max_step > 0 && h > r->options->max_step)
             h = r->options->max_step;
-        goal = ncgen_next_break(r, t, end);
         const int last = t + h >= goal;
         if (last)
             h = goal - t;
@@ -289,20 +337,13 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             m->factored = 0;
         if (!ncgen_is_step(r, t, h))
             return trouble;
-        int tried = attempt(r, w, m, t, h);
+        ncgen_real error;
+        const int tried = try_step(r, w, m, t, h, rejected, &error);
         if (tried == NCGEN_INTERRUPTED)
             return tried;
-        const ncgen_scalar safety = R(0.9) * (2 * ITERATION_LIMIT + 1) / (ncgen_scalar)(2 * ITERATION_LIMIT + m->iterations);
-        ncgen_real error = 0;
-        for (int i = 0; i < r->ny && tried == NCGEN_OK; ++i)
-            w->new_y[i] = r->y[i] + part(r, m->stages, 2)[i];
-        if (tried == NCGEN_OK)
-            tried = estimate(r, w, m, t, h, rejected, &error);
-        if (tried == NCGEN_OK && error < 1)
-            tried = conclude(r, w, m, t, h);
-        if (tried != NCGEN_OK || !(error < R(1.0e30))) {
+        if (tried != NCGEN_OK) {
             const long all = r->statistics->repeated += 1;
-            trouble = tried != NCGEN_OK ? tried : NCGEN_NOT_CONVERGED;
+            trouble = tried;
             if (++repeats > REPEAT_LIMIT || (all > ALL_REPEATS_LIMIT && all > r->statistics->steps / 2))
                 return trouble;
             r->uses_exchanges = repeats > 1; /* again: it may be rounding */
@@ -310,7 +351,8 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             h *= R(0.5);
             continue;
         }
-        ncgen_real factor = safety * step_factor(m, h, error);
+        const ncgen_scalar safety = R(0.9) * (2 * ITERATION_LIMIT + 1) / (ncgen_scalar)(2 * ITERATION_LIMIT + m->iterations);
+        const ncgen_real factor = safety * step_factor(m, h, error);
         if (!(error < 1)) {
             r->statistics->rejected += 1;
             r->uses_exchanges = rejected; /* again: it may be rounding */
@@ -319,40 +361,21 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             h *= factor > R(0.2) ? factor : R(0.2);
             continue;
         }
-        const ncgen_scalar t_new = last ? goal : t + h;
-        const int renew = m->iterations > 2 && m->rate > R(1.0e-3);
         if (repeats == 0 && rejected == 0)
             trouble = NCGEN_STEP_TOO_SHORT; /* what was wrong is behind */
-        repeats = rejected = 0;
-        m->is_current = 0;
+        repeats = rejected = m->is_current = 0;
         m->last_step = h;
         m->last_error = error;
+        const ncgen_scalar t_new = last ? goal : t + h, growth = factor > R(10.0) ? R(10.0) : factor;
         status = ncgen_grid_step(r, w, t, t_new);
         if (status != NCGEN_OK || r->statistics->stopped)
             return status;
         t = t_new;
         if (t < end && ncgen_makes_no_progress(r, w, t))
             return NCGEN_STEP_TOO_SHORT;
-        if (factor > R(10.0))
-            factor = R(10.0);
-        if (last) {
-            (void)ncgen_cross_break(r, &t, end);
-            if (t < end)
-                status = r->derivative(r, t, r->y, w->stage_derivatives);
-            if (t < end && status == NCGEN_OK)
-                status = begin_anew(r, m, t);
-            h = h * factor < wanted && factor >= 1 ? wanted : h * factor; /* what cut it short is behind */
-            continue;
-        }
-        ncgen_copy(r->ny, w->stage_derivatives + r->ny, w->stage_derivatives);
-        if (renew) {
-            status = ncgen_implicit_jacobian(r, m, t, r->y);
-            m->is_current = 1;
-        }
-        if (renew || !(factor < R(1.2))) { /* else the factors serve again */
-            m->factored = 0;
-            h *= factor;
-        }
+        status = last ? step_over_break(r, w, m, &t) : renew(r, w, m, t, growth, &h);
+        if (last)
+            h = h * growth < wanted && growth >= 1 ? wanted : h * growth; /* what cut it short is behind */
     }
     return status;
 }

@@ -1,21 +1,22 @@
-"""Exact gradients of many motions of one mechanism: `ncgen.gradient` of every state, in lanes and threads."""
+"""Exact gradients of motions: `ncgen.gradient` of one state, and of many states in SIMD lanes and threads."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from threading import Lock
-from typing import Any, Unpack
+from typing import Any, Unpack, overload
 
 import numpy as np
 
 from ncgen.errors import MAX_ECHO, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.batch_rows import WITH_ROWS, has_rows, refuse_batch_options
 from ncgen.solver.derivatives.objective import check_objective, of_objective
-from ncgen.solver.derivatives.sensitivity import NOT_DIFFERENTIATED, instants, is_taped
+from ncgen.solver.derivatives.sensitivity import NOT_DIFFERENTIATED, Gradient, gradient_one, instants, is_taped
 from ncgen.solver.derivatives.taped_batch import TapedBatch
 from ncgen.solver.given import Given, checked_kernels, finite, names_of, refuse_events
-from ncgen.solver.groups import MotionArguments, takes
+from ncgen.solver.groups import MotionArguments, OneMotion, takes, without_unused
 from ncgen.solver.motions.batch import checked_threads
 from ncgen.solver.motions.states import States
 from ncgen.solver.runs.progress_reports import ProgressOption, check_progress, reporting
@@ -67,51 +68,101 @@ class BatchGradients:
         return self.slopes[:, self.names.index(name)]
 
 
-@takes(MotionArguments, unused=(*NOT_DIFFERENTIATED, "rtol", "options", "inputs", "qd0", "closing"), integrator="rk4", rtol=None)
-def gradient_batch(
+@overload
+def gradient(
     kernels: Kernels,
     duration: float,
     steps: int,
     objective: Callable[[np.ndarray, np.ndarray], tuple],
     *,
+    by: str | Iterable[str] | None = None,
+    threads: None = None,
+    progress: ProgressOption = None,
+    **arguments: Unpack[OneMotion],
+) -> Gradient: ...
+@overload
+def gradient(
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    objective: Callable[[np.ndarray, np.ndarray], tuple],
+    *,
+    by: str | Iterable[str] | None = None,
     threads: int | None = None,
     progress: ProgressOption = None,
     **arguments: Unpack[MotionArguments],
-) -> BatchGradients:
-    """Compute gradients of one number of each of many motions, each by one reverse sweep.
+) -> Any: ...
+@takes(MotionArguments, unused=NOT_DIFFERENTIATED, integrator="rk4", rtol=None)
+def gradient(
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    objective: Callable[[np.ndarray, np.ndarray], tuple],
+    *,
+    by: str | Iterable[str] | None = None,
+    threads: int | None = None,
+    progress: ProgressOption = None,
+    **arguments: Unpack[MotionArguments],
+) -> Gradient | BatchGradients:
+    """Compute the gradient of a number that depends on a motion by one reverse sweep, or those of many motions.
 
     Parameters
     ----------
     kernels : Kernels
         Compiled mechanism.
     duration : float
-        Length of the motions in s.
+        Length of the motion in s.
     steps : int
         Number of equal steps, K = steps + 1 times.
     objective : callable
-        As of `gradient`; called once a state, in any order, and not by two threads at a time.
+        Function (q, qd), each (K, n), to (value, its derivative by q, its derivative by qd), each (K, n); None is a derivative of zero.
+        In a batch it is called once a state, in any order, and not by two threads at a time.
+    by : str or iterable of str, optional
+        Names of the derivatives. Default: all.
     threads : int, optional
-        Number of threads. Default: one on every processor that this process may use.
+        Number of threads of a batch. Default: one on every processor that this process may use.
     progress : callable or bool, optional
-        Called with the fraction of the states that are done; True for a bar. What it raises ends the call, and so does Ctrl-C.
+        In a batch called with the fraction of the states that are done; True for a bar. What it raises ends the call, and so does Ctrl-C.
     **arguments : MotionArguments
-        The start, with rows as of `simulate_batch`, and the integrator as of `gradient`. The independent coordinates are chosen at the
-        first regular state, and are those of all: a derivative by a parameter is one at the same start of these.
+        The start and the method, as of `sensitivities`. With rows in `q0`, `zd0` or `p`, as of `simulate`, each row is a motion. The
+        independent coordinates of a batch are chosen at the first regular state, and are those of all: a derivative by a parameter is
+        one at the same start of these. A batch takes neither `qd0` nor `rtol`, `options`, `inputs` and `closing`.
 
     Returns
     -------
-    BatchGradients
-        Values and derivatives; a state that has none costs nothing but itself, and its status says why.
+    Gradient or BatchGradients
+        The value and its derivatives by name; with rows those of every state. A state of a batch that has none leaves the others as they
+        are, and its `status` says why.
 
     Raises
     ------
-    ModelError
-        As `gradient`.
+    ModelError, ConvergenceError, SingularError
+        As `sensitivities`.
     """
+    if not has_rows(arguments):
+        refuse_batch_options("gradient", threads=threads, progress=progress)
+        return gradient_one(kernels, duration, steps, objective, by, **arguments)
+    options = without_unused("gradient", arguments, ("rtol", "options", "inputs", "qd0", "closing"), WITH_ROWS)
+    return gradient_batch(kernels, duration, steps, objective, by=by, threads=threads, progress=progress, **options)
+
+
+def gradient_batch(
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    objective: Callable[[np.ndarray, np.ndarray], tuple],
+    *,
+    by: str | Iterable[str] | None,
+    threads: int | None,
+    progress: ProgressOption,
+    **arguments: Unpack[MotionArguments],
+) -> BatchGradients:
+    """Compute the gradients of a batch; arguments, results and errors as of `gradient` with rows."""
     checked_kernels(kernels)
     check_objective(objective)
     given: dict[str, Any] = {**arguments}
     batch = taped_batch(kernels, duration, steps, threads=threads, **given)
+    names = batch.names if by is None else names_of(by, "by", batch.names, "parameter or initial value")
     values, one_at_a_time = np.full(len(batch.states.q), np.nan), Lock()
 
     def weigh(rows: np.ndarray, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -125,7 +176,8 @@ def gradient_batch(
     with reporting(progress, f"gradients of {len(values)} motions of {kernels.name}", 0.0, 1.0) as advance:
         swept = batch.sweep(weigh, advance)
     values[[status != "ok" for status in swept.status]] = np.nan
-    return BatchGradients(values, swept.slopes, batch.names, tuple(swept.status), swept.alone)
+    slopes = swept.slopes if by is None else swept.slopes[:, [batch.names.index(name) for name in names]]
+    return BatchGradients(values, slopes, names, tuple(swept.status), swept.alone)
 
 
 def taped_batch(
@@ -141,10 +193,10 @@ def taped_batch(
     z: str | Iterable[str] | None = None,
     threads: int | None = None,
 ) -> TapedBatch:
-    """Motions that can be differentiated; arguments and errors as of `gradient_batch`."""
+    """Motions that can be differentiated; arguments and errors as of `gradient` with rows."""
     since_start = instants(checked_kernels(kernels), duration, steps)
     t, names = finite(t0, "t0"), names_of(z, "z", kernels.coordinates)
-    refuse_events(kernels.model, "gradient_batch")
+    refuse_events(kernels.model, "gradient of rows")
     is_taped(kernels, integrator)
     states = States.of(kernels, q0, zd0, p, t, names, None, assembled=True)
     return TapedBatch(kernels, states, t + since_start, integrator, q0 is None, checked_threads(threads))

@@ -134,43 +134,15 @@ def sensitivities(
     return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, names, events)
 
 
-@takes(MotionArguments, unused=NOT_DIFFERENTIATED, integrator="rk4", rtol=None)
-def gradient(
+def gradient_one(
     kernels: Kernels,
     duration: float,
     steps: int,
     objective: Callable[[np.ndarray, np.ndarray], tuple],
-    *,
-    by: str | Iterable[str] | None = None,
+    by: str | Iterable[str] | None,
     **arguments: Unpack[MotionArguments],
 ) -> Gradient:
-    """Compute the gradient of a number that depends on a motion, by one reverse sweep.
-
-    Parameters
-    ----------
-    kernels : Kernels
-        Compiled mechanism.
-    duration : float
-        Length of the motion in s.
-    steps : int
-        Number of equal steps, K = steps + 1 times.
-    objective : callable
-        Function (q, qd), each (K, n), to (value, its derivative by q, its derivative by qd), each (K, n); None is a derivative of zero.
-    by : str or iterable of str, optional
-        Names of the derivatives. Default: all.
-    **arguments : MotionArguments
-        The start and the method, as of `sensitivities`.
-
-    Returns
-    -------
-    Gradient
-        The value and its derivatives by name.
-
-    Raises
-    ------
-    ModelError, ConvergenceError, SingularError
-        As `sensitivities`.
-    """
+    """Compute the gradient of one motion; arguments and errors as of `gradient` without rows."""
     checked_kernels(kernels)
     check_objective(objective)
     motion = motion_of(kernels, duration, steps, **arguments)

@@ -23,8 +23,8 @@ from ncgen.program.tree.joint_programs import Made
 from ncgen.program.tree.loop_programs import JointLoops
 from ncgen.program.tree.rates import NoRecursion
 from ncgen.solver.engines.compiled import samples
-from ncgen.solver.joints.joint_kinematics import INPUTS
 from ncgen.solver.joints.joint_names import names_of
+from ncgen.solver.joints.joint_positions import INPUTS
 from ncgen.solver.joints.joint_space import JointSpace
 from ncgen.solver.positions.assembly import assemble
 from ncgen.symbolic.tree import Tree

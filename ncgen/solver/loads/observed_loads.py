@@ -14,8 +14,9 @@ from ncgen.solver.loads.inverse_dynamics import shared_drivers
 from ncgen.solver.loads.reactions import Reactions
 from ncgen.solver.loads.sharing import REACH_TOLERANCE
 from ncgen.solver.positions.partition import choose_partitions
+from ncgen.solver.trajectories.grid_motion import Statistics
 from ncgen.solver.trajectories.output_values import load_slopes, mentioned
-from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
+from ncgen.solver.trajectories.trajectory import Trajectory
 
 
 def multipliers_at(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -15,17 +15,18 @@ from ncgen.mechanism.break_times import break_times_of_each
 from ncgen.mechanism.driver_jumps import has_driver_jumps, may_jump
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
+from ncgen.methods.table import AUTO
 from ncgen.model.argument_readers import truth
 from ncgen.solver.engines.compiled import GROWTH
 from ncgen.solver.given import Given, checked_kernels, finite, has_events, names_of
-from ncgen.solver.groups import MotionArguments, StartArguments, takes
+from ncgen.solver.groups import MotionArguments, StartArguments
 from ncgen.solver.motions.event_batches import INTERRUPTED, not_begun, status_of, through_events
-from ncgen.solver.motions.simulate import simulate
+from ncgen.solver.motions.simulate import simulate_one
 from ncgen.solver.motions.states import CommonCoordinates, States, those_in_lanes
 from ncgen.solver.positions.position import TOLERANCE
 from ncgen.solver.runs.progress_reports import ProgressOption, reporting
 from ncgen.solver.runs.run import COMPILED, Run, count
-from ncgen.solver.runs.signals import Signal
+from ncgen.solver.runs.signals import Signal, signals_of
 from ncgen.solver.runs.tolerances import Tolerances
 from ncgen.solver.trajectories.happening import Happening
 from ncgen.solver.trajectories.trajectory import Trajectory
@@ -71,6 +72,19 @@ class BatchTrajectory:
 
 
 @dataclass(frozen=True, eq=False)
+class StateAccelerations:
+    """The state derivative of one state: q (n,), assembled; zdd (nz,): accelerations of the independent coordinates.
+
+    qd (n,): all velocities, None if they were not asked for; independent: names of the independent coordinates
+    """
+
+    q: np.ndarray
+    qd: np.ndarray | None
+    zdd: np.ndarray
+    independent: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class BatchAccelerations:
     """What B states of a mechanism do: q (B, n), closed; zdd (B, nz): accelerations of the independent coordinates.
 
@@ -106,7 +120,6 @@ class BatchAccelerations:
         return self.choice.names
 
 
-@takes(StartArguments, unused=("q0", "zd0", "qd0", "closing"), former={"t": "t0"})
 def accelerations_batch(
     kernels: Kernels,
     q: Given,
@@ -117,38 +130,11 @@ def accelerations_batch(
     out: BatchAccelerations | None = None,
     **arguments: Unpack[StartArguments],
 ) -> BatchAccelerations:
-    """Compute the state derivative of many states, for an integrator, an optimiser or a sampler of your own.
-
-    Parameters
-    ----------
-    kernels : Kernels
-        Compiled mechanism.
-    q : array_like, shape (B, n), or {name: values}
-        Positions in m and rad, nearly assembled: dependent coordinates are projected onto the constraints by Newton's method.
-    zd : array_like, shape (B, nz), or {name: values}
-        Velocities of the independent coordinates in m/s and rad/s, in the order of `z`.
-    velocities : bool
-        Whether to return all velocities.
-    threads : int, optional
-        Number of threads; None for one on every processor that this process may use.
-    out : BatchAccelerations, optional
-        Earlier results, whose arrays are filled again and whose independent coordinates stay. With q = out.q positions stay in place,
-        which is faster.
-    **arguments : StartArguments
-        `p`, the time `t0`, `inputs` as numbers, and `z`, chosen at the first regular state if not given.
-
-    Returns
-    -------
-    BatchAccelerations
-        Assembled positions, accelerations, and the status of every state.
-
-    Raises
-    ------
-    ModelError
-        As `simulate_batch`.
-    """
-    p, t, z = arguments.get("p"), arguments.get("t0", 0.0), arguments.get("z")
-    checked_kernels(kernels)
+    """Compute the state derivatives of a batch; arguments, results and errors as of `accelerations` with rows."""
+    p, t, z, inputs = arguments.get("p"), arguments.get("t0", 0.0), arguments.get("z"), arguments.get("inputs")
+    values = checked_kernels(kernels).p0.copy()
+    if signals_of(kernels, inputs, values):
+        raise ModelError("inputs: accelerations needs numbers, or rows of p with a value for every state")
     t, z, threads = finite(t, "t0"), names_of(z, "z", kernels.coordinates), checked_threads(threads)
     velocities = truth(velocities, "velocities")
     if out is not None and (z or out.choice.kernels is not kernels):
@@ -157,6 +143,7 @@ def accelerations_batch(
         states = States.of(kernels, q, zd, p, t, z, Method.of("coordinate-partitioning", "dopri5"))
     else:
         states = States.of(kernels, q, zd, p, t, z, None, out.choice)
+    states = _with_inputs(kernels, states, inputs, values)
     if out is not None:
         arrays = _places(kernels, out, states)
     else:
@@ -180,7 +167,6 @@ def _places(kernels: Kernels, out: BatchAccelerations, states: States) -> tuple[
     return out.q, out.qd, out.zdd
 
 
-@takes(MotionArguments, unused=("formalism", "engine", "number", "options", "closing"), integrator="dopri5")
 def simulate_batch(
     kernels: Kernels,
     duration: float,
@@ -190,60 +176,30 @@ def simulate_batch(
     progress: ProgressOption = None,
     **arguments: Unpack[MotionArguments],
 ) -> BatchTrajectory:
-    """Simulate a mechanism from many states, with many parameter sets, or both.
-
-    Each state is a run of `simulate` with coordinate partitioning. The independent coordinates are chosen at the first regular state;
-    where they become ill-conditioned, that state is simulated by `simulate` in C. States of a model with events are runs over all
-    coordinates, which C carries from event to event; those with friction, locks or ratchets are simulated by `simulate` in a loop.
-
-    Parameters
-    ----------
-    kernels : Kernels
-        Compiled mechanism.
-    duration : float
-        Length of the motions in s.
-    points : int or array_like, shape (points,)
-        Number of output times, or the output times in s.
-    threads : int, optional
-        Number of threads. Default: one on every processor that this process may use.
-    progress : callable or bool, optional
-        Called now and then with the fraction of the states that are done; True for a bar. What it raises ends the batch, and so does
-        Ctrl-C: it is raised again, with the results in its `trajectory`, where the other states are "interrupted".
-    **arguments : MotionArguments
-        The start, with rows or arrays of one value a state in `q0`, `zd0`, `qd0` and `p`, and the method. `integrator` is dopri5
-        (default) or dop853, each state with its own steps, or rk4 with the fixed step `max_step`. `inputs` drive all states alike; a
-        number for each state is in `p`. Where one changes with time the states are simulated in a loop by `simulate` in C.
-
-    Returns
-    -------
-    BatchTrajectory
-        The motions; a state that fails, takes a million steps, or is ended by an event, costs nothing but itself, and its status says why.
-
-    Raises
-    ------
-    ModelError
-        For invalid arguments, and where no state has a start.
-
-    Warns
-    -----
-    UserWarning
-        Once for all that `simulate` warned of.
-    """
+    """Simulate a batch; arguments, results and errors as of `simulate` with rows."""
     inputs = arguments.get("inputs")
-    in_common: dict[str, Any] = {"integrator": "dopri5", **arguments, "formalism": "coordinate-partitioning"}
+    in_common: dict[str, Any] = {**arguments, "formalism": "coordinate-partitioning"}
+    if in_common.get("integrator", AUTO) == AUTO:
+        in_common["integrator"] = "dopri5"
     q0, zd0, qd0, p = (in_common.pop(name, None) for name in ("q0", "zd0", "qd0", "p"))
     run = Run.from_arguments(checked_kernels(kernels), duration, points=points, progress=progress, **in_common)
     threads, method = checked_threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True, qd=qd0)
-    if inputs:
-        held, p = [kernels.parameters.index(name) for name in inputs], states.p.copy()
-        p[:, held] = run.initial.p[held]
-        states = replace(states, p=p)
+    states = _with_inputs(kernels, states, inputs, run.initial.p)
     if not np.isfinite(states.zd).all(axis=1).any():
         given = "zd0" if qd0 is None else "qd0"
         raise ModelError(f"{kernels.name}: {given} has numbers that are not finite in every state; correct them")
     with reporting(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as advance:
         return side_by_side(kernels, run, method, states, threads, advance, inputs if run.signals else None)
+
+
+def _with_inputs(kernels: Kernels, states: States, inputs: Mapping[str, Signal] | None, values: np.ndarray) -> States:
+    """Return states whose parameters have the named inputs' values of p (n_p,)."""
+    if not inputs:
+        return states
+    columns, p = [kernels.parameters.index(name) for name in inputs], states.p.copy()
+    p[:, columns] = values[columns]
+    return replace(states, p=p)
 
 
 def side_by_side(
@@ -257,7 +213,7 @@ def side_by_side(
 ) -> BatchTrajectory:
     """The motions of states that have a choice of independent coordinates in common, each with the bits that it has in any other batch.
 
-    run: its times and tolerances; threads, progress: as of `simulate_batch`; inputs: what changes with time, which lanes cannot follow
+    run: its times and tolerances; threads, progress: as of `simulate`; inputs: what changes with time, which lanes cannot follow
     """
     events: dict[int, tuple[Happening, ...]] = {}
     if inputs:
@@ -373,7 +329,7 @@ class _Batch:
         states = self.states
         start = dict(q0=states.q[i], zd0=states.zd[i], p=states.p[i], z=states.choice.names)
         try:
-            run = simulate(self.kernels, duration, engine=COMPILED, **start, **options)  # in Python a hopeless state takes very long
+            run = simulate_one(self.kernels, duration, engine=COMPILED, **start, **options)  # in Python a hopeless state takes very long
         except NcgenError as error:
             return str(error)
         except (ArithmeticError, np.linalg.LinAlgError) as error:

@@ -18,7 +18,7 @@ from ncgen.methods.table import AUTO
 from ncgen.solver.engines import compiled
 from ncgen.solver.events.passage import Passage, check_events
 from ncgen.solver.given import checked_kernels, has_events
-from ncgen.solver.groups import MotionArguments, takes
+from ncgen.solver.groups import MotionArguments
 from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.positions.negative_mass import negative_instant, refuse_negative_ahead
 from ncgen.solver.positions.partition import choose_partitions, determined, singular_message
@@ -32,7 +32,8 @@ from ncgen.solver.runs.run import COMPILED, EMITTED, Form, Run
 from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.runs.task import Task
 from ncgen.solver.runs.tolerances import Tolerances
-from ncgen.solver.trajectories.trajectory import Statistics, Trajectory
+from ncgen.solver.trajectories.grid_motion import Statistics
+from ncgen.solver.trajectories.trajectory import Trajectory
 from ncgen.toolchain.preparation import preparation_seconds
 
 STEP_COUNT_TOLERANCE = 1 + 1e-12
@@ -42,8 +43,7 @@ MAX_PARTITIONED_DOF = 100
 """Degrees of freedom from which coordinate partitioning, whose matrices are dense, is worth a warning."""
 
 
-@takes(MotionArguments)
-def simulate(
+def simulate_one(
     kernels: Kernels,
     duration: float,
     *,
@@ -52,47 +52,7 @@ def simulate(
     progress: ProgressOption = None,
     **arguments: Unpack[MotionArguments],
 ) -> Trajectory:
-    """Simulate a mechanism and return its trajectory on a time grid.
-
-    Parameters
-    ----------
-    kernels : Kernels
-        Compiled mechanism, from `ncgen.compile`.
-    duration : float
-        Length of the motion in s.
-    points : int or array_like, shape (points,)
-        Number of equidistant output times, or the output times themselves in s, from `t0` to the end.
-    stop : {coordinate: value}, optional
-        End where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction, {"psi": (1.2, "rising")} or
-        "falling". The last output time is the time of the event, and `stopped` of the trajectory is True. Within a step the first
-        passage of the interpolant is found by bounds, not by samples, however short it is. With coordinate partitioning a dependent
-        coordinate is interpolated by a polynomial of degree 8 through nine states of the step.
-    progress : callable or bool, optional
-        Called again and again with the time reached, in s; True for a bar in a terminal or a notebook.
-    **arguments : MotionArguments
-        The start and the method.
-
-    Returns
-    -------
-    Trajectory
-        Positions, velocities and work at the output times; accelerations and reactions on demand.
-
-    Raises
-    ------
-    ModelError
-        For invalid arguments.
-    ConvergenceError
-        Where the start cannot be assembled, with the names of the constraints, or the motion cannot continue, with the time.
-    SingularError
-        Where the start is singular.
-    Interrupted
-        At Ctrl-C; it is a KeyboardInterrupt, and its `run` is the trajectory up to there.
-
-    Warns
-    -----
-    UserWarning
-        Where the energy of the result says that it cannot be right, and where another formalism would be many times faster.
-    """
+    """Simulate one motion; arguments, results and errors as of `simulate` without rows."""
     run = Run.from_arguments(checked_kernels(kernels), duration, points=points, stop=stop, progress=progress, **arguments)
     kernels = kernels.driven_by(run.signals)
     choice = choose(run)
@@ -107,7 +67,7 @@ def simulate(
 
 
 def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **options: Any) -> Trajectory:
-    """As `simulate` by a method with a fixed step, with one step from each of the times (K,), s, to the next.
+    """As `simulate_one` by a method with a fixed step, with one step from each of the times (K,), s, to the next.
 
     breaks (B, 2): of the laws in time, as of `break_times`; no step goes from one side of a row to the other
     """
@@ -119,7 +79,7 @@ def simulate_steps(kernels: Kernels, times: np.ndarray, breaks: np.ndarray, **op
 
 
 def simulate_events(kernels: Kernels, times: np.ndarray, **options: Any) -> Passage:
-    """As `simulate` over times (K,), s, from the first of them on: what a run with events meets on its way."""
+    """As `simulate_one` over times (K,), s, from the first of them on: what a run with events meets on its way."""
     run = Run.from_arguments(checked_kernels(kernels), float(times[-1] - times[0]), points=times, **options)
     kernels, choice = kernels.driven_by(run.signals), choose(run)
     start = begin(kernels, run.initial, partitioned=False)

@@ -9,35 +9,37 @@ A step is one call of C. It finds out nothing about the mechanism that is not kn
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Unpack
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.methods.method import Method
-from ncgen.methods.table import AUTO, INTEGRATORS, find_integrator
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines import compiled
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.formalisms.impulse import Impulse, cross
-from ncgen.solver.given import array_of, checked_kernels, echo, finite, has_events, known_name, offer, positive, values_by_name
-from ncgen.solver.groups import DEFAULTS, MotionArguments, StartArguments, takes
+from ncgen.solver.formalisms.impulse import Impulse
+from ncgen.solver.given import array_of, checked_kernels, echo, finite, has_events, known_name, positive
+from ncgen.solver.groups import MotionArguments
 from ncgen.solver.motions.alone import Alone
+from ncgen.solver.motions.simulation_states import SimulationState
+from ncgen.solver.motions.step_preparation import (
+    check_next_step,
+    explicit,
+    known_text,
+    no_such_quantity,
+    outputs_at,
+    prepared,
+    stepped,
+    through_events,
+)
 from ncgen.solver.parameter_checks import check_parameters
-from ncgen.solver.positions.massless import check_mass
-from ncgen.solver.positions.rank import rank_at
-from ncgen.solver.runs.choice import ALL, EXPLICIT
-from ncgen.solver.runs.run import Initial, relative_tolerance
-from ncgen.solver.runs.start import Start, begin
-from ncgen.solver.runs.tolerances import NEAR_ZERO, Tolerances
-from ncgen.solver.trajectories.output_values import outputs_of, uses_accelerations, uses_loads
+from ncgen.solver.runs.run import Initial
+from ncgen.solver.trajectories.output_values import uses_accelerations
 
 if TYPE_CHECKING:
-    from ncgen.mechanism.moving import Moving, MovingRow, Stepping
-    from ncgen.solver.events.steps import Past, Steps
+    from ncgen.solver.events.steps import Steps
     from ncgen.solver.trajectories.happening import Happening
 
 
@@ -51,68 +53,12 @@ REPLACED = {
 }
 """{member of a simulation: what to write in place of an assignment to it}."""
 
-NOT_STEPPED = ("formalism", "engine", "number", "options", "max_step")
-"""Arguments of a method that make no difference where a simulation is moved step by step."""
-
 UNCOPIED = "a simulation is not copied: C works on its memory; start another one with ncgen.start and reset it to sim.state"
 
 
-@dataclass(frozen=True, eq=False)
-class SimulationState:
-    """A simulation at an instant: all that `reset` needs to go back to it.
-
-    t: s; q, qd (n,): m and rad, and per second; work: J; p (n_p,): parameters and inputs; next_step: s, of error control, 0 where it has
-    to find one; mechanism: the fingerprint of its code, so that it is not taken for a state of another one; past: of a model with events,
-    those so far and what is held
-    """
-
-    t: float
-    q: np.ndarray
-    qd: np.ndarray
-    work: float
-    p: np.ndarray
-    next_step: float
-    mechanism: str
-    past: Past | None = field(default=None, repr=False)
-
-    def __repr__(self) -> str:
-        return f"<SimulationState of {len(self.q)} coordinates at t = {self.t:g} s>"
-
-
-@takes(MotionArguments, unused=NOT_STEPPED)
-def start(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
-    """Start a simulation that waits for its first step.
-
-    Parameters
-    ----------
-    kernels : Kernels
-        Compiled mechanism.
-    **arguments : MotionArguments
-        The start and the method. `inputs` are numbers, {name: value}; each keeps its value until a step gives it another. `integrator`
-        is an explicit one in C: "auto" takes as many steps within a step as `rtol` asks for; with rk4 a step is one of this method, so
-        that its cost is always the same. `rtol` and `atol` are tolerances of every step.
-
-    Returns
-    -------
-    Simulation
-        The mechanism at `t0`.
-
-    Raises
-    ------
-    ModelError
-        For invalid arguments, and where C alone cannot move the mechanism.
-    ConvergenceError, SingularError
-        As `simulate` does for a start.
-    """
+def start_one(kernels: Kernels, **arguments: Unpack[MotionArguments]) -> Simulation:
+    """Start one simulation; arguments and errors as of `start` without rows."""
     return Simulation(checked_kernels(kernels).driven_by(None), *stepped(kernels, arguments))
-
-
-def stepped(kernels: Kernels, arguments: MotionArguments) -> tuple[str, float, float | None, dict[str, Any], Initial]:
-    """Return integrator, tolerances, inputs and start of a simulation that is moved step by step. Raises ModelError."""
-    options = {**DEFAULTS, **arguments}
-    method = options["integrator"], relative_tolerance(options["rtol"]), options["atol"]
-    at = Initial.from_arguments(kernels, **{name: options[name] for name in StartArguments.__annotations__ if name != "inputs"})
-    return *method, values_by_name(options["inputs"], "inputs"), at
 
 
 class Simulation:
@@ -405,78 +351,3 @@ class Simulation:
         if name in self.kernels.model.outputs:
             return self.outputs[name]
         raise no_such_quantity(self.kernels, name)
-
-
-def no_such_quantity(kernels: Kernels, name: str) -> ModelError:
-    """Return the error about a name that a simulation does not know."""
-    return ModelError(f"{kernels.name} has no coordinate, rate, input or output {name!r}; {offer(name, tuple(kernels.index))}")
-
-
-def check_next_step(least: float) -> None:
-    """Raise ModelError for a step (s) of error control that is negative."""
-    if least < 0:
-        raise ModelError(f"reset: next_step is {least:g} s; it must be positive, or 0 for a step that is found")
-
-
-def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None, at: Initial) -> tuple[Callable[[], Stepping], Start]:
-    """What makes a way to step, one for every thread, and where motions start. Raises ModelError where C cannot move the mechanism."""
-    method = Method.of(ALL, integrator)
-    compiled.checked_compiled(kernels)
-    by_python = "the model calls a Python function" if kernels.model.callbacks else None
-    if kernels.model.branches:
-        by_python = "the paper's sine-or-cosine rows choose anew between steps"
-    if refused := by_python or compiled.refusal(kernels, method, "c", "double"):
-        raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
-    kernels = compiled.checked_compiled(kernels)
-    form = compiled.form_of(kernels, method)
-    start = begin(kernels, at, partitioned=False)
-    check_mass(kernels, start.q, at.t, start.p)
-    rank, _ = rank_at(kernels, start.q, at.t, start.p)
-    least = absolute(rtol, atol)
-    sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
-    from ncgen.mechanism.moving import Stepping
-
-    dynamics = compiled.all_coordinates(kernels, form=form)
-    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double"), cross), start
-
-
-def outputs_at(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """All outputs (outputs,) of a state at t (s) with its accelerations."""
-    lam = np.zeros(kernels.m)
-    if uses_loads(kernels.model):
-        from ncgen.solver.loads.observed_loads import multipliers_at
-
-        lam = multipliers_at(kernels, t, q, qd, p)
-    return outputs_of(kernels, [t], q[None], qd[None], p, (qdd[None], lam[None]))[0]
-
-
-def known_text(name: object) -> str:
-    """A text, as names are. Raises ModelError for anything else."""
-    if not isinstance(name, str):
-        raise ModelError(f"{echo(name)} is no name; give that of a coordinate, a rate, an input or an output")
-    return name
-
-
-def through_events(
-    kernels: Kernels, integrator: str, rtol: float, atol: float | None, now: Moving | MovingRow, modes: dict[Hashable, Stepping]
-) -> Steps:
-    """What carries a mechanism over its events; modes: as of `Steps`. Raises what a start with events raises."""
-    from ncgen.solver.events.steps import Steps
-
-    return Steps(kernels, Method.of(ALL, integrator), Tolerances(rtol, absolute(rtol, atol), atol is None, 0.0), now, modes)
-
-
-def absolute(rtol: float, atol: float | None) -> float:
-    """The absolute tolerance, in natural sizes where it is not given. Raises ModelError for one that is not positive."""
-    return NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
-
-
-def explicit(integrator: str) -> str:
-    """The name of an explicit integrator in C. Raises ModelError for another one."""
-    if isinstance(integrator, str) and integrator == AUTO:
-        return EXPLICIT
-    entry = find_integrator(integrator)
-    if not (entry.in_c and entry.tableau):
-        known = ", ".join(name for name, each in INTEGRATORS.items() if each.in_c and each.tableau)
-        raise ModelError(f"integrator {entry.name} cannot be stepped from outside; choose one of {known}")
-    return entry.name

@@ -1,6 +1,6 @@
 """Many motions of one mechanism that go on together, step by step, as learning controllers and searches need them.
 
-    sims = ncgen.start_batch(kernels, 256)
+    sims = ncgen.start(kernels, 256)
     while True:
         sims.step(1e-3, tau=controller(sims["psi"], sims["rate(psi)"]))
         sims.reset(np.abs(sims["psi"]) > 1.0)
@@ -10,9 +10,9 @@ A step of all is one call of C for every thread. Each row moves by the same code
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Unpack
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,11 +25,12 @@ from ncgen.model.elements import coordinate_of
 from ncgen.solver.engines.compiled import checked_compiled
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import array_of, checked_kernels, count, echo, has_events, known_name, positive
-from ncgen.solver.groups import MotionArguments, takes
+from ncgen.solver.groups import MotionArguments
 from ncgen.solver.motions.alone import Alone
-from ncgen.solver.motions.simulation import (
-    NOT_STEPPED,
+from ncgen.solver.motions.simulation_states import SimulationStates
+from ncgen.solver.motions.step_preparation import (
     check_next_step,
+    chosen_rows,
     explicit,
     known_text,
     no_such_quantity,
@@ -39,75 +40,58 @@ from ncgen.solver.motions.simulation import (
     through_events,
 )
 from ncgen.solver.parameter_checks import refused_parameters
+from ncgen.solver.positions.massless import check_mass
 from ncgen.solver.runs.run import MOST_NUMBERS, Initial
+from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.trajectories.output_values import uses_accelerations
 
 if TYPE_CHECKING:
     from ncgen.mechanism.moving import Stepping
-    from ncgen.solver.events.steps import Past, Steps
+    from ncgen.solver.events.steps import Steps
     from ncgen.solver.trajectories.happening import Happening
 
 ARRAYS_OF_C = ("t", "work", "q", "qd", "p")
 """Arrays of `Simulations` that C works on."""
 
 
-@dataclass(frozen=True, eq=False)
-class SimulationStates:
-    """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), pasts (N,) of a model with events, as of
-    `ncgen.solver.motions.simulation.State`."""
-
-    t: np.ndarray
-    q: np.ndarray
-    qd: np.ndarray
-    work: np.ndarray
-    p: np.ndarray
-    next_step: np.ndarray
-    mechanism: str
-    pasts: tuple[Past, ...] = field(default=(), repr=False)
-
-    def __repr__(self) -> str:
-        return f"<SimulationStates of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
-
-
-@takes(MotionArguments, unused=NOT_STEPPED)
-def start_batch(kernels: Kernels, variants: int, *, threads: int | None = 1, **arguments: Unpack[MotionArguments]) -> Simulations:
-    """Start simulations that wait for their first step, all at the same start.
-
-    Parameters
-    ----------
-    kernels : Kernels
-        Compiled mechanism.
-    variants : int
-        Number N of simulations.
-    threads : int, optional
-        Number of threads that share them; None for one on every processor.
-    **arguments : MotionArguments
-        The start and the method, as of `start`; `inputs` are {name: one value, or one a simulation (N,)}.
-
-    Returns
-    -------
-    Simulations
-        N mechanisms at `t0`.
-
-    Raises
-    ------
-    ModelError, ConvergenceError, SingularError
-        As `start`.
-    """
+def start_batch(kernels: Kernels, size: int, arguments: Sequence[MotionArguments], threads: int | None) -> Simulations:
+    """Start N simulations; arguments: of one start for all, or of N; errors as of `start` with rows."""
     from ncgen.mechanism.kernel_batch import thread_count
 
     driven = checked_kernels(kernels).driven_by(None)
-    size = count(variants, "variants")
+    size = count(size, "variants")
     if size * (3 * driven.n + len(driven.p0)) > MOST_NUMBERS:
         raise ModelError(
             f"variants: {size} simulations of {driven.n} coordinates take more than {MOST_NUMBERS * 8 / 2**30:.3g} GiB; ask for fewer"
         )
-    workers = min(thread_count(threads, "start_batch"), size)
-    return Simulations(driven, size, workers, *stepped(kernels, arguments))
+    workers = min(thread_count(threads, "start"), size)
+    checked = []
+    for row, each in enumerate(arguments):
+        with _naming(row, len(arguments)):
+            checked.append(stepped(kernels, each))
+    integrator, rtol, atol, inputs, _ = checked[0]
+    return Simulations(driven, size, workers, integrator, rtol, atol, inputs, [start for *_, start in checked])
+
+
+@contextmanager
+def _naming(row: int, size: int) -> Iterator[None]:
+    """Let errors say which of several simulations they are about."""
+    try:
+        yield
+    except NcgenError as error:
+        raise type(error)(f"simulation {row}: {error}") if size > 1 else error from None
+
+
+def _begun(kernels: Kernels, starts: Sequence[Initial], row: int) -> Start:
+    """Return the consistent start of a row. Raises what `begin` raises, and ModelError for a part that moves without mass."""
+    with _naming(row, len(starts)):
+        start = begin(kernels, starts[row], partitioned=False)
+        check_mass(kernels, start.q, starts[row].t, start.p)
+    return start
 
 
 class Simulations:
-    """Rows of one mechanism at their instants; `start_batch` makes them.
+    """Rows of one mechanism at their instants; `start` with rows or `variants` makes them.
 
     t, work (N,); q, qd (N, n), in the order of `kernels.coordinates`; p (N, n_p): parameters and inputs, a row each. They are what C works
     on and may be written to: copy them to keep them, or take `states`; after writing to q or qd call `project_state`.
@@ -133,18 +117,20 @@ class Simulations:
         rtol: float,
         atol: float | None,
         inputs: Mapping[str, ArrayLike],
-        at: Initial,
+        starts: Sequence[Initial],
     ) -> None:
         from ncgen.mechanism.moving import MovingRow, MovingRows
 
         self.kernels, self.integrator, self.size = kernels, explicit(integrator), size
-        stepping, start = prepared(kernels, self.integrator, rtol, atol, at)
+        stepping, first = prepared(kernels, self.integrator, rtol, atol, starts[0])
+        begun = [first, *(_begun(kernels, starts, row) for row in range(1, len(starts)))]
         self._alone = Alone(kernels.name)
         self._now = now = MovingRows([stepping() for _ in range(threads)], size)
         vars(self).update({name: getattr(now, name) for name in ARRAYS_OF_C})
         self._mechanism = checked_compiled(kernels).fingerprint
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
-        self.t[:], self.q[:], self.qd[:], self.p[:] = at.t, start.q, start.qd, start.p
+        self.t[:] = starts[0].t
+        self.q[:], self.qd[:], self.p[:] = ([getattr(start, name) for start in begun] for name in ("q", "qd", "p"))
         self.drive(**inputs)
         if has_events(kernels.model):
             rows = (MovingRow(now, row) for row in range(size))
@@ -162,7 +148,7 @@ class Simulations:
         super().__setattr__(name, value)
 
     def __copy__(self) -> Simulations:
-        raise ModelError("simulations are not copied: C works on their memory; start others with ncgen.start_batch and reset them")
+        raise ModelError("simulations are not copied: C works on their memory; start others with ncgen.start and reset them")
 
     def __deepcopy__(self, memo: object) -> Simulations:
         return self.__copy__()
@@ -319,7 +305,7 @@ class Simulations:
         ModelError
             For rows that do not exist, for states of another mechanism or number of simulations, and for numbers that are not finite.
         """
-        chosen, source, now = self._rows(rows), self._began if states is None else states, self._now
+        chosen, source, now = chosen_rows(rows, self.size, self.kernels.name), self._began if states is None else states, self._now
         if not isinstance(source, SimulationStates):
             raise ModelError(f"reset: {echo(source)} given; give states that were kept, such as kept = sims.states")
         if source.mechanism != self._mechanism:
@@ -359,31 +345,12 @@ class Simulations:
             For the first simulation whose loops cannot be closed.
         """
         with self._alone:
-            for row in self._rows(rows).tolist():
+            for row in chosen_rows(rows, self.size, self.kernels.name).tolist():
                 if (status := self._now.project_state(row)) != "ok":
                     problem = f"the loops of simulation {row} do not close at t = {self.t[row]:.6g} s ({status})"
                     raise ConvergenceError(f"{self.kernels.name}: {problem}; start nearer to a closed position")
                 self._now.next_step[row] = 0.0
         return self
-
-    def _rows(self, rows: ArrayLike | None) -> np.ndarray:
-        """Numbers of rows."""
-        if rows is None:
-            return np.arange(self.size)
-        try:
-            array = np.atleast_1d(rows)
-        except ValueError:  # lists of different lengths
-            array = np.empty(1)
-        if array.dtype == bool and array.shape == (self.size,):
-            return np.flatnonzero(array)
-        if not array.size:
-            return np.arange(0)
-        whole = array.ndim == 1 and np.issubdtype(array.dtype, np.integer)
-        if not (whole and array.min() >= 0 and array.max() < self.size):
-            raise ModelError(
-                f"rows: {self.kernels.name} has simulations 0 to {self.size - 1}; give their numbers, or a mask ({self.size},)"
-            )
-        return array
 
     @property
     def qdd(self) -> np.ndarray:

@@ -15,6 +15,7 @@ from ncgen.errors import DomainError, ModelError, NcgenError, SingularError, war
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
+from ncgen.solver.batch_rows import common_size
 from ncgen.solver.engines.compiled import checked_compiled, dynamics, refusal, refusal_of_size
 from ncgen.solver.geometry import angles, arms_have_parameters, measured_angles
 from ncgen.solver.given import Given, known_name
@@ -124,19 +125,15 @@ class States:
         if zd is not None and qd is not None:
             raise ModelError(TWO_VELOCITIES)
         p = _given(kernels, "p", p, kernels.parameters, kernels.p0)
+        has_q = q is not None  # a start that follows from rows of p has rows as well
         usual = kernels.start(p) if q is None or isinstance(q, Mapping) else kernels.q0  # rows that are given need none beside them
         q = _given(kernels, "q0", q, kernels.coordinates, usual)
         rates = zd if isinstance(zd, Mapping) else None
         zd = None if zd is None else _given(kernels, "zd0", zd, kernels.coordinates, np.zeros(kernels.n))
         wanted = tuple(qd) if isinstance(qd, Mapping) else None
         qd = None if qd is None else _given(kernels, "qd0", qd, kernels.coordinates, np.zeros(kernels.n))
-        counts = {len(a) for a in (q, zd, qd, p) if a is not None and a.ndim == 2}
-        if len(counts) != 1:
-            names = "q0, zd0 and p" if qd is None else "q0, qd0 and p"
-            raise ModelError(f"{kernels.name}: {names} have {sorted(counts) or 'no'} rows; a batch has one number of them")
-        (size,) = counts
-        if not size:
-            raise ModelError(f"{kernels.name}: a batch of no states; give at least one row")
+        arrays = {"q0": q if has_q else None, "zd0": zd, "qd0": qd, "p": p}
+        size = common_size(kernels.name, {name: len(a) for name, a in arrays.items() if a is not None and a.ndim == 2})
         q, p = _rows(kernels, "q0", q, size, kernels.n), _rows(kernels, "p", p, size, len(kernels.p0), np.asarray)
         q, faults = closed(kernels, q, t, p) if assembled else (q, {})
         if not assembled and (refused := refused_parameters(kernels, p)):

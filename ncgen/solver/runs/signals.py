@@ -20,7 +20,7 @@ HOLDS: tuple[Hold, ...] = get_args(Hold)
 """Between the instants of a table: the value before holds; straight lines; a cubic spline."""
 
 Signal: TypeAlias = "ArrayLike | Callable[[float], float] | tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, Hold]"
-"""An input over time, as `simulate` takes it, or numbers of many simulations, as `start_batch` takes them."""
+"""An input over time, as `simulate` takes it, or numbers of many simulations, as `start` takes them."""
 
 MIN_TIMES = 2
 """Instants of a table."""

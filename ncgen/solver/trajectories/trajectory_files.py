@@ -81,6 +81,18 @@ def histories(run: Trajectory) -> dict[str, np.ndarray]:
     return {"t": run.t, **moved, **rates, **run.inputs, **run.outputs}
 
 
+def comma_separated(run: Trajectory) -> str:
+    """The histories as lines of comma-separated values with every digit, after a line of their names."""
+    columns = histories(run)
+    lines = [",".join(map(_cell, columns))] + [",".join(map(repr, row)) for row in np.column_stack([*columns.values()]).tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(label: str) -> str:
+    """A label as a cell of a table: in quotes where a comma or a quote would end it."""
+    return '"' + label.replace('"', '""') + '"' if set(label) & set(',"') else label
+
+
 def write_parquet(run: Trajectory, path: Path) -> Path:
     """The histories as a Parquet file, with `about` and the model's text among its metadata under "ncgen" and "ncgen.model"."""
     try:

@@ -1,0 +1,68 @@
+/* ncgen_pivots.c: natural sizes of the pivots of [M Phi_q'; Phi_q -E], its diagonal E, and what replaces pivots that are too small. */
+#include "ncgen_pivots.h"
+
+/* The natural size of every diagonal entry: masses, and for rows what they have after elimination of the masses. */
+void ncgen_find_pivot_sizes(ncgen_run *r, ncgen_constrained *w)
+{
+    const ncgen_pattern *mass = &r->model->mass_pattern, *phi_q = &r->model->phi_q_pattern;
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    const ncgen_real *values = w->kkt.values + w->n_mass;
+    ncgen_real least = 0;
+    w->mass_size = 0;
+    for (int i = 0; i < r->n; ++i) {
+        w->natural[i] = 0;
+        for (int k = mass->indptr ? mass->indptr[i] : 0; k < (mass->indptr ? mass->indptr[i + 1] : 0); ++k)
+            if (mass->indices[k] == i)
+                w->natural[i] = w->kkt.values[k];
+        const ncgen_real scaled = w->natural[i] * sizes[i] * sizes[i];
+        if (scaled > 0 && (!(least > 0) || scaled < least))
+            least = scaled;
+        if (scaled > w->mass_size)
+            w->mass_size = scaled;
+    }
+    if (!(least > 0))
+        least = w->mass_size = 1;
+    for (int i = 0; i < r->m; ++i) {
+        ncgen_real own = 0, borrowed = 0;
+        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
+            const int j = phi_q->indices[k];
+            if (w->natural[j] > 0)
+                own += values[k] * values[k] / w->natural[j];
+            borrowed += values[k] * values[k] * sizes[j] * sizes[j] / least;
+        }
+        const ncgen_real size = r->dynamics->row_sizes[i];
+        w->reduced[i] = own > 0 ? own : borrowed > 0 ? borrowed : size * size / least;
+    }
+    for (int i = 0; i < r->n; ++i)
+        if (!(w->natural[i] > 0))
+            w->natural[i] = least / (sizes[i] * sizes[i]);
+}
+
+/* The diagonal -E, the smallest pivots and what replaces them, in the order of elimination.
+ *
+ * Without a penalty E is zero: near a singular position the constraint forces that are needed there would be lost
+ * otherwise. Only a row whose pivot is at rounding is let go, and one that others imply: off the constraints, where the
+ * stages of a method are, it contradicts them. */
+void ncgen_set_diagonal(ncgen_run *r, ncgen_constrained *w)
+{
+    const ncgen_options *o = r->options;
+    const int by_penalty = w->iterated || o->formalism == NCGEN_PENALTY;
+    const ncgen_scalar penalty = o->penalty > 0 ? o->penalty : R(1.0) / NCGEN_SQRT(r->rounding);
+    const ncgen_scalar precise = NCGEN_SQRT(r->rounding);
+    const ncgen_scalar implied = precise * NCGEN_SQRT(precise); /* 2e-12 in double */
+    for (int i = 0; i < r->m; ++i) {
+        const ncgen_real size = r->dynamics->row_sizes[i];
+        w->diagonal[i] = by_penalty ? size * size / (penalty * w->mass_size) : 0;
+    }
+    for (int k = 0; k < w->kkt.plan->size; ++k) {
+        const int unknown = w->kkt.plan->order[k];
+        const int row = unknown - r->n;
+        w->kkt.row[k] = 0;
+        w->kkt.diagonal[k] = row < 0 ? 0 : -w->diagonal[row];
+        w->kkt.replacement[k] = row < 0 ? precise * w->natural[unknown] : -w->reduced[row] / (r->rounding * r->rounding);
+        if (row < 0 || w->is_left_out[row])
+            w->kkt.min_pivot[k] = w->kkt.replacement[k];
+        else
+            w->kkt.min_pivot[k] = by_penalty ? w->kkt.diagonal[k] / 2 : -implied * w->reduced[row];
+    }
+}

@@ -1,0 +1,76 @@
+/* ncgen_step_error.c: errors of steps against their tolerances, and a first step. */
+#include "ncgen_step_error.h"
+
+/* The square of the first components in units of what is tolerated at a and b, a mean over all of them. */
+static ncgen_real mean_square(const ncgen_run *r, int count, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
+{
+    ncgen_real sum = 0;
+    for (int i = 0; i < count; ++i) {
+        const ncgen_real scaled = x[i] / ncgen_tolerance_of(r, i, a[i], b[i]);
+        sum += scaled * scaled;
+    }
+    return sum / (ncgen_scalar)r->error_size;
+}
+
+ncgen_real ncgen_weighted_square(const ncgen_run *r, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
+{
+    return mean_square(r, r->error_size, x, a, b);
+}
+
+/* Estimate k of the error over h, squared. */
+static ncgen_real estimate(ncgen_run *r, ncgen_stepping *w, const tableau *method, int k)
+{
+    ncgen_combine_stages(r, w, method->stages + 1, method->errors[k], w->at);
+    return ncgen_weighted_square(r, w->at, r->y, w->new_y);
+}
+
+/* The part of the tolerance that a step of a length may take, because all steps share it. Steps that are shorter than the mean
+ * count as that: near a singular position rounding is all that is left of the error, and no step could be short enough for it. So do
+ * first steps that are far shorter than the run, by a share that becomes less and less, so that all of it together is small. */
+ncgen_scalar ncgen_tolerance_fraction(const ncgen_run *r, ncgen_scalar h)
+{
+    const ncgen_scalar count = (ncgen_scalar)r->statistics->steps + 1, mean = (r->start_t - r->times[0]) / count;
+    const ncgen_scalar least = R(1.0e-4) * r->options->span / (count * count);
+    if (h < mean)
+        h = mean;
+    if (h < least)
+        h = least;
+    return r->options->span > h ? h / r->options->span : 1;
+}
+
+/* The error of a step over the tolerance. */
+ncgen_real ncgen_step_error(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar h)
+{
+    const ncgen_real error = estimate(r, w, method, 0);
+    if (method->n_errors == 1)
+        return h * NCGEN_SQRT(error);
+    const ncgen_real both = error + R(0.01) * estimate(r, w, method, 1);
+    return both > 0 ? h * error / NCGEN_SQRT(both) : both;
+}
+
+/* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). Work is left out: it begins with 0, so that
+ * any power would be infinitely fast next to it. */
+ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_scalar t, ncgen_scalar span)
+{
+    const int count = r->error_size - 1;
+    const ncgen_real d0 = NCGEN_SQRT(mean_square(r, count, r->y, r->y, r->y));
+    const ncgen_real d1 = NCGEN_SQRT(mean_square(r, count, ncgen_stage_derivative(r, w, 0), r->y, r->y));
+    ncgen_real guess = d0 < R(1.0e-5) || d1 < R(1.0e-5) ? R(1.0e-6) : R(0.01) * d0 / d1;
+    if (guess > span)
+        guess = span;
+    for (int i = 0; i < r->ny; ++i)
+        w->new_y[i] = r->y[i] + guess * ncgen_stage_derivative(r, w, 0)[i];
+    if (r->derivative(r, t + guess, w->new_y, ncgen_stage_derivative(r, w, 1)) != NCGEN_OK)
+        return guess * R(0.01);
+    for (int i = 0; i < r->ny; ++i)
+        w->at[i] = ncgen_stage_derivative(r, w, 1)[i] - ncgen_stage_derivative(r, w, 0)[i];
+    const ncgen_real d2 = NCGEN_SQRT(mean_square(r, count, w->at, r->y, r->y)) / guess;
+    if (!ncgen_is_finite(1, &d2))
+        return guess * R(0.01);
+    const ncgen_real largest = d1 > d2 ? d1 : d2;
+    const ncgen_scalar root = 1 / (ncgen_scalar)(order + 1);
+    ncgen_real better = largest <= R(1.0e-15) ? guess * R(1.0e-3) : NCGEN_POW(R(0.01) / largest, root);
+    if (better > R(100.0) * guess)
+        better = R(100.0) * guess;
+    return better < span ? better : span;
+}
