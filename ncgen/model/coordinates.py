@@ -42,7 +42,22 @@ class Coordinates(Contents):
 
     @fact
     def parameter(self, name: str, default: Number, unit: str = "") -> Parameter:
-        """A number with a name, kept symbolic in the kernels and given in `p` at run time."""
+        """Add a parameter: a number with a name, which stays symbolic in the kernels and is given in `p` at run time.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter.
+        default : float
+            Its value where `p` does not give another.
+        unit : str
+            Unit, for people.
+
+        Returns
+        -------
+        Parameter
+            The parameter, for positions, lengths, masses, laws and expressions.
+        """
         self._claim(name, "parameter")
         parameter = Parameter(name, float(default), unit)
         self.parameters[name] = parameter
@@ -50,9 +65,23 @@ class Coordinates(Contents):
 
     @fact
     def input(self, name: str, unit: str = "", default: Number = 0.0) -> Input:
-        """A number that is given at every instant of a motion, such as a motor's torque, for use in forces, torques and couples.
+        """Add an input: a number that may change at any time of a motion, such as a motor's torque.
 
-        default: its value where nobody drives it. In `p` inputs follow the parameters, each at the value that it keeps.
+        In `p` the inputs follow the parameters, each at the value that it keeps.
+
+        Parameters
+        ----------
+        name : str
+            Name of the input.
+        unit : str
+            Unit, for people.
+        default : float
+            Its value where a run does not give another.
+
+        Returns
+        -------
+        Input
+            The input, for forces, torques and couples.
         """
         self._claim(name, "input")
         self.inputs[name] = Input(name, float(default), unit)
@@ -60,28 +89,77 @@ class Coordinates(Contents):
 
     @fact
     def spline(self, name: str, knots: Numbers, values: Numbers, end: str = "natural") -> Curve:
-        """A function through values at knots, for any expression: `profile(x)` is its value, `profile(x, 1)` its derivative. It is
-        piecewise cubic, with continuous second derivatives.
+        """Add a cubic spline through values at knots: a function with continuous second derivatives, for any expression.
 
-        knots: increasing
-        end: "natural" (no curvature there), "clamped" (slope 0), "not-a-knot" (the first two pieces are one polynomial, and the last two)
-            or "periodic", which begins again at its last knot; any other continues straight beyond its knots, with the slope it has there
+        Beyond its knots it continues straight, with the slope at the end, unless it is periodic.
+
+        Parameters
+        ----------
+        name : str
+            Name of the function: `profile(x)` is its value, `profile(x, 1)` its derivative.
+        knots : array_like, shape (K,)
+            Increasing arguments.
+        values : array_like, shape (K,)
+            Values at the knots.
+        end : str
+            "natural" (no curvature at the ends), "clamped" (slope 0), "not-a-knot" (the first two pieces are one polynomial, and the last
+            two) or "periodic" (begins again at its last knot).
+
+        Returns
+        -------
+        Curve
+            The function.
         """
         return self._curve(curves.spline(name, knots, values, end))
 
     @fact
     def table(self, name: str, knots: Numbers, values: Numbers, periodic: bool = False) -> Curve:
-        """The same with straight lines from knot to knot, and so with a kink at each: for forces; what drives should be smooth.
+        """Add a table: a function of straight lines between values at knots, with a kink at each.
 
-        The first and the last line go on beyond the knots; a periodic table begins again.
+        Use it for forces; the laws of drivers should be smooth (`spline`). The first and the last line go on beyond the knots.
+
+        Parameters
+        ----------
+        name : str
+            Name of the function: `profile(x)` is its value, `profile(x, 1)` its derivative.
+        knots : array_like, shape (K,)
+            Increasing arguments.
+        values : array_like, shape (K,)
+            Values at the knots.
+        periodic : bool
+            Whether the table begins again at its last knot.
+
+        Returns
+        -------
+        Curve
+            The function.
         """
         return self._curve(curves.table(name, knots, values, periodic))
 
     @fact
     def output(self, label: str, expression: Driven, unit: str = "") -> Output:
-        """A number to look at: an expression of coordinates, rates (`psi.rate`), accelerations (`psi.acceleration`), joint loads
-        (`rod.force(A).x`, `rod.moment(u).z`), driver forces (`psi.driver`), m.time, parameters and inputs. Its label is what trajectories
-        and exports call it."""
+        """Add an output, which trajectories and exports list by its label.
+
+        Parameters
+        ----------
+        label : str
+            The label.
+        expression : expression
+            Of coordinates, rates (`psi.rate`), accelerations (`psi.acceleration`), joint reactions (`rod.force(A).x`, `rod.moment(u).z`),
+            driver forces (`psi.driver`), m.time, parameters and inputs.
+        unit : str
+            Unit, for people.
+
+        Returns
+        -------
+        Output
+            The output.
+
+        Raises
+        ------
+        ModelError
+            For a label that another output has.
+        """
         if label in self.outputs:
             raise ModelError(f"output {label}: there is one of that label already; choose another")
         if not label.strip() or not label.isprintable():
@@ -91,9 +169,21 @@ class Coordinates(Contents):
 
     @fact
     def point(self, name: str, position: Values, fixed: bool | str = False) -> Point:
-        """A point (m). Two numbers make a point of the plane z = 0. Parameters may stand for numbers.
+        """Add a point.
 
-        fixed: True, False, or the axes that cannot move, such as "z" or "xz".
+        Parameters
+        ----------
+        name : str
+            Name of the point, whose coordinates are `name.x`, `name.y` and `name.z`.
+        position : sequence of float or expression of parameters, shape (3,) or (2,)
+            Initial position in m; two numbers make a point of the plane z = 0.
+        fixed : bool or str
+            Whether it cannot move, or the axes along which it cannot, such as "z" or "xz".
+
+        Returns
+        -------
+        Point
+            The point.
         """
         point = self._spatial(Point, name, position, fixed)
         self.elements[name] = point
@@ -101,9 +191,26 @@ class Coordinates(Contents):
 
     @fact
     def vector(self, name: str, direction: Values, fixed: bool | str = False) -> Vector:
-        """A unit vector. Its unit row is added by the first body that has it.
+        """Add a unit vector. The first body that has it adds the constraint of its length.
 
-        Numbers of six digits are brought to length 1; a vector that is farther from it is refused.
+        Parameters
+        ----------
+        name : str
+            Name of the vector, whose coordinates are `name.x`, `name.y` and `name.z`.
+        direction : sequence of float or expression of parameters, shape (3,) or (2,)
+            Initial direction. Numbers of six digits are brought to length 1.
+        fixed : bool or str
+            Whether it cannot turn, or the components that cannot change, such as "z".
+
+        Returns
+        -------
+        Vector
+            The unit vector.
+
+        Raises
+        ------
+        ModelError
+            For a vector whose length is not 1 to six digits.
         """
         vector = self._spatial(Vector, name, direction, fixed)
         size = arithmetic.norm(vector.initial)
@@ -128,13 +235,31 @@ class Coordinates(Contents):
         lengths: Values | None = None,
         initial: Value | None = None,
     ) -> Angle:
-        """A relative angle as a coordinate (rad), from `start` to `end`, positive about `axis`.
+        """Add a relative angle as a coordinate, from one direction to another about an axis.
 
-        start, end, axis: vectors, or segments such as `r4 - r2`, or either reversed (`-u3`)
-        form: "smooth" (the default of the model unless changed), "cosine", "sine", or "paper", which
-            follows the paper's rule of cosine or sine by the angle's value, chosen at run time
-        lengths: of start, end and axis, 1 for unit vectors (default: measured)
-        initial: the angle in the initial position, if it should count turns (default: measured, in (−π, π])
+        Parameters
+        ----------
+        name : str
+            Name of the coordinate.
+        start, end, axis : Direction
+            Vectors, or segments such as `r4 - r2`, or either reversed (`-u3`); the angle is positive about the axis.
+        form : str, optional
+            "smooth", "cosine", "sine", or "paper", the paper's rule of cosine or sine by the angle's value at run time. Default: that of
+            the model.
+        lengths : sequence of float or expression of parameters, shape (3,), optional
+            Lengths in m of start, end and axis, 1 for unit vectors. Default: measured.
+        initial : float or expression of parameters, optional
+            Initial angle in rad, where turns count. Default: measured, in (−π, π].
+
+        Returns
+        -------
+        Angle
+            The angle in rad.
+
+        Raises
+        ------
+        ModelError
+            Where a direction is parallel to the axis.
         """
         self._claim(name, "angle")
         form = check_form(form or self.form)
@@ -156,9 +281,26 @@ class Coordinates(Contents):
 
     @fact
     def length(self, name: str, start: Point, end: Point, initial: Value | None = None) -> Length:
-        """The distance between two points as a coordinate (m), such as the length of a hydraulic cylinder.
+        """Add the distance between two points as a coordinate, such as the length of a hydraulic cylinder.
 
-        Refused where the points coincide: there the distance has no direction.
+        Parameters
+        ----------
+        name : str
+            Name of the coordinate.
+        start, end : Point
+            The two points.
+        initial : float or expression of parameters, optional
+            Initial distance in m. Default: measured.
+
+        Returns
+        -------
+        Length
+            The distance in m.
+
+        Raises
+        ------
+        ModelError
+            Where the points coincide: there the distance has no direction.
         """
         self._claim(name, "length")
         segment = self._direction(end - start, f"length {name}")
@@ -169,7 +311,27 @@ class Coordinates(Contents):
 
     @fact
     def slide(self, name: str, start: Point, end: Point, axis: Direction) -> Length:
-        """How far `end` lies from `start` along a unit vector, as a coordinate (m); it may be zero or negative."""
+        """Add as a coordinate how far a point lies from another along a unit vector; it may be zero or negative.
+
+        Parameters
+        ----------
+        name : str
+            Name of the coordinate.
+        start, end : Point
+            From which point to which.
+        axis : Direction
+            A unit vector.
+
+        Returns
+        -------
+        Length
+            The distance in m.
+
+        Raises
+        ------
+        ModelError
+            For an axis whose length is not 1.
+        """
         self._claim(name, "slide")
         axis = self._direction(axis, f"slide {name}")
         size = arithmetic.norm(axis.initial)
@@ -183,7 +345,13 @@ class Coordinates(Contents):
 
     @fact
     def independent(self, *coordinates: Component | Relative) -> None:
-        """Choose the independent coordinates z of coordinate partitioning (default: found by pivoting)."""
+        """Choose the independent coordinates z of coordinate partitioning. Without this call they are found by pivoting.
+
+        Parameters
+        ----------
+        *coordinates : Component or Relative
+            Free coordinates, such as `A.x` or an angle.
+        """
         names = [c.name for c in coordinates]
         known = {c.name: c for c in self.components}
         for name in names:

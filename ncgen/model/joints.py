@@ -58,17 +58,50 @@ class Joints(Structure):
 
     @fact
     def spherical(self, a: Body, b: Body, point: Point) -> None:
-        """A ball joint: the point belongs to both bodies. 3 degrees of freedom."""
+        """Join two bodies by a ball joint: the point belongs to both. 3 degrees of freedom.
+
+        Parameters
+        ----------
+        a, b : Body
+            The bodies, of which one may be the ground.
+        point : Point
+            The centre of the joint.
+        """
         self._share(a, b, point)
 
     @fact
     def revolute(self, a: Body, b: Body, point: Point, axis: Vector) -> None:
-        """A hinge: point and axis belong to both bodies. 1 degree of freedom."""
+        """Join two bodies by a hinge: point and axis belong to both. 1 degree of freedom.
+
+        Parameters
+        ----------
+        a, b : Body
+            The bodies, of which one may be the ground.
+        point : Point
+            A point of the hinge.
+        axis : Vector
+            Its axis.
+        """
         self._share(a, b, point, axis)
 
     @fact
     def universal(self, a: Body, b: Body, point: Point, u: Vector, v: Vector) -> Row:
-        """A Cardan joint: a shared point, and a constant angle between u of body a and v of body b. 2 degrees of freedom."""
+        """Join two bodies by a Cardan joint: a shared point, and a constant angle between two axes. 2 degrees of freedom.
+
+        Parameters
+        ----------
+        a, b : Body
+            The bodies, of which one may be the ground.
+        point : Point
+            The centre of the joint.
+        u, v : Vector
+            The axis in a, and that in b.
+
+        Returns
+        -------
+        Row
+            The constraint of the axes.
+        """
         self._share(a, b, point)
         self.extend(a, u)
         self.extend(b, v)
@@ -77,14 +110,34 @@ class Joints(Structure):
 
     @fact
     def cylindrical(self, a: Body, b: Body, start: Point, end: Point, axis: Vector) -> None:
-        """Body b slides along and turns about `axis` of body a; start is a point of a, end of b, both on the axis. 2 degrees."""
+        """Let a body slide along an axis of another and turn about it. 2 degrees of freedom.
+
+        Parameters
+        ----------
+        a, b : Body
+            The bodies, of which one may be the ground; b slides on a.
+        start, end : Point
+            A point of a, and a point of b, both on the axis.
+        axis : Vector
+            The axis.
+        """
         self._share(a, b, axis)
         self.extend(b, end)
         self._on_line(a, end, start, axis, _joint("cylindrical", a, b))
 
     @fact
     def prismatic(self, a: Body, b: Body, start: Point, end: Point, axis: Vector) -> None:
-        """Body b slides along `axis` of body a without turning. 1 degree of freedom."""
+        """Let a body slide along an axis of another without turning. 1 degree of freedom.
+
+        Parameters
+        ----------
+        a, b : Body
+            The bodies, of which one may be the ground; b slides on a.
+        start, end : Point
+            A point of a, and a point of b, both on the axis.
+        axis : Vector
+            The axis.
+        """
         self.cylindrical(a, b, start, end, axis)
         if not (a.frame.planar or b.frame.planar):
             first, second = self._transverse(a, b, axis)
@@ -92,12 +145,19 @@ class Joints(Structure):
 
     @fact
     def slider(self, a: Body, b: Body, start: Point, end: Point, axis: Direction) -> None:
-        """Body b slides along `axis` of body a without turning; start is a point of a, end of b, both on the axis. 1 degree of freedom.
-
-        axis: a vector of a, or in the plane a segment of it such as `T - P`
+        """Let a body slide along an axis of another without turning, with few constraints in the plane. 1 degree of freedom.
 
         In the plane it adds 2 constraint equations, and 1 where b is a single point, such as a pin in a slot; no vector is added to a body.
         In space it is a prismatic joint, whose axis is a vector of both bodies.
+
+        Parameters
+        ----------
+        a, b : Body
+            The bodies, of which one may be the ground; b slides on a.
+        start, end : Point
+            A point of a, and a point of b, both on the axis.
+        axis : Direction
+            A vector of a, or in the plane a segment of it such as `T - P`.
         """
         if not all(body is self.ground or self._is_plane(body) for body in (a, b)):
             self.prismatic(a, b, start, end, _vector_of(axis, f"slider {a.name}-{b.name}"))
@@ -127,14 +187,43 @@ class Joints(Structure):
 
     @fact
     def planar(self, a: Body, b: Body, start: Point, end: Point, normal: Vector) -> None:
-        """Body b moves in a plane of body a through `start`, normal to `normal`. 3 degrees of freedom."""
+        """Let a body move in a plane of another. 3 degrees of freedom.
+
+        Parameters
+        ----------
+        a, b : Body
+            The bodies, of which one may be the ground; b moves on a.
+        start, end : Point
+            A point of a, and a point of b, both in the plane.
+        normal : Vector
+            The normal of the plane.
+        """
         self._share(a, b, normal)
         self.extend(b, end)
         self.point_in_plane(a, end, start, normal, owner=_joint("planar", a, b))
 
     @fact
     def screw(self, a: Body, b: Body, start: Point, end: Point, axis: Vector, pitch: Value, name: str) -> tuple[Angle, Length]:
-        """A screw of `pitch` (m per turn): the coordinates `name.angle` and `name.slide` go together. 1 degree of freedom."""
+        """Join two bodies by a screw: turning and sliding go together. 1 degree of freedom.
+
+        Parameters
+        ----------
+        a, b : Body
+            The bodies, of which one may be the ground; b moves on a.
+        start, end : Point
+            A point of a, and a point of b, both on the axis.
+        axis : Vector
+            The axis.
+        pitch : float or expression of parameters
+            In m per turn.
+        name : str
+            Name of the joint; its coordinates are `name.angle` and `name.slide`.
+
+        Returns
+        -------
+        tuple of Angle and Length
+            The two coordinates.
+        """
         self.cylindrical(a, b, start, end, axis)
         first, second = self._transverse(a, b, axis)
         psi = self.angle(f"{name}.angle", first, second, axis)
@@ -145,7 +234,18 @@ class Joints(Structure):
 
     @fact
     def rigid(self, a: Body, b: Body) -> None:
-        """Body b is welded to body a: its elements belong to a as well, and on the ground they rest. No degree of freedom."""
+        """Weld a body to another: its elements belong to both, and on the ground they rest. No degree of freedom.
+
+        Parameters
+        ----------
+        a, b : Body
+            The bodies, of which one may be the ground.
+
+        Raises
+        ------
+        ModelError
+            For a body with rigid=False.
+        """
         if a is b:
             raise ModelError(f"rigid: body {a.name} is welded to itself; give two bodies")
         if self.ground in (a, b):
@@ -160,9 +260,18 @@ class Joints(Structure):
 
     @fact
     def point_on_line(self, a: Body, point: Point, start: Point, axis: Direction) -> None:
-        """A point stays on a line of body a: through `start` along `axis`, a vector, or in the plane a segment of a such as `T - P`.
+        """Keep a point on a line of a body. 2 constraint equations, 1 in the plane.
 
-        2 constraint equations, 1 in the plane.
+        Parameters
+        ----------
+        a : Body
+            The body.
+        point : Point
+            The point.
+        start : Point
+            A point of the line.
+        axis : Direction
+            Its direction: a vector, or in the plane a segment of a such as `T - P`.
         """
         owner = Owner("joint", f"{point.name} on line of {a.name}", (a.name,), "point_on_line")
         if self._is_plane(a) and _single(axis) is None:
@@ -176,7 +285,26 @@ class Joints(Structure):
 
     @fact
     def point_in_plane(self, a: Body, point: Point, start: Point, normal: Vector, owner: Owner | None = None) -> Row:
-        """A point stays in a plane of body a: through `start`, normal to `normal`. 1 row."""
+        """Keep a point in a plane of a body. 1 constraint equation.
+
+        Parameters
+        ----------
+        a : Body
+            The body.
+        point : Point
+            The point.
+        start : Point
+            A point of the plane.
+        normal : Vector
+            Its normal.
+        owner : Owner, optional
+            What the constraint belongs to. Default: the joint itself.
+
+        Returns
+        -------
+        Row
+            The constraint.
+        """
         self.extend(a, start, normal)
         owner = owner or Owner("joint", f"{point.name} in plane of {a.name}", (a.name,), "point_in_plane")
         segment = as_combination(point) - start
@@ -186,9 +314,26 @@ class Joints(Structure):
 
     @fact
     def gear(self, first: Relative, second: Relative, radius_first: Value, radius_second: Value) -> Row:
-        """Two angles that turn together: radius_first·ψ1 + radius_second·ψ2 stays constant (radii of opposite sign: same sense).
+        """Let two angles turn together: radius_first·ψ1 + radius_second·ψ2 stays constant.
 
-        Raises ModelError for a radius of 0. `run.reactions()` has the tooth force where both angles are between a carrier and a wheel.
+        `run.reactions()` has the tooth force where both angles are between a carrier and a wheel.
+
+        Parameters
+        ----------
+        first, second : Relative
+            The angles ψ1 and ψ2.
+        radius_first, radius_second : float or expression of parameters
+            Radii in m; of opposite sign where both turn in the same sense.
+
+        Returns
+        -------
+        Row
+            The constraint.
+
+        Raises
+        ------
+        ModelError
+            For a radius of 0.
         """
         for what, radius in (("radius_first", radius_first), ("radius_second", radius_second)):
             self._check_radius(f"gear {first.name}, {second.name}: {what}", radius)
@@ -198,10 +343,29 @@ class Joints(Structure):
 
     @fact
     def rack(self, slide: Relative, angle: Relative, radius: Value) -> Row:
-        """A rack driven by a pinion: s − radius·ψ stays constant.
+        """Let a pinion drive a rack: slide − radius·angle stays constant.
 
-        Raises ModelError for a radius of 0. `run.reactions()` has the tooth force where one body carries both: the angle is between it and
-        the pinion, the slide between it and the rack.
+        `run.reactions()` has the tooth force where one body carries both: the angle is between it and the pinion, the slide between it and
+        the rack.
+
+        Parameters
+        ----------
+        slide : Relative
+            Displacement of the rack.
+        angle : Relative
+            Angle of the pinion.
+        radius : float or expression of parameters
+            Radius of the pinion in m.
+
+        Returns
+        -------
+        Row
+            The constraint.
+
+        Raises
+        ------
+        ModelError
+            For a radius of 0.
         """
         self._check_radius(f"rack {slide.name}, {angle.name}: radius", radius)
         balance = slide.symbol - as_sympy(radius) * angle.symbol
@@ -210,13 +374,28 @@ class Joints(Structure):
 
     @fact
     def rolling(self, disc: Body, centre: Point, axle: Vector, across: Vector, radius: Value, normal: Values = (0.0, 0.0, 1.0)) -> None:
-        """A thin disc rolls without slipping on the fixed plane through the contact of the initial position.
+        """Let a thin disc roll without slipping on the fixed plane through its contact in the initial position.
 
-        centre, axle (its axis), across (a unit vector perpendicular to the axle): elements of the disc
-        normal: of the plane, towards the disc
+        One constraint keeps the rim on the plane, two constraints of velocities keep the contact point of the disc at rest: ṙ + ω × ρ = 0
+        with ρ = −R (n − (n·u) u)/|…|.
 
-        One row keeps the rim on the plane, two velocity rows keep the contact point of the disc at rest:
-        ṙ + ω × ρ = 0 with ρ = −R (n − (n·u) u)/|…|.
+        Parameters
+        ----------
+        disc : Body
+            The disc.
+        centre : Point
+            Its centre.
+        axle, across : Vector
+            Its axis, and a unit vector of the disc perpendicular to it.
+        radius : float or expression of parameters
+            Radius in m.
+        normal : sequence of float, shape (3,)
+            Normal of the plane, towards the disc.
+
+        Raises
+        ------
+        ModelError
+            For a disc that lies flat, and for vectors that are not perpendicular.
         """
         import sympy
 
@@ -250,13 +429,24 @@ class Joints(Structure):
     ) -> None:
         """Close a loop: two frames meet from now on.
 
-        frame_a, frame_b: names of frames of a robot's file (`frames`); in other models frames of bodies, or points
-        kind: "weld" (the frames coincide), "hinge" (their origins and the axis do), "ball" or "point" (their origins do)
-        axis: of a hinge, the same in both frames; name: of the joint, for messages
-
         A robot is assembled at once, before anything is added to its model: elements taken from it before are no longer its own, and
         `assembled` lists what moved. Other models begin as they were drawn, and are assembled when they run.
-        Raises ModelError for a loop that cannot close, with its gap, and for one that changes nothing, by its name.
+
+        Parameters
+        ----------
+        frame_a, frame_b : Point, BodyFrame or str
+            Names of frames of a robot's file (`frames`); in other models frames of bodies, or points.
+        kind : str
+            "weld" (the frames coincide), "hinge" (their origins and the axis do), "ball" or "point" (their origins do).
+        axis : sequence of float, shape (3,)
+            Of a hinge, the same in both frames.
+        name : str
+            Name of the joint in messages. Default: the names of both ends.
+
+        Raises
+        ------
+        ModelError
+            For a loop that cannot close, with its gap, and for one that changes nothing.
         """
         if kind not in CLOSINGS:
             raise ModelError(f"close: the kind {shown(kind)} is not known; give {', '.join(CLOSINGS)}")
@@ -308,7 +498,7 @@ class Joints(Structure):
         where = f"rolling of {disc.name}"
         if len(normal) != 3 or not all(map(is_number, normal)) or abs(np.linalg.norm(np.asarray(normal)) - 1.0) > UNIT_LENGTH:
             raise ModelError(f"{where}: the normal of the plane is {shown(normal)}; give a unit vector of three numbers")
-        self._require(Bound(f"{where}: the radius is", radius, ">", "m", "give a positive one"))
+        self._require(Bound(wording=f"{where}: the radius is", value=radius, relation=">", unit="m", remedy="give a positive one"))
         if abs(axle.initial @ across.initial) > 1e-9:
             raise ModelError(f"{where}: {across.name} must be perpendicular to the axle {axle.name}")
         if np.linalg.norm(np.cross(np.asarray(normal), axle.initial)) < MIN_TILT:
@@ -322,7 +512,15 @@ class Joints(Structure):
             raise ModelError(f"rigid: body {body.name} has rows of its own (rigid=False); write those of the weld, too")
 
     def _check_radius(self, where: str, radius: Value) -> None:
-        self._require(Bound(f"{where} is", radius, "!=", "m", "give another number, negative for teeth on the other side"))
+        self._require(
+            Bound(
+                wording=f"{where} is",
+                value=radius,
+                relation="!=",
+                unit="m",
+                remedy="give another number, negative for teeth on the other side",
+            )
+        )
 
     def _turn_together(self, kind: str, first: Relative, second: Relative, balance: sympy.Expr) -> Row:
         if first is second:

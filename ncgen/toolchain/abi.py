@@ -45,6 +45,7 @@ STRUCTS = {
         "ncgen_dynamics",
         "ncgen_elimination",
         "ncgen_event",
+        "ncgen_formulas",
         "ncgen_motion",
         "ncgen_options",
         "ncgen_piecewise",

@@ -85,7 +85,7 @@ class Watched:
             expected = each.crossings(level)
             times = [event.t for event in run.events if event.name == each.name]
             assert len(times) == len(expected), (self.kernels.name, levels, times, expected)
-            assert {event.search for event in run.events} <= {"proof"}
+            assert {event.search for event in run.events} <= {"polynomial"}
             # a level near a bend is passed at a time that is known no better than the root of what positions are off
             assert times == pytest.approx(expected, abs=1e-4), (self.kernels.name, levels)
             compared, crossings = compared + 1, crossings + len(expected)

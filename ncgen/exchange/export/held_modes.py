@@ -58,7 +58,7 @@ def _made(model: Model, held: tuple[int, ...], number: int) -> HeldMode:
         other.constrain(events[k].when, f"{events[k].name}, held")  # type: ignore[arg-type]
     sources = generate(other)
     kernels = compile(sources, backend="numpy")
-    loads = [HeldLoad(events[k].name, kernels.m - len(held) + i) for i, k in enumerate(held)]
+    loads = [HeldLoad(words=events[k].name, row=kernels.m - len(held) + i) for i, k in enumerate(held)]
     conditions = [(f"event {event.name}", event.when) for event in events]
     programs = assemble_mode_conditions(sources.programs.equations, conditions, loads, (), motion_sizes(kernels), kernels.row_sizes)
     return HeldMode(held, sources, kernels, replace(programs["conditions"], name=f"conditions_held_{number}"))

@@ -58,7 +58,7 @@ EVENTS = "ncgen_events.c"
 """Likewise of those that have events."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Package:
     """A mechanism ready to be written for a target.
 
@@ -283,7 +283,16 @@ def package(model: Model, events: bool = False) -> Package:
     if uses_loads(model):
         warn_of_shared(instant(kernels, 0.0, start.q, start.qd, kernels.p0))
     independent = determined(start.partitions).velocity.names(kernels)
-    return Package(sources, kernels, sizes, start.q, start.qd, independent, run.duration, freedom(kernels).dof)
+    return Package(
+        sources=sources,
+        kernels=kernels,
+        sizes=sizes,
+        q=start.q,
+        qd=start.qd,
+        independent=independent,
+        duration=run.duration,
+        dof=freedom(kernels).dof,
+    )
 
 
 def _require_none(model: Model, reason: str | None) -> None:

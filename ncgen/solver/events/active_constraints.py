@@ -275,7 +275,7 @@ class ActiveConstraints:
                 change = JOINTS[2]
             if change:
                 search: Search = due.get(k, "sampled" if k in before else "action")
-                happened.append(Happening(at.t, row.name, search, at.q, start.qd, at.qd, what=change))
+                happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, what=change))
         return happened
 
     def _place(self, name: str) -> int:

@@ -27,7 +27,7 @@ LOCKED = 1e-9
 """The largest share of its terms by which a velocity may miss the constraints after a lock has closed."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Instant:
     """What happens at one instant. at: the state so far; happened, done: in order; stops: True where the run ends here
 
@@ -91,7 +91,7 @@ class Instant:
                 "free these first"
             )
         self.at = replace(at, qd=qd)
-        self.done.append(Done((), False, start, self.at, tuple(new)))
+        self.done.append(Done(events=(), is_impact=False, before=start, after=self.at, locks=tuple(new)))
 
     def free(self, name: str) -> None:
         """Open a lock."""
@@ -130,7 +130,7 @@ class Instant:
                 self._set(changes or {}, event.name)
         before = self.at
         self._set(self.functions.numbers(before).get(k, {}), event.name)
-        self.done.append(Done((k,), False, before, self.at))
+        self.done.append(Done(events=(k,), is_impact=False, before=before, after=self.at))
         self._note(event.name, search, start, what)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
@@ -186,19 +186,27 @@ class Instant:
         """Note what hits did, of gaps with these numbers of conditions."""
         for turn, velocities in hit.turns:
             after = replace(start, qd=velocities)
-            self.done.append(Done(tuple(hitting[number] for number in turn), True, start, after))
+            self.done.append(Done(events=tuple(hitting[number] for number in turn), is_impact=True, before=start, after=after))
             start = after
 
     def _note(self, name: str, search: Search, start: State, what: str) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
-        self.happened.append(Happening(start.t, name, search, start.q, start.qd, self.at.qd, 0.0, lost, what=what))
+        self.happened.append(
+            Happening(
+                t=start.t, name=name, search=search, q=start.q, before=start.qd, after=self.at.qd, impulse=0.0, energy_lost=lost, what=what
+            )
+        )
 
     def _note_impulses(self, gaps: Sequence[Gap], searches: Mapping[str, Search], hit: Hit, start: State) -> None:
         """Of every gap that was hit."""
         for gap, impulse, lost in zip(gaps, hit.impulses.tolist(), hit.lost.tolist(), strict=True):
             if impulse > 0:
                 search = searches.get(gap.name, "action")
-                self.happened.append(Happening(start.t, gap.name, search, start.q, start.qd, hit.qd, impulse, lost))
+                self.happened.append(
+                    Happening(
+                        t=start.t, name=gap.name, search=search, q=start.q, before=start.qd, after=hit.qd, impulse=impulse, energy_lost=lost
+                    )
+                )
 
     def _energy(self, at: State) -> np.ndarray:
         """Kinetic and potential energy (J)."""
@@ -213,9 +221,17 @@ def gaps_of(functions: EventFunctions, at: State, taking: Sequence[int]) -> list
     slides = {gap: number for number, gap in functions.gaps.items()}
     for k in taking:
         if k in functions.ratchets:
-            gaps.append(Gap(functions.ratchets[k].name, functions.rate_slopes(at)[k], 0.0, 0.0, nothing))
+            gaps.append(
+                Gap(name=functions.ratchets[k].name, gradient=functions.rate_slopes(at)[k], drift=0.0, restitution=0.0, rubs=nothing)
+            )
             continue
-        gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), nothing)
+        gap = Gap(
+            name=functions.events[k].name,
+            gradient=gradients[k],
+            drift=float(drift[k]),
+            restitution=functions.restitution(k, at),
+            rubs=nothing,
+        )
         if k in slides:
             number = slides[k]
             gap = replace(
