@@ -316,15 +316,6 @@ class Structure(Coordinates):
 
     @fact
     def constrain(self, expression: Expression, label: str = "constraint", owner: Owner = USER) -> Row:
-<<<<<<< HEAD
-        """A constraint of your own: a sympy expression of coordinates, `m.time` and parameters that stays zero."""
-        return self._keep(Row(owner=owner, label=label, expression=as_sympy(expression), scaled=False))
-
-    @fact
-    def constrain_velocity(self, expression: Expression, label: str = "velocity constraint", owner: Owner = USER) -> Row:
-        """A nonholonomic constraint: a sympy expression that is linear in rates (`q.rate`) and stays zero."""
-        return self._keep(Row(owner=owner, label=label, expression=as_sympy(expression), scaled=False, level="velocity"))
-=======
         """Add a constraint of your own: an expression that stays zero.
 
         Parameters
@@ -341,7 +332,7 @@ class Structure(Coordinates):
         Row
             The constraint.
         """
-        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False))
+        return self._keep(Row(owner=owner, label=label, expression=as_sympy(expression), scaled=False))
 
     @fact
     def constrain_velocity(self, expression: Expression, label: str = "velocity constraint", owner: Owner = USER) -> Row:
@@ -361,8 +352,7 @@ class Structure(Coordinates):
         Row
             The constraint.
         """
-        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False, level="velocity"))
->>>>>>> main
+        return self._keep(Row(owner=owner, label=label, expression=as_sympy(expression), scaled=False, level="velocity"))
 
     @fact
     def drive(self, coordinate: Component | Relative, law: Expression) -> Row:

@@ -103,13 +103,8 @@ class EventFunctions:
     def _rows(self) -> tuple[Held, ...]:
         closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         rubbing = self.kernels.model.contacts
-<<<<<<< HEAD
         held = [Held(number=k, name=event.name, rows=(event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
-        sticking = [held_where_it_is(k, f, f.static, f.load) for k, f in self.frictions.items()]
-=======
-        held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
         sticking = [held_where_it_is(k, f, f.static, f.pressed) for k, f in self.frictions.items()]
->>>>>>> main
         rests = {event.name for _, event in closing}
         rolling = [Held(number=k, name=c.name, rows=c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
         caught = [held_where_it_is(k, r) for k, r in self.ratchets.items()]
@@ -152,12 +147,16 @@ class EventFunctions:
             coordinates, values = np.append(coordinates, stop.coordinate), np.append(values, stop.value)
             directions, signs = np.append(directions, stop.direction), np.append(signs, 0)
         address = loads.address if loads else self._functions.address("conditions") if self.count else None
-<<<<<<< HEAD
-        return Conditions(coordinates=coordinates, values=values, directions=directions, signs=signs, function=address, degree=self.degree)
-=======
         formulas = Formulas(self._table, self._sampled) if any(self._table.formulas) else None
-        return Conditions(coordinates, values, directions, signs, address, self.degree, formulas)
->>>>>>> main
+        return Conditions(
+            coordinates=coordinates,
+            values=values,
+            directions=directions,
+            signs=signs,
+            function=address,
+            degree=self.degree,
+            formulas=formulas,
+        )
 
     def values(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """The conditions' values, and the sizes of their terms, (C,) each."""

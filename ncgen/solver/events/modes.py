@@ -115,13 +115,15 @@ def sliding_of(kernels: Kernels, held: tuple[Held, ...], frictions: Iterable[Fri
         if (c := each.rubs) and c.name not in sticking
     )
     joints = (
-<<<<<<< HEAD
         Sliding(
-            name=each.name, row=each.load, friction=as_sympy(each.static), velocity=(each.along.rate,), slip=(each.slip,), is_joint=True
+            name=each.name,
+            row=each.load,
+            friction=as_sympy(each.static),
+            velocity=(each.along.rate,),
+            slip=(each.slip,),
+            is_joint=True,
+            across=each.across,
         )
-=======
-        Sliding(each.name, each.load, as_sympy(each.static), (each.along.rate,), (each.slip,), is_joint=True, across=each.across)
->>>>>>> main
         for each in frictions
         if each.load is not None and not _stick(each, held)
     )
