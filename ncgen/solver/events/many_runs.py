@@ -184,7 +184,8 @@ class ManyRuns:
     @property
     def _table(self) -> EventsInC:
         functions, actions = self.functions, Actions.of(self.kernels)
-        address = {name: functions.address(name) for name in ("conditions", "condition_slopes", "condition_rates")}
+        address = {name: functions.address(name) for name in ("condition_slopes", "condition_rates")}
+        watched = functions.watched(np.zeros(functions.count), None, functions.directions, None)
         rows = [(row.event, row.kind, row.place, row.value) for row in actions.rows]
         return EventsInC(
             directions=actions.directions,
@@ -192,9 +193,8 @@ class ManyRuns:
             law=actions.law,
             most=actions.most,
             n_values=len(actions.values),
-            degree=actions.degree,
             noise=actions.noise,
-            conditions=address["conditions"],
+            watched=watched,
             slopes=address["condition_slopes"],
             rates=address["condition_rates"],
             values=self._values(actions),

@@ -163,6 +163,7 @@ class Steps:
             return False
         loop.at = replace(loop.at, t=now.t, q=now.q.copy(), qd=now.qd.copy())
         loop.signs = watched.signs[: loop.functions.count]
+        watched.report()
         self._watched, self.evaluations, self.impulses = prepared, evaluations, ()
         return True
 
