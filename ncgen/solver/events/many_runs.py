@@ -55,8 +55,6 @@ def refusal_in_c(kernels: Kernels, method: Method) -> str | None:
         return "the mechanism calls Python functions, or has laws with breaks"
     if len(kernels.holonomic) < kernels.m or refusal_of_multipliers(kernels):
         return "there are rolling conditions, or more unknowns than are emitted"
-    if "interval" in EventFunctions(kernels).searches:
-        return "a condition is no polynomial within a step"
     dynamics = compiled.all_coordinates(kernels, form=compiled.form_of(kernels, method), integrator=method.integrator.name)
     if dynamics.singular_mass and not dynamics.is_emitted:
         return "a motion may have no inertia"
