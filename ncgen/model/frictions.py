@@ -153,7 +153,8 @@ class Frictions(OneSided):
         if not (is_number(viscous) and viscous == 0.0):
             self._apply(where, along.forces(-as_sympy(viscous) * along.rate))
         numbers = [next(k for k, row in enumerate(self.rows) if row is each) for each in rows]
-        self.frictions[where] = Friction(where, along, as_sympy(coefficient), slip.name, held.name, *numbers)
+        loads = dict(zip(("load", "across"), numbers, strict=False))
+        self.frictions[where] = Friction(name=where, along=along, static=as_sympy(coefficient), slip=slip.name, held=held.name, **loads)
         return self.frictions[where]
 
     def _require_room(self, where: str, is_of_two: bool) -> None:

@@ -20,7 +20,7 @@
 /* What the functions of ncgen_events.h return besides: bounces accumulate at a gap that is to be held closed, which nobody does here; events bring about
  * each other without end; there are several impacts at one instant without a law; a gap is below zero at the start; an event has ended the
  * motion before; no impulses obey the laws of impact and friction; an impact would give energy; a log is full. */
-enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED, NCGEN_NO_IMPULSES, NCGEN_GAIN, NCGEN_LOG_FULL };
+enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED, NCGEN_NO_IMPULSES, NCGEN_GAIN, NCGEN_LOG_FULL, NCGEN_NO_MODE };
 
 /* Laws of several impacts at one instant; without one they are refused. */
 enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };

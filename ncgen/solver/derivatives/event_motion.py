@@ -97,8 +97,6 @@ class EventMotion:
     ) -> None:  # fmt: skip
         """make: makes the motion between two events; given: arguments of the simulation"""
         self.kernels, self.t, self.signals = kernels, times, signals
-        if len(kernels.holonomic) != kernels.m:
-            raise ModelError(f"{kernels.name}: motions with events and rolling conditions are not differentiated")
         laws = signals.laws if signals else ()
         first = len(kernels.p0) - len(laws)
         driven = [first + i for i, signal in enumerate(laws) if signal is not None]

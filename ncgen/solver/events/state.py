@@ -22,7 +22,8 @@ class State:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Done:
-    """What was done at an instant: the gaps and ratchets of these numbers were hit together, one event acted, or locks closed.
+    """What was done at an instant: the gaps and ratchets of these numbers were hit together, one event acted, locks closed, or without any
+    of these velocities were brought onto constraints with other parameters.
 
     before, after: states; locks: names of those that closed
     """
