@@ -61,7 +61,7 @@ class Active:
 
         function = self._ffi.callback("int(void *, int)", call, error=DOMAIN, onerror=failed)
         self._struct.find_loads = function
-        status = self._library.ncgen_choose_held(self._struct)
+        status = self._library.ncgen_find_active(self._struct)
         if raised:
             raise raised[0]
         return bool(status != self._library.NCGEN_NO_MODE)

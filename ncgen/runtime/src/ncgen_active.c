@@ -92,7 +92,7 @@ static int worst(const ncgen_active *a, ncgen_scalar least, ncgen_scalar reserve
     return found;
 }
 
-int ncgen_choose_held(ncgen_active *a)
+int ncgen_find_active(ncgen_active *a)
 {
     ncgen_scalar reserve = 0;
     for (int k = 0; k < a->count; ++k)

@@ -34,7 +34,7 @@ typedef struct ncgen_active {
 
 /* What is held: `wanted`, from what was released by its load on the way. NCGEN_NO_MODE where no set agrees with its loads, or the status of
  * find_loads. */
-int ncgen_choose_held(ncgen_active *active);
+int ncgen_find_active(ncgen_active *active);
 
 /* Is something still whose velocity consists of terms: those of coordinates and a drift? */
 int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift);
