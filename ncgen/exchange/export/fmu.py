@@ -134,16 +134,17 @@ def _groups(package: Package) -> list[Group]:
     q, rate, work = 1, 1 + n, 1 + 2 * n  # where the states stand
 
     loaded = loaded_elements(package.sources.programs.equations) if package.loads else []
-    events, changed = kernels.model.events, package.events.changed if package.events else frozenset()
+    events, changed = package.events.names if package.events else [], package.events.changed if package.events else frozenset()
     conditions = [
         Variable(name=f"condition({name})", unit="", description=f"condition of event {name}", causality="local") for name in events
     ]
     conditions += [
         Variable(
-            name=f"load({name})", unit="N", description=f"condition of event {name}: load of its gap, 1 where it is open", causality="local"
+            name=f"load({name})", unit="N", description=f"condition of event {name}: what its load has left, 1 where it is not held",
+            causality="local",
         )
-        for name in package.gaps
-    ]
+        for name in (package.events.loads if package.events else ())
+    ]  # fmt: skip
     attributes = {"causality": "output", "variability": "discrete", "initial": "exact", "start": 0.0}
     counts = [Variable(name=f"count({name})", unit="", description=f"how often event {name} has happened", **attributes) for name in events]
 

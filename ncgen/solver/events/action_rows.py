@@ -63,7 +63,7 @@ class Actions:
                 rows.append(ActionRow(k, kind, place, value(f"{where}, {name}", changes[name])))
             rows += [ActionRow(k, "NCGEN_STOP") for action in event.do if isinstance(action, Stop)]
         set_velocities = [row.event for row in rows if row.kind == "NCGEN_SET_VELOCITY"]
-        most = max(len(events), *(set_velocities.count(k) for k in range(len(events))))
+        most = max([len(events), *(set_velocities.count(k) for k in range(len(events)))])
         degree, directions = most_degree(kernels), [int(DIRECTIONS[event.direction]) for event in events]
         return cls(
             rows=rows, values=values, law=_law(kernels), most=most, directions=directions, degree=degree, noise=VALUE_ROUNDING[degree]
