@@ -21,7 +21,7 @@ UNWATCHED = 2
 """The direction of a condition that is not asked for."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Conditions:
     """C conditions, the first of which that is fulfilled ends a run.
 

@@ -22,7 +22,7 @@ STATE = 8
 """Numbers of a note before position and velocities."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EventsInC:
     """The events of a mechanism as C has them.
 
@@ -61,7 +61,7 @@ class HeldGaps:
     conditions: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Note:
     """What happened at an event of motion `owner`; what: 0 it happened, 1 its gap rests, 2 it leaves; found: 0 by its condition, 1 at the
     start, 2 it follows from others, 3 by its load; limit: s, or None; other members as of `Happening`."""
@@ -79,7 +79,7 @@ class Note:
     after: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MotionRows:
     """Where motions begin and what becomes of them.
 
@@ -289,5 +289,19 @@ class EventRuns:
             owner, event, what, how, t, impulse, lost, limit = row[:STATE].tolist()
             q, before, after = (row[STATE + k * n : STATE + (k + 1) * n] for k in range(3))
             ends = None if limit < 0 else t + limit
-            found.append(Note(int(owner), int(event), int(what), int(how), t, impulse, lost, ends, q, before, after))
+            found.append(
+                Note(
+                    owner=int(owner),
+                    event=int(event),
+                    what=int(what),
+                    found=int(how),
+                    t=t,
+                    impulse=impulse,
+                    lost=lost,
+                    limit=ends,
+                    q=q,
+                    before=before,
+                    after=after,
+                )
+            )
         return found

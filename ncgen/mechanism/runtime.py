@@ -35,7 +35,7 @@ PARTITIONED = number_in_c(FORMALISMS["coordinate-partitioning"])
 """The formalism that a run has where nothing else is said."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Outcome:
     """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
 

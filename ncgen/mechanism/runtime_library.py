@@ -68,7 +68,14 @@ EXPLICIT: dict[Recursion, Part] = {None: "explicit", "emitted": "ordinary", "tre
 IMPLICIT: dict[Recursion, Part] = {None: "whole", "emitted": "stiff", "tree": "stiff tree"}
 """The parts for explicit methods and for Radau's."""
 
-HEADERS_OF_FUNCTIONS = ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h", "ncgen_impulses.h", "ncgen_chain.h")
+HEADERS_OF_FUNCTIONS = (
+    "ncgen_runtime.h",
+    "ncgen_driven.h",
+    "ncgen_differentiated.h",
+    "ncgen_impulses.h",
+    "ncgen_chain.h",
+    "ncgen_active.h",
+)
 """What declares the functions that Python calls."""
 
 RUNS: tuple[Part, ...] = ("whole", "explicit", "ordinary", "stiff", "ordinary tree", "stiff tree")

@@ -45,7 +45,7 @@ class Event:
         return any(isinstance(action, Call) for action in self.do)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Lock:
     """A constraint that events switch on and off: a displacement stays where it is.
 
@@ -124,7 +124,7 @@ class Events(Loads):
     def _lock(self, name: str, along: Displacement) -> Lock:
         """The lock of this name, which is open where it is new."""
         if name not in self.locks:
-            self.locks[name] = Lock(name, along, self.parameter(f"{name}.held", 0.0).name)
+            self.locks[name] = Lock(name=name, along=along, held=self.parameter(f"{name}.held", 0.0).name)
         return self.locks[name]
 
     def _no_position(self, when: Scalar) -> str:
@@ -136,7 +136,7 @@ class Events(Loads):
         """Refuse values that are negative, or zero where the relation says so, now and wherever parameters are given."""
         remedy = "give a number above 0" if relation == ">" else "give a number that is not negative"
         for name, value in values.items():
-            self._require(Bound(f"{where}: {name} is", value, relation, "", remedy))
+            self._require(Bound(wording=f"{where}: {name} is", value=value, relation=relation, unit="", remedy=remedy))
 
     def _check_restitution(self, where: str, restitution: Value) -> None:
         """Refuse one outside 0 to 1, now and wherever parameters are given."""

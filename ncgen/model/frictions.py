@@ -19,7 +19,7 @@ MOST_LOADED = 4
 """Frictions of one model that follow loads: their loads depend on each other, and all 2⁴ combinations of signs are looked at."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Friction:
     """Dry friction along a displacement, by its name. static: N or N m; with a load the coefficient that this is multiplied by
 
@@ -121,7 +121,7 @@ class Frictions(OneSided):
         if stribeck is not None:
             sliding += (most - least) * exp(-as_sympy(slip) * along.rate / as_sympy(stribeck))
         self._apply(where, along.forces(-as_sympy(slip) * sliding - as_sympy(viscous) * along.rate))
-        self.frictions[where] = Friction(where, along, most, slip.name, held.name)
+        self.frictions[where] = Friction(name=where, along=along, static=most, slip=slip.name, held=held.name)
         return self.frictions[where]
 
     def _pressed(
@@ -153,7 +153,8 @@ class Frictions(OneSided):
         if not (is_number(viscous) and viscous == 0.0):
             self._apply(where, along.forces(-as_sympy(viscous) * along.rate))
         numbers = [next(k for k, row in enumerate(self.rows) if row is each) for each in rows]
-        self.frictions[where] = Friction(where, along, as_sympy(coefficient), slip.name, held.name, *numbers)
+        loads = dict(zip(("load", "across"), numbers, strict=False))
+        self.frictions[where] = Friction(name=where, along=along, static=as_sympy(coefficient), slip=slip.name, held=held.name, **loads)
         return self.frictions[where]
 
     def _require_room(self, where: str, is_of_two: bool) -> None:

@@ -498,7 +498,7 @@ class Joints(Structure):
         where = f"rolling of {disc.name}"
         if len(normal) != 3 or not all(map(is_number, normal)) or abs(np.linalg.norm(np.asarray(normal)) - 1.0) > UNIT_LENGTH:
             raise ModelError(f"{where}: the normal of the plane is {shown(normal)}; give a unit vector of three numbers")
-        self._require(Bound(f"{where}: the radius is", radius, ">", "m", "give a positive one"))
+        self._require(Bound(wording=f"{where}: the radius is", value=radius, relation=">", unit="m", remedy="give a positive one"))
         if abs(axle.initial @ across.initial) > 1e-9:
             raise ModelError(f"{where}: {across.name} must be perpendicular to the axle {axle.name}")
         if np.linalg.norm(np.cross(np.asarray(normal), axle.initial)) < MIN_TILT:
@@ -512,7 +512,15 @@ class Joints(Structure):
             raise ModelError(f"rigid: body {body.name} has rows of its own (rigid=False); write those of the weld, too")
 
     def _check_radius(self, where: str, radius: Value) -> None:
-        self._require(Bound(f"{where} is", radius, "!=", "m", "give another number, negative for teeth on the other side"))
+        self._require(
+            Bound(
+                wording=f"{where} is",
+                value=radius,
+                relation="!=",
+                unit="m",
+                remedy="give another number, negative for teeth on the other side",
+            )
+        )
 
     def _turn_together(self, kind: str, first: Relative, second: Relative, balance: sympy.Expr) -> Row:
         if first is second:

@@ -177,7 +177,7 @@ class Loads(Coordinates):
         if start is end or not (regular or np.linalg.norm(segment.initial) > 0):
             raise ModelError(f"{label}: {segment} has length 0; give points that are apart, or free_length=0 without damping")
         free = measures.length(segment) if free_length is None else free_length
-        return self._pulling(Spring(label, segment, stiffness, damping, free, _tension(law)))
+        return self._pulling(Spring(label=label, segment=segment, stiffness=stiffness, damping=damping, free=free, law=_tension(law)))
 
     @fact
     def torsion_spring(
@@ -214,7 +214,9 @@ class Loads(Coordinates):
         """
         label = label or f"spring of {angle.name}"
         free = angle.components[0].value if free_angle is None else free_angle
-        return self._pulling(TorsionSpring(label, angle, stiffness, damping, free, _tension(law)))
+        return self._pulling(
+            TorsionSpring(label=label, coordinate=angle, stiffness=stiffness, damping=damping, free=free, law=_tension(law))
+        )
 
     @fact
     def rotor(self, coordinate: Relative, inertia: Value) -> Rotor:
@@ -233,7 +235,15 @@ class Loads(Coordinates):
             The rotor.
         """
         unit = "kg m2" if isinstance(coordinate, Angle) else "kg"
-        self._require(Bound(f"rotor of {coordinate.name}: its inertia is", inertia, ">=", unit, "give a positive number"))
+        self._require(
+            Bound(
+                wording=f"rotor of {coordinate.name}: its inertia is",
+                value=inertia,
+                relation=">=",
+                unit=unit,
+                remedy="give a positive number",
+            )
+        )
         self.rotors.append(Rotor(coordinate, inertia))
         return self.rotors[-1]
 

@@ -89,7 +89,7 @@ class Model(Joints, Locks, Pictures):
         self.chosen_independent = ()
         self.drawing = Drawing()
         self.simulation_options = {}
-        self.ground = Body("ground", rigid=False, frame=Frame(Owner("body", "ground")))
+        self.ground = Body(name="ground", rigid=False, frame=Frame(owner=Owner("body", "ground")))
         self._related = {}
         self._box = None
         self.frames = {}

@@ -24,7 +24,7 @@ class Ratchet:
     held: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Law:
     """Of stops, as `stop` has it."""
 
@@ -213,7 +213,7 @@ class OneSided(Events):
         self._check_restitution(where, restitution)
         self._require_sign(where, ">=", damping=damping)
         self._require_sign(where, ">", exponent=exponent, **({} if stiffness is None else {"stiffness": stiffness}))
-        return _Law(restitution, stiffness, damping, exponent, check_order(order, where))
+        return _Law(restitution=restitution, stiffness=stiffness, damping=damping, exponent=exponent, order=check_order(order, where))
 
     def _stops(self, where: str, along: Displacement, lower: Value | None, upper: Value | None, law: _Law) -> None:
         """Rigid or compliant stops of a displacement."""

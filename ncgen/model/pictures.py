@@ -232,7 +232,17 @@ class Pictures(Contents):
         normal = normal_of(places, where)
         if not thickness >= 0:
             raise ModelError(f"{where}: the thickness is {float(thickness):g} m; give a positive number, or none")
-        self._add(Solid(body, "polygon", (float(thickness),), places[0], rotation_to(normal), check_colour(colour, where), places))
+        self._add(
+            Solid(
+                body=body,
+                kind="polygon",
+                sizes=(float(thickness),),
+                position=places[0],
+                rotation=rotation_to(normal),
+                colour=check_colour(colour, where),
+                corners=places,
+            )
+        )
 
     @fact
     def mesh(
@@ -269,7 +279,17 @@ class Pictures(Contents):
             raise ModelError(f"{where}: the scale is three numbers that are not 0")
         place = _place(position, where)
         factors = tuple(map(float, scale))
-        self._add(Solid(body, "mesh", factors, place, _turn(rotation, body), check_colour(colour, where), file=file))
+        self._add(
+            Solid(
+                body=body,
+                kind="mesh",
+                sizes=factors,
+                position=place,
+                rotation=_turn(rotation, body),
+                colour=check_colour(colour, where),
+                file=file,
+            )
+        )
 
     @fact
     def bar(self, start: Point, end: Point, radius: Number, *, colour: str | None = None) -> None:
@@ -323,14 +343,14 @@ class Pictures(Contents):
         if position is None and not body.points:
             raise ModelError(f"{where}: it has no point to stand at; give its position")
         place = np.mean([p.initial for p in body.points], axis=0) if position is None else _place(position, where)
-        self._add(Solid(body, kind, sizes, place, rotation, check_colour(colour, where)))
+        self._add(Solid(body=body, kind=kind, sizes=sizes, position=place, rotation=rotation, colour=check_colour(colour, where)))
 
     def _strut(self, start: Point, end: Point, radius: Number, length: float | None, colour: str | None, kind: str) -> None:
         where = f"{kind} {start.name}-{end.name}"
         if start is end:
             raise ModelError(f"{where}: both ends are one point; give two")
         (thick,) = check_sizes((radius,), 1, where, "radius")
-        self.drawing.struts.append(Strut(start, end, thick, length, check_colour(colour, where)))
+        self.drawing.struts.append(Strut(start=start, end=end, radius=thick, length=length, colour=check_colour(colour, where)))
 
     def _add(self, solid: Solid) -> None:
         if solid.body is not self.ground and not solid.body.points:

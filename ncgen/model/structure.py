@@ -91,7 +91,7 @@ class Structure(Coordinates):
         """
         if name in self.bodies or name == self.ground.name:
             raise ModelError(f"body {name}: there is already a body of that name; choose another")
-        body = Body(name, rigid=rigid, constant_mass=constant_mass, frame=Frame(Owner("body", name)))
+        body = Body(name=name, rigid=rigid, constant_mass=constant_mass, frame=Frame(owner=Owner("body", name)))
         self.bodies[name] = body
         self.extend(body, *points, *vectors)
         if mass is None and (com is not None or inertia is not None):
@@ -284,7 +284,9 @@ class Structure(Coordinates):
         segment = self._direction(segment, f"angle {vector.name}")
         measured = length is None or cosine is None
         length = measures.length(segment) if length is None else length
-        Bound(f"{label}: the length of the segment is", length, ">", "m", "give points that are apart").check([self._number(length, label)])
+        Bound(
+            wording=f"{label}: the length of the segment is", value=length, relation=">", unit="m", remedy="give points that are apart"
+        ).check([self._number(length, label)])
         cosine = measures.cosine(as_combination(vector), segment) if cosine is None else cosine
         numeric = self._number(cosine, f"{label}, cosine")
         return self._keep(row.vector_segment(vector, segment, length, cosine, _owner(owner), numeric, self.scale), measured)
@@ -330,7 +332,7 @@ class Structure(Coordinates):
         Row
             The constraint.
         """
-        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False))
+        return self._keep(Row(owner=owner, label=label, expression=as_sympy(expression), scaled=False))
 
     @fact
     def constrain_velocity(self, expression: Expression, label: str = "velocity constraint", owner: Owner = USER) -> Row:
@@ -350,7 +352,7 @@ class Structure(Coordinates):
         Row
             The constraint.
         """
-        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False, level="velocity"))
+        return self._keep(Row(owner=owner, label=label, expression=as_sympy(expression), scaled=False, level="velocity"))
 
     @fact
     def drive(self, coordinate: Component | Relative, law: Expression) -> Row:
@@ -421,7 +423,7 @@ class Structure(Coordinates):
         check_inertia(name, self._number(mass, ""), self._numbers(com), self._numbers(tensor), as_given)
         if not all(map(is_number, tensor.flat)):
             check_pairs(name, tensor, self.parameters)
-        return Inertia(mass, tuple(com), symmetric(tensor), carriers, assumed, is_judged=not as_given)
+        return Inertia(mass=mass, com=tuple(com), tensor=symmetric(tensor), basis=carriers, assumed=assumed, is_judged=not as_given)
 
     def _check_word(self, name: str, word: str) -> None:
         """Raise ModelError where an inertia is called by a word that has no meaning, or two."""

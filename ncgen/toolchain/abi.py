@@ -59,6 +59,7 @@ STRUCTS = {
     "ncgen_event_table.h": (),
     "ncgen_impulses.h": ("ncgen_impact",),
     "ncgen_chain.h": ("ncgen_chain",),
+    "ncgen_active.h": ("ncgen_active",),
 }
 
 

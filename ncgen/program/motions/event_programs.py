@@ -86,7 +86,7 @@ def assemble_conditions(
     return programs
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class HeldLoad:
     """What holds a constraint of a mode. row: number of its first constraint; words, as messages call it
 

@@ -35,7 +35,7 @@ MIN_SLIDING_VELOCITY = 1e-150
 """A sliding velocity (m/s) far below this has the direction in which it begins to slide."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Sliding:
     """A contact or joint that slides. row: number of the constraint whose load presses; friction: coefficient
 

@@ -45,7 +45,7 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     w->diagonal = ncgen_take(space, r->m);
     w->reduced = ncgen_take(space, r->m);
     w->natural = ncgen_take(space, r->n);
-    w->redundant = d->n_dependent > 0 ? d->n_dependent < r->m : r->m > 0 && w->n_phi_q == 0;
+    w->redundant = d->n_dependent != 0 ? d->n_dependent < r->m : r->m > 0 && w->n_phi_q == 0;
     w->redundant = w->redundant && r->options->formalism != NCGEN_PENALTY; /* which needs all of them */
     if (ncgen_constrained_is_dense(r) || w->redundant) {
         w->jacobian = ncgen_take(space, r->n * r->m);

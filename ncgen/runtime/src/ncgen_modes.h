@@ -7,6 +7,7 @@
 /* The mechanism of the present mode, with what is watched in it. */
 typedef struct ncgen_entered {
     ncgen_driven driven;
+    ncgen_dynamics dynamics; /* with holds: that of what is held */
     ncgen_options options;
     ncgen_event watched;
 } ncgen_entered;

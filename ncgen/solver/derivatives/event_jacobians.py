@@ -32,6 +32,9 @@ RATE_ROUNDING, MIN_RELATIVE_RATE = 1e-9, 1e-6
 the motion's length: rounding of the condition, 1e-13 of its size, then says nothing about when it is zero."""
 
 
+CONSISTENT = 1e-7
+"""Changes of positions satisfy constraints that an event has changed if they miss less than this share of the terms."""
+
 SAME_TIME = 1e-9
 """Events that happen together do so at all parameters if their times change alike to this share, such as of two feet of one body."""
 
@@ -70,8 +73,10 @@ class EventJacobians:
         for done in o.done:
             if done.is_impact:
                 change = np.vstack([change[: self.n], self.impacts(done, time, change), change[2 * self.n :]])
+            elif done.locks:
+                change = self._lock(done, time, change)
             else:
-                change = self._lock(done, time, change) if done.locks else self._act(done, time, change)
+                change = self._act(done, time, change) if done.events else self._keep(o, done, time, change)
         through = self._mode(o, time, change) - np.outer(following := self._flow(o.after, o.held), time)
         if o.held or o.after.locked:
             through = self._onto(self.mode(o.after, o.held), o.after, through)
@@ -179,6 +184,22 @@ class EventJacobians:
             balance, constraints, *_ = (along(a, time, after) for a in self.tangents.impact(mode, at, done.after.qd, mu))
             x, _ = solved(mode, at, rows, -balance, np.vstack([-constraints, np.array(list(rates.values()))]))
             after[n : 2 * n] = x
+        return after
+
+    def _keep(self, o: Occurrence, done: Done, time: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """Constraints with other parameters, which positions satisfy. Raises ModelError where they would not after any change."""
+        mode, at, n = self.functions.mode(done.before), done.before, self.n
+        allowed = self._onto(self.mode(o.before, o.held_before), o.before, np.eye(len(time)))
+        rows, given = mode.holonomic, {"t": at.t, "q": at.q, "qd": 0 * at.qd, "qdd": 0 * at.qd, "lam": np.zeros(mode.m), "p": at.p}
+        J, by_p = mode.jacobian(at.q, at.t, at.p)[rows], mode.dense_tangent("phi_p", **given)[rows]
+        moved, time_by = change @ allowed, (time @ allowed)[None]
+        factors = [(J, moved[:n]), (-mode.nu(at.q, at.t, at.p)[rows, None], time_by), (by_p, moved[2 * n :])]
+        off, sizes = np.abs(sum(a @ b for a, b in factors)), sum(np.abs(a) @ np.abs(b) for a, b in factors)
+        if np.any(off > CONSISTENT * np.max(sizes, initial=0.0)):
+            why = f"at t = {at.t:.9g} s would make positions jump at other parameters or initial values"
+            raise self._none(o.names, why, "change constraints over time, by an expression of m.time")
+        after = change.copy()
+        after[n : 2 * n] = self._projected(mode, at, done.after.qd, time, change)
         return after
 
     def _lock(self, done: Done, time: np.ndarray, change: np.ndarray) -> np.ndarray:

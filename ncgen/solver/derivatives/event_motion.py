@@ -38,7 +38,7 @@ MakeSmooth: TypeAlias = Callable[[Kernels, Initial, np.ndarray, bool], Smooth]
 """From kernels, a start, times of a grid (s), and whether the position at the start is the model's own."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class EventSensitivity:
     """How an event changes, columns in the order of `Sensitivities.names`.
 
@@ -97,8 +97,6 @@ class EventMotion:
     ) -> None:  # fmt: skip
         """make: makes the motion between two events; given: arguments of the simulation"""
         self.kernels, self.t, self.signals = kernels, times, signals
-        if len(kernels.holonomic) != kernels.m:
-            raise ModelError(f"{kernels.name}: motions with events and rolling conditions are not differentiated")
         laws = signals.laws if signals else ()
         first = len(kernels.p0) - len(laws)
         driven = [first + i for i, signal in enumerate(laws) if signal is not None]
@@ -191,7 +189,17 @@ class EventMotion:
             jacobian = self._through[self.instants.index(o)]
             time, before, after = jacobian.time @ change, jacobian.before @ change, jacobian.after @ change
             for each in o.happened:
-                sensitivities.append(EventSensitivity(each.t, each.name, each.what, time, before[:n], before[n : 2 * n], after[n : 2 * n]))
+                sensitivities.append(
+                    EventSensitivity(
+                        t=each.t,
+                        name=each.name,
+                        what=each.what,
+                        t_by=time,
+                        q_by=before[:n],
+                        before_by=before[n : 2 * n],
+                        after_by=after[n : 2 * n],
+                    )
+                )
         return tuple(sensitivities)
 
     def _walk(self, directions: np.ndarray) -> Iterator[tuple[Any, Any]]:

@@ -92,10 +92,10 @@ class EventFunctions:
     def _rows(self) -> tuple[Held, ...]:
         closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         rubbing = self.kernels.model.contacts
-        held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
+        held = [Held(number=k, name=event.name, rows=(event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
         sticking = [held_where_it_is(k, f, f.static, f.pressed) for k, f in self.frictions.items()]
         rests = {event.name for _, event in closing}
-        rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
+        rolling = [Held(number=k, name=c.name, rows=c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
         caught = [held_where_it_is(k, r) for k, r in self.ratchets.items()]
         return (*held, *sticking, *rolling, *caught)
 
@@ -137,7 +137,15 @@ class EventFunctions:
             directions, signs = np.append(directions, stop.direction), np.append(signs, 0)
         address = loads.address if loads else self._functions.address("conditions") if self.count else None
         formulas = Formulas(self._table, self._sampled) if any(self._table.formulas) else None
-        return Conditions(coordinates, values, directions, signs, address, self.degree, formulas)
+        return Conditions(
+            coordinates=coordinates,
+            values=values,
+            directions=directions,
+            signs=signs,
+            function=address,
+            degree=self.degree,
+            formulas=formulas,
+        )
 
     def values(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """The conditions' values, and the sizes of their terms, (C,) each."""
@@ -309,7 +317,14 @@ class EventFunctions:
 
 def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None, pressed: tuple[int, ...] = ()) -> Held:
     """The constraint of what is held at the place where it is at that instant."""
-    return Held(number, of.name, (of.along.position - symbol_of(of.held),), static, place=(of.held, of.along.initial), pressed=pressed)
+    return Held(
+        number=number,
+        name=of.name,
+        rows=(of.along.position - symbol_of(of.held),),
+        static=static,
+        place=(of.held, of.along.initial),
+        pressed=pressed,
+    )
 
 
 def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:

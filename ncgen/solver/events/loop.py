@@ -31,7 +31,7 @@ def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, pas
 
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
-    loop = EventLoop(engine, kernels, State(float(task.grid[0]), task.q, task.velocities, task.p), passage)
+    loop = EventLoop(engine, kernels, State(t=float(task.grid[0]), q=task.q, qd=task.velocities, p=task.p), passage)
     ends = loop.begin()
     return loop.run(path, task, ends)
 
@@ -138,7 +138,7 @@ class EventLoop:
         rates, _ = functions.rates(at, self._accelerations())
         gaps = np.array([event.impact is not None for event in functions.events], dtype=bool)
         keeps = np.array([gap and self.active_constraints.is_still(k, at) for k, gap in enumerate(gaps)], dtype=bool)
-        chain = Instant(functions, at).chain
+        chain = Instant(functions=functions, at=at).chain
         if (below := chain.first(rates, gaps, keeps, self.signs)) >= 0:
             raise ModelError(
                 f"event {functions.events[below].name}: the gap is {functions.values(at)[0][below]:.6g} at the start; "
@@ -154,13 +154,13 @@ class EventLoop:
         """Go on with other parameters p (n_p,), which may bring about events. Returns whether the run ends with them."""
         before = self.functions.values(self.at)[0]
         self.at = replace(self.at, p=p)
-        due: dict[int, Search] = dict.fromkeys(Instant(self.functions, self.at).chain.turned(before), "action")
+        due: dict[int, Search] = dict.fromkeys(Instant(functions=self.functions, at=self.at).chain.turned(before), "action")
         return self._act(due) if due or self.functions.can_hold else False
 
     def arrive(self, at: State, work: float) -> None:
         """Take on the state at the end of a run, and work (J), from which the next one begins."""
         self.at, self.work = at, work
-        self._set_signs(Instant(self.functions, at))
+        self._set_signs(Instant(functions=self.functions, at=at))
 
     def watched(self) -> Conditions:
         """The conditions of the mechanism where nothing is held."""
@@ -175,7 +175,7 @@ class EventLoop:
     def _act(self, due: dict[int, Search], is_start: bool = False, crossed: tuple[int, ...] = ()) -> bool:
         """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
         before = self.at
-        instant = Instant(self.functions, before)
+        instant = Instant(functions=self.functions, at=before)
         if is_start:
             instant.begin()
         instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
@@ -193,7 +193,18 @@ class EventLoop:
         self._set_signs(instant)
         happened = (*instant.happened, *active.happened)
         stops = instant.stops or bool(ended)
-        self.passage.instants.append(Occurrence(before, self.at, held, active.held, crossed, tuple(instant.done), stops, happened))
+        self.passage.instants.append(
+            Occurrence(
+                before=before,
+                after=self.at,
+                held_before=held,
+                held=active.held,
+                crossed=crossed,
+                done=tuple(instant.done),
+                stops=stops,
+                happened=happened,
+            )
+        )
         if changes or (is_start and self.functions.loaded):
             self.first_step = 0.0
             self.passage.modes.append(

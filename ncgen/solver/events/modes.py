@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 DOMAIN = STATUS.index("domain")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Held:
     """Constraints that a mode can have together. number: of the condition that they belong to; rows: expressions that stay zero in the mode
 
@@ -110,12 +110,20 @@ def sliding_of(kernels: Kernels, held: tuple[Held, ...], frictions: Iterable[Fri
     not. kernels: of the mode; frictions: of the mechanism"""
     sticking = {each.name for each in held if each.sticks}
     contacts = (
-        Sliding(c.name, row, as_sympy(c.friction), c.sliding, c.slip)
+        Sliding(name=c.name, row=row, friction=as_sympy(c.friction), velocity=c.sliding, slip=c.slip)
         for each, row in zip(held, first_rows(kernels, held), strict=True)
         if (c := each.rubs) and c.name not in sticking
     )
     joints = (
-        Sliding(each.name, each.load, as_sympy(each.static), (each.along.rate,), (each.slip,), is_joint=True, across=each.across)
+        Sliding(
+            name=each.name,
+            row=each.load,
+            friction=as_sympy(each.static),
+            velocity=(each.along.rate,),
+            slip=(each.slip,),
+            is_joint=True,
+            across=each.across,
+        )
         for each in frictions
         if each.load is not None and not _stick(each, held)
     )
@@ -165,7 +173,7 @@ def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
             lambda: {name: assemble_friction_derivatives(equations, sizes, sliding)[name]},
         )  # fmt: skip
 
-    return ReactiveForce(made, "friction_forces", f"friction {digest}", programs, tangents)
+    return ReactiveForce(functions=made, name="friction_forces", key=f"friction {digest}", programs=programs, tangents=tangents)
 
 
 def forces_of(mode: Kernels, held: tuple[Held, ...], number: int, at: State) -> np.ndarray:
@@ -221,9 +229,9 @@ def held_loads(kernels: Kernels, held: tuple[Held, ...]) -> list[HeldLoad]:
     rows = first_rows(kernels, held)
     gaps = {each.name: row for each, row in zip(held, rows, strict=True) if each.rubs and not each.sticks}
     return [
-        HeldLoad(each.name, row, grip=(gaps[each.name], as_sympy(each.rubs.friction)), directions=len(each.rows))
+        HeldLoad(words=each.name, row=row, grip=(gaps[each.name], as_sympy(each.rubs.friction)), directions=len(each.rows))
         if each.rubs and each.sticks
-        else HeldLoad(each.name, row, None if each.static is None else as_sympy(each.static), pressed=each.pressed)
+        else HeldLoad(words=each.name, row=row, static=None if each.static is None else as_sympy(each.static), pressed=each.pressed)
         for each, row in zip(held, rows, strict=True)
     ]
 
@@ -263,7 +271,7 @@ class _InPython(LoadConditions):
         def evaluate(t: float, q: InC, qd: InC, p: InC, out: InC) -> int:
             own(t, q, qd, p, out)
             state = [np.array(ffi.unpack(a, size) if size else [], dtype=float) for a, size in ((q, n), (qd, n), (p, n_p))]
-            for k, number in enumerate(np.column_stack(self.at(State(t, state[0], state[1], state[2]))).ravel().tolist()):
+            for k, number in enumerate(np.column_stack(self.at(State(t=t, q=state[0], qd=state[1], p=state[2]))).ravel().tolist()):
                 out[first + k] = number
             return 0
 

@@ -31,7 +31,7 @@ from ncgen.solver.trajectories.output_values import uses_loads
 from ncgen.toolchain.abi import NUMBERS, runtime_abi
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Past:
     """What a state has of events: at, where the loop was; signs (C,): sides of the conditions; held: numbers of what was held; stopped:
     whether an event ended the motion; happened: all events so far"""
@@ -69,7 +69,7 @@ class Steps:
     def past(self) -> Past:
         """As a state keeps it."""
         loop = self._loop
-        return Past(loop.at, loop.signs, loop.held, self.stopped, self.happened)
+        return Past(at=loop.at, signs=loop.signs, held=loop.held, stopped=self.stopped, happened=self.happened)
 
     def go_back(self, past: Past) -> None:
         """To what a state kept; the simulation's own numbers are the caller's."""
@@ -99,7 +99,7 @@ class Steps:
 
     def _begin(self) -> None:
         now = self._now
-        loop = EventLoop(self._engine, self._kernels, State(now.t, now.q.copy(), now.qd.copy(), now.p.copy()), Passage())
+        loop = EventLoop(self._engine, self._kernels, State(t=now.t, q=now.q.copy(), qd=now.qd.copy(), p=now.p.copy()), Passage())
         loop.work = now.work
         stopped = loop.begin()
         self._loop = loop
@@ -179,7 +179,17 @@ class Steps:
         jumps = driver_jumps(kernels, at.p, at.q, breaks)
         times, step = np.array([at.t, t_end]), t_end - at.t
         longest = step if self._method.has_fixed_step else np.inf
-        return Task(self._method, times, at.q, at.qd, at.p, longest, self._tolerances, breaks=breaks, jumps=jumps)
+        return Task(
+            method=self._method,
+            grid=times,
+            q=at.q,
+            velocities=at.qd,
+            p=at.p,
+            max_step=longest,
+            tolerances=self._tolerances,
+            breaks=breaks,
+            jumps=jumps,
+        )
 
     def _engine(self, path: Path, kernels: Kernels, task: Task) -> str | None:
         def moved(path: Path, kernels: Kernels, task: Task) -> str | None:

@@ -279,7 +279,9 @@ class Simulations:
         """Where all are, as a copy."""
         now = self._now
         t, q, qd, work, p, next_step = (x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step))
-        return SimulationStates(t, q, qd, work, p, next_step, self._mechanism, tuple(each.past for each in self._steps))
+        return SimulationStates(
+            t=t, q=q, qd=qd, work=work, p=p, next_step=next_step, mechanism=self._mechanism, pasts=tuple(each.past for each in self._steps)
+        )
 
     def reset(self, rows: ArrayLike | None = None, states: SimulationStates | None = None) -> Simulations:
         """Return simulations to their start, or to given states.

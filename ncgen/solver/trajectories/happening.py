@@ -18,7 +18,7 @@ GAPS, JOINTS, RATCHETS, LOCKS = ("rests", "leaves"), ("sticks", "slips", "turns"
 """What may happen to a gap that is held closed, to a joint with friction, to a ratchet, and to a lock or clutch."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Happening:
     """One event of a run.
 
