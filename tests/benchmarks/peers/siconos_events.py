@@ -1,4 +1,4 @@
-"""The scenes of events_beside.py in Siconos, for the Python that has it: prints one JSON row of scene, setting, steps, position, seconds.
+"""The scenes of compared_events.py in Siconos, for the Python that has it: prints one JSON row of scene, setting, steps, position, seconds.
 
 Debian has it as python3-siconos, for its own Python.
 """

@@ -1,4 +1,4 @@
-"""Events beside MuJoCo, Drake, Exudyn and Siconos: `python tests/benchmarks/events_beside.py` prints a table of error against time.
+"""Events in ncgen, MuJoCo, Drake, Exudyn and Siconos: `python tests/benchmarks/compared_events.py` prints a table of error against time.
 
 Three scenes with closed forms:
 
@@ -161,7 +161,7 @@ def in_exudyn() -> Iterator[tuple[str, str, Callable[[], Found]]]:
         system.Assemble()
         settings = exudyn.SimulationSettings()
         settings.timeIntegration.numberOfSteps, settings.timeIntegration.endTime = round(DURATIONS[scene] / step), DURATIONS[scene]
-        settings.timeIntegration.verboseMode = 0
+        settings.timeIntegration.verboseMode, settings.solutionSettings.writeSolutionToFile = 0, False
         _, seconds = timed(lambda: system.SolveDynamic(settings))
         place = system.GetNodeOutput(node, exudyn.OutputVariableType.Coordinates)
         return round(DURATIONS[scene] / step), float(place if isinstance(place, float) else place[0]), seconds
