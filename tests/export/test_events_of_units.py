@@ -158,7 +158,8 @@ def test_friction_that_sticks(mode, version, tmp_path):
 @VERSIONS
 @MODES
 def test_a_clutch_and_a_ratchet(mode, version, tmp_path):
-    """Two discs, J 2 and 3: the clutch closes at 0.5 s with ω (2 · 10 + 3 · 0)/5, and opens at 1 s; a ratchet stops the first one at zero."""
+    """Two discs, J 2 and 3: the clutch closes at 0.5 s, both have (2 · 10)/5 rad/s, and it opens at 1 s, where a torque begins that turns
+    the first one back; a ratchet holds it."""
     m = ncgen.Model("drive")
     O, x, z = m.point("O", (0, 0), fixed=True), m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
     angles = []
