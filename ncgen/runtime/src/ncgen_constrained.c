@@ -271,6 +271,12 @@ void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, 
         ncgen_tree_closing(r, &w->tree, t, q, out);
 }
 
+int ncgen_recursive_basis(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen)
+{
+    ncgen_constrained *w = r->constrained;
+    return w->motion ? 0 : ncgen_tree_basis(r, &w->tree, t, q, basis, chosen);
+}
+
 /* The state derivative by the recursion; 0 where its order of elimination is a bad one. */
 static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
 {
