@@ -11,12 +11,17 @@ enum { MOST_SWEEPS = 20000, MOST_TRIED = 4 };
 /* Relative to what is added up: an impulse is inside its disc; impulses that a sweep leaves; what the laws may miss. */
 static const ncgen_scalar inside = R(1.0e-7), at_rounding = R(1.0e-15), slack = R(1.0e-10);
 
-ncgen_contact ncgen_contact_of(const ncgen_impact *i, int number)
+ncgen_contact ncgen_contact_of(const int *places, const ncgen_scalar *coefficients, int number)
 {
-    const int *place = i->places + 3 * number;
-    const ncgen_scalar *own = i->coefficients + 3 * number;
+    const int *place = places + 3 * number;
+    const ncgen_scalar *own = coefficients + 3 * number;
     const ncgen_contact contact = {place[0], place[1], place[2], own[0], own[1], own[2]};
     return contact;
+}
+
+static ncgen_contact contact_of(const ncgen_laws *l, int number)
+{
+    return ncgen_contact_of(l->places, l->coefficients, number);
 }
 
 ncgen_real ncgen_norm(int count, const ncgen_real *x)
@@ -40,7 +45,7 @@ static void find_scales(ncgen_laws *l)
     for (int k = 0; k < l->rows; ++k)
         l->scales[k] = 1;
     for (int b = l->from; b < l->to; ++b) {
-        const ncgen_contact c = ncgen_contact_of(l->impact, b);
+        const ncgen_contact c = contact_of(l, b);
         ncgen_real most = 0;
         for (int k = c.gap; k <= c.gap + c.directions; ++k)
             most = l->G[k * l->rows + k] > most ? l->G[k * l->rows + k] : most;
@@ -67,7 +72,7 @@ static void solve(ncgen_laws *l, ncgen_real *impulses)
     for (int k = 0; k < rows; ++k)
         l->right[k] = l->least[k] / l->scales[k];
     for (int b = l->from; b < l->to; ++b) {
-        const ncgen_contact c = ncgen_contact_of(l->impact, b);
+        const ncgen_contact c = contact_of(l, b);
         const int gap = c.gap;
         if (manners[b].closed > 0)
             keep_velocity(l, gap);
@@ -104,7 +109,7 @@ static int obey(ncgen_laws *l, const ncgen_real *impulses)
     }
     const ncgen_real small = slack * (largest_of(l->rows, l->bias) + sums), size = slack * largest_of(l->rows, impulses);
     for (int b = l->from; b < l->to; ++b) {
-        const ncgen_contact c = ncgen_contact_of(l->impact, b);
+        const ncgen_contact c = contact_of(l, b);
         const int gap = c.gap, n = c.directions;
         const ncgen_real *push = impulses + gap + 1, *w = l->velocities + gap + 1, limit = c.friction * impulses[gap];
         if (!(l->velocities[gap] >= -small && impulses[gap] >= l->least[gap] - size))
@@ -131,11 +136,11 @@ static int try_all(ncgen_laws *l, ncgen_real *impulses)
     ncgen_manner *manners = l->manners;
     long cases = 1;
     for (int b = l->from; b < l->to; ++b)
-        cases *= 2 + 4 * ncgen_contact_of(l->impact, b).directions;
+        cases *= 2 + 4 * contact_of(l, b).directions;
     for (long number = 0; number < cases; ++number) {
         long rest = number;
         for (int b = l->to - 1; b >= l->from; --b) {
-            const int ways = 1 + 2 * ncgen_contact_of(l->impact, b).directions, own = (int)(rest % (2 * ways));
+            const int ways = 1 + 2 * contact_of(l, b).directions, own = (int)(rest % (2 * ways));
             rest /= 2 * ways;
             manners[b].closed = own < ways;
             manners[b].slides = own % ways > 0;
@@ -184,7 +189,7 @@ static int project_all(ncgen_laws *l, ncgen_real *impulses)
     for (int sweep = 0; sweep < MOST_SWEEPS; ++sweep) {
         ncgen_copy(l->rows, impulses, l->before);
         for (int b = l->from; b < l->to; ++b)
-            project(l, ncgen_contact_of(l->impact, b), impulses);
+            project(l, contact_of(l, b), impulses);
         for (int k = 0; k < l->rows; ++k)
             l->before[k] -= impulses[k];
         if (largest_of(l->rows, l->before) <= at_rounding * largest_of(l->rows, impulses))
@@ -193,7 +198,7 @@ static int project_all(ncgen_laws *l, ncgen_real *impulses)
     ncgen_copy(l->rows, impulses, l->before);
     find_velocities(l, impulses);
     for (int b = l->from; b < l->to; ++b)
-        l->manners[b] = manner_of(l, ncgen_contact_of(l->impact, b), impulses);
+        l->manners[b] = manner_of(l, contact_of(l, b), impulses);
     solve(l, impulses);
     if (obey(l, impulses))
         return 1;
@@ -280,7 +285,7 @@ static int follow(ncgen_laws *l, ncgen_real *impulses)
 {
     int one_direction = l->to - l->from <= MOST_TRIED;
     for (int b = l->from; b < l->to; ++b)
-        one_direction = one_direction && ncgen_contact_of(l->impact, b).directions <= 1;
+        one_direction = one_direction && contact_of(l, b).directions <= 1;
     return one_direction ? try_all(l, impulses) : project_all(l, impulses);
 }
 
@@ -289,7 +294,7 @@ int ncgen_push_with_friction(ncgen_laws *l, const ncgen_real *velocities, ncgen_
     int again = 0;
     ncgen_copy(l->rows, velocities, l->bias);
     for (int b = l->from; b < l->to; ++b) {
-        const ncgen_contact c = ncgen_contact_of(l->impact, b);
+        const ncgen_contact c = contact_of(l, b);
         again |= c.poisson && c.restitution > 0;
         for (int k = 0; !c.poisson && k <= c.directions; ++k)
             l->bias[c.gap + k] *= 1 + (k ? c.tangential : c.restitution);
@@ -304,28 +309,29 @@ int ncgen_push_with_friction(ncgen_laws *l, const ncgen_real *velocities, ncgen_
     for (int k = 0; k < l->rows; ++k)
         l->bias[k] += ncgen_dot(l->rows, l->G + k * l->rows, first);
     for (int b = l->from; b < l->to; ++b)
-        if (ncgen_contact_of(l->impact, b).poisson)
-            l->least[ncgen_contact_of(l->impact, b).gap] = ncgen_contact_of(l->impact, b).restitution * first[ncgen_contact_of(l->impact, b).gap];
+        if (contact_of(l, b).poisson)
+            l->least[contact_of(l, b).gap] = contact_of(l, b).restitution * first[contact_of(l, b).gap];
     const int found = follow(l, impulses);
     for (int k = 0; k < l->rows; ++k)
         impulses[k] += first[k];
     return found;
 }
 
-void ncgen_lay_out_laws(const ncgen_impact *i, ncgen_space *space, ncgen_laws *l)
+void ncgen_lay_out_laws(int count, int rows, const int *places, const ncgen_scalar *coefficients, const ncgen_real *G, ncgen_space *space,
+    ncgen_laws *l)
 {
-    const int rows = i->rows;
     ncgen_real **vectors[] = {&l->bias, &l->least, &l->velocities, &l->right, &l->scales, &l->before};
-    l->impact = i;
+    l->places = places;
+    l->coefficients = coefficients;
     l->from = 0;
-    l->to = i->count;
+    l->to = count;
     l->rows = rows;
-    l->G = i->G;
+    l->G = G;
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; ++k)
         *vectors[k] = ncgen_take(space, rows);
     l->matrix = ncgen_take(space, rows * rows);
     l->spare = ncgen_take(space, rows * rows);
     l->v = ncgen_take(space, rows * rows);
-    l->manners = (ncgen_manner *)ncgen_take(space, 4 * i->count);
+    l->manners = (ncgen_manner *)ncgen_take(space, 4 * count);
     find_scales(l);
 }

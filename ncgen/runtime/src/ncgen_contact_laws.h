@@ -2,7 +2,6 @@
 #ifndef NCGEN_CONTACT_LAWS_H
 #define NCGEN_CONTACT_LAWS_H
 
-#include "ncgen_impulses.h"
 #include "ncgen_vectors.h"
 
 /* A contact: the place of its gap among the velocities, with those of its directions of sliding behind it, and coefficients. */
@@ -18,19 +17,21 @@ typedef struct ncgen_manner {
 
 /* The laws without restitution: velocities G L + bias, impulses along gaps of at least `least`. */
 typedef struct ncgen_laws {
-    const ncgen_impact *impact;
+    const int *places; /* as of ncgen_impact */
+    const ncgen_scalar *coefficients;
     int from, to, rows; /* the contacts that are meant */
     const ncgen_real *G;
     ncgen_manner *manners;
     ncgen_real *bias, *least, *velocities, *right, *scales, *before, *matrix, *spare, *v;
 } ncgen_laws;
 
-ncgen_contact ncgen_contact_of(const ncgen_impact *impact, int number);
+ncgen_contact ncgen_contact_of(const int *places, const ncgen_scalar *coefficients, int number);
 
 ncgen_real ncgen_norm(int count, const ncgen_real *x);
 
-/* All contacts of an impact, in its workspace. */
-void ncgen_lay_out_laws(const ncgen_impact *impact, ncgen_space *space, ncgen_laws *laws);
+/* So many contacts with so many velocities. */
+void ncgen_lay_out_laws(int count, int rows, const int *places, const ncgen_scalar *coefficients, const ncgen_real *G, ncgen_space *space,
+    ncgen_laws *laws);
 
 /* Contacts without friction whose impulses change their velocities by minus bias: those that are not negative, with the least
  * energy of what the laws miss (Lawson and Hanson 1974), since gaps that depend on each other may ask for more than there is. */

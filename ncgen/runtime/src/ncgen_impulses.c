@@ -5,6 +5,11 @@
 /* Relative to what is added up: a velocity that is none; energy that an impact may give. */
 static const ncgen_scalar nothing = R(1.0e-12), gain = R(1.0e-9);
 
+static ncgen_contact contact_of(const ncgen_impact *i, int number)
+{
+    return ncgen_contact_of(i->places, i->coefficients, number);
+}
+
 static const ncgen_real *row_of(const ncgen_impact *i, int row)
 {
     return i->G + row * i->rows;
@@ -15,8 +20,8 @@ static int are_coupled(const ncgen_impact *i)
 {
     for (int a = 0; a < i->count; ++a)
         for (int b = 0; b < i->count; ++b)
-            for (int k = ncgen_contact_of(i, a).gap; a != b && k <= ncgen_contact_of(i, a).gap + ncgen_contact_of(i, a).directions; ++k)
-                for (int j = ncgen_contact_of(i, b).gap; j <= ncgen_contact_of(i, b).gap + ncgen_contact_of(i, b).directions; ++j)
+            for (int k = contact_of(i, a).gap; a != b && k <= contact_of(i, a).gap + contact_of(i, a).directions; ++k)
+                for (int j = contact_of(i, b).gap; j <= contact_of(i, b).gap + contact_of(i, b).directions; ++j)
                     if (NCGEN_ABS(row_of(i, k)[j]) > nothing * NCGEN_SQRT(row_of(i, k)[k] * row_of(i, j)[j]))
                         return 1;
     return 0;
@@ -27,8 +32,8 @@ static int fastest(const ncgen_impact *i)
 {
     int found = -1;
     for (int b = 0; b < i->count; ++b) {
-        const int gap = ncgen_contact_of(i, b).gap;
-        if (i->velocities[gap] < -nothing * i->terms[gap] && (found < 0 || i->velocities[gap] < i->velocities[ncgen_contact_of(i, found).gap]))
+        const int gap = contact_of(i, b).gap;
+        if (i->velocities[gap] < -nothing * i->terms[gap] && (found < 0 || i->velocities[gap] < i->velocities[contact_of(i, found).gap]))
             found = b;
     }
     return found;
@@ -38,7 +43,7 @@ static int fastest(const ncgen_impact *i)
 static void push(const ncgen_impact *i, int first, int count, const ncgen_real *impulses)
 {
     for (int b = first; b < first + count; ++b)
-        for (int k = ncgen_contact_of(i, b).gap; k <= ncgen_contact_of(i, b).gap + ncgen_contact_of(i, b).directions; ++k)
+        for (int k = contact_of(i, b).gap; k <= contact_of(i, b).gap + contact_of(i, b).directions; ++k)
             i->lost[b] -= impulses[k] * (i->velocities[k] + ncgen_dot(i->rows, row_of(i, k), impulses) / 2);
     for (int k = 0; k < i->rows; ++k) {
         i->velocities[k] += ncgen_dot(i->rows, row_of(i, k), impulses);
@@ -52,7 +57,7 @@ static int hit_in_turn(ncgen_impact *i, ncgen_laws *l, ncgen_real *first, ncgen_
         const int b = fastest(i);
         if (b < 0)
             return NCGEN_OK;
-        const ncgen_contact c = ncgen_contact_of(i, b);
+        const ncgen_contact c = contact_of(i, b);
         const int gap = c.gap;
         l->from = b;
         l->to = b + 1;
@@ -78,12 +83,12 @@ static int hit_together(ncgen_impact *i, ncgen_laws *l, ncgen_real *first, ncgen
 {
     int rubs = 0;
     for (int b = 0; b < i->count; ++b)
-        rubs |= ncgen_contact_of(i, b).directions > 0;
+        rubs |= contact_of(i, b).directions > 0;
     if (rubs && !ncgen_push_with_friction(l, i->velocities, first, impulses))
         return NCGEN_NO_IMPULSES;
     if (!rubs) {
         for (int b = 0; b < i->count; ++b)
-            l->bias[ncgen_contact_of(i, b).gap] = (1 + ncgen_contact_of(i, b).restitution) * i->velocities[ncgen_contact_of(i, b).gap];
+            l->bias[contact_of(i, b).gap] = (1 + contact_of(i, b).restitution) * i->velocities[contact_of(i, b).gap];
         ncgen_push_only(l, impulses);
     }
     push(i, 0, i->count, impulses);
@@ -95,7 +100,7 @@ static int finish(ncgen_impact *i)
 {
     ncgen_real lost = 0, sizes = 0;
     for (int b = 0; b < i->count; ++b) {
-        const ncgen_contact c = ncgen_contact_of(i, b);
+        const ncgen_contact c = contact_of(i, b);
         const int gap = c.gap, n = c.directions;
         ncgen_real most = 0;
         for (int k = gap; k <= gap + n; ++k) {
@@ -122,14 +127,14 @@ int ncgen_impact_of_gaps(ncgen_impact *i)
     const int rows = i->rows;
     ncgen_space space = {i->workspace, 0};
     ncgen_laws l;
-    ncgen_lay_out_laws(i, &space, &l);
+    ncgen_lay_out_laws(i->count, rows, i->places, i->coefficients, i->G, &space, &l);
     ncgen_real *first = ncgen_take(&space, rows), *impulses = ncgen_take(&space, rows);
     for (int k = 0; k < rows; ++k)
         i->impulses[k] = impulses[k] = 0;
     for (int b = 0; b < i->count; ++b) {
         i->lost[b] = 0;
         i->sticks[b] = 0;
-        const int gap = ncgen_contact_of(i, b).gap;
+        const int gap = contact_of(i, b).gap;
         if (!(row_of(i, gap)[gap] > 0)) {
             i->which = b;
             return NCGEN_SINGULAR;
