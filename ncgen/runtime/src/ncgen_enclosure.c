@@ -317,40 +317,55 @@ static void along_row(const ncgen_enclosing *with, const ncgen_enclosure *u, con
     }
 }
 
-/* pieces: how many knots, the degree, the period, the knots, the rows. Where it goes over a knot: between the bounds of all rows there. */
+/* A table of polynomials: a piece begins at every knot, and one goes before the first, unless it repeats itself. */
+typedef struct table {
+    int count, degree;
+    ncgen_scalar period;
+    const ncgen_scalar *knots, *rows;
+} table;
+
+/* Widen low .. high to what the pieces are on the part from `from` to `to` of the table. */
+static void widen(const ncgen_enclosing *with, const table *f, ncgen_scalar from, ncgen_scalar to, int *found, ncgen_scalar *low,
+                  ncgen_scalar *high)
+{
+    for (int k = f->period > 0 ? 1 : 0; k < f->count + !(f->period > 0); ++k) {
+        ncgen_enclosure part, here;
+        const ncgen_scalar first = k > 0 ? largest(from, f->knots[k - 1]) : from;
+        const ncgen_scalar last = k < f->count && to > f->knots[k] ? f->knots[k] : to;
+        if (!(first <= last))
+            continue;
+        between(with, first, last, &part);
+        along_row(with, &part, f->rows + (size_t)k * (size_t)(f->degree + 2), f->degree, &here);
+        const ncgen_scalar off = radius(with, &here);
+        *low = !*found || here.c[0] - off < *low ? here.c[0] - off : *low;
+        *high = !*found || here.c[0] + off > *high ? here.c[0] + off : *high;
+        *found = 1;
+    }
+}
+
+/* pieces: how many knots, the degree, the period, the knots, the rows. Where it goes over a knot: between the bounds of the pieces there. */
 static void lookup(const ncgen_enclosing *with, const ncgen_enclosure *u, const ncgen_scalar *pieces, ncgen_enclosure *w)
 {
-    const int count = (int)pieces[0], degree = (int)pieces[1];
-    const ncgen_scalar period = pieces[2], *knots = pieces + 3, *rows = knots + count;
-    const ncgen_scalar wide = radius(with, u);
-    ncgen_enclosure x = *u, part, here;
+    const int count = (int)pieces[0];
+    const table f = {count, (int)pieces[1], pieces[2], pieces + 3, pieces + 3 + count};
+    const ncgen_scalar wide = radius(with, u), slack = with->rounding * (NCGEN_ABS(u->c[0]) + wide);
+    ncgen_enclosure x = *u;
     ncgen_scalar low = 0, high = 0;
     int found = 0;
-    if (period > 0)
-        x.c[0] -= period * NCGEN_FLOOR((x.c[0] - knots[0]) / period);
-    const ncgen_scalar slack = with->rounding * (NCGEN_ABS(u->c[0]) + wide);
-    if (!(wide < NCGEN_UNBOUNDED) || (period > 0 && (x.c[0] - wide < knots[0] - slack || x.c[0] + wide > knots[0] + period + slack))) {
+    if (f.period > 0)
+        x.c[0] -= f.period * NCGEN_FLOOR((x.c[0] - f.knots[0]) / f.period);
+    const ncgen_scalar from = x.c[0] - wide, to = x.c[0] + wide;
+    for (int k = f.period > 0 ? 1 : 0; k < count + !(f.period > 0); ++k)
+        if ((k == 0 || from >= f.knots[k - 1] - slack) && (k == count || to <= f.knots[k] + slack)) {
+            along_row(with, &x, f.rows + (size_t)k * (size_t)(f.degree + 2), f.degree, w);
+            return;
+        }
+    if (!(wide < NCGEN_UNBOUNDED)) {
         nothing_known(with, w);
         return;
     }
-    for (int k = 0; k <= count; ++k) {
-        const ncgen_scalar *row = rows + (size_t)k * (size_t)(degree + 2);
-        ncgen_scalar from = x.c[0] - wide, to = x.c[0] + wide;
-        if ((k == 0 || from >= knots[k - 1] - slack) && (k == count || to <= knots[k] + slack)) {
-            along_row(with, &x, row, degree, w);
-            return;
-        }
-        if ((k > 0 && to < knots[k - 1]) || (k < count && from >= knots[k]))
-            continue;
-        from = k > 0 ? largest(from, knots[k - 1]) : from;
-        to = k < count && to > knots[k] ? knots[k] : to;
-        between(with, from, to, &part);
-        along_row(with, &part, row, degree, &here);
-        const ncgen_scalar off = radius(with, &here);
-        low = !found || here.c[0] - off < low ? here.c[0] - off : low;
-        high = !found || here.c[0] + off > high ? here.c[0] + off : high;
-        found = 1;
-    }
+    for (int turn = f.period > 0 ? -1 : 0; turn <= (f.period > 0 ? 1 : 0); ++turn)
+        widen(with, &f, from + (ncgen_scalar)turn * f.period, to + (ncgen_scalar)turn * f.period, &found, &low, &high);
     between(with, low, high, w);
 }
 
