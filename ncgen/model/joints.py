@@ -7,50 +7,25 @@ both bodies. These methods share what can be shared and add rows only for the re
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncgen.errors import ModelError, shown
-from ncgen.model import arithmetic, measures
+from ncgen.errors import ModelError
+from ncgen.model import measures
 from ncgen.model import rows as row
-from ncgen.model.bodies import Body, BodyFrame
-from ncgen.model.elements import AXES, Angle, Combination, Constant, Direction, Length, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Angle, Combination, Constant, Direction, Length, Point, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.rows import Owner, Row
 from ncgen.model.structure import Structure
-from ncgen.model.value_conditions import UNIT_LENGTH, Bound
-from ncgen.model.values import Scalar, Value, Values, as_sympy, is_number
+from ncgen.model.values import Value, as_sympy
 
 if TYPE_CHECKING:
     import sympy
 
 MIN_TILT = 1e-6
 """A disc whose axle is nearer than this (sine of the angle) to the normal of the plane lies flat."""
-
-
-CLOSINGS = ("weld", "hinge", "ball", "point")
-"""How two frames can meet."""
-
-WELD = [(np.eye(3)[i], np.eye(3)[j]) for i, j in ((0, 1), (1, 2), (2, 0))]
-"""Directions of two frames that are perpendicular to each other where the frames are parallel."""
-
-
-class _End(NamedTuple):
-    """Where a loop is closed: a point of a body, and the axes of a frame there as columns (3, 3)."""
-
-    body: Body
-    point: Point
-    rotation: np.ndarray
-
-
-def _hinge(axis: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """An axis of one frame, and the two directions of the other that it stays perpendicular to."""
-    along = arithmetic.unit(axis)
-    first = arithmetic.across(along)
-    return [(along, first), (along, np.cross(along, first))]
 
 
 class Joints(Structure):
@@ -312,221 +287,12 @@ class Joints(Structure):
         size = measures.natural_length(segment, self.extent())
         return self._keep(row.dot(segment, as_combination(normal), height, size, owner, f"{point.name} in plane", self.scale))
 
-    @fact
-    def gear(self, first: Relative, second: Relative, radius_first: Value, radius_second: Value) -> Row:
-        """Let two angles turn together: radius_first·ψ1 + radius_second·ψ2 stays constant.
-
-        `run.reactions()` has the tooth force where both angles are between a carrier and a wheel.
-
-        Parameters
-        ----------
-        first, second : Relative
-            The angles ψ1 and ψ2.
-        radius_first, radius_second : float or expression of parameters
-            Radii in m; of opposite sign where both turn in the same sense.
-
-        Returns
-        -------
-        Row
-            The constraint.
-
-        Raises
-        ------
-        ModelError
-            For a radius of 0.
-        """
-        for what, radius in (("radius_first", radius_first), ("radius_second", radius_second)):
-            self._check_radius(f"gear {first.name}, {second.name}: {what}", radius)
-        balance = radius_first * first.symbol + radius_second * second.symbol
-        start = radius_first * first.given[0] + radius_second * second.given[0]
-        return self._turn_together("gear", first, second, balance - start)
-
-    @fact
-    def rack(self, slide: Relative, angle: Relative, radius: Value) -> Row:
-        """Let a pinion drive a rack: slide − radius·angle stays constant.
-
-        `run.reactions()` has the tooth force where one body carries both: the angle is between it and the pinion, the slide between it and
-        the rack.
-
-        Parameters
-        ----------
-        slide : Relative
-            Displacement of the rack.
-        angle : Relative
-            Angle of the pinion.
-        radius : float or expression of parameters
-            Radius of the pinion in m.
-
-        Returns
-        -------
-        Row
-            The constraint.
-
-        Raises
-        ------
-        ModelError
-            For a radius of 0.
-        """
-        self._check_radius(f"rack {slide.name}, {angle.name}: radius", radius)
-        balance = slide.symbol - as_sympy(radius) * angle.symbol
-        start = slide.given[0] - as_sympy(radius) * angle.given[0]
-        return self._turn_together("rack", slide, angle, balance - start)
-
-    @fact
-    def rolling(self, disc: Body, centre: Point, axle: Vector, across: Vector, radius: Value, normal: Values = (0.0, 0.0, 1.0)) -> None:
-        """Let a thin disc roll without slipping on the fixed plane through its contact in the initial position.
-
-        One constraint keeps the rim on the plane, two constraints of velocities keep the contact point of the disc at rest: ṙ + ω × ρ = 0
-        with ρ = −R (n − (n·u) u)/|…|.
-
-        Parameters
-        ----------
-        disc : Body
-            The disc.
-        centre : Point
-            Its centre.
-        axle, across : Vector
-            Its axis, and a unit vector of the disc perpendicular to it.
-        radius : float or expression of parameters
-            Radius in m.
-        normal : sequence of float, shape (3,)
-            Normal of the plane, towards the disc.
-
-        Raises
-        ------
-        ModelError
-            For a disc that lies flat, and for vectors that are not perpendicular.
-        """
-        import sympy
-
-        self._check_rolling(disc, axle, across, radius, normal)
-        self.extend(disc, centre, axle, across)
-        owner = Owner("joint", f"rolling of {disc.name}", (self.ground.name, disc.name), "rolling")
-        n = sympy.Matrix(normal)
-        radius = as_sympy(radius)
-        r, u, v = (sympy.Matrix([c.symbol for c in e.components]) for e in (centre, axle, across))
-        dr, du, dv = (sympy.Matrix([0 if c.fixed else c.rate for c in e.components]) for e in (centre, axle, across))
-        w, dw = u.cross(v), du.cross(v) + u.cross(dv)
-        lean = n.dot(u)
-        steep = sympy.sqrt(1 - lean**2)
-        rho = -(n - lean * u) * (radius / steep)
-        slip = dr + v.dot(rho) * dv + w.dot(rho) * dw
-        start = _height(normal, centre) - radius * _steepness(normal, axle)
-        self.constrain(n.dot(r) - radius * steep - start, f"contact of {disc.name}", owner)
-        upright = np.asarray(normal)
-        first = arithmetic.across(upright)
-        for tangent in (first, np.cross(upright, first)):
-            self.constrain_velocity(sympy.Matrix(_clean(tangent)).dot(slip), f"no slip of {disc.name}", owner)
-
-    def close(
-        self,
-        frame_a: Point | BodyFrame | str,
-        frame_b: Point | BodyFrame | str,
-        kind: str,
-        *,
-        axis: Sequence[float] = (0.0, 0.0, 1.0),
-        name: str = "",
-    ) -> None:
-        """Close a loop: two frames meet from now on.
-
-        A robot is assembled at once, before anything is added to its model: elements taken from it before are no longer its own, and
-        `assembled` lists what moved. Other models begin as they were drawn, and are assembled when they run.
-
-        Parameters
-        ----------
-        frame_a, frame_b : Point, BodyFrame or str
-            Names of frames of a robot's file (`frames`); in other models frames of bodies, or points.
-        kind : str
-            "weld" (the frames coincide), "hinge" (their origins and the axis do), "ball" or "point" (their origins do).
-        axis : sequence of float, shape (3,)
-            Of a hinge, the same in both frames.
-        name : str
-            Name of the joint in messages. Default: the names of both ends.
-
-        Raises
-        ------
-        ModelError
-            For a loop that cannot close, with its gap, and for one that changes nothing.
-        """
-        if kind not in CLOSINGS:
-            raise ModelError(f"close: the kind {shown(kind)} is not known; give {', '.join(CLOSINGS)}")
-        ends = frame_a, frame_b
-        label = name or "-".join(end.body if isinstance(end, BodyFrame) else getattr(end, "name", str(end)) for end in ends)
-        if not arithmetic.norm(np.asarray(axis, dtype=float)) > 0:
-            raise ModelError(f"close {label}: its axis is {shown(axis)}; give a direction of three numbers")
-        if self.closing is not None:
-            vars(self).update(vars(self.closing(self, ends, kind, axis, label)))
-            return
-        a, b = (self._end(end, label, kind) for end in ends)
-        if a.body is b.body or a.point is b.point:
-            raise ModelError(f"close {label}: both ends belong to one body, so it changes nothing; leave it out")
-        owner, planar = Owner("joint", f"close {label}", (a.body.name, b.body.name), kind), any(e.body.frame.planar for e in (a, b))
-        for k in range(2 if planar else 3):
-            self.constrain(a.point.components[k].symbol - b.point.components[k].symbol, f"{label}.{AXES[k]}", owner)
-        turns = {"hinge": [] if planar else _hinge(np.asarray(axis, dtype=float)), "weld": WELD[:1] if planar else WELD}.get(kind, [])
-        for first, second in turns:
-            one, other = (self._along(e, d) for e, d in ((a, first), (b, second)))
-            self.constrain(sum(x * y for x, y in zip(one, other, strict=True)), f"{label}, directions", owner)
-
     # -- helpers -------------------------------------------------------------------------------
-
-    def _end(self, end: Point | BodyFrame | str, label: str, kind: str) -> _End:
-        """A body, its point and its rotation where a loop is closed."""
-        frame = self.frames.get(end) if isinstance(end, str) else end
-        if isinstance(frame, Point):
-            body = next((body for body in (*self.bodies.values(), self.ground) if frame in body.points), None)
-            if body is None and frame.fixed:
-                body = self.ground
-            if body is None or kind not in ("ball", "point"):
-                raise ModelError(f"close {label}: point {frame.name} {'has no axes' if body else 'is on no body'}; give a BodyFrame")
-            return _End(body, frame, np.eye(3))
-        body = None if frame is None else self.ground if frame.body == self.ground.name else self.bodies.get(frame.body)
-        if frame is None or body is None:
-            raise ModelError(f"close {label}: {shown(end)} is no frame of a body; give a point, or BodyFrame(body, rotation, position)")
-        point = self.attach_point(body, self.free_name(f"{body.name}.closing"), np.asarray(frame.position, dtype=float).tolist())
-        return _End(body, point, np.asarray(frame.rotation, dtype=float))
-
-    def _along(self, end: _End, direction: np.ndarray) -> list[Scalar]:
-        """The components of a direction of an end's frame that moves with its body."""
-        now = _clean(end.rotation @ direction)
-        if end.body is self.ground:
-            return [as_sympy(x) for x in now]
-        terms = self.direction_of(end.body, now, "across").terms
-        return [sum(as_sympy(weight) * element.components[k].symbol for weight, element in terms) for k in range(3)]
-
-    def _check_rolling(self, disc: Body, axle: Vector, across: Vector, radius: Value, normal: Values) -> None:
-        where = f"rolling of {disc.name}"
-        if len(normal) != 3 or not all(map(is_number, normal)) or abs(np.linalg.norm(np.asarray(normal)) - 1.0) > UNIT_LENGTH:
-            raise ModelError(f"{where}: the normal of the plane is {shown(normal)}; give a unit vector of three numbers")
-        self._require(Bound(wording=f"{where}: the radius is", value=radius, relation=">", unit="m", remedy="give a positive one"))
-        if abs(axle.initial @ across.initial) > 1e-9:
-            raise ModelError(f"{where}: {across.name} must be perpendicular to the axle {axle.name}")
-        if np.linalg.norm(np.cross(np.asarray(normal), axle.initial)) < MIN_TILT:
-            raise ModelError(
-                f"{where}: the disc lies flat, its axle {axle.name} is along the normal; a rim has no lowest point then, tilt it"
-            )
 
     @staticmethod
     def _check_kept(body: Body) -> None:
         if not body.rigid:
             raise ModelError(f"rigid: body {body.name} has rows of its own (rigid=False); write those of the weld, too")
-
-    def _check_radius(self, where: str, radius: Value) -> None:
-        self._require(
-            Bound(
-                wording=f"{where} is",
-                value=radius,
-                relation="!=",
-                unit="m",
-                remedy="give another number, negative for teeth on the other side",
-            )
-        )
-
-    def _turn_together(self, kind: str, first: Relative, second: Relative, balance: sympy.Expr) -> Row:
-        if first is second:
-            raise ModelError(f"{kind}: {first!r} is tied to itself; give two coordinates")
-        owner = Owner("joint", f"{kind} {first.name}-{second.name}", joint=kind)
-        return self.constrain(balance, f"{kind} {first.name}, {second.name}", owner)
 
     def _share(self, a: Body, b: Body, *elements: Spatial) -> None:
         if a is b:
@@ -578,20 +344,3 @@ def _turned(a: Combination, b: Combination, at_start: bool = False) -> tuple[sym
 
     (ax, ay), (bx, by) = parts(a), parts(b)
     return ax * bx + ay * by, ax * by - ay * bx
-
-
-def _height(normal: Values, centre: Point) -> Scalar:
-    if centre.is_parametric:
-        return measures.dot(map(as_sympy, normal), centre.given)
-    return arithmetic.dot(np.asarray(normal, dtype=float), centre.initial)
-
-
-def _steepness(normal: Values, axle: Vector) -> Scalar:
-    """The sine of the angle between a disc's axle and the normal of the plane."""
-    if axle.is_parametric:
-        return measures.norm(measures.cross([as_sympy(x) for x in normal], axle.given))
-    return math.sqrt(1 - arithmetic.dot(np.asarray(normal, dtype=float), axle.initial) ** 2)
-
-
-def _clean(vector: np.ndarray) -> list[float]:
-    return [0.0 if abs(x) < 1e-15 else float(x) for x in vector]

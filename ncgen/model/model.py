@@ -26,8 +26,9 @@ from ncgen.model.coordinates import check_form
 from ncgen.model.drawing import Drawing
 from ncgen.model.events import called_by
 from ncgen.model.facts import fact
-from ncgen.model.joints import Joints
+from ncgen.model.gears import Gears
 from ncgen.model.locks import Locks
+from ncgen.model.loop_closing import LoopClosing
 from ncgen.model.names import check_word, normal
 from ncgen.model.pictures import Pictures
 from ncgen.model.rigid import Frame
@@ -41,7 +42,7 @@ LONGEST_NAME = 100
 """Characters of a model's name, which becomes a file name."""
 
 
-class Model(Joints, Locks, Pictures):
+class Model(Gears, LoopClosing, Locks, Pictures):
     """Describe a mechanism in natural coordinates.
 
     Parameters

@@ -84,6 +84,17 @@ class EventFunctions:
         bounded = [None if degree or mentions_inputs(each[1], self.kernels) else each for each, degree in pairs]
         return assemble_formulas(self.kernels.programs.equations, bounded)
 
+    @property
+    def unread(self) -> np.ndarray:
+        """Mask (n_p,) of the parameters and inputs that no condition reads."""
+        return self.kernels.remember("parameters that no condition reads", (), self._unread)
+
+    def _unread(self) -> np.ndarray:
+        from ncgen.model.expressions import is_symbolic, symbols_in
+
+        read = {s.name for _, when in self.conditions if is_symbolic(when) for s in symbols_in(when)}
+        return np.array([name not in read for name in self.kernels.parameters], dtype=bool)
+
     @cached_property
     def rows(self) -> tuple[Held, ...]:
         """The constraints that modes can have."""

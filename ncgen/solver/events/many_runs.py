@@ -55,8 +55,6 @@ def refusal_in_c(kernels: Kernels, method: Method) -> str | None:
         return "the mechanism calls Python functions, or has laws with breaks"
     if len(kernels.holonomic) < kernels.m or refusal_of_multipliers(kernels):
         return "there are rolling conditions, or more unknowns than are emitted"
-    if "interval" in EventFunctions(kernels).searches:
-        return "a condition is no polynomial within a step"
     dynamics = compiled.all_coordinates(kernels, form=compiled.form_of(kernels, method), integrator=method.integrator.name)
     if dynamics.singular_mass and not dynamics.is_emitted:
         return "a motion may have no inertia"
@@ -184,7 +182,8 @@ class ManyRuns:
     @property
     def _table(self) -> EventsInC:
         functions, actions = self.functions, Actions.of(self.kernels)
-        address = {name: functions.address(name) for name in ("conditions", "condition_slopes", "condition_rates")}
+        address = {name: functions.address(name) for name in ("condition_slopes", "condition_rates")}
+        watched = functions.watched(np.zeros(functions.count), None, functions.directions, None)
         rows = [(row.event, row.kind, row.place, row.value) for row in actions.rows]
         return EventsInC(
             directions=actions.directions,
@@ -192,9 +191,8 @@ class ManyRuns:
             law=actions.law,
             most=actions.most,
             n_values=len(actions.values),
-            degree=actions.degree,
             noise=actions.noise,
-            conditions=address["conditions"],
+            watched=watched,
             slopes=address["condition_slopes"],
             rates=address["condition_rates"],
             values=self._values(actions),

@@ -204,12 +204,14 @@ class LoadConditions(ABC):
     squared; all that slides with friction of loads one together, which is positive as long as these are determined. Sizes are those of all
     loads together, by energy.
 
-    address: of the function, as `Conditions` has it; count: how many there are of loads; raised: what went wrong in a call of Python
+    address: of the function, as `Conditions` has it; count: how many there are of loads; calls_python: whether it does; raised: what went
+    wrong in such a call
     """
 
     address: int
     count: int
     raised: BaseException | None = None
+    calls_python = False
 
     @abstractmethod
     def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:
@@ -261,6 +263,8 @@ class _Compiled(LoadConditions):
 
 class _InPython(LoadConditions):
     """A function of C that calls Python."""
+
+    calls_python = True
 
     def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> None:
         ffi: Interface = runtime_abi("double")

@@ -86,7 +86,7 @@ class Simulation:
         self._mechanism = compiled.checked_compiled(kernels).fingerprint
         self.drive(**inputs)
         if has_events(kernels.model):
-            self._steps = through_events(kernels, self.integrator, rtol, atol, self._now)
+            self._steps = through_events(kernels, self.integrator, rtol, atol, self._now, {})
 
     def __repr__(self) -> str:
         return f"<Simulation {self.kernels.name}: t = {self.t:g} s, {self.integrator}>"

@@ -10,7 +10,7 @@ A step of all is one call of C for every thread. Each row moves by the same code
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -46,6 +46,7 @@ from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.trajectories.output_values import uses_accelerations
 
 if TYPE_CHECKING:
+    from ncgen.mechanism.moving import Stepping
     from ncgen.solver.events.steps import Steps
     from ncgen.solver.trajectories.happening import Happening
 
@@ -133,7 +134,8 @@ class Simulations:
         self.drive(**inputs)
         if has_events(kernels.model):
             rows = (MovingRow(now, row) for row in range(size))
-            self._steps = tuple(through_events(kernels, self.integrator, rtol, atol, row) for row in rows)
+            modes: dict[Hashable, Stepping] = {}
+            self._steps = tuple(through_events(kernels, self.integrator, rtol, atol, row, modes) for row in rows)
         self._began = self.states
 
     def __repr__(self) -> str:
