@@ -33,7 +33,7 @@ from ncgen.solver.positions.partition import (
     stuck_message,
 )
 from ncgen.solver.positions.position import TOLERANCE, newton_position
-from ncgen.solver.positions.rank import closeness_at, trial_positions
+from ncgen.solver.positions.rank import REMEMBERED, closeness_at, trial_positions
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.run import EMITTED, Form, Partitioned
@@ -227,7 +227,8 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     if dynamics.singular_mass and not dynamics.is_emitted and not task.first_step:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
         # the step of a part before it has been checked.
-        least_energy(kernels, q, float(grid[0]), p)
+        key = q.tobytes(), float(grid[0]), p.tobytes()
+        kernels.remember("inertia of all motions", key, lambda: bool(least_energy(kernels, q, float(grid[0]), p)), REMEMBERED)
     settings = method.options
     in_c = settings_in_c(settings)
     if len(path.q):
