@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from ncgen import simulate
 from ncgen.comparisons.bench import aligned
 from ncgen.comparisons.hard import ATOL_OVER_RTOL
 from ncgen.comparisons.hard_cases import four_bars_position
@@ -22,7 +23,6 @@ from ncgen.exchange.examples import example_module
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.report.methods import FIXED, TimeIsUp, time_limit
-from ncgen.solver.motions.simulate import simulate
 
 Run = Callable[[], tuple[float, np.ndarray]]
 """A run: seconds, and positions of B0."""
