@@ -16,7 +16,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.moving import Moving, MovingRow
 from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.method import Method
-from ncgen.solver.engines import compiled
+from ncgen.solver.engines import acceleration_forms, compiled
 from ncgen.solver.engines.segments import in_segments
 from ncgen.solver.events.loop import EventLoop
 from ncgen.solver.events.passage import Passage
@@ -183,6 +183,6 @@ class Steps:
 
     def _engine(self, path: Path, kernels: Kernels, task: Task) -> str | None:
         def moved(path: Path, kernels: Kernels, task: Task) -> str | None:
-            return compiled.run_constrained(path, kernels, task, compiled.form_of(kernels, task.method))
+            return compiled.run_constrained(path, kernels, task, acceleration_forms.form_of(kernels, task.method))
 
         return in_segments(moved, path, kernels, task, task.jumps)
