@@ -22,14 +22,14 @@ WRONG = {
 """Codes of https://numpydoc.readthedocs.io/en/latest/validation.html that are mistakes here: sections, summary, parameters, returns."""
 
 
-RESULTS = (
-    "mechanism.kernels.Kernels", "solver.trajectories.trajectory.Trajectory", "solver.joints.joint_space.JointsOfTree",
+CLASSES = (
+    "model.model.Model", "mechanism.kernels.Kernels", "solver.trajectories.trajectory.Trajectory", "solver.joints.joint_space.JointsOfTree",
     "solver.joints.joint_loops.JointsInLoops", "solver.motions.simulation.Simulation", "solver.motions.simulations.Simulations",
     "studies.result.StudyResult", "solver.linear.linearise.Linearisation", "solver.loads.reactions.Reactions",
     "solver.motions.batch.BatchTrajectory", "solver.motions.batch.StateAccelerations", "solver.motions.batch.BatchAccelerations",
     "solver.positions.rank.Freedom", "solver.derivatives.gradients.BatchGradients",
 )  # fmt: skip
-"""Classes of what public functions return."""
+"""The model, and classes of what public functions return."""
 
 
 def mistakes(path: str) -> list[str]:
@@ -52,7 +52,7 @@ def methods_of(name: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("name", RESULTS)
+@pytest.mark.parametrize("name", CLASSES)
 def test_methods_and_properties(name):
     wrong = {method: mistakes(f"ncgen.{name}.{method}") for method in methods_of(name)}
     assert {method: found for method, found in wrong.items() if found} == {}

@@ -349,3 +349,27 @@ def test_modules_have_names_of_their_own():
 
 def test_classes_have_names_of_their_own():
     assert repeated([name for path in PACKAGE.rglob("*.py") for name in classes_of(path.read_text(encoding="utf-8"))]) == SHARED_CLASSES
+
+
+FEW_FIELDS = 4
+"""Fields of a dataclass up to which they may be given by their places."""
+
+
+def wordless(source: str) -> list[str]:
+    """Dataclasses of a module with more than `FEW_FIELDS` fields that take them by their places."""
+
+    def takes_keywords_only(node: ast.ClassDef) -> bool:
+        marks = [mark for mark in node.decorator_list if "dataclass" in ast.unparse(mark)]
+        return not marks or "kw_only=True" in ast.unparse(marks[0])
+
+    classes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef)]
+    fields = {
+        node.name: [each for each in node.body if isinstance(each, ast.AnnAssign) and "ClassVar" not in ast.unparse(each)]
+        for node in classes
+    }
+    return [node.name for node in classes if len(fields[node.name]) > FEW_FIELDS and not takes_keywords_only(node)]
+
+
+def test_dataclasses_of_many_fields_take_keywords_only():
+    assert [name for path in PACKAGE.rglob("*.py") for name in wordless(path.read_text(encoding="utf-8"))] == []
+    assert wordless("@dataclass(frozen=True)\nclass A:\n" + "".join(f"    x{i}: int\n" for i in range(5))) == ["A"]

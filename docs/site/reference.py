@@ -10,6 +10,7 @@ from pathlib import Path
 
 import gallery
 import griffe
+from docstrings import SECTION, tabled
 
 import ncgen
 from ncgen.exchange.file_arguments import CONVERSIONS
@@ -49,7 +50,8 @@ def vocabulary() -> str:
 
 def _word(word: str) -> Iterator[str]:
     yield f"### `[[{word}]]`" if word != "simulation" else "### `[simulation]`"
-    yield inspect.getdoc(getattr(Model, word)) or ""
+    text = inspect.getdoc(getattr(Model, word)) or ""
+    yield tabled(text) if SECTION.search(text) else text
     yield _keys(signature_of(word))
 
 

@@ -26,7 +26,7 @@ EXPLAINED = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Measured:
     """One section: its kernel or table, its title, its records, and rows of cells, titles first."""
 
@@ -62,7 +62,14 @@ class Comparison:
         """The sections, as they are measured."""
         first = True
         for kernel, records in compare.compare(self.model, self.users, self.others):
-            yield Measured(kernel, compare.TITLES[kernel], records, compare.table(records), EXPLAINED * first, is_drawn=True)
+            yield Measured(
+                name=kernel,
+                title=compare.TITLES[kernel],
+                records=records,
+                rows=compare.table(records),
+                text=EXPLAINED * first,
+                is_drawn=True,
+            )
             first = False
 
     @property

@@ -22,7 +22,7 @@ from ncgen.model import Model
 from ncgen.solver.trajectories.trajectory import Trajectory
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Case:
     """One hard case.
 
@@ -344,56 +344,164 @@ def _cases() -> Iterator[Case]:
         build, error = _four_bars(count)
         name = "parallelogram" if count == 1 else f"nfourbar-{count}"
         yield Case(
-            name, f"flattens twice a turn, where its freedom is {count + 1}", build, 10.0, error, "Jacobi's functions",
-            step=5e-4, options={"qd0": {f"B{i}.x": 1.0 for i in range(count + 1)}},
-        )  # fmt: skip
+            name=name,
+            breaks=f"flattens twice a turn, where its freedom is {count + 1}",
+            build=build,
+            duration=10.0,
+            error=error,
+            against="Jacobi's functions",
+            step=5e-4,
+            options={"qd0": {f"B{i}.x": 1.0 for i in range(count + 1)}},
+        )
     yield Case(
-        "robot", "starts where cosines and sines of its angles vanish", lambda: load("robot"), 0.5, _robot_error, "hand-written programs"
+        name="robot",
+        breaks="starts where cosines and sines of its angles vanish",
+        build=lambda: load("robot"),
+        duration=0.5,
+        error=_robot_error,
+        against="hand-written programs",
     )
     yield Case(
-        "robot-float", "24 bits: computed with float, at rtol 1e-6", lambda: load("robot"), 0.5, _robot_error, "hand-written programs",
-        rtol=1e-6, options={"number": "float"},
-    )  # fmt: skip
-    yield Case("robot-sine", "the paper's sine rows are singular at its own start", _sine_robot, 0.5, _robot_error, "hand-written programs")
+        name="robot-float",
+        breaks="24 bits: computed with float, at rtol 1e-6",
+        build=lambda: load("robot"),
+        duration=0.5,
+        error=_robot_error,
+        against="hand-written programs",
+        rtol=1e-6,
+        options={"number": "float"},
+    )
     yield Case(
-        "equal-crank", "at dead centre the slider may stay or go through", _equal_crank, 4.0, _equal_crank_error, "the energy integral",
+        name="robot-sine",
+        breaks="the paper's sine rows are singular at its own start",
+        build=_sine_robot,
+        duration=0.5,
+        error=_robot_error,
+        against="hand-written programs",
+    )
+    yield Case(
+        name="equal-crank",
+        breaks="at dead centre the slider may stay or go through",
+        build=_equal_crank,
+        duration=4.0,
+        error=_equal_crank_error,
+        against="the energy integral",
         options={"qd0": {"A.x": -np.sin(0.5) * 2.0}},
-    )  # fmt: skip
-    yield Case("bricard", "a redundant row everywhere", lambda: load("bricard"), 10.0, _bricard_error, "the energy integral, 34 digits")
-    yield Case(
-        "squeezer", "seven bodies within milliseconds", _squeezer, 0.03, _squeezer_error, "the energy integral, 40 digits", step=1e-5
     )
     yield Case(
-        "governor", "springs of 8e5 N/m: stiff", lambda: load("flyball"), 0.5, _governor_error, "minimal coordinates",
-        options={k: v for k, v in load("flyball").simulation_options.items() if k == "zd0"}, step=2e-4,
-    )  # fmt: skip
+        name="bricard",
+        breaks="a redundant row everywhere",
+        build=lambda: load("bricard"),
+        duration=10.0,
+        error=_bricard_error,
+        against="the energy integral, 34 digits",
+    )
     yield Case(
-        "heavy-top", "24 turns a second", lambda: load("heavytop"), 1.0, _top_error, "Euler's equations", step=1e-4,
+        name="squeezer",
+        breaks="seven bodies within milliseconds",
+        build=_squeezer,
+        duration=0.03,
+        error=_squeezer_error,
+        against="the energy integral, 40 digits",
+        step=1e-5,
+    )
+    yield Case(
+        name="governor",
+        breaks="springs of 8e5 N/m: stiff",
+        build=lambda: load("flyball"),
+        duration=0.5,
+        error=_governor_error,
+        against="minimal coordinates",
+        options={k: v for k, v in load("flyball").simulation_options.items() if k == "zd0"},
+        step=2e-4,
+    )
+    yield Case(
+        name="heavy-top",
+        breaks="24 turns a second",
+        build=lambda: load("heavytop"),
+        duration=1.0,
+        error=_top_error,
+        against="Euler's equations",
+        step=1e-4,
         options={k: v for k, v in load("heavytop").simulation_options.items() if k == "zd0"},
-    )  # fmt: skip
+    )
     yield Case(
-        "disc", "rolls: no coordinates stay independent for a turn", lambda: example_module("disc").build(spokes=0), 3.0, _disc_error,
-        "Newton's and Euler's equations", options={k: v for k, v in load("disc").simulation_options.items() if k == "zd0"},
-    )  # fmt: skip
+        name="disc",
+        breaks="rolls: no coordinates stay independent for a turn",
+        build=lambda: example_module("disc").build(spokes=0),
+        duration=3.0,
+        error=_disc_error,
+        against="Newton's and Euler's equations",
+        options={k: v for k, v in load("disc").simulation_options.items() if k == "zd0"},
+    )
     yield Case(
-        "free-body", "turns a thousand times: errors add up", _free_body, 5000.0, _free_body_error, "Jacobi's functions", step=1e-2,
-        rtol=1e-13, options={"qd0": _spin_rates(_free_body())},
-    )  # fmt: skip
+        name="free-body",
+        breaks="turns a thousand times: errors add up",
+        build=_free_body,
+        duration=5000.0,
+        error=_free_body_error,
+        against="Jacobi's functions",
+        step=1e-2,
+        rtol=1e-13,
+        options={"qd0": _spin_rates(_free_body())},
+    )
     skewed = partial(_free_body, 0.01)
     yield Case(
-        "near-parallel", "two vectors of a body 0.6° apart", skewed, 10.0, _free_body_error, "Jacobi's functions", step=2e-3,
+        name="near-parallel",
+        breaks="two vectors of a body 0.6° apart",
+        build=skewed,
+        duration=10.0,
+        error=_free_body_error,
+        against="Jacobi's functions",
+        step=2e-3,
         options={"qd0": _spin_rates(skewed())},
-    )  # fmt: skip
-    yield Case("chain-100", "200 degrees of freedom", _chain, 0.1, _energy, "its own energy", points=3)
-    yield Case("light-upper", "masses 1 : 1e8", _double(1e-8, 1.0), 0.7, _light_upper_error, "the limit of no mass")
-    yield Case("light-lower", "masses 1e8 : 1", _double(1.0, 1e-8), 0.7, _light_lower_error, "the limit of no mass")
+    )
+    yield Case(
+        name="chain-100", breaks="200 degrees of freedom", build=_chain, duration=0.1, error=_energy, against="its own energy", points=3
+    )
+    yield Case(
+        name="light-upper",
+        breaks="masses 1 : 1e8",
+        build=_double(1e-8, 1.0),
+        duration=0.7,
+        error=_light_upper_error,
+        against="the limit of no mass",
+    )
+    yield Case(
+        name="light-lower",
+        breaks="masses 1e8 : 1",
+        build=_double(1.0, 1e-8),
+        duration=0.7,
+        error=_light_lower_error,
+        against="the limit of no mass",
+    )
     for size in (1e-6, 1e6):
         build, error = _scaled_pendulum(size)
         yield Case(
-            f"pendulum-{size:g}", f"{size:g} m long: tolerances and ranks must not know metres", build, 5.0, error, "Jacobi's functions"
+            name=f"pendulum-{size:g}",
+            breaks=f"{size:g} m long: tolerances and ranks must not know metres",
+            build=build,
+            duration=5.0,
+            error=error,
+            against="Jacobi's functions",
         )
-    yield Case("massless", "points and bars without mass: M is singular", _massless, 5.0, _pendulum_error, "Jacobi's functions")
-    yield Case("violated", "the start is open by 10 %", lambda: load("pendulum"), 1.0, _energy, "its own energy", violated=0.1)
+    yield Case(
+        name="massless",
+        breaks="points and bars without mass: M is singular",
+        build=_massless,
+        duration=5.0,
+        error=_pendulum_error,
+        against="Jacobi's functions",
+    )
+    yield Case(
+        name="violated",
+        breaks="the start is open by 10 %",
+        build=lambda: load("pendulum"),
+        duration=1.0,
+        error=_energy,
+        against="its own energy",
+        violated=0.1,
+    )
 
 
 CASES: dict[str, Case] = {case.name: case for case in _cases()}

@@ -35,7 +35,7 @@ State = tuple[np.ndarray, np.ndarray]
 """A position and velocities, (n,) each."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Mistake:
     """function: of the file; row (from 1), label and equation; columns: coordinates, none for Φ and γ; kind, in a word; words"""
 
@@ -233,7 +233,9 @@ class _Case:
     def _mistake(self, row: int, columns: list[int], kind: str, words: str) -> Mistake:
         names = tuple(self.kernels.coordinates[c] for c in columns) if self.kernel == "phi_q" else ()
         equation = self.kernels.programs.equations.rows[row].equation
-        return Mistake(self.name, row + 1, self.kernels.rows[row].label, equation, names, kind, words)
+        return Mistake(
+            function=self.name, row=row + 1, label=self.kernels.rows[row].label, equation=equation, columns=names, kind=kind, words=words
+        )
 
 
 def _piecewise(pieces: Pieces, x: sympy.Expr) -> sympy.Expr:

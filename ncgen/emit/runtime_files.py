@@ -117,9 +117,14 @@ def adjoint_names() -> tuple[str, ...]:
     return _part("ncgen_adjoint.c")
 
 
+def formula_names() -> tuple[str, ...]:
+    """The files of the library that bound conditions which are no polynomials, which few models have."""
+    return _part("ncgen_formula.c")
+
+
 def event_names() -> tuple[str, ...]:
     """The files of the library that say what happens at an instant of events, whatever it is of."""
-    return _part("ncgen_chain.c", "ncgen_impulses.c")
+    return _part("ncgen_active.c", "ncgen_chain.c", "ncgen_impulses.c")
 
 
 def _part(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:

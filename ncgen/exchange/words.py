@@ -12,6 +12,7 @@ from collections.abc import Collection
 from functools import cache
 
 from ncgen.model import Model
+from ncgen.model.gears import Gears
 from ncgen.model.joints import Joints
 from ncgen.model.names import LONGEST_NAME
 
@@ -22,7 +23,7 @@ INTERNAL = ("Owner", "Owner | None")
 """Annotations of arguments that only the builder itself gives."""
 
 SYNONYMS = {
-    "joint": tuple(name for name, member in vars(Joints).items() if getattr(member, "is_fact", False)),
+    "joint": tuple(name for name, member in (vars(Joints) | vars(Gears)).items() if getattr(member, "is_fact", False)),
     "constraint": ("distance", "angle", "constrain"),
     **dict.fromkeys(("hinge", "pin"), ("revolute",)),
     "ball": ("spherical",),

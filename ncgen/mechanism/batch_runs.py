@@ -36,7 +36,7 @@ PAUSE = 2e-3
 """Seconds for which such a thread sleeps, so that the others have its processor."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LaneOutcome:
     """q, qd (B, times, n), work (B, times), NaN where a state did not arrive; status (B,) words of ncgen_status.
 
@@ -132,7 +132,7 @@ class LaneDynamics:
             remedy = "let them ascend, and give rk4 a max_step that is not tiny"
             raise NcgenError(f"{self.kernels.name}: {method} cannot step over these times; {remedy}")
         words = [STATUS[s] for s in status.tolist()]
-        return LaneOutcome(q_rows, qd_rows, work, words, steps, reached, listener.raised)
+        return LaneOutcome(q=q_rows, qd=qd_rows, work=work, status=words, steps=steps, reached=reached, raised=listener.raised)
 
     def accelerate(
         self,

@@ -10,6 +10,8 @@ from math import comb, cos, pi
 import numpy as np
 
 from ncgen.mechanism.arguments import pointer
+from ncgen.mechanism.runtime_library import formula_walker
+from ncgen.program.motions.condition_formulas import FormulaTable
 from ncgen.toolchain.abi import InC, Interface, Number
 
 LINEAR, QUADRATIC = 8, 14
@@ -19,7 +21,7 @@ UNWATCHED = 2
 """The direction of a condition that is not asked for."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Conditions:
     """C conditions, the first of which that is fulfilled ends a run.
 
@@ -29,6 +31,7 @@ class Conditions:
     function: the address of an `ncgen_velocity_kernel` that gives of every condition its value and the size of its terms; None where all
         are coordinates
     degree: LINEAR or QUADRATIC
+    formulas: of the conditions that are no such polynomials
     """
 
     coordinates: np.ndarray
@@ -37,6 +40,16 @@ class Conditions:
     signs: np.ndarray
     function: int | None = None
     degree: int = LINEAR
+    formulas: Formulas | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Formulas:
+    """Formulas of conditions. table: the formulas of some, one after the other; sampled (C,): True once a condition had no bounds on some
+    part of a step, and was sampled there"""
+
+    table: FormulaTable
+    sampled: np.ndarray
 
 
 class Watched:
@@ -53,6 +66,8 @@ class Watched:
         members = {name: pointer(ffi, a, "int[]") for name, a in zip(names, integers, strict=True)}
         members |= {name: pointer(ffi, a, number.array) for name, a in zip(("values", "nodes", "inverse", "samples"), numbers, strict=True)}
         function = ffi.cast("ncgen_velocity_kernel *", conditions.function or 0)
+        self._formulas = _FormulasInC(conditions, ffi, number) if conditions.formulas else None
+        members |= {"formulas": self._formulas.struct} if self._formulas else {}
         members |= {"count": count, "degree": conditions.degree, "crossed": pointer(ffi, self._crossed, "int[]"), "function": function}
         self.struct: InC = ffi.new("ncgen_event *", members)
 
@@ -65,6 +80,48 @@ class Watched:
     def crossed(self) -> tuple[int, ...]:
         """Numbers of the conditions that ended the run, all at the same instant."""
         return tuple(np.flatnonzero(self._crossed).tolist())
+
+    def report(self) -> None:
+        """Note which conditions were sampled."""
+        if self._formulas:
+            self._formulas.report()
+
+
+class _FormulasInC:
+    """Formulas as C reads them, for the time of a run."""
+
+    def __init__(self, conditions: Conditions, ffi: Interface, number: Number) -> None:
+        assert conditions.formulas
+        self._formulas, table, degree = conditions.formulas, conditions.formulas.table, conditions.degree
+        lengths = [len(each) for each in table.formulas]
+        lengths += [0] * (len(conditions.coordinates) - len(lengths))
+        operations = [part for formula in table.formulas for operation in formula for part in operation]
+        self._sampled = np.zeros(len(lengths), dtype=np.intc)
+        integers = {"first": np.cumsum([0, *lengths]), "operations": operations, "inputs": table.inputs or (0,)}
+        numbers = {
+            "numbers": table.numbers or (0.0,),
+            "through": chebyshev(degree),
+            "cosines": [cos(pi * k / degree) for k in range(2 * degree)],
+            "values": np.zeros(max(2 * (degree + 1) * len(table.inputs), 1)),
+            "workspace": np.zeros(16 * max(lengths)),
+        }
+        self._arrays = {name: np.array(a, dtype=np.intc) for name, a in integers.items()}
+        self._arrays |= {name: np.array(a, dtype=number.dtype) for name, a in numbers.items()}
+        members = {name: pointer(ffi, a, "int[]" if name in integers else number.array) for name, a in self._arrays.items()}
+        members["walk"] = ffi.cast("ncgen_formula_walker *", formula_walker(number.name))
+        members |= {"n_inputs": len(table.inputs), "sampled": pointer(ffi, self._sampled, "int[]")}
+        self.struct: InC = ffi.new("ncgen_formulas *", members)
+
+    def report(self) -> None:
+        count = len(self._formulas.sampled)
+        self._formulas.sampled[:] |= self._sampled[:count] > 0
+
+
+@cache
+def chebyshev(degree: int) -> np.ndarray:
+    """The matrix (degree + 1, degree + 1) from values at the nodes of `basis` to coefficients in Chebyshev's basis."""
+    nodes, _ = basis(degree)
+    return np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * nodes - 1, degree))
 
 
 @cache

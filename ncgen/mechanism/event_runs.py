@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ncgen.mechanism.arguments import pointer
-from ncgen.mechanism.conditions_in_c import basis
+from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions, Watched
 from ncgen.mechanism.constrained_dynamics import ConstrainedDynamics
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.runtime_library import event_runtime
-from ncgen.toolchain.abi import InC
+from ncgen.toolchain.abi import NUMBERS, InC
 
 NOTES = 1024
 """Notes that C takes before Python reads them."""
@@ -22,13 +22,13 @@ STATE = 8
 """Numbers of a note before position and velocities."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EventsInC:
     """The events of a mechanism as C has them.
 
     actions: (event, name of its kind in C, place, value); law: of several impacts, its name in C; most: velocities that one event sets, or
-    the number of events if that is more; n_values: numbers that actions set; degree, noise: of conditions within a step
-    conditions, slopes, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed
+    the number of events if that is more; n_values: numbers that actions set; watched: the conditions; noise: of these within a step
+    slopes, rates, values: addresses of functions, 0 for none; holds: whether gaps may be held closed
     """
 
     directions: Sequence[int]
@@ -36,9 +36,8 @@ class EventsInC:
     law: str
     most: int
     n_values: int
-    degree: int
+    watched: Conditions
     noise: float
-    conditions: int
     slopes: int
     rates: int
     values: int
@@ -61,7 +60,7 @@ class HeldGaps:
     conditions: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Note:
     """What happened at an event of motion `owner`; what: 0 it happened, 1 its gap rests, 2 it leaves; found: 0 by its condition, 1 at the
     start, 2 it follows from others, 3 by its load; limit: s, or None; other members as of `Happening`."""
@@ -79,7 +78,7 @@ class Note:
     after: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MotionRows:
     """Where motions begin and what becomes of them.
 
@@ -100,7 +99,7 @@ class MotionRows:
 
 
 class EventRuns:
-    """MotionRows with events, carried out in C one after the other."""
+    """Motions with events, carried out in C one after the other."""
 
     def __init__(
         self,
@@ -116,56 +115,17 @@ class EventRuns:
         self._table, self._kept, self.listener = table, [motions, sizes], listener
         kernels = mechanism.dynamics.kernels
         self._n, self._n_p, self._modes = kernels.n, len(kernels.p0), [mechanism]
-        ffi, count = self._ffi, table.count
-        most = 2 * count  # conditions that are watched: of the events, and of the loads of their gaps
-        nodes, inverse = basis(table.degree)
-        self._signs, self._wanted = self._integers(most), self._integers(2 * count)
-        self._mode, self._stopped = self._integers(1), self._integers(1)
-        self._context = ffi.new_handle(listener)
-        watched = self._new(
-            "ncgen_event *", count=count, coordinates=self._ints(np.full(most, -1)), values=self._reals(np.zeros(most)),
-            directions=self._ints(table.directions), signs=self._at(self._signs), function=self._function(table.conditions),
-            degree=table.degree, nodes=self._reals(nodes), inverse=self._reals(inverse),
-            samples=self._reals(np.zeros((table.degree + 3) * 2 * most)), crossed=self._ints(np.zeros(most)),
-        )  # fmt: skip
-        more = {} if sizes is None else {"sizes": pointer(ffi, sizes)}
-        settings = self._new(
-            "ncgen_options *",
-            event=watched,
-            progress=watch("double"),
-            context=self._context,
-            attempts_left=listener.attempts,
-            **more,
-            **options,
-        )
+        self._wanted, self._mode, self._stopped = self._integers(2 * table.count), self._integers(1), self._integers(1)
+        settings = self._settings(options, sizes)
         self._events = self._new("ncgen_events *", **self._described(table))
         self._rows = np.zeros((NOTES, STATE + 3 * self._n))
-        self._log = self._new("ncgen_log *", room=NOTES, due=self._ints(np.zeros(count)), rows=pointer(ffi, self._rows.ravel()))
-        workspace = self._library.ncgen_events_workspace(count, table.most, self._n, table.n_values)
-        due = self._library.ncgen_events_integers(count)
+        sampled = self._watched.struct.formulas.sampled if self._watched.struct.formulas else self._ffi.NULL
+        due = self._ints(np.zeros(table.count))
+        self._log = self._new("ncgen_log *", room=NOTES, due=due, sampled=sampled, rows=pointer(self._ffi, self._rows.ravel()))
         model, described = mechanism.dynamics.described(mechanism.rank)
         self._kept.append(described)
-        passage = {
-            "signs": self._at(self._signs), "happened": self._ints(np.zeros(count)), "due": self._ints(np.zeros(due)),
-            "stopped": self._at(self._stopped), "workspace": self._reals(np.zeros(workspace)), "mode": self._at(self._mode),
-            "directions": self._ints(np.zeros(most)), "wanted": self._at(self._wanted),
-            "room": self._reals(np.zeros(2 * self._n + 2 * most)), "log": self._log,
-        }  # fmt: skip
-        arrays = {name: getattr(motions, name) for name in ("times", "q", "qd", "p", "out_q", "out_qd", "out_work", "ended")}
-        arrays |= {"own_p": np.zeros(max(self._n_p, 1)), "kept": np.zeros(3 * self._n + self._n_p)}
-        points, n = len(motions.times), self._n
-        sized = {"part_times": points + 1, "part_q": (points + 2) * n, "part_qd": (points + 2) * n, "part_work": points + 2}
-        arrays |= {name: np.zeros(size) for name, size in sized.items()}
-        self._own = {name: np.zeros(n) for name in ("q", "qd", "qdd")}
-        self._p = arrays["own_p"]
-        self._kept.append(arrays)
-        self._runs = self._new(
-            "ncgen_event_runs *",
-            driven={"model": model, "dynamics": described, "options": settings}, events=self._events, passage=passage,
-            n_times=points, rows=pointer(ffi, motions.rows, "int[]"), steps=pointer(ffi, motions.steps, "long[]"),
-            kept_integers=self._ints(np.zeros(3 * most)), moment={name: pointer(ffi, a) for name, a in self._own.items()},
-            **{name: pointer(ffi, a.reshape(-1)) for name, a in arrays.items()},
-        )  # fmt: skip
+        driven = {"model": model, "dynamics": described, "options": settings}
+        self._runs = self._new("ncgen_event_runs *", driven=driven, events=self._events, passage=self._passage(), **self._room_of(motions))
         self._make_room()
 
     # -- memory ----------------------------------------------------------------------------------------------------------------------------
@@ -194,6 +154,51 @@ class EventRuns:
     def _function(self, address: int, kind: str = "ncgen_velocity_kernel *") -> InC:
         return self._ffi.cast(kind, address)
 
+    def _settings(self, options: dict[str, Any], sizes: np.ndarray | None) -> InC:
+        """The options of all runs, with the conditions that are watched; arrays of these have room for loads."""
+        table, ffi = self._table, self._ffi
+        most = 2 * table.count
+        padded = replace(
+            table.watched,
+            coordinates=np.full(most, -1),
+            values=np.zeros(most),
+            directions=np.append(table.directions, [UNWATCHED] * table.count),
+            signs=np.zeros(most),
+        )
+        self._watched = Watched(padded, ffi, NUMBERS["double"])
+        self._watched.struct.count = table.count
+        self._context = ffi.new_handle(self.listener)
+        more = {} if sizes is None else {"sizes": pointer(ffi, sizes)}
+        heard = {"progress": watch("double"), "context": self._context, "attempts_left": self.listener.attempts}
+        return self._new("ncgen_options *", event=self._watched.struct, **heard, **more, **options)
+
+    def _passage(self) -> dict[str, Any]:
+        """What C knows of the events of the present motion."""
+        table, count = self._table, self._table.count
+        workspace = self._library.ncgen_events_workspace(count, table.most, self._n, table.n_values)
+        due = self._library.ncgen_events_integers(count)
+        return {
+            "signs": self._watched.struct.signs, "happened": self._ints(np.zeros(count)), "due": self._ints(np.zeros(due)),
+            "stopped": self._at(self._stopped), "workspace": self._reals(np.zeros(workspace)), "mode": self._at(self._mode),
+            "directions": self._ints(np.zeros(2 * count)), "wanted": self._at(self._wanted),
+            "room": self._reals(np.zeros(2 * self._n + 4 * count)), "log": self._log,
+        }  # fmt: skip
+
+    def _room_of(self, motions: MotionRows) -> dict[str, Any]:
+        """The arrays of motions, and room for the present one."""
+        ffi, points, n = self._ffi, len(motions.times), self._n
+        arrays = {name: getattr(motions, name) for name in ("times", "q", "qd", "p", "out_q", "out_qd", "out_work", "ended")}
+        sizes = {"part_times": points + 1, "part_q": (points + 2) * n, "part_qd": (points + 2) * n, "part_work": points + 2}
+        sizes |= {"own_p": max(self._n_p, 1), "kept": 3 * n + self._n_p}
+        arrays |= {name: np.zeros(size) for name, size in sizes.items()}
+        self._p = arrays["own_p"]
+        self._own = {name: np.zeros(n) for name in ("q", "qd", "qdd")}
+        self._kept.append(arrays)
+        integers = {"rows": pointer(ffi, motions.rows, "int[]"), "steps": pointer(ffi, motions.steps, "long[]"), "n_times": points}
+        integers |= {"kept_integers": self._ints(np.zeros(6 * self._table.count))}
+        moment = {name: pointer(ffi, array) for name, array in self._own.items()}
+        return {"moment": moment, **integers, **{name: pointer(ffi, array.reshape(-1)) for name, array in arrays.items()}}
+
     def _described(self, table: EventsInC) -> dict[str, Any]:
         rows = [
             {"event": event, "kind": getattr(self._library, kind), "place": place, "value": value}
@@ -203,7 +208,7 @@ class EventRuns:
         self._kept.append(actions)
         return {
             "count": table.count, "most": table.most, "n_actions": len(rows), "law": getattr(self._library, table.law),
-            "directions": self._ints(table.directions), "actions": actions, "conditions": self._function(table.conditions),
+            "directions": self._ints(table.directions), "actions": actions, "conditions": self._function(table.watched.function or 0),
             "slopes": self._function(table.slopes), "rates": self._function(table.rates, "ncgen_forced_kernel *"),
             "values": self._function(table.values), "noise": table.noise, **self._modes_in_c(table.holds),
         }  # fmt: skip
@@ -289,5 +294,19 @@ class EventRuns:
             owner, event, what, how, t, impulse, lost, limit = row[:STATE].tolist()
             q, before, after = (row[STATE + k * n : STATE + (k + 1) * n] for k in range(3))
             ends = None if limit < 0 else t + limit
-            found.append(Note(int(owner), int(event), int(what), int(how), t, impulse, lost, ends, q, before, after))
+            found.append(
+                Note(
+                    owner=int(owner),
+                    event=int(event),
+                    what=int(what),
+                    found=int(how),
+                    t=t,
+                    impulse=impulse,
+                    lost=lost,
+                    limit=ends,
+                    q=q,
+                    before=before,
+                    after=after,
+                )
+            )
         return found

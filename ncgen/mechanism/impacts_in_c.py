@@ -32,7 +32,7 @@ class Blow(NamedTuple):
     tangential: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ImpactInC:
     """What C has of an impact of k contacts with r velocities.
 
@@ -77,6 +77,13 @@ def impact(G: np.ndarray, velocities: np.ndarray, blows: list[Blow], law: Law, t
         pushes[blow.gap : blow.gap + 1 + blow.directions] = numbers["pushes"][k, : 1 + blow.directions]
         turns.append((number, pushes))
     return ImpactInC(
-        failure, struct.which, bool(struct.closes), numbers["velocities"], numbers["impulses"], integers["sticks"] > 0, numbers["lost"],
-        tuple(turns), struct.n_turns,
-    )  # fmt: skip
+        failure=failure,
+        which=struct.which,
+        closes=bool(struct.closes),
+        velocities=numbers["velocities"],
+        impulses=numbers["impulses"],
+        sticks=integers["sticks"] > 0,
+        lost=numbers["lost"],
+        turns=tuple(turns),
+        count=struct.n_turns,
+    )

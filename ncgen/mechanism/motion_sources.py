@@ -54,7 +54,7 @@ def motion_source(
     return recall.derived(kernels.programs, words, made)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Written:
     """A state derivative on independent coordinates.
 

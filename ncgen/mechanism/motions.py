@@ -60,7 +60,7 @@ class _Emitted:
         return self._made(self._dynamics.source("adjoint"), f"{self._name}_adjoint")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LaneRuns:
     """Runs of some states over the times of a grid.
 
@@ -105,7 +105,14 @@ class Motions:
         self._ffi, self._library = _library()
         self._emitted = kernels.remember("motions in lanes", (), lambda: _Emitted(dynamics))
         is_driven = "nu" in kernels.programs.programs
-        self.sizes = Sizes(kernels.n, len(kernels.p0), dynamics.prepared, is_driven, number_in_c(INTEGRATORS[method]), 0)
+        self.sizes = Sizes(
+            n_coordinates=kernels.n,
+            n_parameters=len(kernels.p0),
+            n_prepared=dynamics.prepared,
+            is_driven=is_driven,
+            method=number_in_c(INTEGRATORS[method]),
+            n_inputs=0,
+        )
         self._in_c = self._ffi.new("ncgen_taped *", vars(self.sizes))
         self._tape = self._library.ncgen_motions_tape(self._in_c, len(times) - 1)
         self._work = self._library.ncgen_motions_workspace(self._in_c, kernels.m, len(times) - 1)
@@ -142,7 +149,7 @@ class Motions:
             *(pointer(ffi, a, count=prod(shape)) for a in (to_q, to_qd)), pointer(ffi, other, "int[]"), taped, pointer(ffi, tape),
             pointer(ffi, aligned(self._work)),
         )  # fmt: skip
-        return LaneRuns(self, to_q, to_qd, other != 0, tape)
+        return LaneRuns(motions=self, q=to_q, qd=to_qd, other=other != 0, tape=tape)
 
     def call(self, function: str, tape: np.ndarray, width: int, *weights: np.ndarray, which: tuple[int, ...] = ()) -> np.ndarray:
         """Slopes (states, width) of a function of the library that goes back; which: what it asks for besides."""

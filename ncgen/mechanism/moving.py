@@ -124,10 +124,12 @@ class Stepping:
         self._signals = self.ffi.new("ncgen_signals *", {"n_breaks": len(self._breaks), "breaks": self.pointer(self._breaks)})
         self._options.signals, self._known = self._signals, (t, last, reads)
 
-    def watch(self, watched: Watched | None) -> None:
-        """End steps at the first of these conditions, None for no end."""
-        self._watched = watched  # lives as long
-        self._options.event = watched.struct if watched else self.ffi.NULL
+    def go_on_to_event(self, moment: InC, p: InC, h: float, watched: Watched) -> tuple[str, bool, int]:
+        """Move on by h seconds or to the first of some conditions: "ok" or why not, whether it ended there, and evaluations."""
+        self._options.event = watched.struct
+        status = self.library.ncgen_advance(self.driven, p, moment, moment.t + h, self.statistics)
+        self._options.event = self.ffi.NULL
+        return STATUS[status], bool(self.statistics.stopped), self.statistics.evaluations
 
     def pointer(self, array: np.ndarray) -> InC:
         return pointer(self.ffi, array, self.number.array)
@@ -178,12 +180,12 @@ class Moving:
             return STATUS[self._stepping.go_on(self._moment, self.p, self.q, self.qd, self._moment.t + h)]
         return STATUS[self._go_on(self._driven, self._p, self._moment, self._moment.t + h, self._statistics)]
 
-    def go_on_to_event(self, h: float, watched: Watched) -> tuple[str, bool]:
-        """The same to the first of some conditions, for mechanisms without breaks: "ok" or why not, and whether it ended there."""
-        self._stepping.watch(watched)
-        status = STATUS[self._go_on(self._driven, self._p, self._moment, self._moment.t + h, self._statistics)]
-        self._stepping.watch(None)
-        return status, bool(self._statistics.stopped)
+    def go_on_to_event(self, h: float, watched: Watched, mode: Stepping | None = None) -> tuple[str, bool, int]:
+        """The same to the first of some conditions, for mechanisms without breaks: "ok" or why not, whether it ended there, evaluations.
+
+        mode: how it moves with what is held, None where nothing is
+        """
+        return (mode or self._stepping).go_on_to_event(self._moment, self._p, h, watched)
 
     def project_state(self) -> str:
         """Position and velocities onto the constraints: "ok", or why not; then nothing has moved."""
@@ -260,16 +262,10 @@ class MovingRows:
         self.qd[row] = kept
         return status
 
-    def go_on_to_event(self, row: int, h: float, watched: Watched) -> tuple[str, bool, int]:
+    def go_on_to_event(self, row: int, h: float, watched: Watched, mode: Stepping | None) -> tuple[str, bool, int]:
         """One row, as of `Moving`, with evaluations."""
-        first, moment = self._steppings[0], self._moments[row]
-        first.watch(watched)
-        statistics = first.statistics
-        status = first.library.ncgen_advance(
-            first.driven, first.pointer(self.p[row : row + 1]), self._moments + row, moment.t + h, statistics
-        )
-        first.watch(None)
-        return STATUS[status], bool(statistics.stopped), statistics.evaluations
+        stepping = mode or self._steppings[0]
+        return stepping.go_on_to_event(self._moments + row, stepping.pointer(self.p[row : row + 1]), h, watched)
 
     def _one(self, function: str, row: int) -> str:
         first = self._steppings[0]
@@ -290,11 +286,10 @@ class MovingRow:
 
     def __init__(self, rows: MovingRows, row: int) -> None:
         self.rows, self.row = rows, row
-        self.q, self.qd, self.p, self.evaluations = rows.q[row], rows.qd[row], rows.p[row], 0
+        self.q, self.qd, self.p = rows.q[row], rows.qd[row], rows.p[row]
 
-    def go_on_to_event(self, h: float, watched: Watched) -> tuple[str, bool]:
+    def go_on_to_event(self, h: float, watched: Watched, mode: Stepping | None = None) -> tuple[str, bool, int]:
         """As of `Moving`."""
-        status, stopped, self.evaluations = self.rows.go_on_to_event(self.row, h, watched)
-        return status, stopped
+        return self.rows.go_on_to_event(self.row, h, watched, mode)
 
     t, work, next_step = _entry("t"), _entry("work"), _entry("next_step")

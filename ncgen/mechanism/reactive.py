@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ncgen.program.ir.blocks import Program
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ReactiveForce:
     """Generalised forces (n,) of a state and of parameters.
 

@@ -39,6 +39,7 @@ PACKAGES = ("jinja2", "mpmath", "numpy", "sympy")
 """What generating relies on."""
 
 PARTS = {kind.__name__: kind for kind in (Column, ArrayElement, Loop, Pattern, Pieces, Program, Slot, Store, Straight, TableStore)}
+FIELDS = {name: kind._fields if issubclass(kind, tuple) else tuple(field.name for field in fields(kind)) for name, kind in PARTS.items()}
 """What programs are made of, besides operations."""
 
 OPERATIONS = "operations"
@@ -64,7 +65,9 @@ def recall(model: Model, emission: str, key: str) -> Sources | None:
     with undisturbed():
         programs, phi_q, mass, omitted, files = _restored(entry)
     equations = DeferredTerms(model)  # it derives what it lacks of them when asked
-    return Sources(Programs(equations, programs, phi_q, mass, emission, omitted), {"c": files})
+    return Sources(
+        Programs(equations=equations, programs=programs, phi_q=phi_q, mass=mass, emission=emission, omitted=omitted), {"c": files}
+    )
 
 
 def remember(key: str, sources: Sources) -> None:
@@ -150,7 +153,9 @@ def _restored(data: Any) -> Any:
         ((name, parts),) = data.items()
         if name == OPERATIONS:
             return _operations(*parts)
-        return dict(_restored(parts)) if name == "dict" else PARTS[name](*[_restored(part) for part in parts])
+        if name == "dict":
+            return dict(_restored(parts))
+        return PARTS[name](**dict(zip(FIELDS[name], map(_restored, parts), strict=True)))
     return data
 
 

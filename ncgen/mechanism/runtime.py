@@ -35,7 +35,7 @@ PARTITIONED = number_in_c(FORMALISMS["coordinate-partitioning"])
 """The formalism that a run has where nothing else is said."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Outcome:
     """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
 
@@ -203,6 +203,8 @@ class Dynamics:
             pointer(ffi, integers, "int[]"),
         )  # fmt: skip
         done, s = rows[0], statistics
+        if watched:
+            watched.report()
         raised = next((each.raised for each in (listener, driver, *called) if each and each.raised), None)
         return Outcome(
             t=np.asarray(row_times[:done], dtype=float),

@@ -25,6 +25,7 @@ from ncgen.emit.runtime_files import (
     event_names,
     event_run_names,
     explicit_names,
+    formula_names,
     indifferent,
     ordinary_names,
     runtime_files,
@@ -67,7 +68,14 @@ EXPLICIT: dict[Recursion, Part] = {None: "explicit", "emitted": "ordinary", "tre
 IMPLICIT: dict[Recursion, Part] = {None: "whole", "emitted": "stiff", "tree": "stiff tree"}
 """The parts for explicit methods and for Radau's."""
 
-HEADERS_OF_FUNCTIONS = ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h", "ncgen_impulses.h", "ncgen_chain.h")
+HEADERS_OF_FUNCTIONS = (
+    "ncgen_runtime.h",
+    "ncgen_driven.h",
+    "ncgen_differentiated.h",
+    "ncgen_impulses.h",
+    "ncgen_chain.h",
+    "ncgen_active.h",
+)
 """What declares the functions that Python calls."""
 
 RUNS: tuple[Part, ...] = ("whole", "explicit", "ordinary", "stiff", "ordinary tree", "stiff tree")
@@ -116,6 +124,22 @@ def _library(number: str, part: Part) -> Path:
         return [Sibling(*_sources(number, other), _shared_sources(part, other)) for other in others]
 
     return compiled(files, flags, siblings=siblings).library
+
+
+@once
+def formula_walker(number: str) -> int:
+    """The address of `ncgen_walk_formula`, in a library of its own, which few models need."""
+    ffi = FFI()
+    ffi.include(runtime_abi(number))
+    ffi.cdef("ncgen_formula_walker ncgen_walk_formula;")
+    files = shared("formulas", lambda: runtime_files(*formula_names()))
+    library = opened_by(ffi, compiled(files, (*FLAGS, *NUMBERS[number].flags)).library)
+    _walkers.append(library)
+    return int(ffi.cast("uintptr_t", library.ncgen_walk_formula))
+
+
+_walkers: list[InC] = []
+"""Libraries that stay open."""
 
 
 def _shared_sources(part: Part, other: Part) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ DUAL_STEP = 2.0**-332
 IN_DUAL_NUMBERS = ("ncgen_adjoint.c", "ncgen_space.c", "ncgen_vectors.h")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Numbers:
     """What sweeps are computed with: the runtime's library, an emitted motion transposed for it, NumPy's type of its numbers, and the
     library that the motion lives in."""
@@ -34,7 +34,7 @@ class Numbers:
     home: InC
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sizes:
     """The numbers of an `ncgen_taped`."""
 
@@ -122,4 +122,6 @@ def dual_numbers(source: Files, getter: str) -> Numbers:
     """Of a motion's source, transposed, whose function `getter` tells its parts."""
     ffi, library = _in_dual_numbers()
     _, home = _load(source, f"const ncgen_seeded_motion *{getter}(void);")
-    return Numbers(ffi, library, ffi.cast("const ncgen_seeded_motion *", getattr(home, getter)()), DUAL.dtype, home)
+    return Numbers(
+        ffi=ffi, library=library, transposed=ffi.cast("const ncgen_seeded_motion *", getattr(home, getter)()), dtype=DUAL.dtype, home=home
+    )

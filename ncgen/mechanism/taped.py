@@ -117,7 +117,14 @@ class Taped:
         tape = {"capacity": steps, "times": self._real(self._times), "states": self._real(self._states)}
         self._tape = self._ffi.new("ncgen_tape *", tape)
         is_driven = "nu" in kernels.programs.programs
-        self._sizes = Sizes(kernels.n, self._parameters, self._dynamics.prepared, is_driven, method_in_c, 0)
+        self._sizes = Sizes(
+            n_coordinates=kernels.n,
+            n_parameters=self._parameters,
+            n_prepared=self._dynamics.prepared,
+            is_driven=is_driven,
+            method=method_in_c,
+            n_inputs=0,
+        )
 
     @property
     def not_differentiable(self) -> float | None:
@@ -128,7 +135,7 @@ class Taped:
     def back(self) -> Sweep:
         """The reverse sweep through the run."""
         transposed, home = self._dynamics.transposed
-        numbers = Numbers(self._ffi, self._library, transposed, np.dtype(float), home)
+        numbers = Numbers(ffi=self._ffi, library=self._library, transposed=transposed, dtype=np.dtype(float), home=home)
         return Sweep(numbers, self._sizes, self._times, self._states, self._p, self.driven.values)
 
     def _states_at_ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

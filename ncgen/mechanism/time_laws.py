@@ -35,7 +35,7 @@ HIGHEST_DEGREE = 8.0
 """The degree up to which a polynomial of time counts as slow."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Switch:
     """An operation that changes its formula where its argument, which depends on time and parameters alone, passes a knot.
 
@@ -105,7 +105,19 @@ def _laws(kernels: Kernels, changing: Collection[ArrayElement]) -> TimeLaws:
         slope = slope_in_time(own, argument)
         pieces = op.pieces if op.code == PIECES else ZERO
         jumps, bends = _discontinuous(op)
-        switches.append((node, Switch(argument, slope, pieces, jumps, bends, tuple(numbers[b] for b in below if b in numbers))))
+        switches.append(
+            (
+                node,
+                Switch(
+                    argument=argument,
+                    slope=slope,
+                    pieces=pieces,
+                    jumps=jumps,
+                    bends=bends,
+                    inner=tuple(numbers[b] for b in below if b in numbers),
+                ),
+            )
+        )
     place = {numbers[node]: k for k, (node, _) in enumerate(switches)}
     mended = [replace(s, inner=tuple(place[i] for i in sorted(s.inner) if i in place)) for _, s in switches]
     return _without_others(own, mended, narrow)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Published:
     """An explicit method as it was published, in texts that `Tableau.of` reads and checks when somebody asks for them.
 

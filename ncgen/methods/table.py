@@ -33,7 +33,7 @@ LIMITS = {"rho": 1.0, "hht": 1 / 3}
 """Options that end somewhere; the others are numbers from 0 on."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Integrator:
     """A way to advance a state.
 
@@ -85,7 +85,7 @@ class Integrator:
         return _constant(self.name)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Formalism:
     """Where accelerations come from.
 
@@ -121,14 +121,21 @@ def _explicit(name: str, tableau: Published) -> Integrator:
     is_fixed = not tableau.errors and not tableau.ends
     in_python = is_fixed or name in OF_SCIPY
     return Integrator(
-        name, tableau.help, tableau.also, has_fixed_step=is_fixed, in_c=True, in_lanes=True, in_python=in_python, tableau=tableau
+        name=name,
+        help=tableau.help,
+        also=tableau.also,
+        has_fixed_step=is_fixed,
+        in_c=True,
+        in_lanes=True,
+        in_python=in_python,
+        tableau=tableau,
     )
 
 
 def _stepper(name: str, help: str, tangents: str, options: dict[str, Any] | None = None) -> Integrator:
     return Integrator(
-        name,
-        help,
+        name=name,
+        help=help,
         has_fixed_step=True,
         is_ordinary=False,
         steps=("lagrange",),
@@ -146,18 +153,22 @@ INTEGRATORS = {
         _stepper("rattle", "RATTLE, symplectic, order 2", tangents="sometimes"),
         _stepper("energy-momentum", "exact energy, order 2", tangents="sometimes", options={"project_velocities": False}),
         Integrator(
-            "radau", "Radau IIA of order 5, implicit, for stiff mechanisms", takes_jacobian=True, tangents="unless_recursive", in_c=True
+            name="radau",
+            help="Radau IIA of order 5, implicit, for stiff mechanisms",
+            takes_jacobian=True,
+            tangents="unless_recursive",
+            in_c=True,
         ),
         Integrator(
-            "trapezoidal", "the trapezoidal rule, implicit, order 2, fixed step", has_fixed_step=True, takes_jacobian=True,
+            name="trapezoidal", help="the trapezoidal rule, implicit, order 2, fixed step", has_fixed_step=True, takes_jacobian=True,
             tangents="always", in_c=True, in_python=False, steps=("ali3p",), options={"alpha": 1e7},
         ),
         _stepper("generalized-alpha", "generalised α, numerical damping, order 2", tangents="always", options={"rho": 0.8, "hht": None}),
-        Integrator("adams", "Adams methods of variable order (VODE)", also=("ode113",)),
-        Integrator("bdf", "backward differentiation of variable order, implicit (SciPy)", also=("ode15s",), takes_jacobian=True),
-        Integrator("lsoda", "Adams or BDF as stiffness demands (SciPy)", takes_jacobian=True),
-        Integrator("cvode-adams", "Adams methods of SUNDIALS", extra="sundials", keeps_history=True),
-        Integrator("cvode-bdf", "BDF of SUNDIALS", extra="sundials", keeps_history=True, takes_jacobian=True),
+        Integrator(name="adams", help="Adams methods of variable order (VODE)", also=("ode113",)),
+        Integrator(name="bdf", help="backward differentiation of variable order, implicit (SciPy)", also=("ode15s",), takes_jacobian=True),
+        Integrator(name="lsoda", help="Adams or BDF as stiffness demands (SciPy)", takes_jacobian=True),
+        Integrator(name="cvode-adams", help="Adams methods of SUNDIALS", extra="sundials", keeps_history=True),
+        Integrator(name="cvode-bdf", help="BDF of SUNDIALS", extra="sundials", keeps_history=True, takes_jacobian=True),
     )
 }  # fmt: skip
 """By name, in the order of their numbers in C."""
@@ -165,14 +176,18 @@ INTEGRATORS = {
 
 def _of_accelerations(name: str, help: str, stabilisation: str = "projection", is_ordinary: bool = True, **defaults: float) -> Formalism:
     """A formalism over all coordinates."""
-    return Formalism(name, help, is_ordinary=is_ordinary, options={"stabilisation": stabilisation, "omega": 10.0, "xi": 1.0, **defaults})
+    return Formalism(
+        name=name, help=help, is_ordinary=is_ordinary, options={"stabilisation": stabilisation, "omega": 10.0, "xi": 1.0, **defaults}
+    )
 
 
 FORMALISMS = {
     entry.name: entry
     for entry in (
         Formalism(
-            "coordinate-partitioning", "the independent coordinates alone are integrated (the paper's Table 8)", is_constrained=False
+            name="coordinate-partitioning",
+            help="the independent coordinates alone are integrated (the paper's Table 8)",
+            is_constrained=False,
         ),
         _of_accelerations("lagrange", "accelerations and multipliers at once, index 1"),
         _of_accelerations("augmented-lagrangian", "the same by iteration with a penalty", alpha=1e7),

@@ -29,7 +29,7 @@ class WrongTableau(Exception):
     """Coefficients that are not those of the method that they are called."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Tableau:
     """An explicit Runge-Kutta method.
 
@@ -63,7 +63,9 @@ class Tableau:
         for order, end in published.ends:
             errors.append((order, tuple(b - other for b, other in zip(a[published.stages - 1], row(end), strict=True))))
         c, higher = row(published.c), rows(published.higher)
-        return cls(published.stages, published.order, c, a, tuple(errors), higher, published.dense_order)
+        return cls(
+            stages=published.stages, order=published.order, c=c, a=a, errors=tuple(errors), higher=higher, dense_order=published.dense_order
+        )
 
     @property
     def width(self) -> int:

@@ -79,3 +79,8 @@ def _exact(a: ArrayLike) -> list[Fraction]:
 
 def _sum(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
     return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+
+
+def without_rounding(vector: np.ndarray) -> list[float]:
+    """The components of a vector of order one, 0 where they are rounding."""
+    return [0.0 if abs(x) < 1e-15 else float(x) for x in vector]

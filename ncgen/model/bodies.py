@@ -44,7 +44,7 @@ WORDS_OF_INERTIA = ("point", "rod")
 """What an inertia can be called instead of given in numbers: all mass at the centre, or a uniform rod between the body's two points."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Inertia:
     """Mass (kg), centre of mass (m, global, initial position), inertia tensor about it (kg m², 3×3), and its basis.
 
@@ -79,7 +79,9 @@ class Inertia:
         )
         tensor = np.array([[total(part.about(com)[k][l] for part in parts) for l in range(3)] for k in range(3)], dtype=object)
         is_judged = all(part.is_judged for part in parts)
-        return Inertia(total(as_sympy(part.mass) for part in parts), com, tensor, self.basis, is_judged=is_judged, parts=parts)
+        return Inertia(
+            mass=total(as_sympy(part.mass) for part in parts), com=com, tensor=tensor, basis=self.basis, is_judged=is_judged, parts=parts
+        )
 
     def numbers(self, parameters: dict[str, Parameter]) -> tuple[float, np.ndarray, np.ndarray]:
         """Mass, centre of mass (3,) and tensor (3, 3) at the parameters' defaults, found once."""
@@ -128,7 +130,7 @@ class JointLoad(NamedTuple):
     z: sympy.Expr
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Body:
     """A rigid body: its points and vectors, and its inertia if it has mass.
 
@@ -234,7 +236,9 @@ def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray, a
 
 def conditions(name: str, mass: Value, tensor: np.ndarray) -> tuple[Condition, Condition]:
     """What a body's mass (kg) and its inertia tensor (3, 3) (kg m²) must satisfy."""
-    return Bound(f"body {name}: the mass is", mass, ">=", "kg", "give a positive number"), Moments(name, tensor)
+    return Bound(wording=f"body {name}: the mass is", value=mass, relation=">=", unit="kg", remedy="give a positive number"), Moments(
+        name, tensor
+    )
 
 
 def check_moments(body: Body) -> None:

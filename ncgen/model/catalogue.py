@@ -50,7 +50,7 @@ def cross(a: Triple[N], b: Triple[N]) -> tuple[N, N, N]:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RowType:
     """A kind of constraint equation.
 
@@ -146,7 +146,17 @@ def _slide(f: Functions[N], a: Triple[N], n: Triple[N], s: N, L: N) -> N:
 
 
 def _angle(key: str, formula: Formula, equation: str, extra: tuple[str, ...] = ()) -> RowType:
-    return RowType(key, ("a", "b", "n"), ("psi",), ("la", "lb", "ln", *extra), formula, 1.0, ("la", "lb"), ("la", "lb"), equation)
+    return RowType(
+        key=key,
+        vectors=("a", "b", "n"),
+        scalars=("psi",),
+        data=("la", "lb", "ln", *extra),
+        formula=formula,
+        scale_factor=1.0,
+        scale_data=("la", "lb"),
+        size=("la", "lb"),
+        equation=equation,
+    )
 
 
 BRANCH_WEIGHTS = ("wc", "wx", "wy", "wz")
@@ -155,17 +165,89 @@ BRANCH_WEIGHTS = ("wc", "wx", "wy", "wz")
 ROW_TYPES = {
     row.key: row
     for row in [
-        RowType("distance", ("a",), (), ("L",), _distance, 0.5, ("L",), ("L", "L"), "|a|^2 - L^2"),
-        RowType("unit", ("u",), (), (), _unit, 0.5, (), (), "|u|^2 - 1"),
-        RowType("vector-segment", ("u", "a"), (), ("L", "c"), _vector_segment, 1.0, ("L",), ("L",), "u.a - L c"),
-        RowType("vector-vector", ("u", "v"), (), ("c",), _vector_vector, 1.0, (), (), "u.v - c"),
-        RowType("dot", ("a", "b"), (), ("c", "L"), _dot, 1.0, ("L",), ("L",), "a.b - c"),
+        RowType(
+            key="distance",
+            vectors=("a",),
+            scalars=(),
+            data=("L",),
+            formula=_distance,
+            scale_factor=0.5,
+            scale_data=("L",),
+            size=("L", "L"),
+            equation="|a|^2 - L^2",
+        ),
+        RowType(
+            key="unit", vectors=("u",), scalars=(), data=(), formula=_unit, scale_factor=0.5, scale_data=(), size=(), equation="|u|^2 - 1"
+        ),
+        RowType(
+            key="vector-segment",
+            vectors=("u", "a"),
+            scalars=(),
+            data=("L", "c"),
+            formula=_vector_segment,
+            scale_factor=1.0,
+            scale_data=("L",),
+            size=("L",),
+            equation="u.a - L c",
+        ),
+        RowType(
+            key="vector-vector",
+            vectors=("u", "v"),
+            scalars=(),
+            data=("c",),
+            formula=_vector_vector,
+            scale_factor=1.0,
+            scale_data=(),
+            size=(),
+            equation="u.v - c",
+        ),
+        RowType(
+            key="dot",
+            vectors=("a", "b"),
+            scalars=(),
+            data=("c", "L"),
+            formula=_dot,
+            scale_factor=1.0,
+            scale_data=("L",),
+            size=("L",),
+            equation="a.b - c",
+        ),
         *(
-            RowType(f"affine-{x}", ("e", "a", "b"), (), ("c", "L"), _affine(k), 1.0, (), ("L",), f"(e - c a x b).{x}")
+            RowType(
+                key=f"affine-{x}",
+                vectors=("e", "a", "b"),
+                scalars=(),
+                data=("c", "L"),
+                formula=_affine(k),
+                scale_factor=1.0,
+                scale_data=(),
+                size=("L",),
+                equation=f"(e - c a x b).{x}",
+            )
             for k, x in enumerate("xyz")
         ),
-        RowType("length", ("a",), ("s",), ("L",), _length, 0.5, ("L",), ("L", "L"), "|a|^2 - s^2"),
-        RowType("slide", ("a", "n"), ("s",), ("L",), _slide, 1.0, (), ("L",), "a.n - s"),
+        RowType(
+            key="length",
+            vectors=("a",),
+            scalars=("s",),
+            data=("L",),
+            formula=_length,
+            scale_factor=0.5,
+            scale_data=("L",),
+            size=("L", "L"),
+            equation="|a|^2 - s^2",
+        ),
+        RowType(
+            key="slide",
+            vectors=("a", "n"),
+            scalars=("s",),
+            data=("L",),
+            formula=_slide,
+            scale_factor=1.0,
+            scale_data=(),
+            size=("L",),
+            equation="a.n - s",
+        ),
         _angle("angle-cosine", _angle_cosine, "a.b - la lb cos psi"),
         _angle("angle-sine-x", _angle_sine(0), "(a x b - la lb n/ln sin psi).x"),
         _angle("angle-sine-y", _angle_sine(1), "(a x b - la lb n/ln sin psi).y"),

@@ -20,7 +20,7 @@ LAWS = ("newton", "poisson")
 """Of impact: the velocity of the gap is reversed times the restitution, or the impulse of the compression is returned times it."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Contact:
     """A rigid contact with friction, by the name of its event.
 
@@ -108,13 +108,13 @@ class Contacts(Frictions):
         friction : float or expression of parameters
             Coefficient of Coulomb's friction. Where a contact does not slide it sticks or rolls exactly.
         restitution, tangential : float or expression of parameters
-            e of the gap's velocity and of the sliding velocity, w⁺ = −e w⁻ where the impulse sticks.
+            Factors e of the gap's velocity and of the sliding velocity, w⁺ = −e w⁻ where the impulse sticks.
         law : str
             "newton" (u⁺ = −e u⁻) or "poisson" (impulses of compression and restitution, Λ = e Λ).
         order, rest : str
             As of `ncgen.impact`: order says what holds where several contacts close at one instant.
         stiffness, damping, exponent : float
-            k, d and n of a compliant contact without friction, whose force is k δⁿ (1 + d δ̇): N/mⁿ, and s/m.
+            Constants k, d and n of a compliant contact without friction, whose force is k δⁿ (1 + d δ̇): N/mⁿ, and s/m.
 
         Returns
         -------
@@ -136,7 +136,17 @@ class Contacts(Frictions):
         self._check_sizes(where, radius, edge, axis, around, inside)
         self._check_bearers(where, body, point, on, at)
         tip = Tip(body, point, radius, edge)
-        surface = ContactSurface(on, at, normal, axis, 0.0 if around is None else around, inside, curve, start, on is self.ground)
+        surface = ContactSurface(
+            body=on,
+            point=at,
+            normal=normal,
+            axis=axis,
+            radius=0.0 if around is None else around,
+            inside=inside,
+            curve=curve,
+            start=start,
+            is_ground=on is self.ground,
+        )
         numbers = {c.name: c.initial for c in self.components} | {p.name: p.default for p in self.parameters.values()}
         contact_pair = touching(tip, surface, numbers, where)
         if stiffness is not None:
@@ -200,15 +210,23 @@ class Contacts(Frictions):
     def _check_sizes(
         self, where: str, radius: Value, edge: Direction | None, axis: Direction | None, around: Value | None, inside: bool
     ) -> None:
-        self._require(Bound(f"{where}: radius is", radius, ">=" if edge is None else ">", "m", "give a positive one"))
+        self._require(
+            Bound(
+                wording=f"{where}: radius is", value=radius, relation=">=" if edge is None else ">", unit="m", remedy="give a positive one"
+            )
+        )
         if around is None:
             if inside:
                 raise ModelError(f"{where}: inside is of a sphere or a cylinder; give around, or leave it out")
             return
-        self._require(Bound(f"{where}: around is", around, ">", "m", "give a positive radius"))
+        self._require(Bound(wording=f"{where}: around is", value=around, relation=">", unit="m", remedy="give a positive radius"))
         if inside:
             room = as_sympy(around) - as_sympy(radius)
-            self._require(Bound(f"{where}: around less radius is", room, ">", "m", "what is inside must be smaller"))
+            self._require(
+                Bound(
+                    wording=f"{where}: around less radius is", value=room, relation=">", unit="m", remedy="what is inside must be smaller"
+                )
+            )
 
     def _check_bearers(self, where: str, body: Body, point: Point, on: Body, at: Point) -> None:
         if body is self.ground:
@@ -234,7 +252,9 @@ class Contacts(Frictions):
             raise ModelError(f'{where}: tangential restitution goes with law="newton" only; leave one of the two out')
         marks = ("slip",) if len(contact_pair.sliding) == 1 else ("slip1", "slip2")
         slip = tuple(self.parameter(f"{name}.{mark}", 0.0).name for mark in marks)
-        self.contacts[name] = Contact(name, contact_pair.place, contact_pair.sliding, friction, tangential, law, slip)
+        self.contacts[name] = Contact(
+            name=name, place=contact_pair.place, sliding=contact_pair.sliding, friction=friction, tangential=tangential, law=law, slip=slip
+        )
 
     def _comply(self, name: str, gap: Scalar, stiffness: Value, damping: Value, exponent: Number, given: dict[str, Value]) -> None:
         """A compliant contact: a force while it touches, with a break of the step where it does and where it no longer does."""

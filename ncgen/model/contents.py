@@ -109,7 +109,13 @@ class Contents:
         return {**self.parameters, **self.inputs}
 
     def extent(self) -> float:
-        """The diagonal of the box that holds all points so far (m), in the initial position; 0 where all are in one place."""
+        """Return the diagonal of the box that holds all points so far, in the initial position.
+
+        Returns
+        -------
+        float
+            Length in m; 0 where all points are in one place.
+        """
         count, low, high = self._box or (0, np.full(3, np.inf), np.full(3, -np.inf))
         for element in islice(self.elements.values(), count, None):
             if isinstance(element, Point):
@@ -118,7 +124,18 @@ class Contents:
         return arithmetic.norm(high - low) if low[0] <= high[0] else 0.0
 
     def bearer(self, word: str) -> Element | Parameter | Component | Curve | None:
-        """What has this name: an element, a parameter, a curve, or a coordinate of an element; None if nothing has."""
+        """Return what has a name: an element, a parameter, an input, a curve, or a coordinate of an element.
+
+        Parameters
+        ----------
+        word : str
+            The name.
+
+        Returns
+        -------
+        Element, Parameter, Component, Curve or None
+            What has the name; None if nothing has.
+        """
         bearer_of_word = self.elements.get(word) or self.parameters.get(word) or self.inputs.get(word) or self.curves.get(word)
         owner, _, axis = word.rpartition(".")
         if bearer_of_word is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):

@@ -1,4 +1,4 @@
-"""Declaring what can move: parameters, points, vectors, and relative angles and distances."""
+"""Declaring what can move: points, vectors, and relative angles and distances."""
 
 from __future__ import annotations
 
@@ -7,93 +7,46 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ncgen.errors import ModelError, counted, one_of, shown
-from ncgen.model import arithmetic, curves, measures
+from ncgen.errors import ModelError, counted, one_of
+from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.argument_readers import own_direction
 from ncgen.model.catalogue import BRANCH_WEIGHTS
-from ncgen.model.contents import Contents
-from ncgen.model.curves import Curve
 from ncgen.model.elements import AXES, Angle, Combination, Component, Direction, Length, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact
-from ncgen.model.names import LAW, check_scalar
-from ncgen.model.outputs import Output
+from ncgen.model.quantities import Quantities
 from ncgen.model.rows import SIX_DIGITS, Row
-from ncgen.model.value_conditions import UNIT_LENGTH, Condition
-from ncgen.model.values import Driven, Input, Number, Numbers, Parameter, Value, Values, as_sympy, evaluate, is_number, mentioned, vanishes
+from ncgen.model.value_conditions import UNIT_LENGTH
+from ncgen.model.values import Parameter, Value, Values, is_number, mentioned, vanishes
 
 if TYPE_CHECKING:
-    import sympy
+    pass
 
 S = TypeVar("S", Point, Vector)
 
 ANGLE_FORMS = ("smooth", "paper", "sine", "cosine")
 
 
-class Coordinates(Contents):
-    """The part of a model that owns names and coordinates."""
-
-    @property
-    def time(self) -> sympy.Symbol:
-        """The sympy symbol of time, for drivers and forces."""
-        import sympy
-
-        return sympy.Symbol("t", real=True)
-
-    @fact
-    def parameter(self, name: str, default: Number, unit: str = "") -> Parameter:
-        """A number with a name, kept symbolic in the kernels and given in `p` at run time."""
-        self._claim(name, "parameter")
-        parameter = Parameter(name, float(default), unit)
-        self.parameters[name] = parameter
-        return parameter
-
-    @fact
-    def input(self, name: str, unit: str = "", default: Number = 0.0) -> Input:
-        """A number that is given at every instant of a motion, such as a motor's torque, for use in forces, torques and couples.
-
-        default: its value where nobody drives it. In `p` inputs follow the parameters, each at the value that it keeps.
-        """
-        self._claim(name, "input")
-        self.inputs[name] = Input(name, float(default), unit)
-        return self.inputs[name]
-
-    @fact
-    def spline(self, name: str, knots: Numbers, values: Numbers, end: str = "natural") -> Curve:
-        """A function through values at knots, for any expression: `profile(x)` is its value, `profile(x, 1)` its derivative. It is
-        piecewise cubic, with continuous second derivatives.
-
-        knots: increasing
-        end: "natural" (no curvature there), "clamped" (slope 0), "not-a-knot" (the first two pieces are one polynomial, and the last two)
-            or "periodic", which begins again at its last knot; any other continues straight beyond its knots, with the slope it has there
-        """
-        return self._curve(curves.spline(name, knots, values, end))
-
-    @fact
-    def table(self, name: str, knots: Numbers, values: Numbers, periodic: bool = False) -> Curve:
-        """The same with straight lines from knot to knot, and so with a kink at each: for forces; what drives should be smooth.
-
-        The first and the last line go on beyond the knots; a periodic table begins again.
-        """
-        return self._curve(curves.table(name, knots, values, periodic))
-
-    @fact
-    def output(self, label: str, expression: Driven, unit: str = "") -> Output:
-        """A number to look at: an expression of coordinates, rates (`psi.rate`), accelerations (`psi.acceleration`), joint loads
-        (`rod.force(A).x`, `rod.moment(u).z`), driver forces (`psi.driver`), m.time, parameters and inputs. Its label is what trajectories
-        and exports call it."""
-        if label in self.outputs:
-            raise ModelError(f"output {label}: there is one of that label already; choose another")
-        if not label.strip() or not label.isprintable():
-            raise ModelError(f"output {shown(label)}: give it a label of printable letters")
-        self.outputs[label] = Output(label, as_sympy(expression), unit)
-        return self.outputs[label]
+class Coordinates(Quantities):
+    """The part of a model that owns coordinates."""
 
     @fact
     def point(self, name: str, position: Values, fixed: bool | str = False) -> Point:
-        """A point (m). Two numbers make a point of the plane z = 0. Parameters may stand for numbers.
+        """Add a point.
 
-        fixed: True, False, or the axes that cannot move, such as "z" or "xz".
+        Parameters
+        ----------
+        name : str
+            Name of the point, whose coordinates are `name.x`, `name.y` and `name.z`.
+        position : sequence of float or expression of parameters, shape (3,) or (2,)
+            Initial position in m; two numbers make a point of the plane z = 0.
+        fixed : bool or str
+            Whether it cannot move, or the axes along which it cannot, such as "z" or "xz".
+
+        Returns
+        -------
+        Point
+            The point.
         """
         point = self._spatial(Point, name, position, fixed)
         self.elements[name] = point
@@ -101,9 +54,26 @@ class Coordinates(Contents):
 
     @fact
     def vector(self, name: str, direction: Values, fixed: bool | str = False) -> Vector:
-        """A unit vector. Its unit row is added by the first body that has it.
+        """Add a unit vector. The first body that has it adds the constraint of its length.
 
-        Numbers of six digits are brought to length 1; a vector that is farther from it is refused.
+        Parameters
+        ----------
+        name : str
+            Name of the vector, whose coordinates are `name.x`, `name.y` and `name.z`.
+        direction : sequence of float or expression of parameters, shape (3,) or (2,)
+            Initial direction. Numbers of six digits are brought to length 1.
+        fixed : bool or str
+            Whether it cannot turn, or the components that cannot change, such as "z".
+
+        Returns
+        -------
+        Vector
+            The unit vector.
+
+        Raises
+        ------
+        ModelError
+            For a vector whose length is not 1 to six digits.
         """
         vector = self._spatial(Vector, name, direction, fixed)
         size = arithmetic.norm(vector.initial)
@@ -128,13 +98,31 @@ class Coordinates(Contents):
         lengths: Values | None = None,
         initial: Value | None = None,
     ) -> Angle:
-        """A relative angle as a coordinate (rad), from `start` to `end`, positive about `axis`.
+        """Add a relative angle as a coordinate, from one direction to another about an axis.
 
-        start, end, axis: vectors, or segments such as `r4 - r2`, or either reversed (`-u3`)
-        form: "smooth" (the default of the model unless changed), "cosine", "sine", or "paper", which
-            follows the paper's rule of cosine or sine by the angle's value, chosen at run time
-        lengths: of start, end and axis, 1 for unit vectors (default: measured)
-        initial: the angle in the initial position, if it should count turns (default: measured, in (−π, π])
+        Parameters
+        ----------
+        name : str
+            Name of the coordinate.
+        start, end, axis : Direction
+            Vectors, or segments such as `r4 - r2`, or either reversed (`-u3`); the angle is positive about the axis.
+        form : str, optional
+            "smooth", "cosine", "sine", or "paper", the paper's rule of cosine or sine by the angle's value at run time. Default: that of
+            the model.
+        lengths : sequence of float or expression of parameters, shape (3,), optional
+            Lengths in m of start, end and axis, 1 for unit vectors. Default: measured.
+        initial : float or expression of parameters, optional
+            Initial angle in rad, where turns count. Default: measured, in (−π, π].
+
+        Returns
+        -------
+        Angle
+            The angle in rad.
+
+        Raises
+        ------
+        ModelError
+            Where a direction is parallel to the axis.
         """
         self._claim(name, "angle")
         form = check_form(form or self.form)
@@ -156,9 +144,26 @@ class Coordinates(Contents):
 
     @fact
     def length(self, name: str, start: Point, end: Point, initial: Value | None = None) -> Length:
-        """The distance between two points as a coordinate (m), such as the length of a hydraulic cylinder.
+        """Add the distance between two points as a coordinate, such as the length of a hydraulic cylinder.
 
-        Refused where the points coincide: there the distance has no direction.
+        Parameters
+        ----------
+        name : str
+            Name of the coordinate.
+        start, end : Point
+            The two points.
+        initial : float or expression of parameters, optional
+            Initial distance in m. Default: measured.
+
+        Returns
+        -------
+        Length
+            The distance in m.
+
+        Raises
+        ------
+        ModelError
+            Where the points coincide: there the distance has no direction.
         """
         self._claim(name, "length")
         segment = self._direction(end - start, f"length {name}")
@@ -169,7 +174,27 @@ class Coordinates(Contents):
 
     @fact
     def slide(self, name: str, start: Point, end: Point, axis: Direction) -> Length:
-        """How far `end` lies from `start` along a unit vector, as a coordinate (m); it may be zero or negative."""
+        """Add as a coordinate how far a point lies from another along a unit vector; it may be zero or negative.
+
+        Parameters
+        ----------
+        name : str
+            Name of the coordinate.
+        start, end : Point
+            From which point to which.
+        axis : Direction
+            A unit vector.
+
+        Returns
+        -------
+        Length
+            The distance in m.
+
+        Raises
+        ------
+        ModelError
+            For an axis whose length is not 1.
+        """
         self._claim(name, "slide")
         axis = self._direction(axis, f"slide {name}")
         size = arithmetic.norm(axis.initial)
@@ -183,7 +208,13 @@ class Coordinates(Contents):
 
     @fact
     def independent(self, *coordinates: Component | Relative) -> None:
-        """Choose the independent coordinates z of coordinate partitioning (default: found by pivoting)."""
+        """Choose the independent coordinates z of coordinate partitioning. Without this call they are found by pivoting.
+
+        Parameters
+        ----------
+        *coordinates : Component or Relative
+            Free coordinates, such as `A.x` or an angle.
+        """
         names = [c.name for c in coordinates]
         known = {c.name: c for c in self.components}
         for name in names:
@@ -193,30 +224,10 @@ class Coordinates(Contents):
 
     # -- helpers -------------------------------------------------------------------------------
 
-    def _curve(self, curve: Curve) -> Curve:
-        if curve.name in curves.BUILT_IN:
-            raise ModelError(f"curve {curve.name}: every model has one of that name; choose another")
-        self._claim(curve.name, "curve")
-        self.curves[curve.name] = curve
-        return curve
-
     def _relative(self, coordinate: Length, row: Row) -> Length:
         self.elements[coordinate.name] = coordinate
         self.rows.append(row)
         return coordinate
-
-    def _claim(self, name: str, what: str) -> None:
-        """Refuse a name that it or one of its coordinates has from something else."""
-        spatial = what in ("point", "vector")
-        if not spatial:
-            check_scalar(name, what)
-        for word in (name, *(f"{name}.{axis}" for axis in AXES if spatial)):
-            if (bearer := self.bearer(word)) is not None:
-                raise ModelError(
-                    f"{what} {name}: the name {'' if word == name else word + ' '}is already used for {bearer!r}; choose another"
-                )
-        if name in LAW and what in ("parameter", "input") and any(spring.law is not None for spring in self.springs):
-            raise ModelError(f"{what} {name}: in the law of a spring that is the name of {LAW[name]}; choose another")
 
     def _spatial(self, kind: type[S], name: str, position: Values, fixed: bool | str) -> S:
         what = kind.__name__.lower()
@@ -233,16 +244,6 @@ class Coordinates(Contents):
             number = self._number(value, f"{what} {name}, {axis}")
             components.append(Component(f"{name}.{axis}", axis in held, number if is_number(value) else value, number))
         return kind(name, tuple(components))
-
-    def _number(self, value: Value, what: str) -> float:
-        """The number of a value at the parameters' defaults."""
-        return evaluate(value, self.parameters, what)
-
-    def _require(self, condition: Condition) -> None:
-        """Raise ModelError where a condition does not hold at the parameters' defaults; keep it where they have a say in it."""
-        condition.check([self._number(value, "") for value in condition.values])
-        if condition.is_parametric:
-            self.conditions.append(condition)
 
     def _check_unit(self, vector: Vector) -> None:
         """A direction that turns with parameters must keep its length, since nothing at run time corrects it."""

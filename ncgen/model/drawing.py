@@ -9,7 +9,7 @@ from ncgen.model.elements import Point, Vector
 from ncgen.model.shapes import Solid, Strut
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Drawing:
     """lines: pairs of points; arrows: (point, vector), the vector being drawn from the point; solids, struts: shapes
 

@@ -45,7 +45,7 @@ class Event:
         return any(isinstance(action, Call) for action in self.do)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Lock:
     """A constraint that events switch on and off: a displacement stays where it is.
 
@@ -70,13 +70,30 @@ class Events(Loads):
 
     @fact
     def event(self, name: str, when: Driven, direction: str = "falling", do: Doing | None = None) -> Event:
-        """Something that happens where an expression passes zero; the run continues unless the event stops it.
+        """Add an event, which happens where an expression passes zero; the run continues unless the event stops it.
 
-        when: an expression of m.time, coordinates, velocities, parameters and inputs, such as the gap between two points
-        direction: "falling" (a gap closes), "rising" or "either"
-        do: `ncgen.impact(restitution=0.5)`; `ncgen.lock(psi)`, `ncgen.free(psi)`; {name: value} for other inputs, parameters or velocities
-            ("rate(psi)"), values being numbers or expressions; "stop"; a function of the state, which returns such a dictionary or None; or
-            several of these in a list. Without it the event is only recorded, in `run.events`
+        Parameters
+        ----------
+        name : str
+            Name in `run.events`.
+        when : expression
+            Of m.time, coordinates, velocities, parameters and inputs, such as the gap between two points.
+        direction : str
+            "falling" (a gap closes), "rising" or "either".
+        do : action, optional
+            `ncgen.impact(restitution=0.5)`; `ncgen.lock(psi)` or `ncgen.free(psi)`; {name: value} for other inputs, parameters or
+            velocities ("rate(psi)"), values being numbers or expressions; "stop"; a function of the state that returns such a dictionary or
+            None; or a list of these. Default: the event is only recorded.
+
+        Returns
+        -------
+        Event
+            The event.
+
+        Raises
+        ------
+        ModelError
+            For a name that another event has, and for an impact whose condition is not a falling gap of positions.
         """
         one_of(direction, f"event {name}: direction", DIRECTIONS)
         actions: tuple[Action, ...] = do or ()  # type: ignore[assignment]  # as READERS leave them
@@ -107,7 +124,7 @@ class Events(Loads):
     def _lock(self, name: str, along: Displacement) -> Lock:
         """The lock of this name, which is open where it is new."""
         if name not in self.locks:
-            self.locks[name] = Lock(name, along, self.parameter(f"{name}.held", 0.0).name)
+            self.locks[name] = Lock(name=name, along=along, held=self.parameter(f"{name}.held", 0.0).name)
         return self.locks[name]
 
     def _no_position(self, when: Scalar) -> str:
@@ -119,7 +136,7 @@ class Events(Loads):
         """Refuse values that are negative, or zero where the relation says so, now and wherever parameters are given."""
         remedy = "give a number above 0" if relation == ">" else "give a number that is not negative"
         for name, value in values.items():
-            self._require(Bound(f"{where}: {name} is", value, relation, "", remedy))
+            self._require(Bound(wording=f"{where}: {name} is", value=value, relation=relation, unit="", remedy=remedy))
 
     def _check_restitution(self, where: str, restitution: Value) -> None:
         """Refuse one outside 0 to 1, now and wherever parameters are given."""

@@ -32,7 +32,7 @@ def _none(f: Functions[N], x: N, *others: N, **data: N) -> N:
     return x * 0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ForceType:
     """A kind of force: a tension along the length of its one vector or along its one scalar, or forces along its vectors.
 
@@ -85,7 +85,7 @@ def _viscous(f: Functions[N], x: N, v: N, c: N, **others: N) -> N:
     return c * v
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Spring(Load):
     """Spring and damper along a segment."""
 
@@ -96,15 +96,32 @@ class Spring(Load):
     free: Value
     law: sympy.Expr | None = None
 
-    kind = ForceType("spring", ("a",), (), ("k", "c", "L0"), "k (|a| - L0)^2 / 2, damper c", _elastic, _viscous)
-    to_nothing = ForceType("spring-to-nothing", ("a",), (), ("k", "c"), "k |a|^2 / 2, damper c", _elastic, _viscous, regular=True)
+    kind = ForceType(
+        key="spring",
+        vectors=("a",),
+        scalars=(),
+        data=("k", "c", "L0"),
+        equation="k (|a| - L0)^2 / 2, damper c",
+        potential=_elastic,
+        friction=_viscous,
+    )
+    to_nothing = ForceType(
+        key="spring-to-nothing",
+        vectors=("a",),
+        scalars=(),
+        data=("k", "c"),
+        equation="k |a|^2 / 2, damper c",
+        potential=_elastic,
+        friction=_viscous,
+        regular=True,
+    )
 
     @property
     def type(self) -> ForceType:
         return self.to_nothing if is_number(self.free) and self.free == 0.0 else self.kind
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TorsionSpring(Load):
     """Spring and damper along a relative coordinate."""
 
@@ -115,7 +132,15 @@ class TorsionSpring(Load):
     free: Value
     law: sympy.Expr | None = None
 
-    kind = ForceType("torsion-spring", (), ("x",), ("k", "c", "L0"), "k (x - x0)^2 / 2, damper c", _elastic, _viscous)
+    kind = ForceType(
+        key="torsion-spring",
+        vectors=(),
+        scalars=("x",),
+        data=("k", "c", "L0"),
+        equation="k (x - x0)^2 / 2, damper c",
+        potential=_elastic,
+        friction=_viscous,
+    )
 
 
 def _on_directions(f: Functions[N], x1: Triple[N], x2: Triple[N], x3: Triple[N], nx: N, ny: N, nz: N, V: N) -> list[tuple[N, ...]]:
@@ -143,9 +168,23 @@ class Couple(Load):
     body: Body
     components: tuple[Scalar, Scalar, Scalar]
 
-    kind = ForceType("couple", ("x1", "x2", "x3"), (), ("nx", "ny", "nz", "V"), "n x reciprocal basis / 2", forces=_on_directions)
-    on_pair = ForceType("couple-on-pair", ("x1", "x2"), (), ("nx", "ny", "nz", "V"), "n x reciprocal basis / 2", forces=_on_pair)
-    in_plane = ForceType("couple-in-plane", ("a",), (), ("nz", "LL"), "nz z x a / LL", forces=_in_plane)
+    kind = ForceType(
+        key="couple",
+        vectors=("x1", "x2", "x3"),
+        scalars=(),
+        data=("nx", "ny", "nz", "V"),
+        equation="n x reciprocal basis / 2",
+        forces=_on_directions,
+    )
+    on_pair = ForceType(
+        key="couple-on-pair",
+        vectors=("x1", "x2"),
+        scalars=(),
+        data=("nx", "ny", "nz", "V"),
+        equation="n x reciprocal basis / 2",
+        forces=_on_pair,
+    )
+    in_plane = ForceType(key="couple-in-plane", vectors=("a",), scalars=(), data=("nz", "LL"), equation="nz z x a / LL", forces=_in_plane)
 
     @property
     def type(self) -> ForceType:

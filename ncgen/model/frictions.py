@@ -19,12 +19,13 @@ MOST_LOADED = 4
 """Frictions of one model that follow loads: their loads depend on each other, and all 2⁴ combinations of signs are looked at."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Friction:
     """Dry friction along a displacement, by its name. static: N or N m; with a load the coefficient that this is multiplied by
 
     slip, held: names of the input that says in which direction it slips, and of the parameter that says where it sticks
-    load: number of the constraint that presses, None where friction depends on none
+    load: number of the constraint that presses, None where friction depends on none; across: of another one, with which the load is the
+    root of the sum of both squares
     """
 
     name: str
@@ -33,6 +34,12 @@ class Friction:
     slip: str
     held: str
     load: int | None = None
+    across: int | None = None
+
+    @property
+    def pressed(self) -> tuple[int, ...]:
+        """Numbers of the constraints that press."""
+        return tuple(each for each in (self.load, self.across) if each is not None)
 
 
 class Frictions(OneSided):
@@ -51,6 +58,7 @@ class Frictions(OneSided):
         name: str = "",
         coefficient: Value | None = None,
         load: Row | None = None,
+        across: Row | None = None,
     ) -> Friction:
         """Add dry friction along a coordinate or between two, which sticks exactly: as a constraint, until it exceeds static friction.
 
@@ -80,6 +88,8 @@ class Frictions(OneSided):
         load : Row, optional
             What presses: a constraint that `m.constrain` or `m.constrain_velocity` returned, or its label. Its load is in N where its
             expression is a length in m, or a velocity in m/s, across the surfaces.
+        across : Row, optional
+            Another such constraint, at a right angle to the first: what presses is √(load² + across²), as in a pin.
 
         Returns
         -------
@@ -98,8 +108,9 @@ class Frictions(OneSided):
             raise ModelError(f"friction {where}: there is one of that name already; give another name")
         along = Displacement.of(where, coordinate, other, ratio)
         self._require_sign(where, ">=", viscous=viscous)
-        if load is not None or coefficient is not None:
-            return self._pressed(where, along, viscous, coefficient, load, {"coulomb": coulomb, "static": static, "stribeck": stribeck})
+        if load is not None or coefficient is not None or across is not None:
+            others = {"coulomb": coulomb, "static": static, "stribeck": stribeck}
+            return self._pressed(where, along, viscous, coefficient, (load, across), others)
         if coulomb is None:
             raise ModelError(f"{where}: there is no friction; give coulomb, or coefficient and load")
         if stribeck is not None:
@@ -110,30 +121,52 @@ class Frictions(OneSided):
         if stribeck is not None:
             sliding += (most - least) * exp(-as_sympy(slip) * along.rate / as_sympy(stribeck))
         self._apply(where, along.forces(-as_sympy(slip) * sliding - as_sympy(viscous) * along.rate))
-        self.frictions[where] = Friction(where, along, most, slip.name, held.name)
+        self.frictions[where] = Friction(name=where, along=along, static=most, slip=slip.name, held=held.name)
         return self.frictions[where]
 
     def _pressed(
-        self, where: str, along: Displacement, viscous: Value, coefficient: Value | None, load: Row | None, others: dict[str, object]
+        self,
+        where: str,
+        along: Displacement,
+        viscous: Value,
+        coefficient: Value | None,
+        pressing: tuple[Row | None, Row | None],
+        others: dict[str, object],
     ) -> Friction:
-        """Friction that follows the load of a constraint."""
+        """Friction that follows the load of a constraint, or of two."""
+        load, across = pressing
         if coefficient is None or load is None:
             raise ModelError(f"{where}: coefficient and load belong together; give both, or coulomb")
         if given := [word for word, value in others.items() if value is not None]:
             raise ModelError(f"{where}: {given[0]} does not go with the friction of a load; leave it out, or coefficient and load")
-        if load.type is not None:
-            raise ModelError(
-                f"{where}: load {load.label} is a scaled constraint, whose multiplier is no force; write it by m.constrain, in m"
-            )
+        rows = [row for row in (load, across) if row is not None]
+        for row in rows:
+            if row.type is not None:
+                raise ModelError(
+                    f"{where}: load {row.label} is a scaled constraint, whose multiplier is no force; write it by m.constrain, in m"
+                )
+        if load is across:
+            raise ModelError(f"{where}: load and across are the same constraint {load.label}; leave across out")
         self._require_sign(where, ">=", coefficient=coefficient)
-        if sum(each.load is not None for each in self.frictions.values()) == MOST_LOADED:
-            raise ModelError(f"{where}: {MOST_LOADED} frictions follow loads already, as many as a model can have; give coulomb")
+        self._require_room(where, across is not None)
         slip, held = self.input(f"{where}.slip"), self.parameter(f"{where}.held", 0.0)
         if not (is_number(viscous) and viscous == 0.0):
             self._apply(where, along.forces(-as_sympy(viscous) * along.rate))
-        number = next(k for k, row in enumerate(self.rows) if row is load)
-        self.frictions[where] = Friction(where, along, as_sympy(coefficient), slip.name, held.name, number)
+        numbers = [next(k for k, row in enumerate(self.rows) if row is each) for each in rows]
+        loads = dict(zip(("load", "across"), numbers, strict=False))
+        self.frictions[where] = Friction(name=where, along=along, static=as_sympy(coefficient), slip=slip.name, held=held.name, **loads)
         return self.frictions[where]
+
+    def _require_room(self, where: str, is_of_two: bool) -> None:
+        """Raise ModelError where the loads of another friction could not be solved with those of the ones that the model has."""
+        loaded = [each for each in self.frictions.values() if each.load is not None]
+        if len(loaded) == MOST_LOADED:
+            raise ModelError(f"{where}: {MOST_LOADED} frictions follow loads already, as many as a model can have; give coulomb")
+        if alone := next((each.name for each in loaded if is_of_two or each.across is not None), None):
+            raise ModelError(
+                f"{where}: friction {alone} follows loads as well, and one with across must be the only such friction of a model; "
+                "leave across out, or give coulomb"
+            )
 
     def _limits(self, where: str, coulomb: Scalar, static: Scalar | None) -> tuple[Scalar, Scalar]:
         """Sliding and static friction. What parameters alone determine is checked; other expressions count as 0 where they are

@@ -33,7 +33,13 @@ class Loads(Coordinates):
 
     @fact
     def gravity(self, field: Values) -> None:
-        """The acceleration of gravity (m/s²): three values, or two in the plane."""
+        """Set the acceleration of gravity.
+
+        Parameters
+        ----------
+        field : sequence of float or expression of parameters, shape (3,) or (2,)
+            Acceleration in m/s²; two numbers in the plane.
+        """
         if len(field) not in (2, 3):
             raise ModelError(
                 f"gravity: {counted(len(field), 'number')} given; give three, as (0, 0, -9.81), or two in the plane, (0, -9.81)"
@@ -42,20 +48,62 @@ class Loads(Coordinates):
 
     @fact
     def force(self, point: Point, vector: Expressions, label: str | None = None) -> Force:
-        """A force (N) on a point: three numbers or expressions of m.time, coordinates, rates, parameters and inputs; two in the plane."""
+        """Apply a force at a point.
+
+        Parameters
+        ----------
+        point : Point
+            Where it acts.
+        vector : sequence of expressions, shape (3,) or (2,)
+            Force in N in global axes: numbers, or expressions of m.time, coordinates, rates, parameters and inputs; two in the plane.
+        label : str, optional
+            Name in messages. Default: force on the point.
+
+        Returns
+        -------
+        Force
+            The force.
+        """
         label = label or f"force on {point.name}"
         return self._apply(label, zip(point.components, _three(vector, label, point.components[2].fixed), strict=True))
 
     @fact
     def torque(self, coordinate: Relative, expression: Driven, label: str | None = None) -> Force:
-        """A couple (N m) along a relative angle, or a force (N) along a relative distance, such as a motor's."""
+        """Apply a couple along a relative angle, or a force along a relative distance, such as a motor's.
+
+        Parameters
+        ----------
+        coordinate : Relative
+            The angle or the distance.
+        expression : expression
+            Couple in N m or force in N, as of `force`.
+        label : str, optional
+            Name in messages. Default: torque on the coordinate.
+
+        Returns
+        -------
+        Force
+            The generalised force.
+        """
         return self._apply(label or f"torque on {coordinate.name}", [(coordinate.components[0], expression)])
 
     @fact
     def couple(self, body: Body, vector: Moment, label: str | None = None) -> Couple:
-        """A couple (N m, global axes) on a body: three numbers or expressions of m.time, coordinates, rates, parameters and inputs.
+        """Apply a couple to a body.
 
-        On a body in the plane one is enough: the couple about the plane's normal.
+        Parameters
+        ----------
+        body : Body
+            The body.
+        vector : expression or sequence of expressions, shape (3,)
+            Couple in N m in global axes, as of `force`; for a body in the plane one is enough, about the plane's normal.
+        label : str, optional
+            Name in messages. Default: couple on the body.
+
+        Returns
+        -------
+        Couple
+            The couple.
         """
         label = label or f"couple on {body.name}"
         is_single = body.frame.planar and not (isinstance(vector, (str, Iterable)) or getattr(vector, "ndim", 0))
@@ -67,7 +115,20 @@ class Loads(Coordinates):
 
     @fact
     def potential(self, expression: Expression, label: str = "potential") -> Potential:
-        """A potential energy (J) as an expression of coordinates and parameters; its force follows."""
+        """Add a potential energy, from which its force follows.
+
+        Parameters
+        ----------
+        expression : expression
+            Energy in J, of coordinates and parameters.
+        label : str
+            Name in messages.
+
+        Returns
+        -------
+        Potential
+            The potential.
+        """
         self.potentials.append(Potential(label, as_sympy(expression)))
         return self.potentials[-1]
 
@@ -82,12 +143,33 @@ class Loads(Coordinates):
         law: Law | None = None,
         label: str | None = None,
     ) -> Spring:
-        """A spring and damper between two points.
+        """Add a spring and damper between two points.
 
-        stiffness: N/m; damping: N s/m; free_length: m (default: the distance in the initial position); with 0, and without damping,
-            the points may coincide
-        law: instead of these, a function (length, rate) -> tension (N) that returns a sympy expression, or an expression of
-            the symbols x and v
+        Parameters
+        ----------
+        start, end : Point
+            Its ends.
+        stiffness : float or expression of parameters
+            In N/m.
+        damping : float or expression of parameters
+            In N s/m.
+        free_length : float or expression of parameters, optional
+            Length in m without tension. Default: the initial distance. With 0, and without damping, the points may coincide.
+        law : callable or expression, optional
+            Instead of these the tension in N: a function (length, rate) that returns an expression, or an expression of the symbols x and
+            v, in m and m/s.
+        label : str, optional
+            Name in messages. Default: spring with both points.
+
+        Returns
+        -------
+        Spring
+            The spring.
+
+        Raises
+        ------
+        ModelError
+            Where the points coincide, and the spring has a damper or a free length.
         """
         label = label or f"spring {start.name}-{end.name}"
         segment = as_combination(end) - start
@@ -95,7 +177,7 @@ class Loads(Coordinates):
         if start is end or not (regular or np.linalg.norm(segment.initial) > 0):
             raise ModelError(f"{label}: {segment} has length 0; give points that are apart, or free_length=0 without damping")
         free = measures.length(segment) if free_length is None else free_length
-        return self._pulling(Spring(label, segment, stiffness, damping, free, _tension(law)))
+        return self._pulling(Spring(label=label, segment=segment, stiffness=stiffness, damping=damping, free=free, law=_tension(law)))
 
     @fact
     def torsion_spring(
@@ -107,30 +189,80 @@ class Loads(Coordinates):
         law: Law | None = None,
         label: str | None = None,
     ) -> TorsionSpring:
-        """A spring and damper along a relative angle or distance.
+        """Add a spring and damper along a relative angle or distance.
 
-        stiffness: N m/rad or N/m; damping; free_angle: rad or m (default: the initial one)
-        law: instead of these, a function (angle, rate) -> torque, positive against growth, or an expression of x and v
+        Parameters
+        ----------
+        angle : Relative
+            The angle or the distance.
+        stiffness : float or expression of parameters
+            In N m/rad or N/m.
+        damping : float or expression of parameters
+            In N m s/rad or N s/m.
+        free_angle : float or expression of parameters, optional
+            Value in rad or m without torque. Default: the initial one.
+        law : callable or expression, optional
+            Instead of these the torque in N m or the force in N, against growth: a function (angle, rate) that returns an expression, or an
+            expression of the symbols x and v.
+        label : str, optional
+            Name in messages. Default: spring of the coordinate.
+
+        Returns
+        -------
+        TorsionSpring
+            The spring.
         """
         label = label or f"spring of {angle.name}"
         free = angle.components[0].value if free_angle is None else free_angle
-        return self._pulling(TorsionSpring(label, angle, stiffness, damping, free, _tension(law)))
+        return self._pulling(
+            TorsionSpring(label=label, coordinate=angle, stiffness=stiffness, damping=damping, free=free, law=_tension(law))
+        )
 
     @fact
     def rotor(self, coordinate: Relative, inertia: Value) -> Rotor:
-        """What turns with a relative angle, such as a motor's armature: its moment of inertia (kg m²; along a distance its mass, kg), times
-        the square of the gear's ratio. Its own turning has no other effect."""
+        """Add the inertia of what turns with a relative angle, such as a motor's armature. Its own turning has no other effect.
+
+        Parameters
+        ----------
+        coordinate : Relative
+            The angle or the distance.
+        inertia : float or expression of parameters
+            Moment of inertia in kg m², times the square of the gear's ratio; along a distance mass in kg.
+
+        Returns
+        -------
+        Rotor
+            The rotor.
+        """
         unit = "kg m2" if isinstance(coordinate, Angle) else "kg"
-        self._require(Bound(f"rotor of {coordinate.name}: its inertia is", inertia, ">=", unit, "give a positive number"))
+        self._require(
+            Bound(
+                wording=f"rotor of {coordinate.name}: its inertia is",
+                value=inertia,
+                relation=">=",
+                unit=unit,
+                remedy="give a positive number",
+            )
+        )
         self.rotors.append(Rotor(coordinate, inertia))
         return self.rotors[-1]
 
     @fact
     def callback(self, function: F) -> F:
-        """A force that no expression says: function(t, q, qd, kernels) returns generalised forces (n,), added to Q.
+        """Add a force that no expression describes, as a Python function.
 
-        Its work counts in the energy balance. The C runtime calls it at every evaluation; what it raises ends the run and arrives
-        unchanged. Kernels in C do not contain it.
+        Its work counts in the energy balance. The C runtime calls it at every evaluation; an exception ends the run and arrives unchanged.
+        Kernels in C do not contain it.
+
+        Parameters
+        ----------
+        function : callable
+            Function (t, q, qd, kernels) to generalised forces (n,), which are added to Q.
+
+        Returns
+        -------
+        callable
+            The function itself, so that this method can be a decorator.
         """
         if not callable(function):
             raise ModelError(f"callback: {shown(function)} is not a function; give one of (t, q, qd, kernels)")

@@ -26,8 +26,9 @@ from ncgen.model.coordinates import check_form
 from ncgen.model.drawing import Drawing
 from ncgen.model.events import called_by
 from ncgen.model.facts import fact
-from ncgen.model.joints import Joints
+from ncgen.model.gears import Gears
 from ncgen.model.locks import Locks
+from ncgen.model.loop_closing import LoopClosing
 from ncgen.model.names import check_word, normal
 from ncgen.model.pictures import Pictures
 from ncgen.model.rigid import Frame
@@ -41,7 +42,7 @@ LONGEST_NAME = 100
 """Characters of a model's name, which becomes a file name."""
 
 
-class Model(Joints, Locks, Pictures):
+class Model(Gears, LoopClosing, Locks, Pictures):
     """Describe a mechanism in natural coordinates.
 
     Parameters
@@ -89,7 +90,7 @@ class Model(Joints, Locks, Pictures):
         self.chosen_independent = ()
         self.drawing = Drawing()
         self.simulation_options = {}
-        self.ground = Body("ground", rigid=False, frame=Frame(Owner("body", "ground")))
+        self.ground = Body(name="ground", rigid=False, frame=Frame(owner=Owner("body", "ground")))
         self._related = {}
         self._box = None
         self.frames = {}
@@ -137,12 +138,41 @@ class Model(Joints, Locks, Pictures):
 
     @fact
     def simulation(self, **options: object) -> None:
-        """What `ncgen run` does with this model unless told otherwise: arguments of `ncgen.simulate` by name."""
+        """Set what `ncgen run` does with this model by default.
+
+        Parameters
+        ----------
+        **options : object
+            Arguments of `ncgen.simulate` by name.
+        """
         self.simulation_options = {normal(key): _with_names(value) for key, value in options.items()}
 
     @classmethod
     def from_tables(cls, P: Table, U: Table, CONSTR: Table, **options: Unpack[TableOptions]) -> Model:
-        """A model from the paper's Tables 1-7 as printed, see `ncgen.model.tables.from_tables`."""
+        """Make a model from the paper's Tables 1-7 as printed.
+
+        Parameters
+        ----------
+        P, U : array_like
+            Points and unit vectors (Table 1): rows of x, y, z and the 1-based position in q. They become r1, r2 and so on, and u1, u2 and
+            so on.
+        CONSTR : array_like
+            Constraints (Tables 2-5): rows of 12 entries with the codes 1000-1003 and 1010-1015. Angles become psi1, psi2 and so on.
+        **options : TableOptions
+            `inertia`: {body: {m, cog, IT, r, u}} (Table 6), optionally with all `points` and `vectors` of the body; `lines`, `uvect`: pairs
+            of points, and of point and vector (Table 7); `fixed`: 1-based positions in q that do not move (section 5); `independent`:
+            numbers of independent angles; `name`, `scale` and `form`: as of `Model`.
+
+        Returns
+        -------
+        Model
+            The model.
+
+        Raises
+        ------
+        ModelError
+            With the table, its row and the number that is wrong.
+        """
         from ncgen.model.tables import from_tables
 
         return from_tables(cls, P, U, CONSTR, **options)

@@ -24,7 +24,7 @@ class Ratchet:
     held: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Law:
     """Of stops, as `stop` has it."""
 
@@ -62,8 +62,8 @@ class OneSided(Events):
         restitution : float or expression of parameters
             Of rigid stops. A coordinate that comes to rest at its stop is held as long as it is pushed.
         stiffness, damping, exponent : float
-            k, d and n of compliant stops, whose force is k δⁿ (1 + d δ̇) where the coordinate is δ beyond them (Hunt and Crossley): N/mⁿ or
-            N m/radⁿ, and s/m or s/rad.
+            Constants k, d and n of compliant stops, whose force is k δⁿ (1 + d δ̇) where the coordinate is δ beyond them (Hunt and
+            Crossley): N/mⁿ or N m/radⁿ, and s/m or s/rad.
         order : str, optional
             Of rigid stops, the law of several impacts at one instant, as of `ncgen.impact`.
         name : str, optional
@@ -106,7 +106,7 @@ class OneSided(Events):
             position.
         ratio : float or expression of parameters
             Velocity of the coordinate over that of the other one, where they carry each other; negative for external gears.
-        restitution, stiffness, damping, order
+        restitution, stiffness, damping, order : float, str
             As of `stop`.
         name : str, optional
             Its events have .lower and .upper behind it. Default: both coordinates with .backlash.
@@ -191,7 +191,7 @@ class OneSided(Events):
         length : float or expression of parameters
             Length in m.
         restitution : float or expression of parameters
-            e of the impact where it becomes taut, u⁺ = −e u⁻.
+            Factor e of the impact where it becomes taut, u⁺ = −e u⁻.
         order : str, optional
             Law of several impacts at one instant, as of `ncgen.impact`.
         name : str, optional
@@ -213,7 +213,7 @@ class OneSided(Events):
         self._check_restitution(where, restitution)
         self._require_sign(where, ">=", damping=damping)
         self._require_sign(where, ">", exponent=exponent, **({} if stiffness is None else {"stiffness": stiffness}))
-        return _Law(restitution, stiffness, damping, exponent, check_order(order, where))
+        return _Law(restitution=restitution, stiffness=stiffness, damping=damping, exponent=exponent, order=check_order(order, where))
 
     def _stops(self, where: str, along: Displacement, lower: Value | None, upper: Value | None, law: _Law) -> None:
         """Rigid or compliant stops of a displacement."""

@@ -26,22 +26,41 @@ class Pictures(Contents):
 
     @fact
     def line(self, *points: Point) -> None:
-        """Draw a line through these points."""
+        """Draw a line through points.
+
+        Parameters
+        ----------
+        *points : Point
+            Two points or more, in their order.
+        """
         if len(points) < 2:
             raise ModelError(f"line: {counted(len(points), 'point')} given; give two or more")
         self.drawing.lines += zip(points, points[1:])
 
     @fact
     def arrow(self, point: Point, vector: Vector) -> None:
-        """Draw a unit vector at a point."""
+        """Draw a unit vector at a point.
+
+        Parameters
+        ----------
+        point : Point
+            Where it begins.
+        vector : Vector
+            The unit vector.
+        """
         self.drawing.arrows.append((point, vector))
 
     @fact
     def range(self, number: str, low: Number, high: Number) -> None:
-        """Offer a number first in the page of the model (`ncgen export MODEL --to html`), with a slider from low to high.
+        """Offer a number first in the page of the model (`ncgen export MODEL --to html`), with a slider.
 
-        number: a parameter or an input, or a plain number by the name that the page gives it, such as `B.position.x`, `crank.mass`,
-            `gravity.y`
+        Parameters
+        ----------
+        number : str
+            A parameter or an input, or a plain number by the name that the page gives it, such as `B.position.x`, `crank.mass` or
+            `gravity.y`.
+        low, high : float
+            Ends of the slider.
         """
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
             raise ModelError(f"range of {number}: from {low:g} to {high:g}; give two numbers that increase")
@@ -53,10 +72,18 @@ class Pictures(Contents):
     ) -> None:
         """Show a body as a box.
 
-        size: its sides (m) along its own axes
-        position: of its middle (m, global axes, initial position); default: the middle of the body's points
-        rotation: of its axes, roll, pitch and yaw (rad) about the fixed axes x, y, z; default: its axes are the global ones
-        colour: #rrggbb; default: one of its own for every body
+        Parameters
+        ----------
+        body : Body
+            The body, with which the box moves.
+        size : array_like, shape (3,)
+            Its sides in m along its own axes.
+        position : array_like, shape (3,), optional
+            Its middle in m, in global axes and the initial position. Default: the middle of the body's points.
+        rotation : array_like, shape (3,)
+            Roll, pitch and yaw in rad of its axes about the fixed axes x, y and z.
+        colour : str, optional
+            As #rrggbb. Default: one of its own for every body.
         """
         self._solid(body, "box", check_sizes(size, 3, f"box of {body.name}", "size"), position, _turn(rotation, body), colour)
 
@@ -71,7 +98,21 @@ class Pictures(Contents):
         *,
         colour: str | None = None,
     ) -> None:
-        """Show a body as a cylinder of some radius and length (m), its middle at a position, its axis along a direction; else as `box`."""
+        """Show a body as a cylinder.
+
+        Parameters
+        ----------
+        body : Body
+            The body, with which the cylinder moves.
+        radius, length : float
+            Its size in m.
+        position : array_like, shape (3,), optional
+            Its middle in m, as of `box`.
+        axis : array_like, shape (3,)
+            Direction of its axis, in global axes and the initial position.
+        colour : str, optional
+            As of `box`.
+        """
         self._round(body, "cylinder", (radius, length), position, axis, colour)
 
     @fact
@@ -85,7 +126,21 @@ class Pictures(Contents):
         *,
         colour: str | None = None,
     ) -> None:
-        """Show a body as a cylinder with round ends whose middles are `length` apart (m); else as `cylinder`."""
+        """Show a body as a cylinder with round ends.
+
+        Parameters
+        ----------
+        body : Body
+            The body, with which the capsule moves.
+        radius, length : float
+            Radius, and distance of the middles of its ends, in m.
+        position : array_like, shape (3,), optional
+            Its middle in m, as of `box`.
+        axis : array_like, shape (3,)
+            Direction of its axis, as of `cylinder`.
+        colour : str, optional
+            As of `box`.
+        """
         self._round(body, "capsule", (radius, length), position, axis, colour)
 
     @fact
@@ -99,12 +154,38 @@ class Pictures(Contents):
         *,
         colour: str | None = None,
     ) -> None:
-        """Show a body as a wheel with spokes, which tell how it turns, of some radius and width (m); else as `cylinder`."""
+        """Show a body as a wheel with spokes, which show how it turns.
+
+        Parameters
+        ----------
+        body : Body
+            The body, with which the wheel moves.
+        radius, width : float
+            Its size in m.
+        position : array_like, shape (3,), optional
+            Its middle in m, as of `box`.
+        axis : array_like, shape (3,)
+            Direction of its axle, as of `cylinder`.
+        colour : str, optional
+            As of `box`.
+        """
         self._round(body, "wheel", (radius, width), position, axis, colour)
 
     @fact
     def sphere(self, body: Body, radius: Number, position: Numbers | None = None, *, colour: str | None = None) -> None:
-        """Show a body as a sphere of some radius (m); else as `box`."""
+        """Show a body as a sphere.
+
+        Parameters
+        ----------
+        body : Body
+            The body, with which the sphere moves.
+        radius : float
+            Its radius in m.
+        position : array_like, shape (3,), optional
+            Its middle in m, as of `box`.
+        colour : str, optional
+            As of `box`.
+        """
         sizes = check_sizes((radius,), 1, f"sphere of {body.name}", "radius") * 3
         self._solid(body, "ellipsoid", sizes, position, np.eye(3), colour)
 
@@ -112,15 +193,37 @@ class Pictures(Contents):
     def ellipsoid(
         self, body: Body, radii: Numbers, position: Numbers | None = None, rotation: Numbers = NO_TURN, *, colour: str | None = None
     ) -> None:
-        """Show a body as an ellipsoid with radii (m) along its own axes; else as `box`."""
+        """Show a body as an ellipsoid.
+
+        Parameters
+        ----------
+        body : Body
+            The body, with which the ellipsoid moves.
+        radii : array_like, shape (3,)
+            Radii in m along its own axes.
+        position : array_like, shape (3,), optional
+            Its middle in m, as of `box`.
+        rotation : array_like, shape (3,)
+            Of its axes, as of `box`.
+        colour : str, optional
+            As of `box`.
+        """
         self._solid(body, "ellipsoid", check_sizes(radii, 3, f"ellipsoid of {body.name}", "radii"), position, _turn(rotation, body), colour)
 
     @fact
     def polygon(self, body: Body, corners: Sequence[Numbers], thickness: Number = 0.0, *, colour: str | None = None) -> None:
         """Show a body as a flat polygon.
 
-        corners: in the order in which they stand around it (m, global axes, initial position)
-        thickness: half of it to either side (m)
+        Parameters
+        ----------
+        body : Body
+            The body, with which the polygon moves.
+        corners : sequence of array_like, shape (3,)
+            Corners in m in their order around it, in global axes and the initial position.
+        thickness : float
+            In m, half of it to either side.
+        colour : str, optional
+            As of `box`.
         """
         where = f"polygon of {body.name}"
         if len(corners) < 3:
@@ -129,7 +232,17 @@ class Pictures(Contents):
         normal = normal_of(places, where)
         if not thickness >= 0:
             raise ModelError(f"{where}: the thickness is {float(thickness):g} m; give a positive number, or none")
-        self._add(Solid(body, "polygon", (float(thickness),), places[0], rotation_to(normal), check_colour(colour, where), places))
+        self._add(
+            Solid(
+                body=body,
+                kind="polygon",
+                sizes=(float(thickness),),
+                position=places[0],
+                rotation=rotation_to(normal),
+                colour=check_colour(colour, where),
+                corners=places,
+            )
+        )
 
     @fact
     def mesh(
@@ -144,11 +257,20 @@ class Pictures(Contents):
     ) -> None:
         """Show a body as the triangles of a file (STL, OBJ or DAE), which is opened when a picture is made.
 
-        file: its name, from the folder of the model's file, or from the working directory for a model in Python
-        position, rotation: of its coordinates in the global ones, as for `box`, in the body's initial position
-        scale: factors along its axes: (0.001, 0.001, 0.001) where it is in millimetres
-
         A file that is missing or too large is reported in one line when a picture is made, and left out.
+
+        Parameters
+        ----------
+        body : Body
+            The body, with which the triangles move.
+        file : str
+            Name of the file, from the folder of the model's file, or from the working directory for a model in Python.
+        position, rotation : array_like, shape (3,)
+            Of the file's coordinates in the global ones, in m and rad as of `box`, in the initial position.
+        scale : array_like, shape (3,)
+            Factors along its axes: (0.001, 0.001, 0.001) for a file in millimetres.
+        colour : str, optional
+            As of `box`.
         """
         where = f"mesh {file}"
         if not file or "\0" in file or "://" in file:
@@ -157,18 +279,47 @@ class Pictures(Contents):
             raise ModelError(f"{where}: the scale is three numbers that are not 0")
         place = _place(position, where)
         factors = tuple(map(float, scale))
-        self._add(Solid(body, "mesh", factors, place, _turn(rotation, body), check_colour(colour, where), file=file))
+        self._add(
+            Solid(
+                body=body,
+                kind="mesh",
+                sizes=factors,
+                position=place,
+                rotation=_turn(rotation, body),
+                colour=check_colour(colour, where),
+                file=file,
+            )
+        )
 
     @fact
     def bar(self, start: Point, end: Point, radius: Number, *, colour: str | None = None) -> None:
-        """Show a round bar of some radius (m) from a point to another one."""
+        """Show a round bar between two points.
+
+        Parameters
+        ----------
+        start, end : Point
+            Its ends.
+        radius : float
+            Radius in m.
+        colour : str, optional
+            As of `box`.
+        """
         self._strut(start, end, radius, None, colour, "bar")
 
     @fact
     def telescope(self, start: Point, end: Point, radius: Number, length: Number | None = None, *, colour: str | None = None) -> None:
-        """Show a cylinder of variable length between two points, as that of an excavator: a barrel at the start, and a rod out of it.
+        """Show a cylinder of variable length between two points, such as that of an excavator: a barrel at the start, and a rod out of it.
 
-        radius: of the barrel; length: of the barrel; default: six tenths of the initial distance (m)
+        Parameters
+        ----------
+        start, end : Point
+            Its ends.
+        radius : float
+            Radius of the barrel in m.
+        length : float, optional
+            Length of the barrel in m. Default: six tenths of the initial distance.
+        colour : str, optional
+            As of `box`.
         """
         barrel = 0.6 * float(np.linalg.norm(end.initial - start.initial)) if length is None else length
         (barrel,) = check_sizes((barrel,), 1, f"telescope {start.name}-{end.name}", "length")
@@ -192,14 +343,14 @@ class Pictures(Contents):
         if position is None and not body.points:
             raise ModelError(f"{where}: it has no point to stand at; give its position")
         place = np.mean([p.initial for p in body.points], axis=0) if position is None else _place(position, where)
-        self._add(Solid(body, kind, sizes, place, rotation, check_colour(colour, where)))
+        self._add(Solid(body=body, kind=kind, sizes=sizes, position=place, rotation=rotation, colour=check_colour(colour, where)))
 
     def _strut(self, start: Point, end: Point, radius: Number, length: float | None, colour: str | None, kind: str) -> None:
         where = f"{kind} {start.name}-{end.name}"
         if start is end:
             raise ModelError(f"{where}: both ends are one point; give two")
         (thick,) = check_sizes((radius,), 1, where, "radius")
-        self.drawing.struts.append(Strut(start, end, thick, length, check_colour(colour, where)))
+        self.drawing.struts.append(Strut(start=start, end=end, radius=thick, length=length, colour=check_colour(colour, where)))
 
     def _add(self, solid: Solid) -> None:
         if solid.body is not self.ground and not solid.body.points:

@@ -42,7 +42,7 @@ Claims: TypeAlias = dict[tuple[str, ...], bool]
 """{names of elements in order: True} of lengths (one name, or the two of a segment) and angles that have a row."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Frame:
     """The base of a body while its elements come in.
 

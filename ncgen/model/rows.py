@@ -40,7 +40,7 @@ class Owner:
         return self.name if self.name.startswith(self.kind) else f"{self.kind} {self.name}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Row:
     """One constraint equation.
 
@@ -113,14 +113,29 @@ def _short(value: Combination | Value | Component) -> str:
 def distance(start: Point, end: Point, length: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
     """Row 1000: |end − start| = length (m). `numeric` is the length's number."""
     label = f"distance {start.name}-{end.name}"
-    new = Row(owner, label, PAPER_CODES["distance"], ROW_TYPES["distance"], {"a": start - end}, {"L": length}, scaled=scaled)
+    new = Row(
+        owner=owner,
+        label=label,
+        code=PAPER_CODES["distance"],
+        type=ROW_TYPES["distance"],
+        arguments={"a": start - end},
+        data={"L": length},
+        scaled=scaled,
+    )
     _length_condition(new).check([numeric])
     return new
 
 
 def unit(vector: Spatial, owner: Owner, scaled: bool) -> Row:
     """Row 1001: |u| = 1."""
-    return Row(owner, f"unit {vector.name}", PAPER_CODES["unit"], ROW_TYPES["unit"], {"u": as_combination(vector)}, scaled=scaled)
+    return Row(
+        owner=owner,
+        label=f"unit {vector.name}",
+        code=PAPER_CODES["unit"],
+        type=ROW_TYPES["unit"],
+        arguments={"u": as_combination(vector)},
+        scaled=scaled,
+    )
 
 
 def vector_segment(vector: Spatial, segment: Combination, length: Value, cosine: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
@@ -128,7 +143,15 @@ def vector_segment(vector: Spatial, segment: Combination, length: Value, cosine:
     data = {"L": length, "c": cosine}
     arguments = {"u": as_combination(vector), "a": segment}
     label = f"angle {vector.name}, {segment}"
-    new = Row(owner, label, PAPER_CODES["vector-segment"], ROW_TYPES["vector-segment"], arguments, data, scaled=scaled)
+    new = Row(
+        owner=owner,
+        label=label,
+        code=PAPER_CODES["vector-segment"],
+        type=ROW_TYPES["vector-segment"],
+        arguments=arguments,
+        data=data,
+        scaled=scaled,
+    )
     _cosine_condition(new).check([numeric])
     return new
 
@@ -137,7 +160,15 @@ def vector_vector(u: Spatial, v: Spatial, cosine: Value, owner: Owner, numeric: 
     """Row 1003: u·v = cosine; refused where the two are parallel. `numeric` is the cosine's number."""
     label = f"angle {u.name}, {v.name}"
     arguments = {"u": as_combination(u), "v": as_combination(v)}
-    new = Row(owner, label, PAPER_CODES["vector-vector"], ROW_TYPES["vector-vector"], arguments, {"c": cosine}, scaled=scaled)
+    new = Row(
+        owner=owner,
+        label=label,
+        code=PAPER_CODES["vector-vector"],
+        type=ROW_TYPES["vector-vector"],
+        arguments=arguments,
+        data={"c": cosine},
+        scaled=scaled,
+    )
     _cosine_condition(new).check([numeric])
     return new
 
@@ -150,7 +181,13 @@ def conditions(row: Row) -> list[Condition]:
 
 
 def _length_condition(row: Row) -> Bound:
-    return Bound(f"{row.owner}, {row.label}: the length is", row.data["L"], ">", "m", "give points that are apart, or a positive length")
+    return Bound(
+        wording=f"{row.owner}, {row.label}: the length is",
+        value=row.data["L"],
+        relation=">",
+        unit="m",
+        remedy="give points that are apart, or a positive length",
+    )
 
 
 def _cosine_condition(row: Row) -> Cosine:
@@ -159,26 +196,51 @@ def _cosine_condition(row: Row) -> Cosine:
 
 def dot(a: Combination, b: Combination, value: Value, size: float, owner: Owner, label: str, scaled: bool) -> Row:
     """a·b = value, divided by `size`, the natural size of the product."""
-    return Row(owner, label, None, ROW_TYPES["dot"], {"a": a, "b": b}, {"c": value, "L": size}, scaled=scaled)
+    return Row(
+        owner=owner, label=label, code=None, type=ROW_TYPES["dot"], arguments={"a": a, "b": b}, data={"c": value, "L": size}, scaled=scaled
+    )
 
 
 def affine(axis: int, e: Combination, a: Combination, b: Combination, cross_weight: Value, size: float, owner: Owner, label: str) -> Row:
     """One component of e = cross_weight · a × b, where e is a linear combination that a rigid body keeps."""
     data = {"c": cross_weight, "L": size}
-    return Row(owner, f"{label}.{AXES[axis]}", None, ROW_TYPES[f"affine-{AXES[axis]}"], {"e": e, "a": a, "b": b}, data)
+    return Row(
+        owner=owner,
+        label=f"{label}.{AXES[axis]}",
+        code=None,
+        type=ROW_TYPES[f"affine-{AXES[axis]}"],
+        arguments={"e": e, "a": a, "b": b},
+        data=data,
+    )
 
 
 def length_row(s: Relative, segment: Combination, scaled: bool) -> Row:
     """|segment| = s."""
     arguments = {"a": segment, "s": s.components[0]}
-    return Row(_coordinate(s), f"length {s.name}", None, ROW_TYPES["length"], arguments, {"L": measures.length(segment)}, scaled=scaled)
+    return Row(
+        owner=_coordinate(s),
+        label=f"length {s.name}",
+        code=None,
+        type=ROW_TYPES["length"],
+        arguments=arguments,
+        data={"L": measures.length(segment)},
+        scaled=scaled,
+    )
 
 
 def slide_row(s: Relative, segment: Combination, axis: Combination, extent: float, scaled: bool) -> Row:
     """segment·axis = s; extent: of the model (m)."""
     arguments = {"a": segment, "n": axis, "s": s.components[0]}
     size = measures.natural_length(segment, extent)
-    return Row(_coordinate(s), f"slide {s.name}", None, ROW_TYPES["slide"], arguments, {"L": size}, scaled=scaled)
+    return Row(
+        owner=_coordinate(s),
+        label=f"slide {s.name}",
+        code=None,
+        type=ROW_TYPES["slide"],
+        arguments=arguments,
+        data={"L": size},
+        scaled=scaled,
+    )
 
 
 def _coordinate(s: Relative) -> Owner:
@@ -227,7 +289,15 @@ def angle(psi: Angle, form: str, lengths: Sequence[Value] | None, branch: tuple[
     data = {"la": la, "lb": lb, "ln": ln, **dict(zip(BRANCH_WEIGHTS, branch))}
     arguments = {"a": psi.start, "b": psi.end, "n": psi.axis, "psi": psi.components[0]}
     code = PAPER_ANGLE_CODES[measures.shape(psi.start), measures.shape(psi.end), measures.shape(psi.axis)]
-    return Row(Owner("coordinate", psi.name), f"angle {psi.name}", code, ROW_TYPES[key], arguments, data, scaled=scaled)
+    return Row(
+        owner=Owner("coordinate", psi.name),
+        label=f"angle {psi.name}",
+        code=code,
+        type=ROW_TYPES[key],
+        arguments=arguments,
+        data=data,
+        scaled=scaled,
+    )
 
 
 def largest_component(axis: np.ndarray) -> int:

@@ -27,7 +27,7 @@ PLANE_TOLERANCE = 1e-6
 """How far, over its size, a corner of a polygon may be from its plane."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Solid:
     """A shape that moves with a body.
 
@@ -49,7 +49,7 @@ class Solid:
     file: str = ""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Strut:
     """A round bar from a point to another one, however far they are apart.
 

@@ -1,4 +1,4 @@
-"""Declaring bodies and constraint rows: what holds elements together."""
+"""Declaring bodies: elements that move together, with mass."""
 
 from __future__ import annotations
 
@@ -22,21 +22,17 @@ from ncgen.model.bodies import (
     rod_tensor,
     symmetric,
 )
-from ncgen.model.coordinates import Coordinates
-from ncgen.model.elements import Combination, Component, Constant, Direction, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.measures import Scalars
-from ncgen.model.names import numbered
+from ncgen.model.own_constraints import OwnConstraints
 from ncgen.model.rigid import Frame, include
 from ncgen.model.rows import Owner, Row
-from ncgen.model.value_conditions import Bound
-from ncgen.model.values import Expression, Scalar, Tensor, Value, Values, as_number_if_constant, as_sympy, is_number
-
-USER = Owner("user", "model")
+from ncgen.model.values import Scalar, Tensor, Value, Values, as_number_if_constant, as_sympy, is_number
 
 
-class Structure(Coordinates):
-    """The part of a model that owns bodies and rows."""
+class Structure(OwnConstraints):
+    """The part of a model that owns bodies."""
 
     @fact
     def body(
@@ -53,27 +49,45 @@ class Structure(Coordinates):
         constant_mass: bool = False,
         as_given: bool = False,
     ) -> Body:
-        """A rigid body.
+        """Add a rigid body.
 
-        points, vectors: the elements that move with it
-        mass: kg; None for a body without inertia
-        com: centre of mass (m, global axes, initial position); default: the middle of the basis' points
-        inertia: tensor about the centre of mass (kg m², global axes, initial position), 3×3, its diagonal, or one
-            number for a flat body (the moment about z); "rod" for a uniform rod between the body's two points, "point" for
-            all mass at the centre of mass. A body on a single point is a point mass and needs none
-        mass, com and inertia may hold parameters. Numbers stay what they are where a parameter moves points of the body
-        basis: the elements that carry the inertia (default: four independent ones if there are, else what there is)
-        rigid: False if you write the rows that keep the body rigid yourself
-        constant_mass: add an auxiliary unit vector where that makes the body's mass matrix constant
-        as_given: take moments of inertia that no body has, as files of robots may say them; a run is refused, and warns of instants,
-            where the mass matrix is then not positive definite
+        Parameters
+        ----------
+        name : str
+            Name of the body.
+        points, vectors : sequence of Point, sequence of Vector
+            The elements that move with it.
+        mass : float or expression of parameters, optional
+            Mass in kg. Default: a body without inertia.
+        com : sequence of float or expression of parameters, shape (3,) or (2,), optional
+            Centre of mass in m, in global axes and the initial position. Default: the middle of the basis' points.
+        inertia : float, array_like, shape (3,) or (3, 3), or str, optional
+            Tensor about the centre of mass in kg m², in global axes and the initial position: all of it, its diagonal, or one number for a
+            flat body (about z); "rod" for a uniform rod between the body's two points, "point" for all mass at the centre. Entries may be
+            expressions of parameters. A body on a single point needs none.
+        basis : sequence of Point and Vector, optional
+            The elements that carry the inertia. Default: four independent ones if there are, else what there is.
+        rigid : bool
+            Whether ncgen adds the constraints that keep the body rigid; False if you add them.
+        constant_mass : bool
+            Whether to add an auxiliary unit vector where that makes the mass matrix constant.
+        as_given : bool
+            Whether to take moments of inertia that no body has, as robots' files may have them. A run warns of times at which the mass
+            matrix is then not positive definite, and is refused at the start.
 
-        Raises ModelError naming the body where its inertia is impossible, or missing although the body can rotate, or where its
-        elements are degenerate.
+        Returns
+        -------
+        Body
+            The body.
+
+        Raises
+        ------
+        ModelError
+            Where the inertia is impossible, or missing although the body can rotate, or where its elements are degenerate.
         """
         if name in self.bodies or name == self.ground.name:
             raise ModelError(f"body {name}: there is already a body of that name; choose another")
-        body = Body(name, rigid=rigid, constant_mass=constant_mass, frame=Frame(Owner("body", name)))
+        body = Body(name=name, rigid=rigid, constant_mass=constant_mass, frame=Frame(owner=Owner("body", name)))
         self.bodies[name] = body
         self.extend(body, *points, *vectors)
         if mass is None and (com is not None or inertia is not None):
@@ -95,13 +109,29 @@ class Structure(Coordinates):
         *,
         as_given: bool = False,
     ) -> None:
-        """A mass that is fixed to a body: a tool, a load that is carried. It adds to what the body has.
+        """Fix a mass to a body, such as a tool. It adds to what the body has.
 
-        name: for messages; mass: kg; com: its centre of mass (m, global axes, initial position)
-        inertia: its tensor about that (kg m², global axes, initial position), as of `body`; default: all mass is at the centre
-        basis: the elements that carry it, as of `body`, where the body has no inertia yet
-        mass, com and inertia may hold parameters; as_given: take moments of inertia that no body has, as of `body`
-        Raises ModelError naming the payload where its inertia is impossible.
+        Parameters
+        ----------
+        body : Body
+            The body.
+        name : str
+            Name in messages.
+        mass : float or expression of parameters
+            Mass in kg.
+        com : sequence of float or expression of parameters, shape (3,) or (2,)
+            Centre of mass in m, in global axes and the initial position.
+        inertia : float or array_like, shape (3,) or (3, 3)
+            Tensor about its centre in kg m², as of `body`.
+        basis : sequence of Point and Vector, optional
+            The elements that carry it, where the body has no inertia yet, as of `body`.
+        as_given : bool
+            As of `body`.
+
+        Raises
+        ------
+        ModelError
+            Where the inertia is impossible.
         """
         if body is self.ground:
             raise ModelError(f"payload {name}: the ground does not move; give a body")
@@ -113,7 +143,15 @@ class Structure(Coordinates):
 
     @fact
     def extend(self, body: Body, *elements: Spatial) -> None:
-        """Add points and vectors to a body, with the rows that keep them in place."""
+        """Add points and vectors to a body, with the constraints that keep them in place.
+
+        Parameters
+        ----------
+        body : Body
+            The body; the ground takes what is fixed.
+        *elements : Point or Vector
+            What moves with it.
+        """
         new = [e for e in dict.fromkeys(elements) if e not in body.elements]
         if body is self.ground:
             loose = [e for e in new if not e.fixed]
@@ -132,78 +170,49 @@ class Structure(Coordinates):
 
     @fact
     def attach_point(self, body: Body, name: str, position: Values) -> Point:
-        """A new point of a body (m, initial position), such as where a spring is fixed; on the ground it is fixed."""
+        """Add a new point to a body, such as where a spring is fixed.
+
+        Parameters
+        ----------
+        body : Body
+            The body; on the ground the point is fixed.
+        name : str
+            Name of the point.
+        position : sequence of float or expression of parameters, shape (3,) or (2,)
+            Initial position in m.
+
+        Returns
+        -------
+        Point
+            The point.
+        """
         point = self.point(name, position, fixed=True if body is self.ground else "z" if body.frame.planar else False)
         self.extend(body, point)
         return point
 
     @fact
     def attach_vector(self, body: Body, name: str, direction: Values) -> Vector:
-        """A new unit vector of a body (initial position)."""
+        """Add a new unit vector to a body.
+
+        Parameters
+        ----------
+        body : Body
+            The body; on the ground the vector is fixed.
+        name : str
+            Name of the vector.
+        direction : sequence of float or expression of parameters, shape (3,) or (2,)
+            Initial direction.
+
+        Returns
+        -------
+        Vector
+            The vector.
+        """
         vector = self.vector(name, direction, fixed=body is self.ground)
         self.extend(body, vector)
         return vector
 
-    @fact
-    def distance(self, start: Point, end: Point, length: Value | None = None, owner: Body | None = None) -> Row:
-        """Row 1000: a constant distance (m; default: the one of the initial position); a massless rod, or your own row."""
-        value = measures.length(start - end) if length is None else length
-        number = self._number(value, f"distance {start.name}-{end.name}")
-        return self._keep(row.distance(start, end, value, _owner(owner), number, self.scale), length is None)
-
-    @fact
-    def unit(self, vector: Vector, owner: Body | None = None) -> Row:
-        """Row 1001: a vector keeps its unit length."""
-        return self._keep(row.unit(vector, _owner(owner), self.scale))
-
-    @fact
-    def vector_segment(
-        self, vector: Vector, segment: Direction, length: Value | None = None, cosine: Value | None = None, owner: Body | None = None
-    ) -> Row:
-        """Row 1002: a constant angle between a unit vector and a segment of constant length."""
-        label = f"angle {vector.name}, {segment}"
-        segment = self._direction(segment, f"angle {vector.name}")
-        measured = length is None or cosine is None
-        length = measures.length(segment) if length is None else length
-        Bound(f"{label}: the length of the segment is", length, ">", "m", "give points that are apart").check([self._number(length, label)])
-        cosine = measures.cosine(as_combination(vector), segment) if cosine is None else cosine
-        numeric = self._number(cosine, f"{label}, cosine")
-        return self._keep(row.vector_segment(vector, segment, length, cosine, _owner(owner), numeric, self.scale), measured)
-
-    @fact
-    def vector_vector(self, u: Vector, v: Vector, cosine: Value | None = None, owner: Body | None = None) -> Row:
-        """Row 1003: a constant angle between two unit vectors."""
-        measured = cosine is None
-        cosine = measures.cosine(as_combination(u), as_combination(v)) if cosine is None else cosine
-        numeric = self._number(cosine, f"angle {u.name}, {v.name}, cosine")
-        return self._keep(row.vector_vector(u, v, cosine, _owner(owner), numeric, self.scale), measured)
-
-    @fact
-    def constrain(self, expression: Expression, label: str = "constraint", owner: Owner = USER) -> Row:
-        """A constraint of your own: a sympy expression of coordinates, `m.time` and parameters that stays zero."""
-        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False))
-
-    @fact
-    def constrain_velocity(self, expression: Expression, label: str = "velocity constraint", owner: Owner = USER) -> Row:
-        """A nonholonomic constraint: a sympy expression that is linear in rates (`q.rate`) and stays zero."""
-        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False, level="velocity"))
-
-    @fact
-    def drive(self, coordinate: Component | Relative, law: Expression) -> Row:
-        """A rheonomic driver: coordinate = law(t), a sympy expression of `m.time` and parameters."""
-        name, owner = coordinate.name, Owner("driver", coordinate.name)
-        if getattr(coordinate, "fixed", False):
-            raise ModelError(f"drive {name}: the coordinate is fixed; leave it free, or leave the driver out")
-        if first := next((k for k, each in enumerate(self.rows, 1) if each.owner == owner), None):
-            raise ModelError(f"drive {name}: row {first} drives it already; leave one of the two drivers out")
-        self.chosen_independent = tuple(n for n in self.chosen_independent if n != name)  # what is driven is not independent
-        return self.constrain(coordinate.symbol - law, f"driver of {name}", owner)
-
     # -- helpers -------------------------------------------------------------------------------
-
-    def _keep(self, new: Row, measured: bool = False) -> Row:
-        self.rows.append(replace(new, measured=measured))
-        return self.rows[-1]
 
     def _inertia(
         self,
@@ -239,7 +248,7 @@ class Structure(Coordinates):
         check_inertia(name, self._number(mass, ""), self._numbers(com), self._numbers(tensor), as_given)
         if not all(map(is_number, tensor.flat)):
             check_pairs(name, tensor, self.parameters)
-        return Inertia(mass, tuple(com), symmetric(tensor), carriers, assumed, is_judged=not as_given)
+        return Inertia(mass=mass, com=tuple(com), tensor=symmetric(tensor), basis=carriers, assumed=assumed, is_judged=not as_given)
 
     def _check_word(self, name: str, word: str) -> None:
         """Raise ModelError where an inertia is called by a word that has no meaning, or two."""
@@ -308,10 +317,22 @@ class Structure(Coordinates):
         self.attach_vector(body, f"{body.name}.aux", tuple(x / size for x in direction))
 
     def directions_across(self, body: Body, axis: Combination) -> tuple[Combination, Combination]:
-        """Two directions of a body that are perpendicular to an axis and to each other in the initial position.
+        """Return two directions of a body that are perpendicular to an axis and to each other in the initial position.
 
-        Written as combinations of the body's base where it has three directions that are numbers, otherwise as vectors of the body: those
-        that it has, or new ones.
+        They are combinations of the body's base where that has three directions that are numbers, otherwise vectors of the body: those that
+        it has, or new ones.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+        axis : Combination
+            The axis.
+
+        Returns
+        -------
+        tuple of Combination
+            The two directions.
         """
         e = arithmetic.unit(axis.initial)
         helper = np.eye(3)[np.argmin(np.abs(e))]
@@ -325,7 +346,22 @@ class Structure(Coordinates):
         return self.direction_of(body, first, "across1"), self.direction_of(body, second, "across2")
 
     def direction_of(self, body: Body, direction: Scalars, wish: str) -> Combination:
-        """A direction that moves with a body, given in the initial position as three values."""
+        """Return a direction that moves with a body.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+        direction : sequence of float or expression of parameters, shape (3,)
+            The direction in the initial position.
+        wish : str
+            How a new vector is called, if that name is free.
+
+        Returns
+        -------
+        Combination
+            The direction.
+        """
         numbers = self._numbers(direction)
         if body is self.ground:
             return as_combination(Constant.of(wish, direction, numbers))
@@ -339,17 +375,25 @@ class Structure(Coordinates):
         return sum(parts[1:], parts[0])
 
     def attach_vector_in_plane(self, body: Body, direction: Scalars, wish: str) -> Vector:
+        """Add a new unit vector of the plane to a body.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+        direction : sequence of float or expression of parameters, shape (3,)
+            Initial direction, of which z is left out.
+        wish : str
+            How it is called, if that name is free.
+
+        Returns
+        -------
+        Vector
+            The vector.
+        """
         vector = self.vector(self.free_name(f"{body.name}.{wish}"), (direction[0], direction[1], 0.0), fixed="z")
         self.extend(body, vector)
         return vector
-
-    def _numbers(self, values: Values) -> np.ndarray:
-        """The numbers of values at the parameters' defaults, in the same shape."""
-        values = np.asarray(values)
-        return np.array([self._number(x, "") for x in values.flat]).reshape(values.shape)
-
-    def free_name(self, wish: str) -> str:
-        return numbered(wish, lambda name: self.bearer(name) is not None)
 
 
 def _middle(points: list[Point]) -> tuple[Scalar, ...]:
@@ -357,7 +401,3 @@ def _middle(points: list[Point]) -> tuple[Scalar, ...]:
     if not any(p.is_parametric for p in points):
         return tuple(np.mean([p.initial for p in points], axis=0).tolist())
     return tuple(as_number_if_constant(sum(column) / len(points)) for column in zip(*(p.given for p in points), strict=True))
-
-
-def _owner(body: Body | None) -> Owner:
-    return USER if body is None else Owner("body", body.name)

@@ -47,7 +47,7 @@ class Tip:
     edge: Direction | None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ContactSurface:
     """The second body's side, at a point: a plane (normal), a cylinder (axis, radius), a sphere (radius), or a curve in the plane.
 

@@ -56,7 +56,7 @@ class Condition(ABC):
             raise ModelError(self.sentence(array))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Bound(Condition):
     """A value above zero, not below it, or other than zero.
 

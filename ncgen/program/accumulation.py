@@ -61,7 +61,7 @@ def _with_constants(block: Straight, array: str, values: dict[int, float]) -> St
     nodes = passes.unroll(graph, block, 0)
     names = {nodes[k]: name for k, name in block.names.items()}
     stores = [replace(s, node=nodes[s.node]) for s in block.stores]
-    stores += [Store(array, i, graph.const(value)) for i, value in values.items()]
+    stores += [Store(array=array, index=i, node=graph.const(value)) for i, value in values.items()]
     return replace(block, ops=tuple(graph.ops), stores=tuple(sorted(stores, key=lambda s: s.index)), names=names)
 
 
@@ -72,7 +72,14 @@ def _base_block(array: str, base: list[float]) -> Loop:
         node, slots = graph.const(base[0] if base else 0.0), ()
     else:
         node, slots = graph.slot(0), (Column(tuple(base)),)
-    return Loop(count, tuple(graph.ops), slots, (TableStore(array, tuple(range(count)), node),), {}, "constant part")
+    return Loop(
+        count=count,
+        ops=tuple(graph.ops),
+        slots=slots,
+        stores=(TableStore(array, tuple(range(count)), node),),
+        names={},
+        title="constant part",
+    )
 
 
 def _straight(array: str, lines: Sequence[Loop], base: list[float], hits: Mapping[int, int], equations: Terms) -> Straight | None:
@@ -97,5 +104,5 @@ def _straight(array: str, lines: Sequence[Loop], base: list[float], hits: Mappin
     for position in sorted(sums):
         value = sums[position] if position in hits else [graph.const(base[position]), *sums[position]]
         comment = "; ".join(dict.fromkeys(comments[position]))
-        stores.append(Store(array, position, graph.sum(value), position in hits, comment))
+        stores.append(Store(array=array, index=position, node=graph.sum(value), accumulate=position in hits, comment=comment))
     return Straight(tuple(graph.ops), tuple(stores), names)

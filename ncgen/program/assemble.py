@@ -71,7 +71,9 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
         else:
             omitted.append(f"kernel constraints: {length} operations of phi, phi_q and gamma are written out once, not once more together")
     programs = {name: share_angles(program) for name, program in programs.items()}
-    return Programs(equations, programs, pattern, built["mass"].matrix, emission, tuple(omitted))
+    return Programs(
+        equations=equations, programs=programs, phi_q=pattern, mass=built["mass"].matrix, emission=emission, omitted=tuple(omitted)
+    )
 
 
 CONSTRAINT_KERNELS = ("phi", "phi_q", "gamma")
@@ -216,7 +218,9 @@ def _program(
     if needed:
         blocks = [_derived_block(derived, needed, equations), *blocks]
     temporaries = {"d": len(derived.expressions)} if needed else {}
-    return Program(kernel.name, kernel.inputs, kernel.name, size, tuple(map(finish, blocks)), temporaries)
+    return Program(
+        name=kernel.name, inputs=kernel.inputs, output=kernel.name, size=size, blocks=tuple(map(finish, blocks)), temporaries=temporaries
+    )
 
 
 def _loop(kernel: Kernel, group: Contribution, index: Mapping[tuple[int, ...], int], equations: Terms) -> Loop:
@@ -228,7 +232,9 @@ def _loop(kernel: Kernel, group: Contribution, index: Mapping[tuple[int, ...], i
     comments = tuple(term_comment(b, equations) for b in group.members)
     title = f"{bound.term.template.key}: {bound.term.template.equation}"
     slots = tuple(slot for _, slot in group.slots)
-    return Loop(len(group.members), tuple(group.graph.ops), slots, stores, names, title, comments)
+    return Loop(
+        count=len(group.members), ops=tuple(group.graph.ops), slots=slots, stores=stores, names=names, title=title, comments=comments
+    )
 
 
 def _derived_indices(block: Block) -> set[int]:
@@ -244,7 +250,11 @@ def _derived_block(derived: Derived, needed: Sequence[int], equations: Terms) ->
     stores: list[Store] = []
     for i in needed:
         with labelled_errors(shown(derived.expressions[i])):
-            stores.append(Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=text_of(derived.expressions[i])))
+            stores.append(
+                Store(
+                    array="d", index=i, node=lower_value(graph, derived.expressions[i], parameters), comment=text_of(derived.expressions[i])
+                )
+            )
     return Straight(tuple(graph.ops), tuple(stores), names, "derived from parameters")
 
 

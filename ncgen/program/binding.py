@@ -53,7 +53,7 @@ Structure: TypeAlias = tuple[Template, tuple[tuple[tuple[Source, Source], ...], 
 """What terms of one loop have in common: template, scalars, data, and arrays of the parameters."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class BoundTerm:
     """A term with its sources.
 
@@ -99,7 +99,7 @@ class Derived:
 
 def bind(term: Term, equations: Terms, derived: Derived) -> BoundTerm:
     """Find the sources of every scalar and constant of a term."""
-    bound = BoundTerm(term, lowered(term.template))
+    bound = BoundTerm(term=term, template=lowered(term.template))
     positions = equations.parameter_index
 
     def value(v: Value, name: str) -> Source:

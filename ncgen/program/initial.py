@@ -64,4 +64,4 @@ def _node(graph: Graph, value: Value, parameters: dict[str, int]) -> int:
 
 
 def _program(name: str, graph: Graph, nodes: Sequence[int], inputs: tuple[str, ...] = ("p",)) -> Program:
-    return Program(name, inputs, name, len(nodes), (finish(written(graph, name, nodes)),))
+    return Program(name=name, inputs=inputs, output=name, size=len(nodes), blocks=(finish(written(graph, name, nodes)),))

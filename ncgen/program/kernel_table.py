@@ -35,7 +35,7 @@ Parts: TypeAlias = Callable[[Places, Nodes], Iterable[tuple[Place, int]]]
 ROW = Axis("row")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Kernel:
     """What a kernel is: its inputs, which terms enter, and how a term contributes.
 
@@ -107,12 +107,12 @@ def with_inertia(equations: Terms) -> tuple[Term, ...]:
 KERNELS = {
     kernel.name: kernel
     for kernel in [
-        Kernel("phi", POSITION, "m", _rows, ("phi",), _row("phi")),
-        Kernel("phi_q", POSITION, "mn", _rows, ("phi_q",), chain("phi_q", 1, True)),
-        Kernel("nu", POSITION, "m", _rows, ("nu",), _row("nu")),
-        Kernel("gamma", VELOCITY, "m", _rows, ("gamma",), _row("gamma")),
-        Kernel("mass", POSITION, "nn", _masses, ("mass",), chain("mass", 2, False)),
-        Kernel("force", VELOCITY, "n", with_inertia, ("force",), chain("force", 1, False)),
-        Kernel("energy", VELOCITY, "e", with_inertia, ENERGIES, _energies),
+        Kernel(name="phi", inputs=POSITION, shape="m", terms=_rows, wants=("phi",), parts=_row("phi")),
+        Kernel(name="phi_q", inputs=POSITION, shape="mn", terms=_rows, wants=("phi_q",), parts=chain("phi_q", 1, True)),
+        Kernel(name="nu", inputs=POSITION, shape="m", terms=_rows, wants=("nu",), parts=_row("nu")),
+        Kernel(name="gamma", inputs=VELOCITY, shape="m", terms=_rows, wants=("gamma",), parts=_row("gamma")),
+        Kernel(name="mass", inputs=POSITION, shape="nn", terms=_masses, wants=("mass",), parts=chain("mass", 2, False)),
+        Kernel(name="force", inputs=VELOCITY, shape="n", terms=with_inertia, wants=("force",), parts=chain("force", 1, False)),
+        Kernel(name="energy", inputs=VELOCITY, shape="e", terms=with_inertia, wants=ENERGIES, parts=_energies),
     ]
 }

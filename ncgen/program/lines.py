@@ -90,11 +90,11 @@ class Lines:
 
     def draft(self, name: str, inputs: tuple[str, ...], outputs: Sequence[int]) -> Program:
         """The same as it was written, for `prepared.take_out` to finish."""
-        return Program(name, inputs, name, len(outputs), (dead_code(written(self.graph, name, outputs)),))
+        return Program(name=name, inputs=inputs, output=name, size=len(outputs), blocks=(dead_code(written(self.graph, name, outputs)),))
 
 
 def line(graph: Graph, name: str, inputs: tuple[str, ...], outputs: Sequence[int], equations: Terms) -> Program:
     """A program in one straight line that writes nodes of a graph one after the other."""
     names = {k: load_name(*op.input, equations) for k, op in enumerate(graph.ops) if op.code == "load"}
     block = finish(replace(written(graph, name, outputs), names=names))
-    return cut(share_angles(Program(name, inputs, name, len(outputs), (block,))))
+    return cut(share_angles(Program(name=name, inputs=inputs, output=name, size=len(outputs), blocks=(block,))))

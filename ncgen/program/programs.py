@@ -22,7 +22,7 @@ MAX_ELIMINATED_DOF = 24
 """Degrees of freedom up to which a mechanism without a tree of bodies has its mass matrix eliminated in straight-line code."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Programs:
     """All kernels of a mechanism, with the patterns of its matrices.
 

@@ -40,7 +40,7 @@ ENTRY_TYPES: dict[str, type | tuple[type, ...]] = {
 }  # fmt: skip
 """What is said of how it was made, and what that is."""
 
-UNKNOWN = Statistics(0, 0, 0, 0, 0, 0.0)
+UNKNOWN = Statistics(steps=0, evaluations=0, newton_steps=0, partition_changes=0, repeated_steps=0, seconds=0.0)
 
 FORMER_ENTRIES: dict[str, Any] = {
     "formalism": "lagrange", "integrator": "unknown", "engine": "unknown", "number": "double", "stopped": False, "made_with": "",
@@ -49,7 +49,7 @@ FORMER_ENTRIES: dict[str, Any] = {
 """What stands for that in files of before."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Recorded:
     """What a file says of a motion: its path, numbers and names by their keys in `Trajectory.to_npz`.
 
@@ -78,7 +78,9 @@ class Recorded:
         _check_sizes(path, contents)
         numbers = {name: contents[name].astype(float) for name in (*ARRAYS, *OPTIONAL_ARRAYS) if name in contents}
         names = {name: tuple(map(str, contents[name])) for name in NAMES}
-        return cls(path, numbers, names, _about(path, str(contents.get("about", ""))), str(contents.get("model", "")))
+        return cls(
+            path=path, arrays=numbers, names=names, about=_about(path, str(contents.get("about", ""))), model=str(contents.get("model", ""))
+        )
 
     def trajectory(self, kernels: Kernels) -> Trajectory:
         """The motion as it was when it was written; of files of before, which do not say how it was made, its numbers. Raises NcgenError
@@ -96,7 +98,18 @@ class Recorded:
             chosen = tuple(map(str, about["chosen"]))
             made["impulses"] = tuple(Impulse(float(t), str(driver), float(size)) for t, driver, size in about.get("impulses", ()))
             made |= {"events": tuple(map(Happening.of, about.get("events", ()))), "changed": bool(about.get("changed", False))}
-            run = Trajectory(moved, a["t"], a["q"], a["qd"], a["work"], a["p"], partitions, statistics, chosen=chosen, **made)
+            run = Trajectory(
+                kernels=moved,
+                t=a["t"],
+                q=a["q"],
+                qd=a["qd"],
+                work=a["work"],
+                p=a["p"],
+                partitions=partitions,
+                statistics=statistics,
+                chosen=chosen,
+                **made,
+            )
         except (KeyError, TypeError, ValueError) as error:
             why = " ".join(str(error).split())
             raise _no_trajectory(self.path, f"what it says of how it was made is not what this ncgen knows: {why}") from error

@@ -63,7 +63,7 @@ class Picture:
     svg: SvgDrawing
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Card:
     """What is shown; a part that cannot be made becomes a line that says why."""
 
@@ -91,7 +91,7 @@ class Card:
 
 def of_model(model: Model) -> str:
     """Drawing, degrees of freedom, rows and numbers of a model as they are now."""
-    card = Card(model.name, "model")
+    card = Card(name=model.name, kind="model")
     card.add("counts", lambda: [f"{_free(model)} of {len(model.components)} coordinates free"])
     card.add("bodies", lambda: [counted(len(model.bodies), "body")])
     card.add("freedoms", lambda: _freedoms_of_model(model))
@@ -103,7 +103,7 @@ def of_model(model: Model) -> str:
 
 def of_kernels(kernels: Kernels) -> str:
     """Degrees of freedom, operations, and where Φ_q and M have numbers, rows that others imply in red."""
-    card = Card(kernels.name, f"kernels in {kernels.backend}")
+    card = Card(name=kernels.name, kind=f"kernels in {kernels.backend}")
     card.add("counts", lambda: [f"{counted(kernels.n, 'coordinate')}, {counted(kernels.m, 'row')}"])
     card.add("freedoms", lambda: _freedoms(kernels))
     card.add("kernels", lambda: [_operations(kernels)])
@@ -115,7 +115,7 @@ def of_kernels(kernels: Kernels) -> str:
 
 def of_trajectory(run: Trajectory) -> str:
     """Where a motion ended, how well it was kept, and its curves."""
-    card = Card(run.name, "trajectory")
+    card = Card(name=run.name, kind="trajectory")
     thinned = run.thinned(MAX_TIMES) if len(run.t) else run
     card.add("time", lambda: [_time(run)])
     card.add("energy error", lambda: [f"energy error {run.energy_drift if len(run.t) <= 10 * MAX_TIMES else thinned.energy_drift:.1e}"])

@@ -222,7 +222,7 @@ def _is_term_finite(term: Term, definition: Kernel, equations: Terms, given: dic
     def only(terms: tuple[Term, ...]) -> tuple[Term, ...]:
         return tuple(x for x in terms if x is term)
 
-    alone = Equations(equations.model, only(equations.rows), only(equations.masses), only(equations.forces))
+    alone = Equations(model=equations.model, rows=only(equations.rows), masses=only(equations.masses), forces=only(equations.forces))
     program = programs_of([definition], alone, math.inf)[definition.name][0]
     inputs: dict[str, Any] = {name: float(x) if name == "t" else np.asarray(x, dtype=float).tolist() for name, x in given.items()}
     try:

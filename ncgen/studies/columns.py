@@ -14,7 +14,7 @@ from ncgen.studies.definition import Study
 from ncgen.studies.kept import OF_EVENTS, Histories, with_events
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StudiedMotion:
     """t (K,): s; q, qd (K, n); events; steps: accepted ones; outputs: gives those of the model (K, outputs); energy_drift: gives that"""
 
@@ -32,7 +32,9 @@ def columns_of(study: Study, kernels: Kernels, motion: StudiedMotion) -> dict[st
     outputs = np.zeros((len(motion.t), 0))
     if any(column.is_output(study.model) for column in study.values):
         outputs = motion.outputs()
-    histories = Histories(kernels.index, tuple(kernels.model.outputs), motion.t, motion.q[None], motion.qd[None], outputs[None])
+    histories = Histories(
+        index=kernels.index, labels=tuple(kernels.model.outputs), t=motion.t, q=motion.q[None], qd=motion.qd[None], outputs=outputs[None]
+    )
     smooth = with_events(histories, motion.events)
     own = {"steps": lambda: motion.steps, "time": lambda: motion.t[-1], "energy_drift": motion.energy_drift}
     kept: dict[str, Any] = {}

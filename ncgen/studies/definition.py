@@ -38,7 +38,7 @@ TIME_TOLERANCE = 1e-9
 """Share of a run within which two instants are one."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Study:
     """design: the variants; kept: columns; times (K,): of histories (s); simulation: arguments of `simulate` that all have in common, but
     for points: how many instants are looked at, or which; None where that follows from what is kept; steps: of equal length, of the motions
@@ -99,7 +99,9 @@ class Study:
         if len(instants) and (ending := [event.name for event in model.events.values() if event.is_last]):
             raise ModelError(f"times: event {ending[0]} may end a run before; keep the end, or leave the event out")
         steps = None if steps is None else whole(steps, "steps")
-        study = cls(model, variants, columns, _apart(instants, ends), options, points, steps)
+        study = cls(
+            model=model, design=variants, kept=columns, times=_apart(instants, ends), simulation=options, points=points, steps=steps
+        )
         study._check_names()
         study._check_gradients()
         return study

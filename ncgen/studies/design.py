@@ -96,7 +96,7 @@ def _numbers(given: object, where: str) -> tuple[float, ...]:
     return tuple(array.astype(float).tolist())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Design:
     """All variants: axes, and the kind of design, with its size and seed where it has them."""
 
@@ -112,7 +112,7 @@ class Design:
         if not isinstance(vary, Mapping) or not vary:
             raise ModelError(f"vary: {echo(vary)} given; give {{name: numbers}} for at least one parameter or start")
         one_of(kind, "design", KINDS)
-        design = cls(tuple(VariedAxis.of(str(name), given) for name, given in vary.items()), kind)
+        design = cls(axes=tuple(VariedAxis.of(str(name), given) for name, given in vary.items()), kind=kind)
         design._check()
         if kind in LISTED:
             if count is not None:
@@ -125,7 +125,7 @@ class Design:
             raise ModelError(f"design {kind!r} needs count: how many {what}")
         if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
             raise ModelError(f"seed: {echo(seed)} given; give a whole number from 0 on")
-        made = cls(design.axes, kind, whole(count, "count"), seed)
+        made = cls(axes=design.axes, kind=kind, count=whole(count, "count"), seed=seed)
         if kind == "saltelli" and len(made.axes) < 2:
             raise ModelError(f"vary: {made.names[0]} alone varies, so all of the variance is its own; Sobol' indices need two names")
         if kind == "saltelli" and made._points & (made._points - 1):
@@ -180,9 +180,9 @@ class Design:
         shares = KINDS[self.kind](self, first, count)
         return np.column_stack([axis.at(column) for axis, column in zip(self.axes, shares.T, strict=True)])
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled as what was given; where a sequence has come to is no part of it."""
-        return Design, (self.axes, self.kind, self.count, self.seed)
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickled without the place that a sequence has come to."""
+        return {**vars(self), "_engines": {}}
 
     # -- shares (count, names) from 0 to 1 -------------------------------------------------------------------------------------------------
 

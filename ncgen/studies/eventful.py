@@ -72,10 +72,18 @@ class EventfulVariants:
         q, qd, p = (np.array([getattr(start, name) for start in starts.values()]) for name in ("q", "qd", "p"))
         shape = count, len(times)
         motions = MotionRows(
-            times, q, qd, p, np.empty((*shape, kernels.n)), np.empty((*shape, kernels.n)), np.empty(shape),
-            np.zeros(count, dtype=np.intc), np.zeros(count, dtype="l"), np.zeros(count),
-        )  # fmt: skip
-        many = ManyRuns(kernels, self.run, self.method, motions)
+            times=times,
+            q=q,
+            qd=qd,
+            p=p,
+            out_q=np.empty((*shape, kernels.n)),
+            out_qd=np.empty((*shape, kernels.n)),
+            out_work=np.empty(shape),
+            rows=np.zeros(count, dtype=np.intc),
+            steps=np.zeros(count, dtype="l"),
+            ended=np.zeros(count),
+        )
+        many = ManyRuns(kernels=kernels, run=self.run, method=self.method, motions=motions)
         many.carry_out(thread_count(threads, kernels.name), progress)
         given = dict(enumerate(starts))
         return {given[k]: found for k in sorted(many.carried) if (found := self._kept(many, k))}
@@ -102,7 +110,12 @@ class EventfulVariants:
                 return None  # the work at the end is not known, or the run warns of bounces that accumulate
             t, q, qd = np.append(t, motions.ended[k]), np.vstack([q, events[-1].q]), np.vstack([qd, events[-1].after])
         motion = StudiedMotion(
-            t, q, qd, events, int(motions.steps[k]), lambda: outputs_of(kernels, t, q, qd, p),
-            lambda: drift(kernels, t, q, qd, work, p),
-        )  # fmt: skip
+            t=t,
+            q=q,
+            qd=qd,
+            events=events,
+            steps=int(motions.steps[k]),
+            outputs=lambda: outputs_of(kernels, t, q, qd, p),
+            energy_drift=lambda: drift(kernels, t, q, qd, work, p),
+        )
         return columns_of(self.study, kernels, motion), q[-1]

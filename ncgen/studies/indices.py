@@ -12,7 +12,7 @@ MIN_POINTS = 8
 """Points of a design below which shares of a variance mean nothing."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Indices:
     """Of what varied, in the order of `names`: first (k,), its own share, and total (k,), with all in which it takes part.
 
@@ -49,4 +49,6 @@ def indices(names: tuple[str, ...], values: np.ndarray) -> Indices:
     a, b, *mixed = parts[:, points[:count]]
     sobol = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=count)
     shape = (len(names),)
-    return Indices(names, np.reshape(sobol.first_order, shape), np.reshape(sobol.total_order, shape), count, parts.shape[1])
+    return Indices(
+        names=names, first=np.reshape(sobol.first_order, shape), total=np.reshape(sobol.total_order, shape), points=count, of=parts.shape[1]
+    )

@@ -125,7 +125,7 @@ def event_names(model: Model) -> tuple[str, ...]:
     return (*model.events, *model.frictions, *model.ratchets, *held)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Histories:
     """Motions of B variants on K instants t (s): q, qd (B, K, n) in m and rad, outputs (B, K, outputs), NaN where a run did not arrive."""
 
@@ -164,4 +164,4 @@ def with_events(motion: Histories, happened: Sequence[Happening]) -> Histories:
     q = np.vstack([*(each.q[None] for each in happened for _ in range(2)), motion.q[0]])
     qd = np.vstack([*(v[None] for each in happened for v in (each.before, each.after)), motion.qd[0]])
     order = np.argsort(t, kind="stable")  # at one time events stand before a row of the grid, which is behind them
-    return Histories(motion.index, (), t[order], q[order][None], qd[order][None], np.zeros((1, len(t), 0)))
+    return Histories(index=motion.index, labels=(), t=t[order], q=q[order][None], qd=qd[order][None], outputs=np.zeros((1, len(t), 0)))

@@ -18,7 +18,7 @@ MAX_CHUNK_BYTES = 64_000_000
 """Bytes of histories that a chunk may need while it is computed."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class ChunkPace:
     """bytes_each: that a variant needs while it is computed; lanes: variants that should go together, at least."""
 

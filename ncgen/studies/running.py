@@ -184,7 +184,7 @@ class _Work:
         self.study, self.missing, self.progress = study, list(reversed(missing)), progress
         self.left = sum(end - first for first, end in missing)
         n = sum(not c.fixed for c in study.model.components)
-        self.pace = ChunkPace(16 * n * len(study.grid))
+        self.pace = ChunkPace(bytes_each=16 * n * len(study.grid))
 
     def next_chunk(self) -> tuple[int, int] | None:
         """(first, count) of the next variants."""

@@ -128,6 +128,8 @@ class Slopes:
         outputs, values = tuple(self.kernels.model.outputs), np.zeros((len(motion.t), 0))
         if name in outputs:
             values = outputs_of(self.kernels, motion.t, motion.q, motion.qd, motion.p)
-        histories = Histories(self.kernels.index, outputs, motion.t, motion.q[None], motion.qd[None], values[None])
+        histories = Histories(
+            index=self.kernels.index, labels=outputs, t=motion.t, q=motion.q[None], qd=motion.qd[None], outputs=values[None]
+        )
         rates = histories.rates(name)
         return histories.of(name)[0], None if rates is None else rates[0]

@@ -253,12 +253,12 @@ class Bench:
         q, faults = closed(kernels, q, run.initial.t, p)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of those that had to go on alone: their energy is a column for whoever wants it
-            done = side_by_side(kernels, run, method, States(self._choice, q, zd, p, faults), threads, progress)
+            done = side_by_side(kernels, run, method, States(choice=self._choice, q=q, zd=zd, p=p, faults=faults), threads, progress)
         ok = done.ok
         done.q[~ok], done.qd[~ok] = np.nan, np.nan
         columns: dict[str, np.ndarray] = {"ok": ok}
         outputs = self._outputs(run.times, done, p, ok)
-        histories = Histories(kernels.index, tuple(kernels.model.outputs), run.times, done.q, done.qd, outputs)
+        histories = Histories(index=kernels.index, labels=tuple(kernels.model.outputs), t=run.times, q=done.q, qd=done.qd, outputs=outputs)
         for column in self.study.values:
             columns[column.word] = self._column(column, histories, done, p, ok)
         return Part(first, columns, {first + i: done.status[i] for i in np.flatnonzero(~ok).tolist()}), done.q[:, -1]
@@ -327,7 +327,12 @@ class Bench:
     def _kept(self, run: Trajectory) -> dict[str, Any]:
         """What is kept of one motion."""
         motion = StudiedMotion(
-            run.t, run.q, run.qd, run.events, run.statistics.steps, lambda: np.column_stack([*run.outputs.values()]),
-            lambda: run.energy_drift,
-        )  # fmt: skip
+            t=run.t,
+            q=run.q,
+            qd=run.qd,
+            events=run.events,
+            steps=run.statistics.steps,
+            outputs=lambda: np.column_stack([*run.outputs.values()]),
+            energy_drift=lambda: run.energy_drift,
+        )
         return columns_of(self.study, self.kernels, motion)

@@ -35,7 +35,7 @@ MIN_EQUAL_FORCES = 16
 """Forces written alike from which they share a template: as many equal terms make a loop."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Equations(Terms):
     """All terms of a mechanism, and the numbering of what they refer to.
 
@@ -72,7 +72,7 @@ def build_equations(model: Model, owner: Owner | None = None, massless: Collecti
     borne = model.forces if owner is None else _borne_by(model, owner)
     forces += _alike([_load(names, force) if isinstance(force, Load) else _force(names, force, released) for force in borne])
     forces += build_springs(model).forces if owner is None else ()
-    return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted), released)
+    return Equations(model=model, rows=tuple(rows), masses=tuple(masses), forces=tuple(forces), omitted=tuple(omitted), released=released)
 
 
 def build_bonds(model: Model) -> Equations:
@@ -81,14 +81,14 @@ def build_bonds(model: Model) -> Equations:
     perpendicular, names = perpendicular_pairs(model), ModelNames(model)
     rows = [_row(names, number, row, perpendicular, omitted) for number, row in enumerate(model.rows) if row.owner.kind != "body"]
     fixed = frozenset(c for e in model.elements.values() for c in e.components if c.fixed)
-    return Equations(model, tuple(rows), (), (), tuple(omitted), fixed)
+    return Equations(model=model, rows=tuple(rows), masses=(), forces=(), omitted=tuple(omitted), released=fixed)
 
 
 def build_springs(model: Model) -> Equations:
     """The springs and potentials of a model alone: what pulls without belonging to a body."""
     names = ModelNames(model)
     springs, potentials = (_load(names, spring) for spring in model.springs), (_potential(names, each) for each in model.potentials)
-    return Equations(model, (), (), (*springs, *potentials))
+    return Equations(model=model, rows=(), masses=(), forces=(*springs, *potentials))
 
 
 def _released(model: Model, owner: Owner | None) -> frozenset[Component]:
@@ -114,13 +114,21 @@ def _row(names: ModelNames, number: int, row: Row, perpendicular: Pairs, omitted
             raise ModelError(
                 f"{where}: {shown(row.written)}: {error}; a velocity constraint is a sum of coefficients times rates"
             ) from None
-        return Term(template, _forms(scalars), tuple(data), row.owner, row.label, number, row.equation)
+        return Term(
+            template=template,
+            scalars=_forms(scalars),
+            data=tuple(data),
+            owner=row.owner,
+            label=row.label,
+            row=number,
+            equation=row.equation,
+        )
     row_type = angle_row_type(row, row.type, perpendicular, omitted)
     template = templates.row_template(row_type.key)
     forms = _forms([row.arguments[name] for name in (*row_type.vectors, *row_type.scalars)])
     data = (*(row.data[name] for name in row_type.data), _scale(row, row_type))
     equation = describe(f"{row_type.equation} = 0", {**row.arguments, **row.data})
-    return Term(template, forms, data, row.owner, row.label, number, equation)
+    return Term(template=template, scalars=forms, data=data, owner=row.owner, label=row.label, row=number, equation=equation)
 
 
 def _forms(arguments: Iterable[Combination | Component]) -> tuple[LinearForm, ...]:
@@ -199,7 +207,14 @@ def _load(names: ModelNames, load: Load) -> Term:
     if not all(map(is_number, data)) and _varies(names, load, data):
         return _varying(names, load, arguments, data)
     equation = describe(kind.equation, dict(zip((*kind.vectors, *kind.scalars, *kind.data), (*arguments, *data), strict=True)))
-    return Term(make(kind), _forms(arguments), tuple(data), Owner("user", load.label), load.label, equation=equation)
+    return Term(
+        template=make(kind),
+        scalars=_forms(arguments),
+        data=tuple(data),
+        owner=Owner("user", load.label),
+        label=load.label,
+        equation=equation,
+    )
 
 
 def _varies(names: ModelNames, load: Load, data: Sequence[Value]) -> bool:
@@ -219,7 +234,7 @@ def _varying(names: ModelNames, load: Load, arguments: Sequence[Combination | Co
     template = templates.varying_force(kind, load.label, written, _words(coordinates), _words(numbers))
     equation = describe(kind.equation, dict(zip((*kind.vectors, *kind.scalars, *kind.data), (*arguments, *data), strict=True)))
     forms = _forms([*arguments, *coordinates])
-    return Term(template, forms, tuple(numbers), Owner("user", load.label), load.label, equation=equation)
+    return Term(template=template, scalars=forms, data=tuple(numbers), owner=Owner("user", load.label), label=load.label, equation=equation)
 
 
 def _force(names: ModelNames, force: Force, released: Collection[Component]) -> Term:
@@ -231,7 +246,9 @@ def _force(names: ModelNames, force: Force, released: Collection[Component]) -> 
     along = {scalars.index(c): e for c, e in components.items()}
     template = templates.user_force(force.label, _words(scalars), _words(data), along)
     equation = ", ".join(f"{text_of(e)} along {c.name}" for c, e in components.items())
-    return Term(template, _forms(scalars), tuple(data), Owner("user", force.label), force.label, equation=equation)
+    return Term(
+        template=template, scalars=_forms(scalars), data=tuple(data), owner=Owner("user", force.label), label=force.label, equation=equation
+    )
 
 
 def _alike(forces: Sequence[Term]) -> list[Term]:
@@ -273,4 +290,11 @@ def _potential(names: ModelNames, potential: Potential) -> Term:
     _refuse_rates(potential.expression, scalars, f"{potential.label}: a potential", "use m.force or m.torque")
     expression = sympy.sympify(potential.expression)
     template = templates.user_potential(potential.label, _words(scalars), _words(data), expression)
-    return Term(template, _forms(scalars), tuple(data), Owner("user", potential.label), potential.label, equation=text_of(expression))
+    return Term(
+        template=template,
+        scalars=_forms(scalars),
+        data=tuple(data),
+        owner=Owner("user", potential.label),
+        label=potential.label,
+        equation=text_of(expression),
+    )

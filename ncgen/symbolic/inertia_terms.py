@@ -76,8 +76,8 @@ def _mass_term(pair: tuple[Component, Component], amount: Amount, owner: Owner) 
     label = a.name if a is b else f"{a.name} {b.name}"
     value = _rounded(amount, f"mass of {label}")
     if a is b:
-        return Term(templates.mass_diagonal(), (((1.0, a),),), (value,), owner, label)
-    return Term(templates.mass_pair(), (((1.0, a),), ((1.0, b),)), (value,), owner, label)
+        return Term(template=templates.mass_diagonal(), scalars=(((1.0, a),),), data=(value,), owner=owner, label=label)
+    return Term(template=templates.mass_pair(), scalars=(((1.0, a),), ((1.0, b),)), data=(value,), owner=owner, label=label)
 
 
 def _add_weight(weight: dict[Component, Amount], standard: StandardInertia, gravity: Sequence[Value]) -> None:
@@ -103,11 +103,23 @@ def _weight_terms(weight: Mapping[Component, Amount], owner: Owner, released: Co
             offset -= force * (Fraction(float(component.value)) if is_number(component.value) else as_sympy(component.value))
         else:
             terms.append(
-                Term(templates.weight(), (((1.0, component),),), (_rounded(force, f"weight of {component.name}"),), owner, component.name)
+                Term(
+                    template=templates.weight(),
+                    scalars=(((1.0, component),),),
+                    data=(_rounded(force, f"weight of {component.name}"),),
+                    owner=owner,
+                    label=component.name,
+                )
             )
     if offset != 0:
         terms.append(
-            Term(templates.energy_offset(), (), (_rounded(offset, "potential of fixed points"),), owner, "potential of fixed points")
+            Term(
+                template=templates.energy_offset(),
+                scalars=(),
+                data=(_rounded(offset, "potential of fixed points"),),
+                owner=owner,
+                label="potential of fixed points",
+            )
         )
     return terms
 
@@ -122,7 +134,7 @@ def _cross_product_terms(body: Body, standard: StandardInertia, gravity: Sequenc
     data = tuple(_rounded(v, f"body {body.name}, inertia") for v in (*last, *pull))
     if not any(v != 0 for v in data):
         return []
-    return [Term(templates.cross_product_body(), tuple(forms), data, Owner("body", body.name), body.name)]
+    return [Term(template=templates.cross_product_body(), scalars=tuple(forms), data=data, owner=Owner("body", body.name), label=body.name)]
 
 
 def _rounded(value: Amount, what: str) -> Scalar:

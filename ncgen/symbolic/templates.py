@@ -63,7 +63,7 @@ class DeferredOutputs(Mapping[TemplateOutput, "sympy.Expr"]):
         return len(self._outputs)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Template:
     """Outputs as sympy expressions over the symbols of `scalars`, their rates, `data` and time.
 
@@ -149,7 +149,12 @@ def row_template(key: str) -> Template:
     row: RowType = ROW_TYPES[key]
     scalars = sum(map(vector, row.vectors), ()) + row.scalars
     return Template(
-        key, row.equation, scalars, row.data + (SCALE,), DeferredOutputs(partial(_derived_row, row, scalars)), is_catalogued=True
+        key=key,
+        equation=row.equation,
+        scalars=scalars,
+        data=row.data + (SCALE,),
+        outputs=DeferredOutputs(partial(_derived_row, row, scalars)),
+        is_catalogued=True,
     )
 
 
@@ -166,7 +171,7 @@ def _derived_row(row: RowType, scalars: tuple[str, ...]) -> Outputs:
 
 def expression_row_template(key: str, phi: sympy.Expr, scalars: tuple[str, ...], data: tuple[str, ...]) -> Template:
     """A row the user wrote out: its scalars are the coordinates themselves."""
-    return Template(key, f"{phi}", scalars, data, differentiate(phi, scalars))
+    return Template(key=key, equation=f"{phi}", scalars=scalars, data=data, outputs=differentiate(phi, scalars))
 
 
 def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], data: tuple[str, ...]) -> Template:
@@ -189,7 +194,7 @@ def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], d
         TemplateOutput("gamma"): whole(-change),
     }
     outputs.update({TemplateOutput("phi_q", (k,)): slope for k, slope in enumerate(B)})
-    return Template(key, f"{psi}", scalars, data, outputs)
+    return Template(key=key, equation=f"{psi}", scalars=scalars, data=data, outputs=outputs)
 
 
 def derived_force(kind: ForceType) -> Template:
@@ -201,7 +206,11 @@ def derived_force(kind: ForceType) -> Template:
     if kind.forces is not None:
         outputs_of_kind = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **data)
         return Template(
-            kind.key, kind.equation, scalars, kind.data, _working(dict(enumerate(chain.from_iterable(outputs_of_kind))), scalars)
+            key=kind.key,
+            equation=kind.equation,
+            scalars=scalars,
+            data=kind.data,
+            outputs=_working(dict(enumerate(chain.from_iterable(outputs_of_kind))), scalars),
         )
     x, v, direction = _stretch(scalars)
     at = sympy.Dummy("x", real=True)
@@ -211,7 +220,7 @@ def derived_force(kind: ForceType) -> Template:
     tension = parts if kind.regular else (sympy.Add(*parts),)
     outputs: Outputs = {TemplateOutput("force", (k,)): sympy.Add(*(-part * along for part in tension)) for k, along in enumerate(direction)}
     outputs |= {TemplateOutput("potential"): kind.potential(sympy, x, **data), TemplateOutput("power"): -friction * v}
-    return Template(kind.key, kind.equation, scalars, kind.data, outputs)
+    return Template(key=kind.key, equation=kind.equation, scalars=scalars, data=kind.data, outputs=outputs)
 
 
 def varying_force(
@@ -230,7 +239,13 @@ def varying_force(
     constants = {name: replaced(e, rules) for name, e in zip(kind.data, written, strict=True)}
     outputs = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **constants)
     scalars = (*sum(map(vector, kind.vectors), ()), *mine)
-    return Template(key, kind.equation, scalars, data, _working(dict(enumerate(chain.from_iterable(outputs))), scalars))
+    return Template(
+        key=key,
+        equation=kind.equation,
+        scalars=scalars,
+        data=data,
+        outputs=_working(dict(enumerate(chain.from_iterable(outputs))), scalars),
+    )
 
 
 @cache
@@ -238,7 +253,7 @@ def force_template(kind: ForceType) -> Template:
     """The derivation of one force type of the catalogue."""
     scalars = sum(map(vector, kind.vectors), ()) + kind.scalars
     derived = DeferredOutputs(partial(_derived_force, kind))
-    return Template(kind.key, kind.equation, scalars, kind.data, derived, is_catalogued=True)
+    return Template(key=kind.key, equation=kind.equation, scalars=scalars, data=kind.data, outputs=derived, is_catalogued=True)
 
 
 def _derived_force(kind: ForceType) -> Outputs:
@@ -263,7 +278,7 @@ def law_type(kind: ForceType, key: str, law: sympy.Expr, names: tuple[str, ...])
         return replaced(law, dict(zip(symbols([*LAW, *names]), (x, v, *data.values()), strict=True)))
 
     data = tuple(f"law.{name}" for name in names)  # a parameter may be called like a scalar
-    return ForceType(key, kind.vectors, kind.scalars, data, f"tension {law}", friction=friction)
+    return ForceType(key=key, vectors=kind.vectors, scalars=kind.scalars, data=data, equation=f"tension {law}", friction=friction)
 
 
 def _working(components: dict[int, sympy.Expr], scalars: tuple[str, ...]) -> Outputs:
@@ -277,7 +292,7 @@ def _working(components: dict[int, sympy.Expr], scalars: tuple[str, ...]) -> Out
 
 def user_force(key: str, scalars: tuple[str, ...], data: tuple[str, ...], components: dict[int, sympy.Expr]) -> Template:
     """A force the user wrote out; components: expression by the number of its scalar."""
-    return Template(key, USER_FORCE, scalars, data, _working(components, scalars))
+    return Template(key=key, equation=USER_FORCE, scalars=scalars, data=data, outputs=_working(components, scalars))
 
 
 def without_names(template: Template) -> Template:
@@ -285,7 +300,13 @@ def without_names(template: Template) -> Template:
     scalars, data = tuple(f"x{k}" for k in range(len(template.scalars))), tuple(f"c{k}" for k in range(len(template.data)))
     old = [*symbols(template.scalars), *rates(template.scalars), *symbols(template.data)]
     rules = dict(zip(old, [*symbols(scalars), *rates(scalars), *symbols(data)], strict=True))
-    return Template("user-forces", template.equation, scalars, data, {key: replaced(e, rules) for key, e in template.outputs.items()})
+    return Template(
+        key="user-forces",
+        equation=template.equation,
+        scalars=scalars,
+        data=data,
+        outputs={key: replaced(e, rules) for key, e in template.outputs.items()},
+    )
 
 
 def user_potential(key: str, scalars: tuple[str, ...], data: tuple[str, ...], potential: sympy.Expr) -> Template:
@@ -295,7 +316,7 @@ def user_potential(key: str, scalars: tuple[str, ...], data: tuple[str, ...], po
     outputs[TemplateOutput("potential")] = potential
     if time() in potential.free_symbols:
         outputs[TemplateOutput("power")] = whole(smooth.diff(time()))
-    return Template(key, "user potential", scalars, data, outputs)
+    return Template(key=key, equation="user potential", scalars=scalars, data=data, outputs=outputs)
 
 
 def _inertia(scalars: tuple[str, ...], kinetic: sympy.Expr, extra: Outputs | None = None) -> Outputs:
@@ -317,7 +338,14 @@ def _derived_mass_diagonal() -> Outputs:
 @cache
 def mass_diagonal() -> Template:
     """A constant entry on the diagonal of M."""
-    return Template("mass-diagonal", "m v^2 / 2", ("x",), ("m",), DeferredOutputs(_derived_mass_diagonal), is_catalogued=True)
+    return Template(
+        key="mass-diagonal",
+        equation="m v^2 / 2",
+        scalars=("x",),
+        data=("m",),
+        outputs=DeferredOutputs(_derived_mass_diagonal),
+        is_catalogued=True,
+    )
 
 
 def _derived_mass_pair() -> Outputs:
@@ -328,7 +356,9 @@ def _derived_mass_pair() -> Outputs:
 @cache
 def mass_pair() -> Template:
     """A pair of equal constant entries off the diagonal of M."""
-    return Template("mass-pair", "m v w", ("x", "y"), ("m",), DeferredOutputs(_derived_mass_pair), is_catalogued=True)
+    return Template(
+        key="mass-pair", equation="m v w", scalars=("x", "y"), data=("m",), outputs=DeferredOutputs(_derived_mass_pair), is_catalogued=True
+    )
 
 
 def catalogue() -> tuple[Template, ...]:
@@ -345,7 +375,9 @@ def _derived_weight() -> Outputs:
 @cache
 def weight() -> Template:
     """A constant force along one coordinate, such as gravity: V = −f x."""
-    return Template("weight", "-f x", ("x",), ("f",), DeferredOutputs(_derived_weight), is_catalogued=True)
+    return Template(
+        key="weight", equation="-f x", scalars=("x",), data=("f",), outputs=DeferredOutputs(_derived_weight), is_catalogued=True
+    )
 
 
 def _derived_energy_offset() -> Outputs:
@@ -356,7 +388,9 @@ def _derived_energy_offset() -> Outputs:
 @cache
 def energy_offset() -> Template:
     """The potential energy of what is fixed."""
-    return Template("energy-offset", "V", (), ("V",), DeferredOutputs(_derived_energy_offset), is_catalogued=True)
+    return Template(
+        key="energy-offset", equation="V", scalars=(), data=("V",), outputs=DeferredOutputs(_derived_energy_offset), is_catalogued=True
+    )
 
 
 @cache
@@ -369,7 +403,9 @@ def cross_product_body() -> Template:
     """
     names, data = vector("r") + vector("a") + vector("u"), ("mr", "ma", "mu", "mw", "gx", "gy", "gz")
     derived = DeferredOutputs(partial(_derived_cross_product_body, names))
-    return Template("cross-product-body", "kinetic energy of w = a x u", names, data, derived, is_catalogued=True)
+    return Template(
+        key="cross-product-body", equation="kinetic energy of w = a x u", scalars=names, data=data, outputs=derived, is_catalogued=True
+    )
 
 
 def _derived_cross_product_body(names: tuple[str, ...]) -> Outputs:

@@ -17,7 +17,7 @@ LinearForm: TypeAlias = tuple[tuple[Scalar, Component], ...]
 """Pairs (weight, coordinate); a weight is a value."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Term:
     """A template at its place.
 

@@ -105,6 +105,18 @@ def spanning_tree(model: Model) -> Tree:
     return Tree(tuple(links), loose, home)
 
 
+def by_depth(tree: Tree) -> Tree:
+    """The same tree, links in the order of their distance from the ground: what comes next in a loop does not wait for what came before."""
+    depth: list[int] = []
+    for link in tree.links:
+        depth.append(0 if link.parent is None else depth[link.parent] + 1)
+    order = sorted(range(len(depth)), key=lambda number: depth[number])
+    place = {number: k for k, number in enumerate(order)}
+    links = (tree.links[number] for number in order)
+    moved = tuple(TreeLink(link.body, None if link.parent is None else place[link.parent], link.screws) for link in links)
+    return Tree(moved, tree.loose, {element: place[number] for element, number in tree.home.items()})
+
+
 def moving(numbering: Numbering, tree: Tree) -> dict[int, tuple[Spatial, int]]:
     """{coordinate: (element, axis)} of the coordinates that move with a link."""
     return {

@@ -45,6 +45,7 @@ STRUCTS = {
         "ncgen_dynamics",
         "ncgen_elimination",
         "ncgen_event",
+        "ncgen_formulas",
         "ncgen_motion",
         "ncgen_options",
         "ncgen_piecewise",
@@ -58,6 +59,7 @@ STRUCTS = {
     "ncgen_event_table.h": (),
     "ncgen_impulses.h": ("ncgen_impact",),
     "ncgen_chain.h": ("ncgen_chain",),
+    "ncgen_active.h": ("ncgen_active",),
 }
 
 

@@ -43,7 +43,7 @@ class Arrow:
     name: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
     """A mechanism at K times.
 
@@ -188,7 +188,9 @@ def _struts(model: Model, index: Mapping[Point, int]) -> Iterator[StrutSurface]:
     bodies = bodies_drawn(model)
     for strut in model.drawing.struts:
         owner = next((k for k, body in enumerate(bodies) if strut.start in body.points and strut.end in body.points), -1)
-        yield StrutSurface(index[strut.start], index[strut.end], strut.radius, strut.length, strut.colour or owner)
+        yield StrutSurface(
+            start=index[strut.start], end=index[strut.end], radius=strut.radius, length=strut.length, colour=strut.colour or owner
+        )
 
 
 def lines(model: Model) -> list[tuple[Point, Point]]:

@@ -21,7 +21,7 @@ UNITS = {"box": triangles.box(), "cylinder": triangles.cylinder(), "ellipsoid": 
 """Meshes that sizes stretch."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Surface:
     """A shape: matrix @ vertex + shift is a vertex in the frame of carrier number `carrier`.
 
@@ -45,7 +45,7 @@ class Surface:
         return self.mesh.reach @ self.matrix.T + self.shift
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StrutSurface:
     """A round bar between two points, by their indices; length: of the barrel of a telescope (m), else None; colour: as of a surface."""
 
@@ -84,7 +84,7 @@ def _surfaces(
         number, axes, origin = carriers[solid.body]
         stretch = _stretch(solid)
         matrix, shift = axes.T @ solid.rotation * stretch, axes.T @ (solid.position - origin)
-        yield Surface(number, mesh, matrix, shift, solid.colour or numbers.get(solid.body, -1))
+        yield Surface(carrier=number, mesh=mesh, matrix=matrix, shift=shift, colour=solid.colour or numbers.get(solid.body, -1))
 
 
 def _mesh(solid: Solid, folder: Path | None) -> Mesh | None:

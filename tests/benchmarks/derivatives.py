@@ -30,7 +30,7 @@ class WiderComparison(Comparison):
     def measurements(self) -> Iterator[Measured]:
         yield from super().measurements()
         if records := state_records(compile(self.model, "c")):
-            yield Measured("state", STATE, records, compare.table(records), is_drawn=True)
+            yield Measured(name="state", title=STATE, records=records, rows=compare.table(records), is_drawn=True)
         if self.tables:
             yield from self._of_the_paper()
 
@@ -42,12 +42,22 @@ class WiderComparison(Comparison):
         ):
             records = list(run(self.model))
             if records:
-                yield Measured(f"table {number}", f"The paper's Table {number} again: {title}", records, paper_tables.table(records))
+                yield Measured(
+                    name=f"table {number}",
+                    title=f"The paper's Table {number} again: {title}",
+                    records=records,
+                    rows=paper_tables.table(records),
+                )
             if number in printed:
-                yield Measured(f"printed {number}", f"The paper's Table {number}", [], printed[number], ELSEWHERE)
+                yield Measured(
+                    name=f"printed {number}", title=f"The paper's Table {number}", records=[], rows=printed[number], text=ELSEWHERE
+                )
         if slopes := list(paper_tables.first_slopes(self.model)):
             yield Measured(
-                "slopes", "∂ẏ/∂y by differences at the start, in the steps SciPy takes first", slopes, paper_tables.slope_table(slopes)
+                name="slopes",
+                title="∂ẏ/∂y by differences at the start, in the steps SciPy takes first",
+                records=slopes,
+                rows=paper_tables.slope_table(slopes),
             )
 
 

@@ -68,7 +68,9 @@ class StateJacobian:
             ways["CasADi tangents"] = lambda: self.by_tangents(automatic)
         for name, slope in (("finite differences, 2 points", forward), ("finite differences, 3 points", central)):
             ways[name] = lambda slope=slope: jacobian(slope, self.derivative, self.y)
-        return [Rival(name, {"state": repeated(way)}, lambda _, way=way: way(), "Python") for name, way in ways.items()]
+        return [
+            Rival(name=name, runs={"state": repeated(way)}, values=lambda _, way=way: way(), place="Python") for name, way in ways.items()
+        ]
 
     def exact(self) -> np.ndarray:
         """By differences over 1e-15 with 50 digits, good to 1e-28, rounded."""

@@ -43,7 +43,7 @@ def block_of(listed, names=None) -> Straight:
     for code, a, b in listed:
         unary = code in ("neg", "sin")
         ops.append(Op(code, (len(ops) - min(a, len(ops)),) + (() if unary else (len(ops) - min(b, len(ops)),))))
-    stores = (Store("out", 0, len(ops) - 1), Store("out", 1, len(ops) // 3))
+    stores = (Store(array="out", index=0, node=len(ops) - 1), Store(array="out", index=1, node=len(ops) // 3))
     return passes.schedule(passes.dead_code(Straight(tuple(ops), stores, names or {})))
 
 
@@ -69,7 +69,7 @@ def said(block: Straight) -> list[float]:
 def test_text_has_the_value_of_the_program(listed):
     """Read by Python, the text gives the program's result to the last bit: nothing is associated otherwise."""
     block = block_of(listed)
-    program = Program("test", ("q",), "out", len(block.stores), (block,))
+    program = Program(name="test", inputs=("q",), output="out", size=len(block.stores), blocks=(block,))
     try:
         expected = evaluate(program, {"q": Q})
     except (ZeroDivisionError, ValueError, OverflowError):
@@ -92,6 +92,6 @@ def test_what_is_used_twice_has_a_name(listed):
 def test_names_of_the_user_are_taken():
     """Operations with a name keep it, others are numbered; a name that is taken gets a number."""
     ops = (*FIRST[:3], Op("mul", (0, 1)), Op("add", (3, 3)), Op("add", (4, 2)))
-    block = Straight(ops, (Store("out", 0, 5),), {0: "angle", 1: "angle", 2: "x1"})
+    block = Straight(ops, (Store(array="out", index=0, node=5),), {0: "angle", 1: "angle", 2: "x1"})
     (before,) = write(block, Python(), Names(["out"])).before
     assert [a.name for a in before] == ["angle", "angle_2", "x1", "x1_2"]

@@ -69,23 +69,44 @@ def made(program: Program, **rooms: int) -> WasmFunction:
 def test_locals_are_used_again():
     """A value's place is free behind its last use: of a chain two are held at a time, of a sum that waits for both ends three."""
     chain = (Op("load", (), ArrayElement("q", 0)), *(Op("neg", (k,)) for k in range(5)))
-    assert made(Program("chain", ("q",), "out", 1, (Straight(chain, (Store("out", 0, 5),)),))).numbers == 2
+    assert (
+        made(
+            Program(name="chain", inputs=("q",), output="out", size=1, blocks=(Straight(chain, (Store(array="out", index=0, node=5),)),))
+        ).numbers
+        == 2
+    )
     sums = (*chain, Op("add", (0, 5)))
-    done = made(Program("sums", ("q",), "out", 1, (Straight(sums, (Store("out", 0, 6),)),)))
+    done = made(Program(name="sums", inputs=("q",), output="out", size=1, blocks=(Straight(sums, (Store(array="out", index=0, node=6),)),)))
     assert (done.integers, done.numbers) == (0, 3)
-    kept = made(Program("kept", ("q",), "out", 2, (Straight(chain, (Store("out", 0, 5), Store("out", 1, 1))),)))
+    kept = made(
+        Program(
+            name="kept",
+            inputs=("q",),
+            output="out",
+            size=2,
+            blocks=(Straight(chain, (Store(array="out", index=0, node=5), Store(array="out", index=1, node=1))),),
+        )
+    )
     assert kept.numbers == 3  # the second store waits for the first
 
 
 def test_instructions():
     """out[1] += q[2] · q[2], and a loop of q[2 i] into w[i + 1]: loads, a product, a sum, stores, and what counts runs."""
     square = (Op("load", (), ArrayElement("q", 2)), Op("mul", (0, 0)))
-    line = made(Program("line", ("q",), "out", 2, (Straight(square, (Store("out", 1, 1, True),)),)))
+    line = made(
+        Program(
+            name="line",
+            inputs=("q",),
+            output="out",
+            size=2,
+            blocks=(Straight(square, (Store(array="out", index=1, node=1, accumulate=True),)),),
+        )
+    )
     load, product = "20 00 2b 03 10 21 02", "20 02 20 02 a2 21 03"
     assert line.body == bytes.fromhex(f"{load} {product} 20 01 20 01 2b 03 08 20 03 a0 39 03 08 41 00")
     assert (line.name, line.signature) == ("m_line", Signature((I32, I32), (I32,)))
-    loop = Loop(3, (Op("slot", (), 0),), (Slot("q", (0, 2, 4)),), (TableStore("w", (1, 2, 3), 0),))
-    done = made(Program("loop", ("t", "q"), "out", 2, (loop,)), w=4)
+    loop = Loop(count=3, ops=(Op("slot", (), 0),), slots=(Slot("q", (0, 2, 4)),), stores=(TableStore("w", (1, 2, 3), 0),))
+    done = made(Program(name="loop", inputs=("t", "q"), output="out", size=2, blocks=(loop,)), w=4)
     run = "20 03 41"
     load = f"20 01 41 00 6a {run} 10 6c 6a 2b 03 00 21 04"
     store = f"23 01 41 08 6a {run} 08 6c 6a 20 04 39 03 00"

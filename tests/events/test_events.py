@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+import sympy as sp
 from bouncing import G, ball
 from sliding import sliding_block
 
@@ -22,7 +23,7 @@ def test_a_ball_bounces():
     """Closed form: t₁ = √(2h/g), later bounces are shorter by e each, and accumulate at t₁ (1 + e)/(1 − e)."""
     with pytest.warns(UserWarning, match="event floor: bounces accumulate at t = 1.35457092 s"):
         run = ncgen.simulate(ncgen.compile(ball(rest="end")), 2.0)
-    assert run.stopped and {each.name for each in run.events} == {"floor"} and {each.search for each in run.events} == {"proof"}
+    assert run.stopped and {each.name for each in run.events} == {"floor"} and {each.search for each in run.events} == {"polynomial"}
     times = [each.t for each in run.events]
     assert times[:2] == pytest.approx([0.4515236409857309, 0.9030472819714618], rel=1e-13)
     assert times[9] == pytest.approx(1.352807158734592, rel=1e-13)
@@ -80,12 +81,11 @@ def test_the_law_must_be_said_where_it_matters():
 def test_a_wheel_without_rim_rolls_down():
     """Steps of the limit cycle in closed form and quadrature: hub mass, l 1 m, half angle π/8, slope 0.08. Each foot turns gravity on by an
     angle and takes cos 2α of the velocity."""
-    import sympy
 
     half, slope = math.pi / 8, 0.08
     m, psi = sliding_block("wheel")
     feet = m.parameter("feet", 0.0)
-    m.torque(psi, G * sympy.sin(psi - 2 * half * feet))
+    m.torque(psi, G * sp.sin(psi - 2 * half * feet))
     m.event(
         "foot", when=psi - slope - half - 2 * half * feet, direction="rising",
         do={"feet": feet + 1, "rate(s)": math.cos(2 * half) * psi.rate},
@@ -102,12 +102,11 @@ def test_a_wheel_without_rim_rolls_down():
 
 def test_a_block_rocks():
     """Housner: half sizes 0.2 and 1 m, from 0.1 rad; the velocity after an impact is 1 − 3/2 sin² α of that before."""
-    import sympy
 
     alpha, radius = math.atan(0.2), math.sqrt(1.04)
     m, theta = sliding_block("block")
     side = m.input("side")
-    m.torque(theta, -3 * G / (4 * radius) * side * sympy.sin(alpha - side * theta))
+    m.torque(theta, -3 * G / (4 * radius) * side * sp.sin(alpha - side * theta))
     m.event("corner", when=theta, direction="either", do={"side": -side, "rate(s)": (1 - 1.5 * math.sin(alpha) ** 2) * theta.rate})
     kernels = ncgen.compile(m)
     run = ncgen.simulate(kernels, 1.2, rtol=1e-11, p={"side": 1.0}, q0={"s": 0.1, "A.x": 0.1}, points=13)
@@ -131,9 +130,13 @@ def thrown(**event) -> ncgen.Kernels:
 @pytest.mark.parametrize(
     ("when", "search"),
     [
-        pytest.param(lambda P, m: P.y - (1.0 - 1e-10), "proof", id="linear"),
-        pytest.param(lambda P, m: P.x**2 + P.y**2 - (P.x**2 + (1.0 - 1e-10) ** 2), "proof", id="quadratic"),
-        pytest.param(lambda P, m: m.time - math.sqrt(2 / G) + 1e-5, "proof", id="time"),
+        pytest.param(lambda P, m: P.y - (1.0 - 1e-10), "polynomial", id="linear"),
+        pytest.param(lambda P, m: P.x**2 + P.y**2 - (P.x**2 + (1.0 - 1e-10) ** 2), "polynomial", id="quadratic"),
+        pytest.param(lambda P, m: m.time - math.sqrt(2 / G) + 1e-5, "polynomial", id="time"),
+        pytest.param(lambda P, m: sp.sin(P.y) - math.sin(1.0 - 1e-10), "interval", id="sine"),
+        pytest.param(lambda P, m: sp.atan2(P.y, 2) - math.atan2(1.0 - 1e-10, 2), "interval", id="angle"),
+        pytest.param(lambda P, m: P.y**3 - (1.0 - 1e-10) ** 3, "interval", id="cubic"),
+        pytest.param(lambda P, m: P.y / (P.x + 1) - (1.0 - 1e-10) / (P.x + 1), "interval", id="quotient"),
     ],
 )
 def test_a_crossing_inside_one_step(when, search):
@@ -145,14 +148,28 @@ def test_a_crossing_inside_one_step(when, search):
     assert m and seen.search == search and seen.t == pytest.approx(math.sqrt(2 / G) - early, abs=1e-10)
 
 
-def test_a_transcendental_condition_is_sampled():
-    import sympy
+def test_a_transcendental_condition_is_bounded():
 
-    kernels = thrown(when=lambda P, m: sympy.sin(P.y) - 0.5, direction="either")
+    kernels = thrown(when=lambda P, m: sp.sin(P.y) - 0.5, direction="either")
     run = ncgen.simulate(kernels, 0.5, qd0={"P.x": 0.0, "P.y": math.sqrt(2 * G)})
     (seen,) = run.events
     height = math.asin(0.5)
-    assert seen.search == "sampled" and seen.t == pytest.approx((math.sqrt(2 * G) - math.sqrt(2 * G * (1 - height))) / G, rel=1e-12)
+    assert seen.search == "interval" and seen.t == pytest.approx((math.sqrt(2 * G) - math.sqrt(2 * G * (1 - height))) / G, rel=1e-12)
+
+
+def test_a_condition_without_bounds_is_sampled():
+    """1/(y − 1/2) jumps from −∞ to ∞ there; no part of a step around it has bounds, and the event says so."""
+    kernels = thrown(when=lambda P, m: 1 / (P.y - 0.5), direction="rising")
+    run = ncgen.simulate(kernels, 0.5, qd0={"P.x": 0.0, "P.y": math.sqrt(2 * G)})
+    (seen,) = run.events
+    assert seen.search == "sampled" and seen.t == pytest.approx((math.sqrt(2 * G) - math.sqrt(G)) / G, rel=1e-9)
+
+
+def test_a_condition_with_an_input_is_sampled():
+    kernels = thrown(when=lambda P, m: P.y - m.input("level"), direction="rising")
+    run = ncgen.simulate(kernels, 0.5, qd0={"P.x": 0.0, "P.y": math.sqrt(2 * G)}, inputs={"level": lambda t: 0.5})
+    (seen,) = run.events
+    assert seen.search == "sampled" and seen.t == pytest.approx((math.sqrt(2 * G) - math.sqrt(G)) / G, rel=1e-9)
 
 
 def test_simultaneous_events_are_one_instant():
@@ -230,10 +247,9 @@ def test_refused(say, message):
 
 
 def test_unknown_names_are_refused():
-    import sympy
 
     m, s = sliding_block("block")
-    m.event("a", when=s - sympy.Symbol("wall", real=True))
+    m.event("a", when=s - sp.Symbol("wall", real=True))
     with pytest.raises(ncgen.ModelError, match="event a: wall is neither a coordinate, a velocity"):
         ncgen.simulate(ncgen.compile(m), 1.0)
 

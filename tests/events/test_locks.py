@@ -34,7 +34,7 @@ def test_a_clutch_between_two_discs():
     run = ncgen.simulate(ncgen.compile(m), 1.5, rtol=1e-11, qd0={"psi1": 10.0, "psi2": 0.0}, points=4)
     closes, opens = run.events
     common = (2 * 10 + 3 * 1.0) / 5
-    assert [(e.name, e.what, e.search) for e in run.events] == [("clutch", "locks", "proof"), ("clutch.free", "frees", "proof")]
+    assert [(e.name, e.what, e.search) for e in run.events] == [("clutch", "locks", "polynomial"), ("clutch.free", "frees", "polynomial")]
     assert [closes.t, opens.t] == pytest.approx([0.5, 1.0], rel=1e-13)
     assert closes.energy_lost == pytest.approx(0.5 * 6 / 5 * 9.0**2, rel=1e-11)
     places = [run.kernels.index[name] for name in ("psi1", "psi2")]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+import sympy
 from bouncing import G, ball
 from oracles.planar_models import Drawn
 from sliding import sliding_block
@@ -131,3 +132,21 @@ def test_a_failure_is_reported_as_alone():
     with pytest.raises(ncgen.NcgenError) as raised:
         ncgen.simulate(kernels, 0.4, p={"square": -1.0}, integrator="dopri5")
     assert batch.status[1] == str(raised.value) and "event kick" in batch.status[1]
+
+
+def test_conditions_found_by_bounds():
+    """A bar on a pin passes sin 3a = 1/5, as alone."""
+    m = ncgen.Model("bar")
+    O, P = m.point("O", (0, 0), fixed=True), m.point("P", (1, 0))
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.body("bar", [O, P], mass=1.0, inertia="rod")
+    a = m.angle("a", x, P - O, z)
+    m.gravity((0, -G))
+    m.event("passes", when=sympy.sin(3 * a) - 0.2, direction="either")
+    kernels = ncgen.compile(m)
+    batch = ncgen.simulate(kernels, 2.0, zd0=np.array([[0.5], [1.0], [2.0]]), z=("a",))
+    assert not batch.alone.any()
+    for i, rate in enumerate((0.5, 1.0, 2.0)):
+        run = ncgen.simulate(kernels, 2.0, zd0={"a": rate}, z=("a",), integrator="dopri5")
+        assert told(batch.events[i]) == told(run.events) and {each.search for each in batch.events[i]} == {"interval"}
+        assert [each.t for each in batch.events[i]] == pytest.approx([each.t for each in run.events], rel=1e-13)

@@ -10,6 +10,8 @@ from bouncing import G, ball
 from sliding import sliding_block
 
 import ncgen
+from ncgen.solver.events.loop import EventLoop
+from ncgen.solver.events.steps import Steps
 
 
 def belt() -> ncgen.Model:
@@ -181,3 +183,47 @@ def test_a_sphere_slides_and_rolls():
     assert [each.what for each in sim.events] == ["rests", "sticks"] and sim.events[1].t == pytest.approx(0.72811999417504, rel=1e-9)
     assert sim["rate(C.x)"] == pytest.approx(25 / 7, rel=1e-9)
     assert sim["C.x"] == pytest.approx(3.120514260750172 + (1 - 0.72811999417504) * 25 / 7, rel=1e-9)
+
+
+def test_steps_with_what_is_held_are_calls_of_c(monkeypatch):
+    """A block that sticks, alone and in a batch, until the push exceeds its friction: then it slips from that step on."""
+    m, s = sliding_block("held")
+    m.torque(s, m.input("push"))
+    m.friction(s, coulomb=1.0)
+    kernels = ncgen.compile(m)
+    sim, sims = ncgen.start(kernels), ncgen.start(kernels, 2)
+    sim.step(0.1, push=0.9), sims.step(0.1, push=[0.9, -0.9])
+    with monkeypatch.context() as patched:
+        patched.setattr(Steps, "_run", lambda *given: pytest.fail("a step went through Python"))
+        for _ in range(3):
+            sim.step(0.1), sims.step(0.1)
+    assert abs(sim["s"]) < 1e-100 and np.max(np.abs(sims["s"])) < 1e-100
+    sim.step(1.0, push=2.0), sims.step(1.0, push=[2.0, -3.0])
+    assert sim["s"] == pytest.approx(0.5, rel=1e-12) and sims["s"] == pytest.approx([0.5, -1.0], rel=1e-12)
+    assert [each[-1].what for each in (sim.events, *sims.events)] == ["slips"] * 3
+
+
+def test_inputs_that_no_condition_reads_change_nothing_else(monkeypatch):
+    """A ball that is pushed by another force in every step falls as the forces say, and hits the floor as ever."""
+    m = ball()
+    m.force(m.elements["P"], (0, m.input("F")))
+    sims = ncgen.start(ncgen.compile(m), 2)
+    random, height, velocity = np.random.default_rng(7), np.ones(2), np.zeros(2)
+    with monkeypatch.context() as patched:
+        patched.setattr(EventLoop, "change", lambda *given: pytest.fail("inputs went through an instant of events"))
+        for _ in range(20):
+            F = random.uniform(-1, 1, 2)
+            sims.step(0.01, F=F)
+            height, velocity = height + 0.01 * velocity + 0.01**2 * (F - G) / 2, velocity + 0.01 * (F - G)
+    assert sims["P.y"] == pytest.approx(height, rel=1e-12) and sims["rate(P.y)"] == pytest.approx(velocity, rel=1e-12)
+    sims.step(0.5, F=0.0)
+    hits = (velocity + np.sqrt(velocity**2 + 2 * G * height)) / G
+    assert [each[0].t for each in sims.events] == pytest.approx((0.2 + hits).tolist(), rel=1e-11)
+
+
+def test_an_input_that_a_condition_reads_brings_about_its_event():
+    m = ball()
+    m.event("asked", when=m.input("level") - 0.5, direction="rising", do="stop")
+    sims = ncgen.start(ncgen.compile(m), 2).step(0.1)
+    sims.step(0.1, level=[0.0, 1.0])
+    assert sims.stopped.tolist() == [False, True] and sims.events[1][-1].name == "asked" and sims.t == pytest.approx([0.2, 0.1])

@@ -9,30 +9,15 @@ import pytest
 from sliding import sliding_block
 
 import ncgen
-
-G = 9.81
+from examples.impacts import ALPHA, SLOPE, G, rolling, wheel
 
 
 def test_a_rimless_wheel_walks_down():
     """Hub mass, spokes of 1 m, 2 α apart, slope γ: ω⁺ = ω⁻ cos 2α and ω⁻² = ω⁺² + 4 g sin α sin γ."""
-    alpha, gamma = math.pi / 8, 0.08
-    gain, loss = 4 * G * math.sin(alpha) * math.sin(gamma), math.cos(2 * alpha) ** 2
-    m = ncgen.Model("wheel")
-    x, y = m.parameter("x", 0.0), m.parameter("y", 0.0)
-    begin = gamma - alpha
-    P = m.point("P", (math.sin(begin), math.cos(begin)))
-    m.body("hub", [P], mass=1.0)
-    m.gravity((0, -G))
-    m.constrain((P.x - x) ** 2 + (P.y - y) ** 2 - 1, "spoke")
-    step = 2 * math.sin(alpha) * np.array([math.cos(gamma), -math.sin(gamma)])
-    a, b = P.x - x - float(step[0]), P.y - y - float(step[1])
-    along = a * P.x.rate + b * P.y.rate
-    change = {"x": x + float(step[0]), "y": y + float(step[1]), "rate(P.x)": P.x.rate - along * a, "rate(P.y)": P.y.rate - along * b}
-    m.event("step", when=a**2 + b**2 - 1, do=change)
-    kernels = ncgen.compile(m)
+    gain, loss = 4 * G * math.sin(ALPHA) * math.sin(SLOPE), math.cos(2 * ALPHA) ** 2
+    kernels = ncgen.compile(wheel())
     speed = 1.3
-    start = {"P.x": speed * math.cos(begin), "P.y": -speed * math.sin(begin)}
-    run = ncgen.simulate(kernels, 53.0, rtol=1e-11, qd0=start)
+    run = ncgen.simulate(kernels, 53.0, rtol=1e-11, qd0=rolling(speed))
     steps = [(float(np.hypot(*each.before)), float(np.hypot(*each.after))) for each in run.events][:50]
     assert len(steps) == 50
     for before, after in steps:
@@ -44,9 +29,9 @@ def test_a_rimless_wheel_walks_down():
     assert times[-1] - times[-2] == pytest.approx(1.034549811423279, rel=1e-9)
     assert run.energy_drift < 1e-9
     cycle = 1.095462839647657
-    found = ncgen.sensitivities(kernels, 1.05, 420, by="rate(P.x)", z="P.x", zd0={"P.x": cycle * math.cos(begin)})
+    found = ncgen.sensitivities(kernels, 1.05, 420, by="rate(P.x)", z="P.x", zd0={"P.x": cycle * math.cos(SLOPE - ALPHA)})
     (step_by,) = found.events
-    multiplier = run.events[-1].after @ step_by.after_by[:, 0] / cycle * math.cos(begin)
+    multiplier = run.events[-1].after @ step_by.after_by[:, 0] / cycle * math.cos(SLOPE - ALPHA)
     assert multiplier == pytest.approx(loss, rel=1e-8)
 
 

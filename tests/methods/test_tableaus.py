@@ -80,7 +80,9 @@ def test_stages_that_follow_from_the_one_before():
 
 def test_a_new_method_of_the_table_runs_in_python():
     """Fixed steps are driven from a tableau: Heun's method of order 2 with an estimate of order 1."""
-    heun = Tableau(2, 2, (Fraction(0), Fraction(1), Fraction(1)), ((Fraction(1),), (Fraction(1, 2), Fraction(1, 2))), dense_order=2)
+    heun = Tableau(
+        stages=2, order=2, c=(Fraction(0), Fraction(1), Fraction(1)), a=((Fraction(1),), (Fraction(1, 2), Fraction(1, 2))), dense_order=2
+    )
     fixed = type("heun", (FixedRungeKutta,), {"tableau": heun})
     ends = []
     for step in (0.02, 0.01):

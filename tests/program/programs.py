@@ -19,14 +19,14 @@ DYADIC = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.25, 3.0, 0.375)
 
 def program_of(*blocks, size: int = 1) -> Program:
     """A program from q (and t) to `out`, checked."""
-    program = Program("test", ("t", "q"), "out", size, blocks)
+    program = Program(name="test", inputs=("t", "q"), output="out", size=size, blocks=blocks)
     verify(program, {"t": 1, "q": INPUTS})
     return program
 
 
 def straight(graph: Graph, *nodes: int) -> Straight:
     """A block that stores these nodes one after the other, without dead operations."""
-    return passes.dead_code(Straight(tuple(graph.ops), tuple(Store("out", k, node) for k, node in enumerate(nodes))))
+    return passes.dead_code(Straight(tuple(graph.ops), tuple(Store(array="out", index=k, node=node) for k, node in enumerate(nodes))))
 
 
 def run(program: Program, q, number=float) -> list:
@@ -54,7 +54,7 @@ def blocks_in_any_order(draw) -> Straight:
         a, b = draw(st.sampled_from(nodes)), draw(st.sampled_from(nodes))
         nodes.append(getattr(graph, draw(st.sampled_from(["add", "sub", "mul"])))(a, b))
     stored = draw(st.lists(st.sampled_from(nodes), min_size=1, max_size=4))
-    return Straight(tuple(graph.ops), tuple(Store("out", k, node) for k, node in enumerate(stored)))
+    return Straight(tuple(graph.ops), tuple(Store(array="out", index=k, node=node) for k, node in enumerate(stored)))
 
 
 @st.composite
@@ -73,4 +73,4 @@ def loops(draw) -> Loop:
     places = draw(st.permutations(range(2 * count)))
     stores = tuple(TableStore("out", tuple(places[k * count : (k + 1) * count]), draw(st.sampled_from(nodes))) for k in range(2))
     names = {k: f"s{k}" for k in range(len(slots))}
-    return Loop(count, tuple(graph.ops), tuple(slots), stores, names)
+    return Loop(count=count, ops=tuple(graph.ops), slots=tuple(slots), stores=stores, names=names)

@@ -99,7 +99,10 @@ def test_a_shape_that_depends_on_a_parameter_is_refused():
     ("found", "steps"), [([7.0, 5.0], [4.0, 3.0]), ([0.5, -0.25, 9.0, 9.0], [0.5, -0.25])], ids=["closed", "a step, and rows"]
 )
 def test_dependent_coordinates_move_to_what_is_closed_or_by_a_step(found, steps):
-    moved, acceleration = (Program(name, ("q",), "out", size, ()) for name, size in (("newton", len(found)), ("acceleration", 3)))
+    moved, acceleration = (
+        Program(name=name, inputs=("q",), output="out", size=size, blocks=())
+        for name, size in (("newton", len(found)), ("acceleration", 3))
+    )
     programs = DynamicsPrograms(moved, acceleration, Split(independent=(0,), dependent=(2, 1), rows=(0, 1)))
     q = [1.0, 2.0, 3.0]
     assert programs.close(q, found) == steps

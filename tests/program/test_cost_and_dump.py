@@ -18,18 +18,18 @@ from ncgen.symbolic.equations import build_equations
 # out[0] = sin(q0)*q1 + q1, and three times out[place] += number * q[place]
 LINE = Straight(
     (Op("load", (), ArrayElement("q", 0)), Op("load", (), ArrayElement("q", 1)), Op("sin", (0,)), Op("mul", (2, 1)), Op("add", (1, 3))),
-    (Store("out", 0, 4, comment="sin and more"),),
+    (Store(array="out", index=0, node=4, comment="sin and more"),),
     {0: "angle"},
     "a line",
 )
 LOOP = Loop(
-    3,
-    (Op("slot", (), 0), Op("slot", (), 1), Op("mul", (0, 1))),
-    (Column((0.5, 0.25, 2.0)), Slot("q", (1, 0, 1))),
-    (TableStore("out", (0, 0, 0), 2, True),),
+    count=3,
+    ops=(Op("slot", (), 0), Op("slot", (), 1), Op("mul", (0, 1))),
+    slots=(Column((0.5, 0.25, 2.0)), Slot("q", (1, 0, 1))),
+    stores=(TableStore("out", (0, 0, 0), 2, True),),
     title="a loop",
 )
-PROGRAM = Program("small", ("t", "q"), "out", 1, (LINE, LOOP), {"d": 2})
+PROGRAM = Program(name="small", inputs=("t", "q"), output="out", size=1, blocks=(LINE, LOOP), temporaries={"d": 2})
 
 
 def test_operations_are_counted_by_kind():
@@ -83,7 +83,7 @@ def test_text_in_full():
 def test_a_lookup_in_text():
     """Its degree, its knots, and what is looked up."""
     steps = Pieces((0.0, 1.0), ((0.0, 1.0, 2.0, 3.0),) * 3)
-    line = Straight((*LINE.ops, Op("pieces", (4,), steps)), (Store("out", 0, 5),))
+    line = Straight((*LINE.ops, Op("pieces", (4,), steps)), (Store(array="out", index=0, node=5),))
     assert "    %5 = pieces 2 2 %4\n" in dump(replace(PROGRAM, blocks=(line,)))
 
 

@@ -26,8 +26,8 @@ def program(seed: int) -> Program:
         a, b = rng.choice(nodes[-40:], 2)
         nodes.append(graph.add(int(a), graph.mul(graph.const(0.37), int(b))))
     outputs = [*nodes[5::10], nodes[0], graph.const(2.5), nodes[-1]]
-    stores = tuple(Store("out", k, node) for k, node in enumerate(outputs))
-    return Program("out", ("q",), "out", len(outputs), (finish(Straight(tuple(graph.ops), stores)),))
+    stores = tuple(Store(array="out", index=k, node=node) for k, node in enumerate(outputs))
+    return Program(name="out", inputs=("q",), output="out", size=len(outputs), blocks=(finish(Straight(tuple(graph.ops), stores)),))
 
 
 @pytest.mark.parametrize("longest", [7, 40, 110])
@@ -54,8 +54,8 @@ def test_what_lies_in_the_output_is_kept_nowhere_else(monkeypatch):
     nodes = [graph.load("q", 0)]
     for k in range(40):
         nodes.append((graph.mul if k % 2 else graph.add)(nodes[-1], graph.load("q", 1 + k % 3)))
-    stores = tuple(Store("out", k, node) for k, node in enumerate(nodes[1:]))
-    parts = cut(Program("out", ("q",), "out", 40, (finish(Straight(tuple(graph.ops), stores)),)))
+    stores = tuple(Store(array="out", index=k, node=node) for k, node in enumerate(nodes[1:]))
+    parts = cut(Program(name="out", inputs=("q",), output="out", size=40, blocks=(finish(Straight(tuple(graph.ops), stores)),)))
     verify(parts, {"q": 4})
     assert len(parts.blocks) > 1
     assert not any(store.array == CUT_ARRAY for block in parts.blocks for store in block.stores)
@@ -73,7 +73,7 @@ def test_kernels_with_loops_are_cut_in_their_straight_lines(monkeypatch):
     """What stands in loops stays where it was, between the parts of the straight lines."""
     monkeypatch.setattr(cutting, "MAX_OPERATIONS", 40)
     whole = program(0)
-    loop = Loop(3, (Op("slot", (), 0),), (Slot("q", (0, 1, 2)),), (TableStore("out", (0, 1, 2), 0, True),))
+    loop = Loop(count=3, ops=(Op("slot", (), 0),), slots=(Slot("q", (0, 1, 2)),), stores=(TableStore("out", (0, 1, 2), 0, True),))
     both = replace(whole, blocks=(*whole.blocks, loop))
     parts = cut(both)
     verify(parts, {"q": 5})

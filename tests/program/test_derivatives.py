@@ -16,8 +16,8 @@ POINT = [mpmath.mpf(x) for x in ("0.3217", "0.7431", "0.1129")]
 
 
 def value(graph: Graph, node: int, q) -> mpmath.mpf:
-    block = Straight(tuple(graph.ops[: node + 1]), (Store("out", 0, node),))
-    return evaluate(Program("f", ("q",), "out", 1, (block,)), {"q": q}, MP, mpmath.mpf)[0]
+    block = Straight(tuple(graph.ops[: node + 1]), (Store(array="out", index=0, node=node),))
+    return evaluate(Program(name="f", inputs=("q",), output="out", size=1, blocks=(block,)), {"q": q}, MP, mpmath.mpf)[0]
 
 
 def numerical(graph: Graph, node: int, k: int) -> mpmath.mpf:

@@ -23,8 +23,8 @@ def loaded(graph, matrix):
 
 
 def run(graph, nodes, q, p=()):
-    stores = tuple(Store("x", k, node) for k, node in enumerate(nodes))
-    program = Program("x", ("q", "p"), "x", len(nodes), (Straight(tuple(graph.ops), stores),))
+    stores = tuple(Store(array="x", index=k, node=node) for k, node in enumerate(nodes))
+    program = Program(name="x", inputs=("q", "p"), output="x", size=len(nodes), blocks=(Straight(tuple(graph.ops), stores),))
     return np.array(evaluate(program, {"q": list(q), "p": list(p)}))
 
 

@@ -51,12 +51,12 @@ def test_on_fractions_rows_are_exact(square):
 def test_every_constant_becomes_the_kind_of_number():
     """Constants of code and of tables, and what is not yet written: fractions come out, never floats."""
     loop = Loop(
-        2,
-        (Op("slot", (), 0), Op("slot", (), 1), Op("mul", (0, 1)), Op("const", (), 0.5), Op("add", (2, 3))),
-        (Column((0.25, 0.125)), Slot("q", (0, 1))),
-        (TableStore("out", (0, 1), 4, True),),
+        count=2,
+        ops=(Op("slot", (), 0), Op("slot", (), 1), Op("mul", (0, 1)), Op("const", (), 0.5), Op("add", (2, 3))),
+        slots=(Column((0.25, 0.125)), Slot("q", (0, 1))),
+        stores=(TableStore("out", (0, 1), 4, True),),
     )
-    base = Straight((Op("const", (), 1.0),), (Store("out", 0, 0), Store("out", 1, 0)))
+    base = Straight((Op("const", (), 1.0),), (Store(array="out", index=0, node=0), Store(array="out", index=1, node=0)))
     found = run(program_of(base, loop, size=2), (Fraction(1, 3), Fraction(1, 7), 0, 0), Fraction)
     assert found == [Fraction(3, 2) + Fraction(1, 12), Fraction(3, 2) + Fraction(1, 56)]
     assert {type(value) for value in found} == {Fraction}
@@ -112,7 +112,7 @@ def test_functions_have_their_meaning_and_can_be_replaced(name):
     arguments = (0.3, 0.8)[: FUNCTIONS[name].arity]
     graph = Graph()
     node = graph.call(name, *(graph.load("q", k) for k in range(len(arguments))))
-    program = program_of(Straight(tuple(graph.ops), (Store("out", 0, node),)))
+    program = program_of(Straight(tuple(graph.ops), (Store(array="out", index=0, node=node),)))
     inputs = {"t": 0.0, "q": arguments}
     assert evaluate(program, inputs)[0] == pytest.approx(float(MPMATH[name](*arguments)), rel=1e-15)
     assert evaluate(program, inputs, {name: lambda *a: a})[0] == arguments
@@ -140,14 +140,14 @@ def test_emissions_differ_in_form(assembled):
 
 def test_stores_run_in_order():
     """Blocks see what earlier blocks wrote, `+=` adds to it, and a loop may add to one place many times."""
-    base = Straight((Op("const", (), 1.0),), (Store("out", 0, 0), Store("d", 0, 0)))
-    again = Straight((Op("load", (), ArrayElement("d", 0)), Op("add", (0, 0))), (Store("d", 0, 1),))
+    base = Straight((Op("const", (), 1.0),), (Store(array="out", index=0, node=0), Store(array="d", index=0, node=0)))
+    again = Straight((Op("load", (), ArrayElement("d", 0)), Op("add", (0, 0))), (Store(array="d", index=0, node=1),))
     adding = Loop(
-        3,
-        (Op("slot", (), 0), Op("load", (), ArrayElement("d", 0)), Op("mul", (0, 1))),
-        (Column((1.0, 2.0, 4.0)),),
-        (TableStore("out", (0, 0, 0), 2, True),),
+        count=3,
+        ops=(Op("slot", (), 0), Op("load", (), ArrayElement("d", 0)), Op("mul", (0, 1))),
+        slots=(Column((1.0, 2.0, 4.0)),),
+        stores=(TableStore("out", (0, 0, 0), 2, True),),
     )
-    program = Program("order", (), "out", 1, (base, again, adding), {"d": 1})
+    program = Program(name="order", inputs=(), output="out", size=1, blocks=(base, again, adding), temporaries={"d": 1})
     assert evaluate(program, {}) == [1.0 + 2.0 * (1.0 + 2.0 + 4.0)]
     assert evaluate(program, {}) == [15.0]

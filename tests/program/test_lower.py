@@ -121,7 +121,9 @@ def test_common_subexpressions_are_computed_once():
 
 def test_data_are_divided_by_at_generation():
     """A template's constants may stand below: their reciprocal is a number, and no division is left."""
-    template = Template("test", "", ("x",), ("L",), {TemplateOutput("phi"): x / sympy.Symbol("L", real=True) ** 2})
+    template = Template(
+        key="test", equation="", scalars=("x",), data=("L",), outputs={TemplateOutput("phi"): x / sympy.Symbol("L", real=True) ** 2}
+    )
     graph = Graph()
     values = {"x": graph.load("q", 0), "L": graph.const(4.0)}
     node = lowered(template).replay(graph, values.get, [TemplateOutput("phi")])[TemplateOutput("phi")]
@@ -169,7 +171,7 @@ def test_long_rational_sums_keep_their_value():
 def test_long_sums_can_be_used():
     """A sum of eight hundred terms goes from template to program."""
     terms = sympy.Add(*(x**k for k in range(800)))
-    template = Template("long", "", ("x",), (), {TemplateOutput("phi"): terms})
+    template = Template(key="long", equation="", scalars=("x",), data=(), outputs={TemplateOutput("phi"): terms})
     graph = Graph()
     node = lowered(template).replay(graph, lambda name: graph.load("q", 0), [TemplateOutput("phi")])[TemplateOutput("phi")]
     assert len(straight(graph, node).ops) >= 800

@@ -71,7 +71,7 @@ def test_fold_tables_keeps_readable_names():
     a, b, x = (graph.slot(k) for k in range(3))
     node = graph.mul(graph.add(a, b), x)
     slots = (Column((1.0, 2.0)), Column((0.5, 0.25)), Slot("q", (0, 1)))
-    loop = Loop(2, tuple(graph.ops), slots, (TableStore("out", (0, 1), node),), {a: "a", b: "b", x: "x"})
+    loop = Loop(count=2, ops=tuple(graph.ops), slots=slots, stores=(TableStore("out", (0, 1), node),), names={a: "a", b: "b", x: "x"})
     folded = passes.fold_tables(loop)
     assert set(folded.slots) == {Slot("q", (0, 1)), Column((1.5, 2.25))}
     assert [folded.names[n] for n, op in enumerate(folded.ops) if op.code == "slot" and n in folded.names] == ["x"]
@@ -84,7 +84,7 @@ def test_unroll_writes_a_loop_out(loop, q):
     stores = []
     for k in range(loop.count):
         nodes = passes.unroll(graph, loop, k)
-        stores += [Store("out", s.table[k], nodes[s.node]) for s in loop.stores]
+        stores += [Store(array="out", index=s.table[k], node=nodes[s.node]) for s in loop.stores]
     written_out = Straight(tuple(graph.ops), tuple(stores))
     assert outputs(written_out, q) == outputs(loop, q)
     assert "slot" not in {op.code for op in written_out.ops}
@@ -105,5 +105,5 @@ def test_deep_code_is_no_problem():
     node = graph.load("q", 0)
     for k in range(5000):
         node = graph.add(node, graph.load("q", 1 + k % 3)) if k % 2 else graph.mul(node, graph.load("q", 1))
-    block = Straight(tuple(graph.ops), (Store("out", 0, node),))
+    block = Straight(tuple(graph.ops), (Store(array="out", index=0, node=node),))
     assert passes.schedule(passes.dead_code(block)).stores[0].node == len(block.ops) - 1

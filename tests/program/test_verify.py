@@ -12,16 +12,16 @@ from ncgen.program.ir.graph import ArrayElement, Op
 from ncgen.program.ir.verify import ProgramError, verify
 
 SIZES = {"t": 1, "q": 3}
-LINE = Straight((Op("load", (), ArrayElement("q", 2)), Op("sin", (0,)), Op("add", (0, 1))), (Store("out", 0, 2),))
+LINE = Straight((Op("load", (), ArrayElement("q", 2)), Op("sin", (0,)), Op("add", (0, 1))), (Store(array="out", index=0, node=2),))
 LOOP = Loop(
-    2,
-    (Op("slot", (), 0), Op("slot", (), 1), Op("mul", (0, 1))),
-    (Slot("q", (0, 2)), Column((0.5, 0.25))),
-    (TableStore("out", (1, 2), 2),),
+    count=2,
+    ops=(Op("slot", (), 0), Op("slot", (), 1), Op("mul", (0, 1))),
+    slots=(Slot("q", (0, 2)), Column((0.5, 0.25))),
+    stores=(TableStore("out", (1, 2), 2),),
 )
-SOUND = Program("sound", ("t", "q"), "out", 3, (LINE, LOOP))
+SOUND = Program(name="sound", inputs=("t", "q"), output="out", size=3, blocks=(LINE, LOOP))
 
-FIRST = Store("out", 0, 0)
+FIRST = Store(array="out", index=0, node=0)
 
 
 def line(*ops: Op, store: Store = FIRST) -> Program:
@@ -45,8 +45,14 @@ BROKEN = {
     "a load from nowhere": (line(Op("load", (), ArrayElement("z", 0))), r"z\[0\], which does not exist"),
     "a slot outside a loop": (line(Op("slot", (), 0)), "unknown slot 0"),
     "a slot that the loop lacks": (loop(ops=(Op("slot", (), 2),), stores=(TableStore("out", (1, 2), 0),)), "unknown slot 2"),
-    "too few arguments": (line(Op("load", (), ArrayElement("q", 0)), Op("add", (0,)), store=Store("out", 0, 1)), "add of 1 arguments"),
-    "too many arguments": (line(Op("load", (), ArrayElement("q", 0)), Op("sin", (0, 0)), store=Store("out", 0, 1)), "sin of 2 arguments"),
+    "too few arguments": (
+        line(Op("load", (), ArrayElement("q", 0)), Op("add", (0,)), store=Store(array="out", index=0, node=1)),
+        "add of 1 arguments",
+    ),
+    "too many arguments": (
+        line(Op("load", (), ArrayElement("q", 0)), Op("sin", (0, 0)), store=Store(array="out", index=0, node=1)),
+        "sin of 2 arguments",
+    ),
     "a short table of places": (loop(slots=(Slot("q", (0,)), LOOP.slots[1])), "a table of 1 entries for 2 runs"),
     "a long table of numbers": (loop(slots=(LOOP.slots[0], Slot("const", (1.0,) * 3))), "a table of 3 entries for 2 runs"),
     "a table with a number that is none": (loop(slots=(LOOP.slots[0], Column((1.0, math.nan)))), "not finite"),
@@ -54,16 +60,18 @@ BROKEN = {
     "a table with a negative place": (loop(slots=(Slot("q", (-1, 0)), LOOP.slots[1])), "reads beyond q"),
     "a short store": (loop(stores=(TableStore("out", (1,), 2),)), "store's table has 1 entries for 2 runs"),
     "a store beyond the output": (loop(stores=(TableStore("out", (1, 3), 2),)), "a store leaves out"),
-    "a store before the output": (line(Op("const", (), 1.0), store=Store("out", -1, 0)), "a store leaves out"),
-    "a store of nothing": (line(Op("const", (), 1.0), store=Store("out", 0, 1)), "store of an unknown operation"),
-    "an addition to nothing": (line(Op("const", (), 1.0), store=Store("out", 0, 0, True)), "never set"),
+    "a store before the output": (line(Op("const", (), 1.0), store=Store(array="out", index=-1, node=0)), "a store leaves out"),
+    "a store of nothing": (line(Op("const", (), 1.0), store=Store(array="out", index=0, node=1)), "store of an unknown operation"),
+    "an addition to nothing": (line(Op("const", (), 1.0), store=Store(array="out", index=0, node=0, accumulate=True)), "never set"),
     "an addition to partly nothing": (loop(stores=(TableStore("out", (0, 1), 2, True),)), "never set"),
     "two runs for one place": (loop(stores=(TableStore("out", (1, 1), 2),)), "overwrites"),
     "an output that is never written": (replace(SOUND, blocks=(LINE,)), "never written"),
     "no blocks at all": (replace(SOUND, blocks=()), "never written"),
 }
 UNKNOWN = {
-    "an operation that does not exist": line(Op("load", (), ArrayElement("q", 0)), Op("square", (0,)), store=Store("out", 0, 1)),
+    "an operation that does not exist": line(
+        Op("load", (), ArrayElement("q", 0)), Op("square", (0,)), store=Store(array="out", index=0, node=1)
+    ),
     "a table into nowhere": loop(slots=(Slot("z", (0, 1)), LOOP.slots[1])),
     "a store into nowhere": loop(stores=(TableStore("z", (0, 1), 2),)),
 }
@@ -72,7 +80,10 @@ UNKNOWN = {
 def test_sound_programs_pass():
     """The program that the tests below break is sound, and so is one that adds to what it has set."""
     verify(SOUND, SIZES)
-    verify(replace(SOUND, blocks=(*SOUND.blocks, Straight((Op("const", (), 1.0),), (Store("out", 2, 0, True),)))), SIZES)
+    verify(
+        replace(SOUND, blocks=(*SOUND.blocks, Straight((Op("const", (), 1.0),), (Store(array="out", index=2, node=0, accumulate=True),)))),
+        SIZES,
+    )
 
 
 @pytest.mark.parametrize("defect", BROKEN)
@@ -92,8 +103,8 @@ def test_unknown_names_are_rejected(defect):
 
 def test_temporaries_are_arrays_too():
     """A temporary can be written and read, within its length."""
-    first = Straight((Op("load", (), ArrayElement("q", 0)),), (Store("d", 1, 0),))
-    second = Straight((Op("load", (), ArrayElement("d", 1)),), tuple(Store("out", k, 0) for k in range(3)))
+    first = Straight((Op("load", (), ArrayElement("q", 0)),), (Store(array="d", index=1, node=0),))
+    second = Straight((Op("load", (), ArrayElement("d", 1)),), tuple(Store(array="out", index=k, node=0) for k in range(3)))
     program = replace(SOUND, blocks=(first, second), temporaries={"d": 2})
     verify(program, SIZES)
     with pytest.raises(ProgramError, match="leaves d"):

@@ -304,7 +304,7 @@ def test_a_joint_to_the_world_is_one_from_it_with_the_same_coordinate(write):
             kernels = ncgen.compile(ncgen.load(write(SDF.format(body.format(kind, *ends, axis)), "m.sdf")), "numpy")
             space = ncgen.joint_space(kernels)
             assert space.forward_dynamics(space.position({"j": 0.0})) == pytest.approx([sign * first], rel=1e-13)
-    turned = Joint("u", "universal", "p", "c", axis=np.array([0.0, 1, 0]), second=np.array([1.0, 0, 0])).turned()
+    turned = Joint(name="u", kind="universal", parent="p", child="c", axis=np.array([0.0, 1, 0]), second=np.array([1.0, 0, 0])).turned()
     assert (turned.parent, turned.axis.tolist(), turned.second.tolist()) == ("c", [-1, 0, 0], [0, -1, 0])
 
 

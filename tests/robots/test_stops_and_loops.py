@@ -77,7 +77,7 @@ def test_they_are_for_robots():
     for word in ("limits", "friction"):
         with pytest.raises(ModelError, match=f"pendulum: {word} is for a robot's file"):
             ncgen.load("pendulum", **{word: True})
-    assert Joint("j", "revolute", "a", "b").limits is None
+    assert Joint(name="j", kind="revolute", parent="a", child="b").limits is None
 
 
 LOOP = """

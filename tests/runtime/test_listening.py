@@ -56,7 +56,16 @@ def begin(kernels, formalism, integrator, step, grid, progress):
     path = Path.empty(kernels.n, partitions)
     tolerances, alone = Tolerances(1e-8, 1e-10, False, 0.0), formalism == "coordinate-partitioning"
     velocities = np.zeros(len(partitions.velocity.independent) if alone else kernels.n)
-    task = Task(Method.of(formalism, integrator), grid, q, velocities, p, step or np.inf, tolerances, progress=progress)
+    task = Task(
+        method=Method.of(formalism, integrator),
+        grid=grid,
+        q=q,
+        velocities=velocities,
+        p=p,
+        max_step=step or np.inf,
+        tolerances=tolerances,
+        progress=progress,
+    )
     return path, lambda: run(path, kernels, task, "dense") if alone else run_constrained(path, kernels, task)
 
 

@@ -66,9 +66,9 @@ def _solved(number, samples, numbers, way):
     right = {i: graph.load("b", i) for i in range(2)}
     factors = factor(graph, matrix, 2, samples)
     found = solve(graph, factors, right) if way is solve else way(graph, matrix, factors, right)
-    block = Straight(tuple(graph.ops), tuple(Store("x", k, found[k]) for k in range(2)))
+    block = Straight(tuple(graph.ops), tuple(Store(array="x", index=k, node=found[k]) for k in range(2)))
     a, b = [number(x) for x in numbers.values()], [number(1), number(2)]
-    return evaluate(Program("x", ("a", "b"), "x", 2, (block,)), {"a": a, "b": b}, number=number)
+    return evaluate(Program(name="x", inputs=("a", "b"), output="x", size=2, blocks=(block,)), {"a": a, "b": b}, number=number)
 
 
 def test_refined_accelerations_are_those_of_the_reference(square):

@@ -36,7 +36,16 @@ def fill(kernels, formalism, integrator, grid, stop_when_stiff, rtol=1e-8, veloc
     qd = np.zeros(kernels.n) if velocities is None else velocities
     tolerances, alone = Tolerances(rtol, rtol / 100, False, 0.0), formalism == "coordinate-partitioning"
     velocities = qd[partitions.velocity.independent] if alone else qd
-    task = Task(Method.of(formalism, integrator), grid, q, velocities, p, np.inf, tolerances, stop_when_stiff=stop_when_stiff)
+    task = Task(
+        method=Method.of(formalism, integrator),
+        grid=grid,
+        q=q,
+        velocities=velocities,
+        p=p,
+        max_step=np.inf,
+        tolerances=tolerances,
+        stop_when_stiff=stop_when_stiff,
+    )
     return path, run(path, kernels, task, "dense") if alone else run_constrained(path, kernels, task)
 
 

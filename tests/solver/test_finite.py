@@ -263,7 +263,12 @@ def test_what_was_reached_is_kept(leaving):
     path = Path.empty(leaving.n, partitions)
     with pytest.raises(DomainError):
         method, tolerances = Method.of("coordinate-partitioning", "dopri5", {}), Tolerances(1e-8, 1e-10, natural=False, span=0.0)
-        run(path, leaving, Task(method, grid, leaving.q0, np.zeros(2), leaving.p0, np.inf, tolerances), "dense")
+        run(
+            path,
+            leaving,
+            Task(method=method, grid=grid, q=leaving.q0, velocities=np.zeros(2), p=leaving.p0, max_step=np.inf, tolerances=tolerances),
+            "dense",
+        )
     assert abs(path.stopped - edge()) < 1e-3
     assert len(path.q) == np.searchsorted(grid, path.stopped) + 1
     assert np.all(np.isfinite(path.q)) and np.all(np.isfinite(path.qd)) and np.all(np.isfinite(path.work))

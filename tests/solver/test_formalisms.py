@@ -263,7 +263,9 @@ def test_a_module_and_an_entry_are_a_formalism(tmp_path, monkeypatch):
     (tmp_path / "schur_complement.py").write_text(SCHUR, encoding="utf-8")
     monkeypatch.setattr(formalisms, "__path__", [*formalisms.__path__, str(tmp_path)])
     options = {"stabilisation": "projection", "omega": 10.0, "xi": 1.0, "least": 0.0}
-    monkeypatch.setitem(FORMALISMS, "schur-complement", Formalism("schur-complement", "the same, λ first", in_c=False, options=options))
+    monkeypatch.setitem(
+        FORMALISMS, "schur-complement", Formalism(name="schur-complement", help="the same, λ first", in_c=False, options=options)
+    )
     model = ncgen.Model("falling")
     A, B = model.point("A", (0, 0), fixed=True), model.point("B", (1, 0))
     model.distance(A, B)

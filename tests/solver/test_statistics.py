@@ -83,7 +83,7 @@ def test_python_goes_on_where_c_came():
     for rows in (6, 3):
         path = Path.empty(kernels.n, partitions)
         method, tolerances = Method.of("coordinate-partitioning", "dopri5"), Tolerances(1e-10, 1e-12, False, 0.0)
-        task = Task(method, grid[:rows], kernels.q0, rates, kernels.p0, np.inf, tolerances)
+        task = Task(method=method, grid=grid[:rows], q=kernels.q0, velocities=rates, p=kernels.p0, max_step=np.inf, tolerances=tolerances)
         assert compiled.run(path, kernels, task, "dense") is None
         paths.append((path, task))
     (whole, _), (path, task) = paths

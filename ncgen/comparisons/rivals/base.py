@@ -39,7 +39,7 @@ class Inputs:
         return cls(q, random.standard_normal(kernels.n), kernels.p0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rival:
     """runs: {kernel, or "all" for Φ, Φ_q and γ: run(times)}; values(kernel): its output, in the order of the generated kernel
 
@@ -92,7 +92,9 @@ def called(
     runs = {k: repeated(function) for k, function in functions.items()}
     if set(KERNELS) <= set(functions):
         runs["all"] = repeated(every or all_of_them)
-    return Rival(name, runs, values or (lambda k: functions[k]()), "Python", generation=generation, compilation=compilation)
+    return Rival(
+        name=name, runs=runs, values=values or (lambda k: functions[k]()), place="Python", generation=generation, compilation=compilation
+    )
 
 
 def nonzeros(kernels: Kernels, name: str, value: np.ndarray) -> np.ndarray:

@@ -37,7 +37,7 @@ def at_once(kernels: CompiledKernels, inputs: Inputs) -> list[Rival]:
     run = runner(inputs.t, inputs.q, inputs.qd, inputs.p, [], function)
     ends = np.cumsum([kernels.programs.programs[k].size for k in KERNELS])
     part: dict[str, np.ndarray] = dict(zip(KERNELS, np.split(np.arange(function.size), ends[:-1]), strict=True))
-    return [Rival("generated C, all at once", {"all": run}, lambda k: (run(1), function.out[part[k]])[1])]
+    return [Rival(name="generated C, all at once", runs={"all": run}, values=lambda k: (run(1), function.out[part[k]])[1])]
 
 
 def emissions(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
@@ -69,7 +69,7 @@ def compiled(name: str, functions: dict[str, KernelCall], inputs: Inputs, names:
     runs = {k: run(k) for k in names}
     if set(KERNELS) <= set(names):
         runs["all"] = run(*KERNELS)
-    return Rival(name, runs, lambda k: (runs[k](1), functions[k].out.copy())[1])
+    return Rival(name=name, runs=runs, values=lambda k: (runs[k](1), functions[k].out.copy())[1])
 
 
 def other_types(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
@@ -79,7 +79,11 @@ def other_types(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Riva
     for name in (name for name in NUMBERS if name != "double"):
         runs, out = typed_runner(sources, name, inputs.t, inputs.q, inputs.qd, inputs.p, names)
         epsilon = float(np.finfo(NUMBERS[name].dtype).eps)
-        tools.append(Rival(f"generated C, {name}", runs, lambda k, runs=runs, out=out: (runs[k](1), out[k].copy())[1], epsilon=epsilon))
+        tools.append(
+            Rival(
+                name=f"generated C, {name}", runs=runs, values=lambda k, runs=runs, out=out: (runs[k](1), out[k].copy())[1], epsilon=epsilon
+            )
+        )
     return tools
 
 
@@ -106,7 +110,7 @@ def batch(kernels: CompiledKernels, inputs: Inputs, names: Sequence[str]) -> Riv
         return lambda: kernels.batch.values(k, inputs.t, q, qd, inputs.p, out[k])
 
     runs = {k: repeated(function(k)) for k in names}
-    return Rival(f"generated C, batch of {STATES}", runs, lambda k: function(k)()[0], "Python", STATES)
+    return Rival(name=f"generated C, batch of {STATES}", runs=runs, values=lambda k: function(k)()[0], place="Python", calls=STATES)
 
 
 def code_bytes(library: Path, prefix: str, names: Iterable[str]) -> dict[str, int]:

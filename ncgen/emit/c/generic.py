@@ -64,6 +64,10 @@ def type_program(template: Template) -> Program:
         wanted += [TemplateOutput("mass", (k, l)) for k in range(count) for l in range(count)]
     nodes = [made.get(output, graph.const(0.0)) for output in wanted]
     words = {graph.load(*place): name for name, place in names.items()}
-    stores = tuple(Store("out", k, node) for k, node in enumerate(nodes))
+    stores = tuple(Store(array="out", index=k, node=node) for k, node in enumerate(nodes))
     block = finish(Straight(tuple(graph.ops), stores, words, f"{template.key}: {template.equation}"))
-    return share_angles(Program(identifier(template.key.replace("-", "_")), ("t", "q", "qd", "p"), "out", len(nodes), (block,)))
+    return share_angles(
+        Program(
+            name=identifier(template.key.replace("-", "_")), inputs=("t", "q", "qd", "p"), output="out", size=len(nodes), blocks=(block,)
+        )
+    )

@@ -43,7 +43,7 @@ def _angles(angles: tuple[int, ...]) -> Loop:
     """The loop that fills the shared arrays: a pseudo-operation that writes both."""
     places = tuple(range(len(angles)))
     sine, cosine = (TableStore(array, places, 1) for array in SHARED.values())
-    return Loop(len(angles), (Op("slot", (), 0), Op(SINCOS, (0,))), (Slot("q", angles),), (sine, cosine))
+    return Loop(count=len(angles), ops=(Op("slot", (), 0), Op(SINCOS, (0,))), slots=(Slot("q", angles),), stores=(sine, cosine))
 
 
 class _Body:

@@ -7,17 +7,34 @@ from functools import cached_property
 
 import numpy as np
 
+from ncgen.exchange.export.held_mechanism import LOADS, HeldMechanism, Holdable, held_mechanism, holdables
 from ncgen.mechanism.conditions_in_c import basis
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
-from ncgen.model.actions import Change, Impact, Stop
+from ncgen.model.actions import Change, Impact, Locking, Stop
 from ncgen.model.events import Event
+from ncgen.model.values import Scalar, as_sympy
 from ncgen.program.ir.blocks import Program
-from ncgen.program.ir.evaluate import evaluate
 from ncgen.program.motions.event_programs import assemble_conditions
-from ncgen.solver.events.action_rows import Actions
+from ncgen.solver.events.action_rows import ActionRow, Actions
 from ncgen.solver.name_lists import listed_names
 from ncgen.symbolic.numbering import Terms
+
+START = -1
+"""The event of what is done where a motion begins."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HoldRow:
+    """What may be held, with the members of `ncgen_hold`."""
+
+    kind: str
+    condition: int
+    on: int
+    held: int = -1
+    value: int = -1
+    slip: int = -1
+    load: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,33 +49,105 @@ class EventTable:
         return tuple(self.kernels.model.events.values())
 
     @cached_property
+    def holdables(self) -> tuple[Holdable, ...]:
+        """What may be held."""
+        return holdables(self.kernels.model)
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Of all conditions: events, joints with friction, ratchets."""
+        model = self.kernels.model
+        return [*model.events, *model.frictions, *model.ratchets]
+
+    @cached_property
+    def conditions(self) -> list[tuple[str, Scalar]]:
+        """(words, expression) of all conditions."""
+        model = self.kernels.model
+        rates = [(f"friction {each.name}", each.along.rate) for each in model.frictions.values()]
+        teeth = [(f"ratchet {each.name}", each.along.rate) for each in model.ratchets.values()]
+        return [*((f"event {event.name}", event.when) for event in self.events), *rates, *teeth]
+
+    @cached_property
+    def held(self) -> HeldMechanism | None:
+        """The mechanism in which things are held; None where nothing may be."""
+        return held_mechanism(self.kernels.model, self.conditions)
+
+    @cached_property
     def _filled(self) -> Actions:
         return Actions.of(self.kernels)
 
     @cached_property
+    def rows(self) -> list[ActionRow]:
+        """What events do, and what is done where a motion begins."""
+        model, holds, first = self.kernels.model, [each.name for each in self.holdables], len(self._filled.values)
+        rows = [ActionRow(START, "NCGEN_SET", self.kernels.parameters.index(name), first + k) for k, name in enumerate(model.beginnings)]
+        rows += [ActionRow(START, "NCGEN_LOCK", holds.index(lock.name)) for lock in model.locks.values() if lock.closed]
+        locking = [(k, action) for k, event in enumerate(self.events) for action in event.do if isinstance(action, Locking)]
+        rows += [ActionRow(k, "NCGEN_LOCK" if action.closes else "NCGEN_FREE", holds.index(action.lock)) for k, action in locking]
+        return [*self._filled.rows, *rows]
+
+    @cached_property
+    def _values(self) -> list[tuple[str, Scalar]]:
+        """(words, value) of what actions set, of what holds where a motion begins, and of where things are."""
+        beginnings = [(name, as_sympy(value)) for name, value in self.kernels.model.beginnings.items()]
+        places = [(f"{each.name}, place", each.position) for each in self.holdables if each.held]
+        return [*self._filled.values, *beginnings, *places]
+
+    @cached_property
+    def hold_rows(self) -> list[HoldRow]:
+        """What may be held."""
+        parameters, rows, load = self.kernels.parameters, list[HoldRow](), 0
+        first = len(self._filled.values) + len(self.kernels.model.beginnings)
+        for each in self.holdables:
+            places = [parameters.index(name) if name else -1 for name in (each.switch, each.held, each.slip)]
+            rows.append(HoldRow(
+                kind=each.kind, condition=each.condition, on=places[0], held=places[1], value=first if each.held else -1, slip=places[2],
+                load=load,
+            ))  # fmt: skip
+            first += bool(each.held)
+            load += LOADS[each.kind]
+        return rows
+
+    @cached_property
+    def loads(self) -> list[str]:
+        """What conditions of loads are of; a joint has two, for each side."""
+        sides = {2: (" down", " up"), 1: ("",), 0: ()}
+        return [f"{each.name}{side}" for each in self.holdables for side in sides[LOADS[each.kind]]]
+
+    @cached_property
+    def own(self) -> tuple[str, ...]:
+        """Names of the parameters and inputs that say what is held, and how joints slip: the motion keeps them."""
+        return tuple(name for each in self.holdables for name in (each.switch, each.held, each.slip) if name)
+
+    @cached_property
     def changed(self) -> frozenset[str]:
         """Names of the parameters and inputs that events change."""
-        return self._filled.changed(self.kernels)
+        beginnings = (name for name in self.kernels.model.beginnings if name in self.kernels.parameters)
+        return self._filled.changed(self.kernels).union(self.own, beginnings)
 
     @cached_property
     def programs(self) -> list[Program]:
         """Of conditions, their slopes and rates, and of what actions set."""
-        conditions = [(f"event {event.name}", event.when) for event in self.events]
-        return list(assemble_conditions(self.equations, conditions, self._filled.values, [], []).values())
+        own = assemble_conditions(self.equations, self.conditions, self._values, [], []).values()
+        return [*own, *([self.held.conditions] if self.held else [])]
 
     @cached_property
     def described(self) -> dict[str, object]:
         """What templates are filled with."""
-        actions = self._filled
+        actions, count = self._filled, len(self.conditions)
         nodes, inverse = basis(actions.degree)
         return {
-            "names": [event.name for event in self.events],
-            "count": len(self.events),
-            "most": actions.most,
+            "names": self.names,
+            "count": count,
+            "events": len(self.events),
+            "holds": self.hold_rows,
+            "own": [self.kernels.parameters.index(name) for name in self.own],
+            "loads": len(self.loads),
+            "most": max(count, actions.most),
             "law": actions.law,
-            "directions": actions.directions,
-            "rows": actions.rows,
-            "values": len(actions.values),
+            "directions": [*actions.directions, *[-1] * (count - len(self.events))],
+            "rows": self.rows,
+            "values": len(self._values),
             "degree": actions.degree,
             "nodes": nodes.tolist(),
             "inverse": np.ravel(inverse).tolist(),
@@ -69,30 +158,13 @@ class EventTable:
 
 def refusal_of_events(model: Model) -> str | None:
     """Why the events of a model cannot be exported, in words, or None."""
-    if others := [*model.ratchets, *model.locks, *(name for name in model.beginnings if name in model.parameters)]:
-        return f"locks and ratchets are not exported yet ({listed_names(others)}); use ncgen.simulate"
-    if model.frictions:
-        names = listed_names(list(model.frictions))
-        return f"joints that stick are not exported yet ({names}); take a law that is smooth, or ncgen.simulate"
+    if loaded := [name for name, friction in model.frictions.items() if friction.load is not None]:
+        return f"friction of loads is not exported yet ({listed_names(loaded)}); give coulomb, or use ncgen.simulate"
     if model.contacts:
         return f"friction of contacts is not exported yet ({listed_names(list(model.contacts))}); leave it out, or use ncgen.simulate"
     if called := [event.name for event in model.events.values() if event.is_called]:
         return f"event {called[0]} calls a Python function; write what it does as expressions"
-    known = (Change, Impact, Stop)
+    known = (Change, Impact, Locking, Stop)
     if unknown := [event.name for event in model.events.values() if not all(isinstance(action, known) for action in event.do)]:
         return f"what event {unknown[0]} does is not exported yet; use ncgen.simulate"
     return None
-
-
-def refusal_of_pressed(kernels: Kernels, q: np.ndarray) -> str | None:
-    """Why a motion that begins at q (n,) cannot be exported: exports begin with compliant gaps open. In words, or None."""
-    model = kernels.model
-    gaps = [(name, event.when) for name, event in model.events.items() if f"{name}.touches" in model.beginnings]
-    if not gaps:
-        return None
-    program = assemble_conditions(kernels.programs.equations, [], [], gaps, [])["element_values"]
-    values = evaluate(program, {"t": 0.0, "q": q, "qd": np.zeros_like(q), "p": kernels.p0})
-    pressed = [f"{name} by {-value:.6g}" for (name, _), value in zip(gaps, values, strict=True) if value < 0]
-    if not pressed:
-        return None
-    return f"exports begin with no compliant stop pressed, and the start presses {listed_names(pressed)}; change it, or use ncgen.simulate"

@@ -56,7 +56,7 @@ BASE_UNITS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Variable:
     """One real variable of the unit; derivative: place of the state that it is the derivative of."""
 
@@ -134,37 +134,63 @@ def _groups(package: Package) -> list[Group]:
     q, rate, work = 1, 1 + n, 1 + 2 * n  # where the states stand
 
     loaded = loaded_elements(package.sources.programs.equations) if package.loads else []
-    events, changed = kernels.model.events, package.events.changed if package.events else frozenset()
-    conditions = [Variable(f"condition({name})", "", f"condition of event {name}", "local") for name in events]
-    conditions += [
-        Variable(f"load({name})", "N", f"condition of event {name}: load of its gap, 1 where it is open", "local") for name in package.gaps
+    events, changed = package.events.names if package.events else [], package.events.changed if package.events else frozenset()
+    conditions = [
+        Variable(name=f"condition({name})", unit="", description=f"condition of event {name}", causality="local") for name in events
     ]
-    attributes = ("output", "discrete", "exact", 0.0)
-    counts = [Variable(f"count({name})", "", f"how often event {name} has happened", *attributes) for name in events]
+    conditions += [
+        Variable(
+            name=f"load({name})", unit="N", description=f"condition of event {name}: what its load has left, 1 where it is not held",
+            causality="local",
+        )
+        for name in (package.events.loads if package.events else ())
+    ]  # fmt: skip
+    attributes = {"causality": "output", "variability": "discrete", "initial": "exact", "start": 0.0}
+    counts = [Variable(name=f"count({name})", unit="", description=f"how often event {name} has happened", **attributes) for name in events]
 
     def state(name: str, unit: str, what: str, start: float) -> Variable:
-        return Variable(name, unit, what, initial="approx", start=float(start))
+        return Variable(name=name, unit=unit, description=what, initial="approx", start=float(start))
 
     lists = {
-        "TIME": ("time", [Variable("time", "s", "time", "independent", initial=None)]),
+        "TIME": ("time", [Variable(name="time", unit="s", description="time", causality="independent", initial=None)]),
         "Q": ("coordinates", [state(c, u, f"coordinate {c}", x) for c, u, x, _ in coordinates]),
         "RATE": ("their velocities", [state(f"rate({c})", f"{u}/s", f"velocity of {c}", v) for c, u, _, v in coordinates]),
-        "WORK": ("work", [Variable("work", "J", "work of drivers and of forces without a potential", initial="exact", start=0.0)]),
-        "DQ": ("derivatives of the coordinates", [
-            Variable(f"der({c})", f"{u}/s", f"derivative of {c}", "local", derivative=q + i) for i, (c, u, *_) in enumerate(coordinates)
-        ]),
-        "DRATE": ("derivatives of the velocities", [
-            Variable(f"der(rate({c}))", f"{u}/s2", f"acceleration of {c}", derivative=rate + i) for i, (c, u, *_) in enumerate(coordinates)
-        ]),
-        "POWER": ("power", [Variable("power", "W", "power of drivers and of forces without a potential", derivative=work)]),
-        "KINETIC": ("kinetic energy", [Variable("kinetic", "J", "kinetic energy")]),
-        "POTENTIAL": ("potential energy", [Variable("potential", "J", "potential energy")]),
-        "LAM": ("multipliers", [Variable(f"multiplier({i})", "", f"multiplier of row {i}: {r.label} ({r.owner})") for i, r in rows]),
+        "WORK": (
+            "work",
+            [Variable(name="work", unit="J", description="work of drivers and of forces without a potential", initial="exact", start=0.0)],
+        ),
+        "DQ": (
+            "derivatives of the coordinates",
+            [
+                Variable(name=f"der({c})", unit=f"{u}/s", description=f"derivative of {c}", causality="local", derivative=q + i)
+                for i, (c, u, *_) in enumerate(coordinates)
+            ],
+        ),
+        "DRATE": (
+            "derivatives of the velocities",
+            [
+                Variable(name=f"der(rate({c}))", unit=f"{u}/s2", description=f"acceleration of {c}", derivative=rate + i)
+                for i, (c, u, *_) in enumerate(coordinates)
+            ],
+        ),
+        "POWER": (
+            "power",
+            [Variable(name="power", unit="W", description="power of drivers and of forces without a potential", derivative=work)],
+        ),
+        "KINETIC": ("kinetic energy", [Variable(name="kinetic", unit="J", description="kinetic energy")]),
+        "POTENTIAL": ("potential energy", [Variable(name="potential", unit="J", description="potential energy")]),
+        "LAM": (
+            "multipliers",
+            [Variable(name=f"multiplier({i})", unit="", description=f"multiplier of row {i}: {r.label} ({r.owner})") for i, r in rows],
+        ),
         "LOAD": ("joint loads", [v for load in loaded for v in _load(*load)]),
         **({"CONDITION": ("conditions of events", conditions), "COUNT": ("how often events have happened", counts)} if events else {}),
-        "OUTPUT": ("outputs of the model", [Variable(o.label, o.unit, f"output {o.label}") for o in kernels.model.outputs.values()]),
+        "OUTPUT": (
+            "outputs of the model",
+            [Variable(name=o.label, unit=o.unit, description=f"output {o.label}") for o in kernels.model.outputs.values()],
+        ),
         "P": ("parameters, then inputs", [_given(p, float(x), p.name in changed) for p, x in parameters]),
-    }  # fmt: skip
+    }
     taken = [v.name for name, (_, variables) in lists.items() if name != "OUTPUT" for v in variables]
     what, outputs = lists["OUTPUT"]
     lists["OUTPUT"] = what, [replace(v, name=f"output({v.name})") if v.name in taken else v for v in outputs]
@@ -178,10 +204,34 @@ def _groups(package: Package) -> list[Group]:
 def _given(parameter: Parameter, default: float, changes: bool) -> Variable:
     """What the unit is given: a number for long, or at every instant; or what its events change."""
     if changes:
-        return Variable(parameter.name, parameter.unit, f"{parameter.name}, which events change", "local", "discrete", "exact", default)
+        return Variable(
+            name=parameter.name,
+            unit=parameter.unit,
+            description=f"{parameter.name}, which events change",
+            causality="local",
+            variability="discrete",
+            initial="exact",
+            start=default,
+        )
     if isinstance(parameter, Input):
-        return Variable(parameter.name, parameter.unit, f"input {parameter.name}", "input", "continuous", None, default)
-    return Variable(parameter.name, parameter.unit, f"parameter {parameter.name}", "parameter", "tunable", "exact", default)
+        return Variable(
+            name=parameter.name,
+            unit=parameter.unit,
+            description=f"input {parameter.name}",
+            causality="input",
+            variability="continuous",
+            initial=None,
+            start=default,
+        )
+    return Variable(
+        name=parameter.name,
+        unit=parameter.unit,
+        description=f"parameter {parameter.name}",
+        causality="parameter",
+        variability="tunable",
+        initial="exact",
+        start=default,
+    )
 
 
 def _is_condition(variable: Variable) -> bool:
@@ -192,7 +242,9 @@ def _load(body: Body, element: Spatial) -> list[Variable]:
     """The load of joints on a body at one of its elements: a force at a point, a moment through a vector."""
     kind, unit, where = ("moment", "N.m", "through") if isinstance(element, Vector) else ("force", "N", "at")
     text = f"joint {kind} on {body.name} {where} {element.name}"
-    return [Variable(name, unit, f"{text}, {axis}") for name, axis in zip(load_names(body, element), AXES, strict=True)]
+    return [
+        Variable(name=name, unit=unit, description=f"{text}, {axis}") for name, axis in zip(load_names(body, element), AXES, strict=True)
+    ]
 
 
 def _headers(version: int) -> dict[str, str]:

@@ -47,7 +47,8 @@ def _files(package: Package, own: tuple[str, ...]) -> dict[str, str]:
     data = _scene(scene, drawn) | _mechanism(package) | {"places": _places(package, drawn, fixed), "kernels": [k.name for k in kernels]}
     data["rows"] = [_row(model, row, own) for row in package.kernels.rows]
     _check_ranges(model)
-    data |= {"parameters": [_parameter(model, name, own) for name in model.numbers]}
+    kept = package.events.own if package.events else ()
+    data |= {"parameters": [_parameter(model, name, own) | ({"group": ""} if name in kept else {}) for name in model.numbers]}
     data |= {"movable": _movable(model), "loads": _loads(equations, scene)}
     script = render("package/html/script.js.jinja", wrapper=render("package/wasm/wrapper.js.jinja", **records))
     page = render(
@@ -92,7 +93,7 @@ def _mechanism(package: Package) -> dict:
     """What the page gets of the mechanism in addition to its picture and its kernels."""
     kernels, model = package.kernels, package.kernels.model
     return {
-        "events": list(model.events),
+        "events": package.events.names if package.events else [],
         "units": [package.unit(name) for name in kernels.coordinates],
         "shown": informative(model, kernels.coordinates, package.independent)[:MAX_COORDINATES],  # at first
         "duration": package.duration,

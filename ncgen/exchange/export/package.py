@@ -21,8 +21,8 @@ from ncgen.emit.naming import labels, prefix_of
 from ncgen.emit.runtime_files import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError, shortened
-from ncgen.exchange.export.event_table import EventTable, refusal_of_events, refusal_of_pressed
-from ncgen.exchange.export.held_modes import HeldMode, held_modes
+from ncgen.exchange.export.event_table import EventTable, refusal_of_events
+from ncgen.exchange.export.held_mechanism import HeldMechanism, refusal_of_loads, with_switches
 from ncgen.exchange.export.switches import Switching, assemble_switches
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motion_sources import motion_source
@@ -37,6 +37,7 @@ from ncgen.program.motions.output_programs import assemble_outputs
 from ncgen.solver.engines.acceleration_forms import own_positions
 from ncgen.solver.given import has_events, names_of_events
 from ncgen.solver.loads.observed_loads import instant, warn_of_shared
+from ncgen.solver.name_lists import listed_names
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.positions.rank import freedom, trial_positions
 from ncgen.solver.runs.run import Run
@@ -58,7 +59,7 @@ EVENTS = "ncgen_events.c"
 """Likewise of those that have events."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Package:
     """A mechanism ready to be written for a target.
 
@@ -86,7 +87,7 @@ class Package:
         """The same with the tangents of its motion, and with joint loads."""
         equations = self.sources.programs.equations
         tangents = assemble_full_tangents(equations, self.sizes, self.kernels.holonomic)
-        loads = () if self._modes else assemble_loads(equations)  # of joints alone they are not known where gaps are held
+        loads = () if self.held else assemble_loads(equations)  # of joints alone they are not known where something is held
         return replace(self, tangents=tangents, loads=loads)
 
     @property
@@ -100,9 +101,9 @@ class Package:
         needed = needed_by(RUNTIME, *more, defined=(WITHOUT_TABLES,))
         runtime = runtime_files(*HEADERS, *needed, defined=(WITHOUT_TABLES,))
         files = self.sources.c | self.recursion | runtime
-        for mode in self._modes:
-            files |= mode.sources.c
-        records = self.records | self._described | self._described_modes
+        if self.held:
+            files |= self.held.sources.c
+        records = self.records | self._described | self._described_held
         files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **records) for kind in "hc"}
         return {renamed(name, self.prefix): renamed(text, self.prefix) for name, text in files.items()}
 
@@ -150,30 +151,27 @@ class Package:
             "widest": widest_tableau(),
         }
 
+    @property
+    def held(self) -> HeldMechanism | None:
+        """The mechanism in which things are held."""
+        return self.events.held if self.events else None
+
+    @property
+    def _described_held(self) -> dict[str, object]:
+        """The same of it, and the larger numbers of both: rows, numbers in matrices and factors."""
+        own, held = self._described, self.held
+        if held is None:
+            room = {"rows": self.kernels.m, "nonzeros": own["nonzeros"], "factor": self._order.nonzeros, "redundant": own["redundant"]}
+            return {"held": None, "room": room}
+        other = self.of_held
+        room = {"rows": held.kernels.m, "nonzeros": other._described["nonzeros"], "factor": other._order.nonzeros, "redundant": True}
+        return {"held": {"prefix": other.prefix, "m": held.kernels.m, **other._described}, "room": room}
+
     @cached_property
-    def _modes(self) -> tuple[HeldMode, ...]:
-        """Gaps that may be held closed."""
-        return held_modes(self.kernels, self.kernels.model) if self.events else ()
-
-    @property
-    def gaps(self) -> tuple[str, ...]:
-        """The events whose gaps may be held closed."""
-        modes_with_packages = {k for mode in self._modes for k in mode.held}
-        return tuple(name for k, name in enumerate(self.kernels.model.events) if k in modes_with_packages)
-
-    @property
-    def _described_modes(self) -> dict[str, object]:
-        """The same of them, and the largest numbers of all: rows, numbers in matrices and factors."""
-        packages_of_modes = [(mode, replace(self, sources=mode.sources, kernels=mode.kernels)) for mode in self._modes]
-        described = [{"prefix": each.prefix, "held": mode.held, **each._described} for mode, each in packages_of_modes]
-        own = [self._described, *described]
-        room = {
-            "rows": max([self.kernels.m, *(mode.kernels.m for mode, _ in packages_of_modes)]),
-            "nonzeros": max(int(each["nonzeros"]) for each in own),  # type: ignore[call-overload]
-            "factor": max(each["elimination"]["nonzeros"] for each in own),  # type: ignore[index]
-            "redundant": any(each["redundant"] for each in own),
-        }
-        return {"modes": described, "room": room}
+    def of_held(self) -> Package:
+        """The same of the mechanism in which things are held, which there is."""
+        assert self.held is not None
+        return replace(self, sources=self.held.sources, kernels=self.held.kernels)
 
     @property
     def public(self) -> tuple[str, ...]:
@@ -206,7 +204,7 @@ class Package:
                 ("q", labels(self.kernels.coordinates)),
                 ("p", labels(self.kernels.parameters)),
                 ("output", labels(tuple(self.kernels.model.outputs))),
-                ("event", labels(tuple(self.kernels.model.events))),
+                ("event", labels(tuple(self.events.names if self.events else ()))),
             ],
             "kernel_shapes": [
                 {"name": name, "inputs": program.inputs, "size": program.size} for name, program in programs.programs.items()
@@ -214,9 +212,7 @@ class Package:
             "tangents": self.tangents is not None,
             "breaks": self.switching.described if self.switching else None,
             "events": self.events.described if self.events else None,
-            "gaps": [list(self.kernels.model.events).index(name) for name in self.gaps],
             "joint_loads": bool(self.loads),
-            "most_held": max((len(mode.held) for mode in self._modes), default=0),
             **program_records(self._motion_programs(), self.prefix, "motion"),
         }
 
@@ -242,7 +238,7 @@ class Package:
         """What stands next to the kernels as functions."""
         own = [self.full.closing, self.tangents.closing, self.tangents.motion] if self.tangents else []
         switches = [self.switching.program] if self.switching else []
-        happening = [*self.events.programs, *(mode.conditions for mode in self._modes)] if self.events else []
+        happening = self.events.programs if self.events else []
         return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1]), *switches, *happening]
 
     @cached_property
@@ -253,7 +249,7 @@ class Package:
     @cached_property
     def events(self) -> EventTable | None:
         """What happens on the way; None where nothing does."""
-        return EventTable(self.kernels, self.sources.programs.equations) if self.kernels.model.events else None
+        return EventTable(self.kernels, self.sources.programs.equations) if has_events(self.kernels.model) else None
 
     @cached_property
     def outputs(self) -> list[Program]:
@@ -271,11 +267,9 @@ class Package:
 def package(model: Model, events: bool = False) -> Package:
     """Generate a mechanism and its motion; events: whether the target supports them. Raises ModelError where its motion has no export."""
     _require_none(model, _refusal(model, events))
-    sources = generate(model)
-    kernels = compile(sources, backend="numpy")
+    sources, kernels = _generated(model)
     run = _simulation(kernels)
     start = begin(kernels, run.initial, partitioned=True)
-    _require_none(model, refusal_of_pressed(kernels, start.q))
     positions = trial_positions(kernels, start.q, 0.0, None)
     sizes = MotionSizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):
@@ -283,7 +277,28 @@ def package(model: Model, events: bool = False) -> Package:
     if uses_loads(model):
         warn_of_shared(instant(kernels, 0.0, start.q, start.qd, kernels.p0))
     independent = determined(start.partitions).velocity.names(kernels)
-    return Package(sources, kernels, sizes, start.q, start.qd, independent, run.duration, freedom(kernels).dof)
+    return Package(
+        sources=sources,
+        kernels=kernels,
+        sizes=sizes,
+        q=start.q,
+        qd=start.qd,
+        independent=independent,
+        duration=run.duration,
+        dof=freedom(kernels).dof,
+    )
+
+
+def _generated(model: Model) -> tuple[Sources, Kernels]:
+    """A mechanism with switches of what it may hold, unless its loads are not known: then gaps at rest end the motion."""
+    sources = generate(with_switches(model))
+    kernels = compile(sources, backend="numpy")
+    if not (why := refusal_of_loads(kernels)):
+        return sources, kernels
+    if others := [*model.frictions, *model.ratchets, *model.locks]:
+        _require_none(model, f"{listed_names(others)} may not be held: {why}; use ncgen.simulate")
+    sources = generate(model)
+    return sources, compile(sources, backend="numpy")
 
 
 def _require_none(model: Model, reason: str | None) -> None:

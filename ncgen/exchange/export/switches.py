@@ -42,7 +42,7 @@ MOST_CHANGES = 1000
 """Steps that may end in the described motion for such a law; one that needs more is left to error control."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Switching:
     """program: the one above; lines, curves: switches whose arguments are straight, and others; interval: s between looks at the latter;
     jumps: whether the velocity of a driver may jump at a break"""
@@ -89,7 +89,7 @@ def assemble_switches(kernels: Kernels, equations: Terms, duration: float) -> Sw
         return None
     program = line(graph, "switches", ("t", "p"), [*straight, *curved], equations)
     interval = _interval(kernels, replace(laws, narrow=tuple(watched)), duration) if curved else 0.0
-    return Switching(program, len(straight) // 4, len(curved), interval, may_jump(kernels))
+    return Switching(program=program, lines=len(straight) // 4, curves=len(curved), interval=interval, jumps=may_jump(kernels))
 
 
 def _narrow_here(kernels: Kernels, laws: TimeLaws, nodes: Sequence[int], duration: float) -> dict[int, Pieces]:

@@ -9,25 +9,27 @@ from typing import Any
 from ncgen.emit.environment import render
 from ncgen.emit.wasm.binary import LINK
 from ncgen.emit.wasm.linked import Linked, linked_module
+from ncgen.exchange.export.held_mechanism import GAP, JOINT, LOCK, RATCHET
 from ncgen.exchange.export.package import Package
 from ncgen.program.algebra.quasidefinite import Elimination
 from ncgen.program.ir.blocks import Pattern, Program
-from ncgen.toolchain.generic_wasm import LINKED, binary
+from ncgen.toolchain.generic_wasm import LINKED, PLAIN, binary
 
 CONSTANTS = frozenset("N ROWS KERNELS LARGEST PARAMETERS DRIVES T WORK Q QD QDD LAM HAPPENED STOPPED STATE FUNCTIONS WORDS".split())
 """What the wrapper calls its constants: no class can be called so."""
 
 FUNCTIONS = (
     "phi", "phi_q", "nu", "gamma", "mass", "force", "energy", "switches", "conditions", "condition_slopes", "condition_rates",
-    "action_values",
+    "action_values", "held_phi", "held_phi_q", "held_nu", "held_gamma", "held_conditions",
 )  # fmt: skip
 """Functions that the runtime calls, in the order of ncgen_linked.h."""
 
-KINDS = ("NCGEN_SET", "NCGEN_SET_VELOCITY", "NCGEN_IMPACT", "NCGEN_STOP")
+KINDS = ("NCGEN_SET", "NCGEN_SET_VELOCITY", "NCGEN_IMPACT", "NCGEN_STOP", "NCGEN_LOCK", "NCGEN_FREE")
+HOLDS = (GAP, JOINT, RATCHET, LOCK)
 LAWS = ("NCGEN_NO_LAW", "NCGEN_SIMULTANEOUS", "NCGEN_IN_TURN")
-"""Kinds of actions and laws of impacts in the order of their numbers in ncgen_events.h."""
+"""Kinds of actions and of what is held, and laws of impacts, in the order of their numbers in ncgen_event_table.h."""
 
-FIRST_FUNCTION = 16
+FIRST_FUNCTION = 21
 """Where their numbers begin in the description."""
 
 
@@ -57,8 +59,9 @@ def assembled(package: Package, kernels: Iterable[Program], title: str) -> tuple
     """(the module, what its wrapper is filled with): these kernels, which include those of the motion; title: of the wrapper's class."""
     kernels = list(kernels)
     switches = [package.switching.program] if package.switching else []
-    programs = [*kernels, *package.outputs[:1], *switches, *(package.events.programs if package.events else [])]
-    made = linked_module(programs, package.prefix, _integers(package), _numbers(package), {LINK: binary(LINKED)})
+    programs = [*kernels, *package.outputs[:1], *switches, *(package.events.programs if package.events else []), *_held_programs(package)]
+    runtime = binary(LINKED if package.events else PLAIN)
+    made = linked_module(programs, package.prefix, _integers(package), _numbers(package), {LINK: runtime})
     return made, package.records | {
         "title": title,
         "linked": made,
@@ -69,6 +72,14 @@ def assembled(package: Package, kernels: Iterable[Program], title: str) -> tuple
         "largest": max(program.size for program in programs),
         "size": len(made.binary),
     }
+
+
+def _held_programs(package: Package) -> list[Program]:
+    """Kernels of the mechanism with what is held that are not those of the mechanism itself."""
+    if not package.held:
+        return []
+    programs = package.held.sources.programs.programs
+    return [replace(programs[name], name=f"held_{name}") for name in ("phi", "phi_q", "nu", "gamma") if name in programs]
 
 
 def _integers(package: Package) -> list[int]:
@@ -82,13 +93,26 @@ def _integers(package: Package) -> list[int]:
     counts += (
         [len(happening["rows"]), LAWS.index(happening["law"]), happening["values"], happening["degree"]] if happening else [0, 0, 0, 0]
     )
+    counts += [happening["events"], len(happening["holds"]), happening["loads"], len(happening["own"])] if happening else [0, 0, 0, 0]
+    counts.append(package.held.kernels.m if package.held else 0)
     phi_q = _with_rows(kernels.phi_q_pattern, drives)
     patterns = [*phi_q.indptr, *phi_q.indices, *kernels.mass_pattern.indptr, *kernels.mass_pattern.indices]
     orders = [package.elimination(pattern) for pattern in (kernels.phi_q_pattern, phi_q)]
     tables = [x for order in orders for x in (order.nonzeros, *(x for name in Elimination.ARRAYS for x in getattr(order, name)))]
     actions = [x for row in happening.get("rows", ()) for x in (row.event, KINDS.index(row.kind), row.place, row.value)]
-    sides = [*happening.get("directions", ()), *[-1] * happening.get("count", 0)]
-    return [*counts, *[0] * len(FUNCTIONS), *patterns, *tables, *sides, *actions]
+    sides = [*happening.get("directions", ()), *[-1] * (happening.get("count", 0) + happening.get("loads", 0))]
+    return [*counts, *[0] * len(FUNCTIONS), *patterns, *tables, *sides, *actions, *_held_integers(package, happening)]
+
+
+def _held_integers(package: Package, happening: dict[str, Any]) -> list[int]:
+    """The same of what is held."""
+    if not package.held:
+        return []
+    rows = [x for r in happening["holds"] for x in (HOLDS.index(r.kind), r.condition, r.on, r.held, r.value, r.slip, r.load)]
+    pattern = package.held.kernels.phi_q_pattern
+    order = package.of_held.elimination(pattern)
+    tables = [order.nonzeros, *(x for name in Elimination.ARRAYS for x in getattr(order, name))]
+    return [*rows, *happening["own"], *pattern.indptr, *pattern.indices, *tables]
 
 
 def _with_rows(pattern: Pattern, columns: list[int]) -> Pattern:
@@ -106,4 +130,5 @@ def _numbers(package: Package) -> list[float]:
     arrays = (kernels.column_sizes, kernels.row_sizes, sizes, package.q, package.qd, kernels.p0)
     happening: dict[str, Any] = package.events.described if package.events else {}
     watched = [happening["noise"], *happening["nodes"], *happening["inverse"]] if happening else []
+    watched += package.held.kernels.row_sizes.tolist() if package.held else []
     return [interval, *(float(x) for array in arrays for x in array), *watched]

@@ -34,7 +34,7 @@ NOT_MODELLED = "not modelled"
 """What ends the count in the warning of `warn_of`: a program that shows the list itself finds the warning by it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Word:
     """A word of a format: an element, or an attribute of one.
 
@@ -89,7 +89,14 @@ def vocabulary(name: str) -> dict[str, Word]:
 def _word(line: str) -> Word:
     entry, versions, default, meaning, words = (part.strip() for part in line.split("|"))
     path, _, anchor = (part.strip() for part in entry.partition("="))
-    return Word(path, versions, tuple(each.strip() for each in default.split(" or ")) if default else (), meaning, words, anchor)
+    return Word(
+        path=path,
+        versions=versions,
+        defaults=tuple(each.strip() for each in default.split(" or ")) if default else (),
+        meaning=meaning,
+        words=words,
+        anchor=anchor,
+    )
 
 
 def account(root: Markup, words: dict[str, Word], anchor: str) -> list[Finding]:

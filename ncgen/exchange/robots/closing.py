@@ -52,5 +52,5 @@ def _closed(
     (parent, on_parent), (child, on_child) = two_ends
     if parent == child:
         raise ModelError(f"close {name}: both frames are on link {parent}, so it changes nothing; name frames of two links")
-    closure = Closure(name, KINDS[kind], parent, child, on_parent, on_child, unit(axis))
+    closure = Closure(name=name, kind=KINDS[kind], parent=parent, child=child, on_parent=on_parent, on_child=on_child, axis=unit(axis))
     return built(with_closures(robot, [*closures_of(robot), closure]), arguments)

@@ -47,7 +47,7 @@ Frames: TypeAlias = dict[str, tuple[np.ndarray, np.ndarray]]
 """{link: rotation (3, 3) and position (3,) in m, in the root's frame}."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Closure:
     """A loop: a frame of a link that stands where a frame of another link is.
 
@@ -70,14 +70,14 @@ def closures_of(robot: Robot) -> list[Closure]:
     frames = robot.frames(Placement())
     return [
         Closure(
-            loop.name,
-            loop.kind,
-            loop.parent,
-            loop.child,
-            frames[loop.parent].inverse() @ loop.placement,
-            frames[loop.child].inverse() @ loop.placement,
-            loop.axis,
-            loop.where,
+            name=loop.name,
+            kind=loop.kind,
+            parent=loop.parent,
+            child=loop.child,
+            on_parent=frames[loop.parent].inverse() @ loop.placement,
+            on_child=frames[loop.child].inverse() @ loop.placement,
+            axis=loop.axis,
+            where=loop.where,
         )
         for loop in robot.loops
     ]
@@ -92,7 +92,7 @@ def with_closures(robot: Robot, closures: Sequence[Closure]) -> Robot:
     frames = assembly.frames(Placement())
     loops = []
     for number, each in enumerate(closures):
-        new = Joint(each.name, each.kind, each.parent, each.child, axis=each.axis, where=each.where)
+        new = Joint(name=each.name, kind=each.kind, parent=each.parent, child=each.child, axis=each.axis, where=each.where)
         own = robot.loops[number] if number < len(robot.loops) else new
         has_moved = assembly.joints != robot.joints or own is new
         loops.append(replace(own, placement=frames[each.parent] @ each.on_parent) if has_moved else own)

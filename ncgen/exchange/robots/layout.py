@@ -74,7 +74,7 @@ class RobotSolid:
         return np.array([unit(d) for d in (*segments, *(v.value for v in self.vectors))]).reshape(-1, 3)
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Hold:
     """A joint and its places: start on the parent, end on the child, the same one where they are shared; axis with its sign.
 
@@ -92,7 +92,7 @@ class Hold:
     closes: bool = False
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Layout:
     """ground: what rests, empty where the root moves; solids by link; holds in the order of the joints; frames: of the links.
 
@@ -136,12 +136,12 @@ class Layer:
         ground = RobotSolid("ground") if self.floating else self.solids.pop(self.robot.root)
         for name, solid in self.solids.items():
             self._complete(solid, self._heart(name))
-        return Layout(ground if self.floating else root, self.solids, self.holds, self.frames, self.size)
+        return Layout(ground=ground if self.floating else root, solids=self.solids, holds=self.holds, frames=self.frames, size=self.size)
 
     # -- joints --------------------------------------------------------------------------------
 
     def _hold(self, joint: Joint) -> Hold:
-        hold = Hold(joint, self.solids[joint.parent], self.solids[joint.child], closes=joint in self.robot.loops)
+        hold = Hold(joint=joint, parent=self.solids[joint.parent], child=self.solids[joint.child], closes=joint in self.robot.loops)
         before = len(hold.parent.places) + len(hold.child.places)
         getattr(self, f"_{joint.kind}")(hold)
         if hold.closes and joint.kind in SHARED and len(hold.parent.places) + len(hold.child.places) == before:

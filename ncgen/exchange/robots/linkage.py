@@ -86,8 +86,17 @@ class _Linkage:
         self._hold()
         floats = not any(WORLD in (joint.parent, joint.child) for joint in (*self.joints, *self.loops))
         parts = self.parts[1:] if floats else self.parts
-        links = {part.name: Link(part.name, mass_of(self.model, part.body, part.position), shapes=self._shapes(part)) for part in parts}
-        robot = Robot(self.model.name, links, tuple(self.joints), tuple(self.loops), gravity=gravity_of(self.model), floats=floats)
+        links = {
+            part.name: Link(name=part.name, mass=mass_of(self.model, part.body, part.position), shapes=self._shapes(part)) for part in parts
+        }
+        robot = Robot(
+            name=self.model.name,
+            links=links,
+            joints=tuple(self.joints),
+            loops=tuple(self.loops),
+            gravity=gravity_of(self.model),
+            floats=floats,
+        )
         return hung(robot, {part.name: Placement(position=part.position) for part in parts})
 
     # -- bodies --------------------------------------------------------------------------------
@@ -124,7 +133,12 @@ class _Linkage:
             )
         axis = unit(screws[0].axis.initial) if kind in ("revolute", "prismatic") else NORMAL
         place = next((screw.point.initial for screw in turning if screw.point), child.position)
-        self._add(Joint(name, kind, parent.name, child.name, Placement(position=place), axis), parent, child, closes)
+        self._add(
+            Joint(name=name, kind=kind, parent=parent.name, child=child.name, placement=Placement(position=place), axis=axis),
+            parent,
+            child,
+            closes,
+        )
 
     def _add(self, joint: Joint, parent: _Part, child: _Part, closes: bool = False) -> None:
         (self.loops if closes else self.joints).append(joint)
@@ -167,7 +181,15 @@ class _Linkage:
         upper = _Part(self._free(f"{name}_upper"), [end], None, start.initial)
         self.parts += [lower, upper]
         self._pivot(self._free(f"{name}_foot"), foot, lower, start.initial, along)
-        joint = Joint(name, "prismatic", lower.name, upper.name, Placement(position=start.initial), along, **self._acting(length))
+        joint = Joint(
+            name=name,
+            kind="prismatic",
+            parent=lower.name,
+            child=upper.name,
+            placement=Placement(position=start.initial),
+            axis=along,
+            **self._acting(length),
+        )
         self._add(joint, lower, upper)
         self._ball(self._free(f"{name}_head"), upper, head, end.initial)
         self.described.add(name)
@@ -175,16 +197,37 @@ class _Linkage:
     def _pivot(self, name: str, parent: _Part, child: _Part, place: np.ndarray, along: np.ndarray) -> None:
         """A hinge in the plane, else a universal joint, across a rod."""
         if self.is_planar:
-            self._add(Joint(name, "revolute", parent.name, child.name, Placement(position=place), NORMAL), parent, child)
+            self._add(
+                Joint(name=name, kind="revolute", parent=parent.name, child=child.name, placement=Placement(position=place), axis=NORMAL),
+                parent,
+                child,
+            )
             return
         first = across(along)
         second = unit(np.cross(along, first))
-        self._add(Joint(name, "universal", parent.name, child.name, Placement(position=place), first, second), parent, child)
+        self._add(
+            Joint(
+                name=name,
+                kind="universal",
+                parent=parent.name,
+                child=child.name,
+                placement=Placement(position=place),
+                axis=first,
+                second=second,
+            ),
+            parent,
+            child,
+        )
 
     def _ball(self, name: str, rod: _Part, end: _Part, place: np.ndarray) -> None:
         kind = "revolute" if self.is_planar else "spherical"
         parent, child = (end, rod) if end is self.world else (rod, end)
-        self._add(Joint(name, kind, parent.name, child.name, Placement(position=place), NORMAL), parent, child, closes=True)
+        self._add(
+            Joint(name=name, kind=kind, parent=parent.name, child=child.name, placement=Placement(position=place), axis=NORMAL),
+            parent,
+            child,
+            closes=True,
+        )
 
     def _part_of(self, element: Spatial) -> _Part | None:
         return next((part for part in self.parts if element in part.elements), None)

@@ -23,7 +23,7 @@ PACKAGES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH", "GZ_SI
 """Variables of the environment that name folders with packages and models, as ROS and Gazebo use them."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Shape:
     """A shape in the frame of a link, with the words of `ncgen.model.shapes.Solid`; file: an absolute path."""
 
@@ -66,7 +66,11 @@ class Unseen:
 
 def shape(kind: str, sizes: Sequence[float], place: Placement, colour: str | None) -> Shape | Unseen:
     """A shape whose sizes are numbers; one of no size is not seen."""
-    return Shape(kind, tuple(map(float, sizes)), place, colour) if all(size > 0 for size in sizes) else Unseen(f"{kind} of no size")
+    return (
+        Shape(kind=kind, sizes=tuple(map(float, sizes)), placement=place, colour=colour)
+        if all(size > 0 for size in sizes)
+        else Unseen(f"{kind} of no size")
+    )
 
 
 def looked(read: Callable[[], Shape | Unseen], kind: str) -> Shape | Unseen:
@@ -102,7 +106,7 @@ def shapes_on(model: Model, body: Body, origin: np.ndarray) -> tuple[Shape, ...]
         if kind == "ellipsoid" and len(set(sizes)) == 1:
             kind, sizes = "sphere", sizes[:1]
         file = str((model.drawing.folder or Path()) / solid.file) if solid.file else ""
-        shapes.append(Shape(kind, sizes, place, solid.colour, file))
+        shapes.append(Shape(kind=kind, sizes=sizes, placement=place, colour=solid.colour, file=file))
     return tuple(shapes)
 
 
@@ -116,7 +120,7 @@ def mesh(name: str, scale: Sequence[float], place: Placement, colour: str | None
     path = mesh_path(name, robot)
     if path is None or not all(scale):
         return Unseen(name[:80], is_file=True)
-    return Shape("mesh", tuple(map(float, scale)), place, colour, str(path))
+    return Shape(kind="mesh", sizes=tuple(map(float, scale)), placement=place, colour=colour, file=str(path))
 
 
 def mesh_path(name: str, robot: Path) -> Path | None:

@@ -106,7 +106,16 @@ class _Reader:
         else:
             on_parent = (self.robot.links[ends[0]].origin or Placement()) @ Placement(position=point)
             on_child = self.frames[ends[1]].inverse() @ self.frames[ends[0]] @ on_parent
-        return Closure(name, KINDS[kind], ends[0], ends[1], on_parent, on_child, unit(axis), f"{self.path.name}, {where}")
+        return Closure(
+            name=name,
+            kind=KINDS[kind],
+            parent=ends[0],
+            child=ends[1],
+            on_parent=on_parent,
+            on_child=on_child,
+            axis=unit(axis),
+            where=f"{self.path.name}, {where}",
+        )
 
     def _link(self, table: Mapping[str, object], key: str, where: str) -> str:
         name = table.get(key)

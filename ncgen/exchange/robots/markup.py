@@ -46,7 +46,7 @@ class Attributes(dict[str, str]):
         return super().get(name, default)
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Markup:
     """An element of a file. where: the file's name, for messages; raw: its text, which nobody has read yet unless `is_read`."""
 
@@ -170,14 +170,14 @@ class _Reader:
 
     def __init__(self, where: str, parser: expat.XMLParserType) -> None:
         self.where, self.parser = where, parser
-        self.root = Markup("", Attributes({}), 1, where)
+        self.root = Markup(tag="", attributes=Attributes({}), line=1, where=where)
         self.open = [self.root]
         parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
         parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = self._text, self._document_type
         parser.buffer_text = True
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        element = Markup(tag, Attributes(attributes), self.parser.CurrentLineNumber, self.where)
+        element = Markup(tag=tag, attributes=Attributes(attributes), line=self.parser.CurrentLineNumber, where=self.where)
         if tag.startswith("xacro:") and not any(each.tag in PICTURES for each in self.open):
             name = self.where.removesuffix(XACRO)
             name = f"expanded-{name}" if name == self.where else name  # or the shell empties the file before xacro reads it

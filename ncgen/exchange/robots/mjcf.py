@@ -130,7 +130,9 @@ def _closure(apart: Apart, robot: Robot) -> Closure:
     """A loop that is to be closed; robot: in the world where the model begins."""
     joint, frames = apart.joint, robot.frames(robot.base)
     parent, child = frames[joint.parent].inverse() @ joint.placement, frames[joint.child].inverse() @ apart.child
-    return Closure(joint.name, joint.kind, joint.parent, joint.child, parent, child, where=joint.where)
+    return Closure(
+        name=joint.name, kind=joint.kind, parent=joint.parent, child=joint.child, on_parent=parent, on_child=child, where=joint.where
+    )
 
 
 class _Reader:
@@ -151,7 +153,7 @@ class _Reader:
         self.name = files[0].attributes.get("model") or path.stem
         self.bodies = [WORLD, *(model.body(i).name or f"body{i}" for i in range(1, model.nbody))]
         self.places: dict[str, Placement] = {WORLD: Placement()}
-        self.links: dict[str, Link] = {WORLD: Link(WORLD, None, shapes=self._shapes_of(0), sites=self.sites.get(0, {}))}
+        self.links: dict[str, Link] = {WORLD: Link(name=WORLD, mass=None, shapes=self._shapes_of(0), sites=self.sites.get(0, {}))}
         self.joints: list[Joint] = []
         self.joint_names: list[str] = [model.joint(j).name or f"joint{j}" for j in range(model.njnt)]
 
@@ -165,10 +167,10 @@ class _Reader:
         omitted = (*(f"{what} ({count})" for what, count in left_out(self.m).items()), *unseen((*self.lost, *filter(None, self.looks))))
         motors = actuators(self.m, self.joint_names)
         robot = Robot(
-            self.name,
-            self.links,
-            joints,
-            closed.loops,
+            name=self.name,
+            links=self.links,
+            joints=joints,
+            loops=closed.loops,
             gravity=(x, y, z),
             omitted=omitted,
             rows=closed.rows,
@@ -193,20 +195,20 @@ class _Reader:
             last = count == len(own)
             child = name if last else f"{name}.{self.joint_names[j]}"
             if not last:
-                self.places[child], self.links[child] = place, Link(child, None, self.where, origin=None)
+                self.places[child], self.links[child] = place, Link(name=child, mass=None, where=self.where, origin=None)
             self.joints.append(self._joint(j, parent, child, place))
             parent = child
         if not own:
-            self.joints.append(Joint(f"{name}.fixed", "fixed", parent, name, place, where=self.where))
+            self.joints.append(Joint(name=f"{name}.fixed", kind="fixed", parent=parent, child=name, placement=place, where=self.where))
         self.places[name], self.links[name] = (
             place,
             Link(
-                name,
-                self._mass(i),
-                self.where,
-                self._shapes_of(i),
-                self._lifted(i),
-                self.frames.get(i, {}),
+                name=name,
+                mass=self._mass(i),
+                where=self.where,
+                shapes=self._shapes_of(i),
+                lifted=self._lifted(i),
+                frames=self.frames.get(i, {}),
                 sites=self.sites.get(i, {}),
             ),
         )
@@ -257,7 +259,7 @@ class _Reader:
         m = self.m
         kind, dof = KINDS[m.jnt_type[j]], m.jnt_dofadr[j]
         at = place if kind == "floating" else place @ Placement(position=np.array(m.jnt_pos[j]))
-        joint = Joint(self.joint_names[j], kind, parent, child, at, where=self.where, **self._spring(j))
+        joint = Joint(name=self.joint_names[j], kind=kind, parent=parent, child=child, placement=at, where=self.where, **self._spring(j))
         if kind in ("floating", "spherical"):
             return joint
         return replace(

@@ -61,12 +61,12 @@ def _actuator(m: Compiled, k: int, shares: dict[str, float]) -> Actuator:
     bias = _factors(m.actuator_biasprm[k], True) if m.actuator_biastype[k] == AFFINE else (0.0, 0.0, 0.0)
     control = int(m.actuator_ctrladr[k])
     return Actuator(
-        m.actuator(k).name or f"actuator{k}",
-        shares,
-        gain,
-        bias,
-        _range(m.actuator_ctrlrange[control]) if m.actuator_ctrllimited[control] and not off(m, NO_CLAMPS) else None,
-        _range(m.actuator_forcerange[k]) if m.actuator_forcelimited[k] else None,
+        name=m.actuator(k).name or f"actuator{k}",
+        shares=shares,
+        gain=gain,
+        bias=bias,
+        control=_range(m.actuator_ctrlrange[control]) if m.actuator_ctrllimited[control] and not off(m, NO_CLAMPS) else None,
+        force=_range(m.actuator_forcerange[k]) if m.actuator_forcelimited[k] else None,
     )
 
 

@@ -97,7 +97,11 @@ class _Reader:
                 own[joint] = own.get(joint, 0.0) - powers[0] * share
             other, powers = {}, []
         zeros = {joint: self._begins(joint) for joint in (*own, *other)}
-        self.rows.append(Coupling(name, own, offset, self.where, other, zeros, tuple(powers) if other else ()))
+        self.rows.append(
+            Coupling(
+                name=name, shares=own, offset=offset, where=self.where, others=other, zeros=zeros, powers=tuple(powers) if other else ()
+            )
+        )
 
     def _begins(self, joint: str) -> float:
         """The value of a joint where the model begins."""
@@ -108,7 +112,7 @@ class _Reader:
     def _join(self, e: int, name: str, kind: int) -> None:
         """A ball or a weld between two frames; where the model begins they may be apart."""
         (first, one), (second, other) = self._frames(e, kind)
-        joint = Joint(name, "fixed" if kind == WELD else "spherical", first, second, one, where=self.where)
+        joint = Joint(name=name, kind="fixed" if kind == WELD else "spherical", parent=first, child=second, placement=one, where=self.where)
         gap = float(np.linalg.norm(one.position - other.position))
         turned = float(np.linalg.norm(one.rotation - other.rotation)) if kind == WELD else 0.0
         if max(gap, turned) > FRAME_TOLERANCE:

@@ -38,4 +38,4 @@ def start_of(m: Compiled, qpos: np.ndarray, qvel: np.ndarray, joints: Sequence[s
             turned[name] = Placement.of_quaternion(np.zeros(3), qpos[at : at + 4]).rotation, qvel[dof : dof + 3]
         else:
             values[name], rates[name] = float(qpos[at]), float(qvel[dof])
-    return RobotState(values, rates, turned, free)
+    return RobotState(values=values, rates=rates, turned=turned, free=free)

@@ -43,11 +43,13 @@ def _sensor(m: Compiled, s: int, joints: Sequence[str]) -> Sensor | None:
     if kind in LENGTHS:
         whose, what = LENGTHS[kind]
         shares = shares_of(m, whose, int(m.sensor_objid[s]), joints)
-        return None if shares is None else Sensor(name, what, shares, cutoff)
+        return None if shares is None else Sensor(name=name, kind=what, of=shares, cutoff=cutoff)
     if kind not in KINDS:
         return None
     x, y, z = map(float, m.opt.magnetic)
-    return Sensor(name, KINDS[kind], _key(m, s), 0.0 if KINDS[kind] in KINDS_WITHOUT_CUTOFF else cutoff, (x, y, z))
+    return Sensor(
+        name=name, kind=KINDS[kind], of=_key(m, s), cutoff=0.0 if KINDS[kind] in KINDS_WITHOUT_CUTOFF else cutoff, field=(x, y, z)
+    )
 
 
 def _key(m: Compiled, s: int) -> str:

@@ -53,7 +53,7 @@ def away_from_zero(robot: Robot, joints: Mapping[str, Joint]) -> list[str]:
 def _of_joints(joints: Mapping[str, Joint], coordinates: Mapping[str, Relative], named: Collection[str]) -> list[Actuator]:
     """A motor for each joint that has a coordinate of its own, of these names if there are any."""
     own = [name for name in coordinates if name in joints and joints[name].mimic is None]
-    return [Actuator(PREFIX + name, {name: 1.0}) for name in own if name in named or not named]
+    return [Actuator(name=PREFIX + name, shares={name: 1.0}) for name in own if name in named or not named]
 
 
 def _force(model: Model, actuator: Actuator, coordinates: Mapping[str, Relative]) -> tuple[str, sympy.Expr]:

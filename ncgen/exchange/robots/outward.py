@@ -60,11 +60,15 @@ class _Teller:
 
     def robot(self) -> Robot:
         tree = self.space.tree
-        links = [Link(self.root, None, shapes=shapes_on(self.model, self.model.ground, np.zeros(3)))]
+        links = [Link(name=self.root, mass=None, shapes=shapes_on(self.model, self.model.ground, np.zeros(3)))]
         for link, origin in zip(tree.links, self.origins, strict=True):
-            links.append(Link(link.body.name, mass_of(self.model, link.body, origin), shapes=shapes_on(self.model, link.body, origin)))
+            links.append(
+                Link(name=link.body.name, mass=mass_of(self.model, link.body, origin), shapes=shapes_on(self.model, link.body, origin))
+            )
         joints = [self._joint(number) for number in range(len(tree.links))]
-        return Robot(self.model.name, {link.name: link for link in links}, tuple(joints), gravity=gravity_of(self.model)).ordered()
+        return Robot(
+            name=self.model.name, links={link.name: link for link in links}, joints=tuple(joints), gravity=gravity_of(self.model)
+        ).ordered()
 
     def _joint(self, number: int) -> Joint:
         link = self.space.tree.links[number]
@@ -72,16 +76,30 @@ class _Teller:
         position = self.origins[number] - (0.0 if link.parent is None else self.origins[link.parent])
         kind, axis = self._kind(link)
         if kind not in ("revolute", "prismatic"):
-            return Joint(f"joint_{link.body.name}", kind, parent, link.body.name, Placement(position=position), axis)
+            return Joint(
+                name=f"joint_{link.body.name}",
+                kind=kind,
+                parent=parent,
+                child=link.body.name,
+                placement=Placement(position=position),
+                axis=axis,
+            )
         (rate,) = self.space.tree.rates[number]
         coordinate, share = self.coordinates.get(rate, (None, 1.0))
         axis = axis if share > 0 else -axis
         if coordinate is None:
-            return Joint(f"joint_{link.body.name}", kind, parent, link.body.name, Placement(position=position), axis)
+            return Joint(
+                name=f"joint_{link.body.name}",
+                kind=kind,
+                parent=parent,
+                child=link.body.name,
+                placement=Placement(position=position),
+                axis=axis,
+            )
         name, start = self.space.kernels.coordinates[coordinate], float(self.space.kernels.q0[coordinate])
         start = 0.0 if abs(start) < ROUNDING else start
         placement = _turned(axis, -start, position) if kind == "revolute" else Placement(position=position - start * axis)
-        return Joint(name, kind, parent, link.body.name, placement, axis, **acting(self.model, name))
+        return Joint(name=name, kind=kind, parent=parent, child=link.body.name, placement=placement, axis=axis, **acting(self.model, name))
 
     def _kind(self, link: TreeLink) -> tuple[str, np.ndarray]:
         """The joint that carries a link, by its degrees of freedom, and its axis."""

@@ -148,7 +148,15 @@ class _Tables:
         parent, child = (self._link(name, where) for name in pair)
         if kind.lower() not in TYPES:
             self._refuse(f"{where}: there is no type {shown(kind)}; known are 6d and 3d")
-        return Closure("_".join(pair), TYPES[kind.lower()], parent, child, Placement(), Placement(), where=f"{self.path.name}, {where}")
+        return Closure(
+            name="_".join(pair),
+            kind=TYPES[kind.lower()],
+            parent=parent,
+            child=child,
+            on_parent=Placement(),
+            on_child=Placement(),
+            where=f"{self.path.name}, {where}",
+        )
 
     def _link(self, name: str, where: str) -> str:
         """A link by its name, or by that of the joint which carries it, as Pinocchio's frames are called."""

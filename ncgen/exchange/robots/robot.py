@@ -51,7 +51,7 @@ class Mass:
         return self.tensor + self.mass * (dot(d, d) * np.eye(3) - np.outer(d, d))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Link:
     """mass: None for a link without inertia; where: its place in the file, for messages; shapes: what it looks like, in its frame.
 
@@ -88,7 +88,7 @@ class Mimic:
     offset: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Coupling:
     """A row over joints: Σ share · coordinate = offset (rad or m) + c₁ x + c₂ x² + …, where x is the sum over others.
 
@@ -105,7 +105,7 @@ class Coupling:
     powers: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Joint:
     """A joint between two links.
 
@@ -152,7 +152,7 @@ class Joint:
         return replace(self, parent=self.child, child=self.parent, axis=-axis, second=second)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Actuator:
     """A motor or a servo: its force is gain · u + bias, both factors times (1, l, l̇) of its length l = Σ share · coordinate, u its input.
 
@@ -167,7 +167,7 @@ class Actuator:
     force: tuple[float, float] | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Sensor:
     """Something that a file measures. kind: of `ncgen.exchange.robots.sensors`
 
@@ -181,7 +181,7 @@ class Sensor:
     field: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RobotState:
     """A named state of a file. values, rates: of joints with a coordinate (rad, m, and per second); time: s
 
@@ -198,7 +198,7 @@ class RobotState:
     time: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Robot:
     """links by name; joints: each with one parent and one child, a tree; loops: joints besides, which close it; rows over coordinates
 
@@ -259,9 +259,11 @@ class Robot:
             return self
         world = numbered("world", self.links.__contains__)
         name = numbered(f"joint_{self.root}", {joint.name for joint in (*self.joints, *self.loops)}.__contains__)
-        joints = (Joint(name, "floating", world, self.root, self.base), *self.joints)
+        joints = (Joint(name=name, kind="floating", parent=world, child=self.root, placement=self.base), *self.joints)
         loops = tuple(replace(loop, placement=self.base @ loop.placement) for loop in self.loops)
-        return replace(self, links={world: Link(world, None), **self.links}, joints=joints, loops=loops, base=Placement(), floats=False)
+        return replace(
+            self, links={world: Link(name=world, mass=None), **self.links}, joints=joints, loops=loops, base=Placement(), floats=False
+        )
 
     @property
     def root(self) -> str:

@@ -93,10 +93,13 @@ class _Reader:
         sites = self._sites(places)
         links = {name: replace(link, sites=sites.get(name, {})) for name, link in links.items()}
         gears = tuple(self._gear(each, joints) for each in self.gears)
-        welds = [Joint(numbered(f"{name}.rests", entries.__contains__), "fixed", WORLD, name, places[name]) for name in resting]
+        welds = [
+            Joint(name=numbered(f"{name}.rests", entries.__contains__), kind="fixed", parent=WORLD, child=name, placement=places[name])
+            for name in resting
+        ]
         joints = [*welds, *joints]
         if any(WORLD in (joint.parent, joint.child) for joint in joints):
-            links, places = {WORLD: Link(WORLD, None), **links}, {WORLD: Placement(), **places}
+            links, places = {WORLD: Link(name=WORLD, mass=None), **links}, {WORLD: Placement(), **places}
         return replace(self._tree(links, joints, places), rows=gears, resting=sites.get(WORLD, {}))
 
     def _sites(self, places: Mapping[str, Placement]) -> dict[str, dict[str, Placement]]:
@@ -120,11 +123,16 @@ class _Reader:
         floats = roots[0] != WORLD and len(roots) == 1
         if not floats:
             if WORLD not in links:
-                links, places = {WORLD: Link(WORLD, None), **links}, {WORLD: Placement(), **places}
+                links, places = {WORLD: Link(name=WORLD, mass=None), **links}, {WORLD: Placement(), **places}
             free = (name for name in roots if name != WORLD)
-            tree += [Joint(numbered(f"{name}.free", links.__contains__), "floating", WORLD, name, places[name]) for name in free]
+            tree += [
+                Joint(name=numbered(f"{name}.free", links.__contains__), kind="floating", parent=WORLD, child=name, placement=places[name])
+                for name in free
+            ]
         omitted = self._omitted([*tree, *loops])
-        robot = Robot(self._name(), links, tuple(tree), tuple(loops), gravity=self._gravity(), floats=floats, omitted=omitted)
+        robot = Robot(
+            name=self._name(), links=links, joints=tuple(tree), loops=tuple(loops), gravity=self._gravity(), floats=floats, omitted=omitted
+        )
         return hung(robot, places)
 
     def _name(self) -> str:
@@ -158,7 +166,7 @@ class _Reader:
         self.looks += appearances
         mass = mass_of(entry)
         lifted = (mass,) if mass and flag(entry.element, "gravity") is False else ()
-        return Link(entry.full, mass, entry.element.place, seen(appearances), lifted)
+        return Link(name=entry.full, mass=mass, where=entry.element.place, shapes=seen(appearances), lifted=lifted)
 
     def joint(self, entry: Entry) -> Joint | None:
         """A joint, its placement in the world; None where both links rest."""
@@ -172,13 +180,13 @@ class _Reader:
         if parent == child:
             each.refuse(f"joint {name}: its parent and its child are both {parent}; a joint is between two links")
         joint = Joint(
-            entry.full,
-            KINDS[kind],
-            parent,
-            child,
-            entry.scope.place(name, each),
-            self._axis(entry, axis) if kind not in ("fixed", "ball") else np.array([0.0, 0.0, 1.0]),
-            self._axis(entry, second) if KINDS[kind] == "universal" else None,
+            name=entry.full,
+            kind=KINDS[kind],
+            parent=parent,
+            child=child,
+            placement=entry.scope.place(name, each),
+            axis=self._axis(entry, axis) if kind not in ("fixed", "ball") else np.array([0.0, 0.0, 1.0]),
+            second=self._axis(entry, second) if KINDS[kind] == "universal" else None,
             damping=_number(dynamics, "damping"),
             stiffness=_number(dynamics, "spring_stiffness"),
             rest=_number(dynamics, "spring_reference"),
@@ -244,7 +252,7 @@ class _Reader:
             if hinge is None:
                 each.refuse(f"joint {name}: no hinge along its {axis} joins its {tag} {shown(link)} to {shown(body)}; give it one")
             shares[hinge] = shares.get(hinge, 0.0) + share * float(np.sign(along[hinge]))
-        return Coupling(f"gearbox {name}", shares, 0.0, each.place)
+        return Coupling(name=f"gearbox {name}", shares=shares, offset=0.0, where=each.place)
 
 
 def _type(joint: Markup) -> str:

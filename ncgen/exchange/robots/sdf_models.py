@@ -40,7 +40,7 @@ def document_of(root: Markup, path: Path) -> Document:
     if len(worlds) > 1:
         worlds[1].refuse(f"{len(worlds)} worlds; a file that is read has one")
     world = worlds[0] if worlds else root
-    scope = Scope(world, path, version_of(root))
+    scope = Scope(element=world, file=path, version=version_of(root))
     document = Document(scope, world, [root])
     builder = _Builder(document, _prefixed(world))
     builder.fill(scope, world, scope, 0)
@@ -93,18 +93,18 @@ class _Builder:
         merged = include is not None and truth(include.attributes.get("merge") or "false", include)
         is_alone = scope.parent is None and not is_static and not self.prefixed
         inner = Scope(
-            model,
-            read.file,
-            read.version,
-            owner,
-            name,
-            scope.prefix if merged else "" if is_alone else f"{scope.prefix}{name}::",
-            pose_of(pose),
-            relative_of(pose),
-            _text(include, "placement_frame") or model.attributes.get("placement_frame") or "",
-            model.attributes.get("canonical_link") or "",
-            is_static,
-            merged,
+            element=model,
+            file=read.file,
+            version=read.version,
+            parent=owner,
+            name=name,
+            prefix=scope.prefix if merged else "" if is_alone else f"{scope.prefix}{name}::",
+            pose=pose_of(pose),
+            relative_to=relative_of(pose),
+            placement_frame=_text(include, "placement_frame") or model.attributes.get("placement_frame") or "",
+            canonical=model.attributes.get("canonical_link") or "",
+            static=is_static,
+            merged=merged,
             waiting=owner.waiting,
         )
         if merged:
@@ -140,7 +140,7 @@ class _Builder:
             root.refuse(f"{len(held)} models, actors and lights; an included file holds one")
         self.document.roots.append(root)
         if held[0].tag == "model":
-            self._nest(scope, owner, held[0], Scope(root, file, version_of(root)), include, depth + 1)
+            self._nest(scope, owner, held[0], Scope(element=root, file=file, version=version_of(root)), include, depth + 1)
 
 
 def _text(inside: Markup | None, tag: str) -> str:

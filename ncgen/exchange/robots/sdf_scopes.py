@@ -37,7 +37,7 @@ class Entry:
     scope: Scope
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Scope:
     """A model, or with `parent` None the world around all models.
 

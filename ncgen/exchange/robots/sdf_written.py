@@ -32,7 +32,7 @@ def text_of(robot: Robot) -> str:
     joints += [_joint_text(loop, robot.base @ loop.placement) for loop in robot.loops]
     hidden = free | ({WORLD} if not robot.floats else set())
     if not robot.floats and robot.root != WORLD and not free:
-        joints.insert(0, _joint_text(Joint(f"{robot.root}_rests", "fixed", WORLD, robot.root), robot.base))
+        joints.insert(0, _joint_text(Joint(name=f"{robot.root}_rests", kind="fixed", parent=WORLD, child=robot.root), robot.base))
     links = [_link_text(link, frames[name]) for name, link in robot.links.items() if name not in hidden]
     model = element("model", [*links, *joints], name=robot.name)
     return document(element("sdf", [element("world", [element("gravity", [_written(robot.gravity)]), model], name="world")], version="1.7"))

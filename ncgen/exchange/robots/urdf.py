@@ -51,7 +51,7 @@ def robot_of(root: Markup, path: Path) -> Robot:
     name = root.attributes.get("name") or path.stem
     unseen_shapes = unseen(each for each_link in shapes_of.values() for each in each_link)
     omitted = counted([*not_built(joints), *account(root, vocabulary("urdf"), "robot")]) + unseen_shapes
-    return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=omitted).ordered()
+    return Robot(name=name, links={link.name: link for link in links}, joints=tuple(joints), omitted=omitted).ordered()
 
 
 def problems_of(root: Markup, path: Path) -> list[str]:
@@ -67,7 +67,7 @@ def _pose(each: Markup) -> Placement:
 
 def _link(each: Markup, shapes: Iterable[Shape | Unseen]) -> Link:
     inertial = each.first("inertial")
-    return Link(each.name(), None if inertial is None else _mass(inertial), each.place, seen(shapes))
+    return Link(name=each.name(), mass=None if inertial is None else _mass(inertial), where=each.place, shapes=seen(shapes))
 
 
 def _look(visual: Markup, root: Markup, path: Path) -> Shape | Unseen:
@@ -117,12 +117,12 @@ def _joint(each: Markup) -> Joint:
     dynamics = each.first("dynamics") if kind in ACTING else None
     mimic = each.first("mimic")
     return Joint(
-        each.name(),
-        KINDS[kind],
-        each.only("parent").name("link"),
-        each.only("child").name("link"),
-        _pose(each),
-        _axis(each) if kind not in ("fixed", "floating") else np.array([1.0, 0.0, 0.0]),
+        name=each.name(),
+        kind=KINDS[kind],
+        parent=each.only("parent").name("link"),
+        child=each.only("child").name("link"),
+        placement=_pose(each),
+        axis=_axis(each) if kind not in ("fixed", "floating") else np.array([1.0, 0.0, 0.0]),
         damping=dynamics.number("damping", 0.0) if dynamics else 0.0,
         limits=_limits(each.first("limit")) if kind in ("revolute", "prismatic") else None,
         effort=_effort(each.first("limit")) if kind in ACTING else None,

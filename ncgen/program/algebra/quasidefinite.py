@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from ncgen.program.ir.blocks import Pattern
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Elimination:
     """Index arrays in the words of ncgen_runtime.h (`ncgen_elimination`)."""
 
@@ -107,8 +107,8 @@ def _index(order: list[int], columns: list[set[int]], entries: list[tuple[int, i
     row_pairs = [pair for row in rows for pair in row]
     entry_pairs = [pair for row in into for pair in sorted(row)]
     return Elimination(
-        size, len(column_rows), tuple(order),
-        tuple(row_start), tuple(c for c, _ in row_pairs), tuple(p for _, p in row_pairs),
-        tuple(column_start), tuple(column_rows),
-        tuple(entry_start), tuple(c for c, _ in entry_pairs), tuple(v for _, v in entry_pairs),
+        size=size, nonzeros=len(column_rows), order=tuple(order),
+        row_start=tuple(row_start), row_columns=tuple(c for c, _ in row_pairs), row_positions=tuple(p for _, p in row_pairs),
+        column_start=tuple(column_start), column_rows=tuple(column_rows),
+        entry_start=tuple(entry_start), entry_columns=tuple(c for c, _ in entry_pairs), entry_values=tuple(v for _, v in entry_pairs),
     )  # fmt: skip

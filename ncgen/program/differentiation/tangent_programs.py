@@ -127,20 +127,50 @@ def _everything(equations: Terms) -> tuple[Term, ...]:
 TANGENTS = {
     kernel.name: kernel
     for kernel in [
-        Kernel("stiffness", ("t", "q", "qd", "qdd", "lam", "p"), "nn", _everything, BALANCE, _by("q", _balance)),
-        Kernel("damping", ("t", "q", "qd", "p"), "nn", with_inertia, ("force",), _by("qd", _balance)),
-        Kernel("phidd_q", ("t", "q", "qd", "qdd", "p"), "mn", _rows, ACCELERATIONS, _by("q", _row_acceleration)),
-        Kernel("phidd_qd", ("t", "q", "qd", "p"), "mn", _rows, ACCELERATIONS, _by("qd", _row_acceleration)),
+        Kernel(
+            name="stiffness",
+            inputs=("t", "q", "qd", "qdd", "lam", "p"),
+            shape="nn",
+            terms=_everything,
+            wants=BALANCE,
+            parts=_by("q", _balance),
+        ),
+        Kernel(name="damping", inputs=("t", "q", "qd", "p"), shape="nn", terms=with_inertia, wants=("force",), parts=_by("qd", _balance)),
+        Kernel(
+            name="phidd_q",
+            inputs=("t", "q", "qd", "qdd", "p"),
+            shape="mn",
+            terms=_rows,
+            wants=ACCELERATIONS,
+            parts=_by("q", _row_acceleration),
+        ),
+        Kernel(
+            name="phidd_qd", inputs=("t", "q", "qd", "p"), shape="mn", terms=_rows, wants=ACCELERATIONS, parts=_by("qd", _row_acceleration)
+        ),
     ]
 }
 
 PARAMETER_TANGENTS = {
     kernel.name: kernel
     for kernel in [
-        Kernel("phi_p", ("t", "q", "p"), "mp", _rows, ("phi",), _by_parameters(_row)),
-        Kernel("phid_p", ("t", "q", "qd", "p"), "mp", _rows, RATES, _by_parameters(_row_rate)),
-        Kernel("phidd_p", ("t", "q", "qd", "qdd", "p"), "mp", _rows, ACCELERATIONS, _by_parameters(_row_acceleration)),
-        Kernel("balance_p", ("t", "q", "qd", "qdd", "lam", "p"), "np", _everything, BALANCE, _by_parameters(_balance)),
+        Kernel(name="phi_p", inputs=("t", "q", "p"), shape="mp", terms=_rows, wants=("phi",), parts=_by_parameters(_row)),
+        Kernel(name="phid_p", inputs=("t", "q", "qd", "p"), shape="mp", terms=_rows, wants=RATES, parts=_by_parameters(_row_rate)),
+        Kernel(
+            name="phidd_p",
+            inputs=("t", "q", "qd", "qdd", "p"),
+            shape="mp",
+            terms=_rows,
+            wants=ACCELERATIONS,
+            parts=_by_parameters(_row_acceleration),
+        ),
+        Kernel(
+            name="balance_p",
+            inputs=("t", "q", "qd", "qdd", "lam", "p"),
+            shape="np",
+            terms=_everything,
+            wants=BALANCE,
+            parts=_by_parameters(_balance),
+        ),
     ]
 }
 

@@ -17,7 +17,7 @@ import numpy as np
 from ncgen.program.ir.graph import Graph, Op
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Store:
     """array[index] = node (or += where `accumulate`); `comment` says what the value is."""
 
@@ -65,7 +65,7 @@ class Straight:
 
 def written(graph: Graph, array: str, nodes: Iterable[int]) -> Straight:
     """All operations of a graph, and stores of some in an array, one after the other."""
-    return Straight(tuple(graph.ops), tuple(Store(array, k, node) for k, node in enumerate(nodes)))
+    return Straight(tuple(graph.ops), tuple(Store(array=array, index=k, node=node) for k, node in enumerate(nodes)))
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class TableStore:
     accumulate: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Loop:
     """`comments` has one line a run, saying what it computes."""
 
@@ -94,7 +94,7 @@ class Loop:
 Block: TypeAlias = Straight | Loop
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Program:
     """One kernel.
 

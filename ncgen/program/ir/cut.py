@@ -99,6 +99,10 @@ def _block(block: Straight, part: list[int], places: dict[int, ArrayElement], nu
         for a in block.ops[node].args:
             take(a)
         take(node)
-        written += [Store(CUT_ARRAY, places[node].position, new[node])] if node in places and places[node].array == CUT_ARRAY else []
+        written += (
+            [Store(array=CUT_ARRAY, index=places[node].position, node=new[node])]
+            if node in places and places[node].array == CUT_ARRAY
+            else []
+        )
         written += [replace(store, node=new[node]) for store in wanted.get(node, ())]
     return replace(block, ops=tuple(ops), stores=tuple(written), names=names)

@@ -48,7 +48,7 @@ def fuse(name: str, inputs: tuple[str, ...], parts: list[FusedPart]) -> Program:
         offset += part.program.size
     temporaries = {array: size for part in parts for array, size in part.program.temporaries.items()}
     blocks = (*temporary.block(), *before, *straight.block(), *after)
-    return Program(name, inputs, name, offset, blocks, temporaries)
+    return Program(name=name, inputs=inputs, output=name, size=offset, blocks=blocks, temporaries=temporaries)
 
 
 def _moved(store: S, old: str, new: str, offset: int) -> S:

@@ -26,6 +26,7 @@ from ncgen.model.values import Scalar
 from ncgen.program.assemble import input_lengths
 from ncgen.program.ir.blocks import Program
 from ncgen.program.ir.derivatives import gradient, tangent
+from ncgen.program.ir.graph import Graph
 from ncgen.program.ir.verify import verify
 from ncgen.program.lines import Lines
 from ncgen.program.motions.expression_nodes import expression_node
@@ -85,12 +86,13 @@ def assemble_conditions(
     return programs
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class HeldLoad:
     """What holds a constraint of a mode. row: number of its first constraint; words, as messages call it
 
-    static: friction that holds a joint, times the load of the constraint `pressed` where there is one; grip: (number of the constraint of
-    its gap, coefficient) of a contact that sticks, which has as many constraints as `directions`. A gap has neither
+    static: friction that holds a joint, times the load of the constraints `pressed` where there are some
+    grip: (number of its gap's constraint, coefficient) of a contact that sticks, which has as many constraints as `directions`
+    A gap has neither
     """
 
     words: str
@@ -98,7 +100,7 @@ class HeldLoad:
     static: Scalar | None = None
     grip: tuple[int, Scalar] | None = None
     directions: int = 1
-    pressed: int | None = None
+    pressed: tuple[int, ...] = ()
 
 
 def assemble_mode_conditions(
@@ -141,13 +143,20 @@ def load_conditions(lines: Lines, lam: Sequence[int], held: Sequence[HeldLoad], 
             nodes += [graph.sub(most, force), graph.sum([most, graph.mul(size, size)])]
         elif each.static is not None:
             most = expression_node(lines, each.words, each.static)
-            if each.pressed is not None:
-                most = graph.mul(most, graph.call("abs", lam[each.pressed]))
+            if each.pressed:
+                most = graph.mul(most, _together(graph, [lam[row] for row in each.pressed]))
             size = graph.add(most, size)
             nodes += [graph.sub(most, load), size, graph.add(most, load), size]
         else:
             nodes += [load, size]
     return nodes
+
+
+def _together(graph: Graph, loads: Sequence[int]) -> int:
+    """The size of a load, or of two at a right angle."""
+    if len(loads) == 1:
+        return graph.call("abs", loads[0])
+    return graph.call("sqrt", graph.sum([graph.mul(x, x) for x in loads]))
 
 
 def terms_of(expression: Scalar) -> sympy.Expr:

@@ -8,6 +8,9 @@ each direction of sliding. With F = −μ N they follow from (1 − L μ) N = N0
 The constraint that presses a joint may push and pull: F = −μ |N| = −μ s N, s being the sign of N. From all s = 1 on, the first s that does
 not agree with its load is changed, 2ᵏ − 1 times at most: the method of least indices (K. G. Murty, Linear Complementarity, 1988), which
 finds the one solution that there is if and only if the determinants of all 2ᵏ combinations of signs are positive.
+
+Two constraints that press a joint at a right angle make N = √(λ² + λ'²). With λ = λ0 − a N, a being the coefficient times the multiplier
+for a force of 1 N, this is (1 − |a|²) N² + 2 λ0·a N − |λ0|² = 0, which has exactly one N ≥ 0 for any λ0 if and only if |a| < 1.
 """
 
 from __future__ import annotations
@@ -32,12 +35,12 @@ MIN_SLIDING_VELOCITY = 1e-150
 """A sliding velocity (m/s) far below this has the direction in which it begins to slide."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Sliding:
     """A contact or joint that slides. row: number of the constraint whose load presses; friction: coefficient
 
     velocity: its sliding velocity (m/s), one expression in the plane, two in space; slip: as of `Contact`
-    is_joint: whether the load may push and pull
+    is_joint: whether the load may push and pull; across: number of another constraint, with which the load is √(λ² + λ'²)
     """
 
     name: str
@@ -46,6 +49,7 @@ class Sliding:
     velocity: tuple[Scalar, ...]
     slip: tuple[str, ...]
     is_joint: bool = False
+    across: int | None = None
 
     @property
     def words(self) -> str:
@@ -68,6 +72,12 @@ class SlidingNodes:
         along = [_direction(lines, each) for each in sliding]
         answers = [motion.saddle.refined(column) for column in along]
         mu = [expression_node(lines, each.words, each.friction) for each in sliding]
+        if sliding[0].across is not None:
+            rows = [sliding[0].row, sliding[0].across]
+            per_load = [graph.mul(mu[0], answers[0].get(n + row, zero)) for row in rows]
+            load, self.margin = _root_load(graph, [motion.lam[row] for row in rows], per_load)
+            self._apply(graph, n, along, answers, [graph.neg(graph.mul(mu[0], load))])
+            return
         shares = [[graph.mul(x.get(n + each.row, zero), m) for x, m in zip(answers, mu, strict=True)] for each in sliding]
         joints = [k for k, each in enumerate(sliding) if each.is_joint]
 
@@ -87,6 +97,15 @@ class SlidingNodes:
         sides = [[one, graph.const(-1.0)] if each.is_joint else [one] for each in sliding]
         self.margin = _least(graph, [solved(combination)[1] for combination in product(*sides)])
         friction = [graph.neg(graph.mul(m, graph.mul(s, load))) for m, s, load in zip(mu, signs, loads, strict=True)]
+        self._apply(graph, n, along, answers, friction)
+        self.rows, self.answers, self.signs, self.loads, self.friction = [n + s.row for s in sliding], answers, signs, loads, friction
+        self.columns = [{c: graph.mul(node, m) for c, node in column.items()} for column, m in zip(along, mu, strict=True)]
+        self.mu, self.matrix = mu, matrix(signs)
+
+    def _apply(
+        self, graph: Graph, n: int, along: Sequence[dict[int, int]], answers: Sequence[dict[int, int]], friction: Sequence[int]
+    ) -> None:
+        """Add friction forces to the multipliers, and note the generalised forces."""
         for r in range(len(self.lam)):
             parts = [graph.mul(x[n + r], f) for x, f in zip(answers, friction, strict=True) if n + r in x]
             self.lam[r] = graph.sum([self.lam[r], *parts])
@@ -95,9 +114,6 @@ class SlidingNodes:
             for c, node in column.items():
                 sums.setdefault(c, []).append(graph.mul(node, f))
         self.forces = {c: graph.sum(nodes) for c, nodes in sums.items()}
-        self.rows, self.answers, self.signs, self.loads, self.friction = [n + s.row for s in sliding], answers, signs, loads, friction
-        self.columns = [{c: graph.mul(node, m) for c, node in column.items()} for column, m in zip(along, mu, strict=True)]
-        self.mu, self.matrix = mu, matrix(signs)
 
 
 def assemble_friction(equations: Terms, sizes: MotionSizes, sliding: Sequence[Sliding]) -> dict[str, Program]:
@@ -142,6 +158,16 @@ def _corrected(graph: Graph, signs: Sequence[int], loads: Sequence[int], joints:
         corrected[k] = graph.mul(signs[k], graph.add(one, graph.mul(before, graph.sub(side, one))))
         before = graph.mul(before, graph.mul(half, graph.add(one, side)))
     return corrected
+
+
+def _root_load(graph: Graph, plain: Sequence[int], per_load: Sequence[int]) -> tuple[int, int]:
+    """N = √Σ(λ0 − a N)², and 1 − |a|². plain: λ0; per_load: a"""
+    B = graph.sum([graph.mul(x, a) for x, a in zip(plain, per_load, strict=True)])
+    C = graph.sum([graph.mul(x, x) for x in plain])
+    A = graph.sub(graph.const(1.0), graph.sum([graph.mul(a, a) for a in per_load]))
+    square = graph.add(graph.mul(B, B), graph.mul(A, C))
+    root = graph.call("sqrt", graph.call("abs", square))  # below 0 only where the load is not determined
+    return graph.div(graph.sub(root, B), A), A
 
 
 def _least(graph: Graph, nodes: Sequence[int]) -> int:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from ncgen.errors import ModelError
 from ncgen.program.assemble import input_lengths
 from ncgen.program.differentiation.differentiated import BAR, SEED, adjoint_of, tangent_of
 from ncgen.program.ir.blocks import Program
@@ -93,7 +94,11 @@ class SlidingDerivatives:
 
 
 def assemble_friction_derivatives(equations: Terms, sizes: MotionSizes, sliding: Sequence[Sliding]) -> dict[str, Program]:
-    """Both programs, by their names; arguments as of `assemble_friction`."""
+    """Both programs, by their names; arguments as of `assemble_friction`. Raises ModelError for a load that is the root of squares."""
+    if sliding[0].across is not None:
+        raise ModelError(
+            f"{sliding[0].words}: friction with across has no derivatives yet; take an explicit method, and differences of runs"
+        )
     programs, n, count = {}, len(equations.free), len(equations.parameters)
     for name, more, size in (("friction_tangent", SEED, 2 * n + count), ("friction_adjoint", BAR, n)):
         lines = Lines(equations)

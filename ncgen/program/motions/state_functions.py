@@ -74,7 +74,7 @@ class StateResult:
         return sorted(self.entries, key=lambda place: place[::-1])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StateFunction:
     """A function of arrays as nodes of a graph.
 
@@ -98,7 +98,7 @@ class StateFunction:
             changes = tangent(self.graph, nodes, seeds)
             nodes, read = [changes.get(node, self.graph.const(0.0)) for node in nodes], read | {"seed": len(seeds)}
         block = finish(written(self.graph, "out", nodes))
-        program = cut(Program(f"entries_of_{self.name}", tuple(read), "out", len(nodes), (block,)))
+        program = cut(Program(name=f"entries_of_{self.name}", inputs=tuple(read), output="out", size=len(nodes), blocks=(block,)))
         verify(program, read)
         return program
 
@@ -123,7 +123,7 @@ class StateFunction:
 
     def _jacobian(self, slopes: Slopes, along: StateFunction | None = None) -> StateFunction:
         blocks = tuple(self._block(result, a, slopes) for result in self.results for a in self.inputs)
-        return StateFunction(f"jac_{self.name}", self.graph, (*self.inputs, *self._values()), blocks, along)
+        return StateFunction(name=f"jac_{self.name}", graph=self.graph, inputs=(*self.inputs, *self._values()), results=blocks, along=along)
 
     def _block(self, result: StateResult, by: StateArgument, slopes: Slopes) -> StateResult:
         entries: Entries = {}
@@ -142,7 +142,7 @@ class StateFunction:
         loads = self.variables
         derivatives = {loads[x]: node for x, node in gradient(graph, graph.sum(parts), loads).items()}
         results = [_vector(f"adj_{a.name}", [derivatives.get((a.name, k), graph.const(0.0)) for k in range(a.size)]) for a in self.inputs]
-        return StateFunction(f"adj1_{self.name}", graph, (*self.inputs, *self._values(), *seeds), tuple(results))
+        return StateFunction(name=f"adj1_{self.name}", graph=graph, inputs=(*self.inputs, *self._values(), *seeds), results=tuple(results))
 
     def _values(self) -> tuple[StateArgument, ...]:
         return tuple(StateArgument(f"out_{r.name}", r.shape[0], is_read=False) for r in self.results)
@@ -242,7 +242,9 @@ class _Work:
 
     def function(self, name: str, results: Nodes, inputs: Sequence[str] | None = None) -> StateFunction:
         taken = tuple(StateArgument(name, self.sizes[name]) for name in inputs or self.sizes)
-        return StateFunction(name, self.graph, taken, tuple(_vector(result, nodes) for result, nodes in results.items()))
+        return StateFunction(
+            name=name, graph=self.graph, inputs=taken, results=tuple(_vector(result, nodes) for result, nodes in results.items())
+        )
 
 
 def with_derivatives(function: StateFunction, most: int) -> list[StateFunction]:

@@ -101,7 +101,7 @@ def _frame(place: TreePlace, number: int, frame: RegressorFrame) -> tuple[list[V
     basis = body.basis if body.inertia else bodies.choose_basis(body)
     if lengths := [e.name for e in basis[1:] if e.is_parametric]:
         raise ModelError(f"body {body.name}: {lengths[0]} depends on parameters; the regressor needs directions that are numbers")
-    whole = bodies.Inertia(1.0, tuple(basis[0].initial.tolist()), np.eye(3), basis)
+    whole = bodies.Inertia(mass=1.0, com=tuple(basis[0].initial.tolist()), tensor=np.eye(3), basis=basis)
     standard = standard_inertia(replace(body, inertia=whole), place.lines.equations.model.parameters)
     forms = [
         [(weight, components, np.array([c.initial for c in components])) for weight, components in form] for form in standard.directions

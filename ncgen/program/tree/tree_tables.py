@@ -20,7 +20,7 @@ from ncgen.model.values import is_number
 from ncgen.program.ir.blocks import Pattern
 from ncgen.program.tree.couplings import RELATIVE_TOLERANCE, NoTables, couplings, followed
 from ncgen.symbolic.numbering import Numbering
-from ncgen.symbolic.tree import Tree, moving
+from ncgen.symbolic.tree import Tree, by_depth, moving
 
 MASSLESS_FRACTION = 1e-2
 """An element without mass counts as one with this share of the heaviest one's of its link."""
@@ -76,7 +76,8 @@ class OpenTree:
         self.pattern, self.around = phi_q, around
         if not tree.links:
             raise NoTables("there are no bodies")
-        self.tree, self.index, self.n = tree, numbering.index, len(numbering.free)
+        self.tree = tree = by_depth(tree)
+        self.index, self.n = numbering.index, len(numbering.free)
         self.moves = numbering.moves
         self.fixed: dict[Component, int] = {}
         self.elements = sorted(tree.home, key=lambda e: tree.home[e])

@@ -2,14 +2,16 @@
 #include "ncgen_linked.h"
 #include "ncgen_breaks.h"
 #include "ncgen_events.h"
+#include "ncgen_held.h"
 #include "ncgen_state.h"
 
-enum { HEAD = 28, FIRST_FUNCTION = 16, MOST_STEPS = 1000000, AXES = 3 };
+enum { HEAD = 38, FIRST_FUNCTION = 21, MOST_STEPS = 1000000, AXES = 3 };
 enum { PHI, PHI_Q, NU, GAMMA, MASS, FORCE, ENERGY, SWITCHES, CONDITIONS, SLOPES, RATES, VALUES };
-enum { COUNT = 10, MOST, ACTIONS, LAW, SET_NUMBERS, DEGREE, ACTION_SIZE = 4 };
+enum { HELD_PHI = 12, HELD_PHI_Q, HELD_NU, HELD_GAMMA, HELD_CONDITIONS };
+enum { COUNT = 10, MOST, ACTIONS, LAW, SET_NUMBERS, DEGREE, N_EVENTS, HOLDS, LOADS, OWN, HELD_ROWS, ACTION_SIZE = 4, HOLD_SIZE = 7 };
 enum { TIME, WORK, POWER, NEXT_STEP, STATE };
 
-/* A model, its dynamics and how it is eliminated: without drives, and with them. */
+/* A model, its dynamics and how it is eliminated: without drives, with them, and with what is held. */
 typedef struct variant {
     ncgen_model model;
     ncgen_elimination elimination;
@@ -17,14 +19,14 @@ typedef struct variant {
     ncgen_driven driven;
 } variant;
 
-static variant own, with_drives;
+static variant own, with_drives, held;
 static ncgen_options options;
 static ncgen_breaks breaks;
 static ncgen_event watched;
 static ncgen_events events;
 static ncgen_passage passage;
-static const int *drive_places;
-static int n, m, n_drives, has_breaks, is_conservative;
+static const int *drive_places, *own_places;
+static int n, m, n_drives, n_own, m_held, has_breaks, is_conservative;
 static ncgen_real *state, *parameters, *drives, *pulled, *multipliers;
 static const ncgen_real *described;
 
@@ -99,7 +101,7 @@ static int pull(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const n
 void ncgen_linked_set_pull(int acts)
 {
     own.dynamics.external = with_drives.dynamics.external = acts ? pull : NULL;
-    own.dynamics.conservative = with_drives.dynamics.conservative = is_conservative && !acts;
+    own.dynamics.conservative = with_drives.dynamics.conservative = held.dynamics.conservative = is_conservative && !acts;
 }
 
 ncgen_real *ncgen_linked_pull(void)
@@ -131,6 +133,25 @@ static void read_elimination(const int **at, int size, ncgen_elimination *e)
     e->entry_values = taken(at, e->entry_start[size]);
 }
 
+/* at: where the pattern of what is held begins among the integers */
+static void read_held(const int *integers, const int *at)
+{
+    ncgen_model *model = &held.model;
+    *model = own.model;
+    const ncgen_pattern phi_q = {m_held, n, taken(&at, m_held + 1), taken(&at, 0)};
+    (void)taken(&at, ncgen_nonzeros(&phi_q));
+    model->n_rows = m_held;
+    model->phi_q_pattern = phi_q;
+    model->phi = at_position(integers, HELD_PHI);
+    model->phi_q = at_position(integers, HELD_PHI_Q);
+    model->nu = at_position(integers, HELD_NU);
+    model->gamma = at_velocity(integers, HELD_GAMMA);
+    read_elimination(&at, n + m_held, &held.elimination);
+    events.held_model = model;
+    events.held_dynamics = &held.dynamics;
+    events.held_conditions = at_velocity(integers, HELD_CONDITIONS);
+}
+
 /* at: where directions begin among the integers */
 static void read_events(const int *integers, const int *at)
 {
@@ -143,22 +164,32 @@ static void read_events(const int *integers, const int *at)
     events.n_actions = integers[ACTIONS];
     events.law = integers[LAW];
     events.directions = watched.directions = taken(&at, events.count);
-    watched.coordinates = taken(&at, events.count);
+    watched.coordinates = taken(&at, events.count + integers[LOADS]);
     events.actions = (const ncgen_action *)(const void *)taken(&at, ACTION_SIZE * events.n_actions);
     events.conditions = watched.function = at_velocity(integers, CONDITIONS);
     events.slopes = at_velocity(integers, SLOPES);
     events.rates = (ncgen_forced_kernel *)(size_t)number_of(integers, RATES);
     events.values = at_velocity(integers, VALUES);
     watched.degree = integers[DEGREE];
+    events.n_velocities = events.count - integers[N_EVENTS];
+    events.n_holds = integers[HOLDS];
+    events.n_loads = integers[LOADS];
+    events.holds = (const ncgen_hold *)(const void *)taken(&at, HOLD_SIZE * events.n_holds);
+    own_places = taken(&at, n_own);
+    if (events.n_holds > 0)
+        read_held(integers, at);
 }
+
 
 /* Models, eliminations and dynamics from the integers. */
 static void read_integers(const int *integers)
 {
     const int *at = integers + HEAD;
     const variant none = {0};
-    own = with_drives = none;
+    own = with_drives = held = none;
     n = integers[0];
+    n_own = integers[OWN];
+    m_held = integers[HELD_ROWS];
     m = integers[1];
     is_conservative = integers[5];
     n_drives = integers[6];
@@ -196,7 +227,7 @@ static void read_integers(const int *integers)
 
 static void describe(variant *v, const int *integers)
 {
-    v->dynamics.n_dependent = integers[3] > 0 ? integers[3] + v->model.n_rows - m : 0;
+    v->dynamics.n_dependent = v == &held ? -1 : integers[3] > 0 ? integers[3] + v->model.n_rows - m : 0;
     v->dynamics.singular_mass = integers[4];
     v->dynamics.elimination = &v->elimination;
     v->driven.model = &v->model;
@@ -226,55 +257,75 @@ static size_t read_all(const int *integers)
     choose_method(0, 1, 1);
     describe(&own, integers);
     describe(&with_drives, integers);
+    describe(&held, integers);
     ncgen_linked_set_pull(1);
-    const size_t most = ncgen_driven_workspace(&with_drives.driven), usual = ncgen_driven_workspace(&own.driven);
+    size_t most = ncgen_driven_workspace(&with_drives.driven);
+    const size_t usual = ncgen_driven_workspace(&own.driven), holding = m_held > 0 ? ncgen_driven_workspace(&held.driven) : 0;
     ncgen_linked_set_pull(0);
-    return most > usual ? most : usual;
+    most = most > usual ? most : usual;
+    return most > holding ? most : holding;
 }
 
-/* Signs and counts in the state, samples of the conditions, workspace. */
+/* Of all variants. */
+static int most_rows(void)
+{
+    return m_held > m + n_drives ? m_held : m + n_drives;
+}
+
+/* Of events in the state: signs, counts, the end, and the numbers of p that are the motion's own. */
+static int events_in_state(void)
+{
+    return events.count > 0 ? 2 * events.count + 1 + n_own : 0;
+}
+
+/* Samples of the conditions, workspace. */
 static int of_events(const int *integers)
 {
-    const int count = events.count, samples = (watched.degree + 3) * 2 * count;
-    return count > 0 ? 2 * count + 1 + samples + NCGEN_EVENTS_WORKSPACE(count, events.most, n, integers[SET_NUMBERS]) : 0;
+    const int count = events.count, all = count + events.n_loads, samples = (watched.degree + 3) * 2 * all;
+    return count > 0 ? samples + NCGEN_EVENTS_WORKSPACE(count, events.most, n, integers[SET_NUMBERS]) + 2 * n + 2 * all : 0;
 }
 
 /* Of everything that is kept between calls. */
 static int kept(const int *integers)
 {
-    const int size = STATE + 3 * n + m + integers[2] + 4 * n_drives + AXES * (n + 2) + 2 + m + n_drives;
-    return size + 2 * (4 * integers[7] + integers[8]) + of_events(integers);
+    const int size = STATE + 3 * n + m + integers[2] + 4 * n_drives + AXES * (n + 2) + 2 + most_rows();
+    return size + 2 * (4 * integers[7] + integers[8]) + of_events(integers) + events_in_state();
 }
 
 static size_t integers_of_run(void)
 {
-    const int of_all = 4 * n + 3 * (m + n_drives) + NCGEN_EVENTS_INTEGERS(events.count) + 3 * events.count + 1;
-    return ((size_t)of_all * sizeof(int) + sizeof(ncgen_real) - 1) / sizeof(ncgen_real);
+    const int all = events.count + events.n_loads, of_conditions = 3 * all + NCGEN_EVENTS_INTEGERS(events.count) + events.count + 1;
+    const int of_all = of_conditions + NCGEN_HELD_INTEGERS(events.n_holds);
+    return ((size_t)(4 * n + 3 * most_rows() + of_all) * sizeof(int) + sizeof(ncgen_real) - 1) / sizeof(ncgen_real);
 }
 
 static int size_of_state(void)
 {
-    return STATE + 3 * n + m + (events.count > 0 ? 2 * events.count + 1 : 0);
+    return STATE + 3 * n + m + events_in_state();
 }
 
 /* Where the events' own numbers are. */
 static void place_events(const int *integers, const ncgen_real *numbers)
 {
-    const int count = events.count;
+    const int count = events.count, all = count + events.n_loads;
     const ncgen_real *own_numbers = numbers + 1 + n + m + n_drives + 2 * n + integers[2];
-    int *whole = own.driven.integers + 4 * n + 3 * (m + n_drives);
+    int *whole = own.driven.integers + 4 * n + 3 * most_rows();
     if (count == 0)
         return;
     events.noise = own_numbers[0];
     watched.nodes = own_numbers + 1;
     watched.inverse = watched.nodes + watched.degree + 1;
-    watched.signs = passage.signs = whole;
-    passage.happened = whole + count;
-    passage.due = whole + 2 * count;
-    watched.crossed = passage.due + NCGEN_EVENTS_INTEGERS(count);
-    passage.stopped = watched.crossed + count;
-    watched.samples = multipliers + m + n_drives;
-    passage.workspace = watched.samples + (watched.degree + 3) * 2 * count;
+    held.dynamics.row_sizes = watched.inverse + (watched.degree + 1) * (watched.degree + 1);
+    passage.happened = whole;
+    passage.stopped = whole + count;
+    passage.due = passage.stopped + 1;
+    watched.signs = passage.signs = passage.due + NCGEN_EVENTS_INTEGERS(count);
+    watched.crossed = passage.signs + all;
+    passage.directions = watched.crossed + all;
+    passage.flags = passage.directions + all;
+    watched.samples = multipliers + most_rows();
+    passage.room = watched.samples + (watched.degree + 3) * 2 * all;
+    passage.workspace = passage.room + 2 * n + 2 * all;
 }
 
 size_t ncgen_linked_size(const int *integers)
@@ -286,7 +337,7 @@ size_t ncgen_linked_size(const int *integers)
 ncgen_real *ncgen_linked_begin(const int *integers, const ncgen_real *numbers, ncgen_real *room)
 {
     const size_t workspace = read_all(integers);
-    own.dynamics.column_sizes = with_drives.dynamics.column_sizes = numbers + 1;
+    own.dynamics.column_sizes = with_drives.dynamics.column_sizes = held.dynamics.column_sizes = numbers + 1;
     own.dynamics.row_sizes = with_drives.dynamics.row_sizes = numbers + 1 + n;
     own.driven.workspace = with_drives.driven.workspace = room;
     own.driven.integers = with_drives.driven.integers = (int *)(void *)(room + workspace);
@@ -305,7 +356,7 @@ ncgen_real *ncgen_linked_begin(const int *integers, const ncgen_real *numbers, n
     breaks.curves = integers[8];
     breaks.jumps = integers[9];
     breaks.interval = numbers[0];
-    breaks.workspace = multipliers + m + n_drives + (events.count > 0 ? of_events(integers) - 2 * events.count - 1 : 0);
+    breaks.workspace = multipliers + most_rows() + of_events(integers);
     return state;
 }
 
@@ -321,18 +372,33 @@ ncgen_real *ncgen_linked_drives(void)
 
 /* Motion --------------------------------------------------------------------------------------------------------- */
 
-/* Sides of conditions, counts and the end, from the state or to it. */
+/* Sides of conditions, counts and the end, and the motion's own numbers of p, from the state or to it. */
 static void pass_events(int to_state)
 {
     ncgen_real *own_numbers = state + STATE + 3 * n + m;
-    int *whole = passage.signs;
     for (int k = 0; k < (events.count > 0 ? 2 * events.count + 1 : 0); ++k) {
-        int *one = k < 2 * events.count ? whole + k : passage.stopped;
+        int *one = k < events.count ? passage.signs + k : k < 2 * events.count ? passage.happened + k - events.count : passage.stopped;
         if (to_state)
             own_numbers[k] = *one;
         else
             *one = (int)own_numbers[k];
     }
+    for (int k = 0; k < n_own; ++k) {
+        ncgen_real *inside = own_numbers + 2 * events.count + 1 + k, *outside = parameters + own_places[k];
+        if (to_state)
+            *inside = *outside;
+        else
+            *outside = *inside;
+    }
+}
+
+/* The mechanism with what is held. */
+static const ncgen_driven *entered(ncgen_entered *in)
+{
+    if (!events.n_holds)
+        return &own.driven;
+    ncgen_enter_held(&own.driven, &events, parameters, NULL, in);
+    return &in->driven;
 }
 
 static ncgen_moment present(void)
@@ -345,7 +411,8 @@ static ncgen_moment present(void)
 /* The state of a moment, with its multipliers. */
 static int keep(const variant *v, const ncgen_moment *moment)
 {
-    const int status = ncgen_multipliers(&v->driven, parameters, moment, multipliers);
+    ncgen_entered in;
+    const int status = ncgen_multipliers(v == &own ? entered(&in) : &v->driven, parameters, moment, multipliers);
     pass_events(1);
     state[TIME] = moment->t;
     state[WORK] = moment->work;
@@ -362,6 +429,8 @@ int ncgen_linked_project_state(int is_driven)
     const variant *v = is_driven ? &with_drives : &own;
     ncgen_moment moment = present();
     choose_method(0, 1, 1);
+    for (int k = 0; k < events.n_holds && !is_driven; ++k)
+        parameters[events.holds[k].on] = 0; /* the motion begins anew */
     int status = ncgen_project_moment(&v->driven, parameters, &moment);
     if (status == NCGEN_OK && events.count > 0 && !is_driven)
         status = ncgen_begin_events(&v->driven, &events, parameters, &moment, &passage);
@@ -372,7 +441,8 @@ int ncgen_linked_evaluate(void)
 {
     ncgen_moment moment = present();
     choose_method(0, 1, 1);
-    const int status = ncgen_evaluate_moment(&own.driven, parameters, &moment);
+    ncgen_entered in;
+    const int status = ncgen_evaluate_moment(entered(&in), parameters, &moment);
     return status == NCGEN_OK ? keep(&own, &moment) : status;
 }
 

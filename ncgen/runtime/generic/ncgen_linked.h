@@ -5,14 +5,16 @@
  *
  * Integers that describe it, in the words of ncgen_dynamics:
  *   n_coordinates, n_rows, n_parameters, n_dependent, singular_mass, conservative, drives, lines, curves, jumps
- *   of ncgen_events count, most, n_actions, law; how many numbers actions set, degree
+ *   of ncgen_events count, most, n_actions, law; how many numbers `values` has, degree; n_events, n_holds, n_loads; how many numbers of p
+ *   are the motion's own; rows of the mechanism with what is held
  *   numbers of the functions phi, phi_q, nu, gamma, mass, force, energy, switches, conditions, condition_slopes, condition_rates,
- *   action_values, 0 for one that it does not have
+ *   action_values, held_phi, held_phi_q, held_nu, held_gamma, held_conditions, 0 for one that it does not have
  *   phi_q_pattern with one row more a drive: indptr, indices; mass_pattern: indptr, indices
  *   nonzeros and arrays of the elimination, and of that with the rows of drives
- *   directions of the events, -1 as often, and their actions
+ *   directions of the conditions, -1 as often as there are conditions and loads, actions, holds, places of the motion's own numbers in p
+ *   with holds phi_q_pattern and elimination of the mechanism with what is held
  * Numbers: interval of the breaks; column_sizes; row_sizes with those of drives; position and velocity at the start; parameters; with
- * events noise, nodes, inverse.
+ * events noise, nodes, inverse, row_sizes with what is held.
  *
  * A drive is one more row, a coordinate with a prescribed position.
  */
@@ -31,7 +33,7 @@ extern "C" {
 size_t ncgen_linked_size(const int *integers);
 
 /* Begin with a mechanism. Returns its state: t, work, power, the next step, then q, qd, qdd and multipliers of the rows; of every event on
- * which side its condition is, and how often it has happened; 1 where one has ended the motion. */
+ * which side its condition is, and how often it has happened; 1 where one has ended the motion; the motion's own numbers of p. */
 ncgen_real *ncgen_linked_begin(const int *integers, const ncgen_real *numbers, ncgen_real *room);
 
 /* Its parameters. */

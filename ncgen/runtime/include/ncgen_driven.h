@@ -70,6 +70,10 @@ int ncgen_multipliers(const ncgen_driven *d, const ncgen_real *p, const ncgen_mo
  * M change + phi_q' mu = impulses, phi_q change = 0. */
 int ncgen_respond(const ncgen_driven *d, const ncgen_real *p, const ncgen_moment *moment, const ncgen_real *impulses, ncgen_real *change);
 
+/* Velocities onto the constraints where q is on them, by the smallest change in the sense of kinetic energy, however little they miss;
+ * accelerations stay as they were. */
+int ncgen_project_velocities(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment);
+
 /* end functions */
 
 #ifdef __cplusplus

@@ -7,10 +7,13 @@
 /* As much workspace as the functions of ncgen_events.h need for `count` events, at most `most` velocities that one of them sets, or count if that is
  * more, n coordinates and the numbers that actions set. */
 #define NCGEN_EVENTS_WORKSPACE(count, most, n, values) \
-    ((count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 2 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
+    ((count) * (2 * (n) + (count) + 13) + (most) * ((n) + 1) + 3 * (n) + (values) + NCGEN_IMPACT_WORKSPACE(count))
 
 /* The same for integers. */
 #define NCGEN_EVENTS_INTEGERS(count) (8 * (count))
+
+/* The same for what may be held. */
+#define NCGEN_HELD_INTEGERS(n_holds) (9 * (n_holds))
 
 /* Numbers of workspace of an impact of gaps that have so many velocities. */
 #define NCGEN_IMPACT_WORKSPACE(rows) (3 * (rows) * (rows) + 16 * (rows))
@@ -19,21 +22,29 @@
 
 /* What the functions of ncgen_events.h return besides: bounces accumulate at a gap that is to be held closed, which nobody does here; events bring about
  * each other without end; there are several impacts at one instant without a law; a gap is below zero at the start; an event has ended the
- * motion before; no impulses obey the laws of impact and friction; an impact would give energy; a log is full. */
-enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED, NCGEN_NO_IMPULSES, NCGEN_GAIN, NCGEN_LOG_FULL };
+ * motion before; no impulses obey the laws of impact and friction; an impact would give energy; a log is full;
+ * no set of what may be held agrees with its loads; a lock cannot close, since drivers or other locks move it. */
+enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_STOPPED, NCGEN_NO_IMPULSES, NCGEN_GAIN, NCGEN_LOG_FULL,
+       NCGEN_NO_MODE, NCGEN_MOVED };
 
 /* Laws of several impacts at one instant; without one they are refused. */
 enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
+
+/* What may be held: a gap that is closed, as long as it is pushed; a joint that does not slip, as long as static friction is enough; a ratchet
+ * that is at rest, as long as it is pushed back; a lock, until it is freed; a gap of surfaces with friction; a contact that sticks, as long as
+ * its gap is held and friction is enough. Joints have two conditions of their load, locks none, others one. */
+enum { NCGEN_HOLDS_GAP, NCGEN_HOLDS_JOINT, NCGEN_HOLDS_RATCHET, NCGEN_HOLDS_LOCK, NCGEN_HOLDS_RUBBING_GAP, NCGEN_HOLDS_CONTACT };
 
 /* end cdef */
 /* begin table */
 
 /* What an event does: p[place] or qd[place] becomes the value; an impact along the gradient of the condition, whose restitution is the
- * value, place being 1 where the motion ends at a gap in which bounces accumulate; the end of the motion. */
-enum { NCGEN_SET, NCGEN_SET_VELOCITY, NCGEN_IMPACT, NCGEN_STOP };
+ * value, place being 1 where the motion ends at a gap in which bounces accumulate; the end of the motion; the lock
+ * `place` of the holds closes or opens. */
+enum { NCGEN_SET, NCGEN_SET_VELOCITY, NCGEN_IMPACT, NCGEN_STOP, NCGEN_LOCK, NCGEN_FREE };
 
 typedef struct ncgen_action {
-    int event, kind, place, value; /* value: its number among those of `values` */
+    int event, kind, place, value; /* event: -1 for what is done where a motion begins; value: its number among those of `values` */
 } ncgen_action;
 
 /* A set of gaps that are held closed: a mechanism with their conditions as more constraints, as long as these push. */
@@ -44,6 +55,17 @@ typedef struct ncgen_mode {
     const ncgen_dynamics *dynamics;
     ncgen_velocity_kernel *conditions; /* those of the mechanism, and behind them of each its load, and what that is compared with */
 } ncgen_mode;
+
+/* What may be held in one mechanism with switches, which takes the place of modes. */
+typedef struct ncgen_hold {
+    int kind;
+    int condition; /* the number of its condition, which is its gap or its velocity; -1 of a lock */
+    int on;        /* p[on] is 1 while it is held, and 0 otherwise */
+    int held;      /* p[held] is where it is held, and the number `value` of values where it is; -1 of a gap */
+    int value;
+    int slip;      /* p[slip] is the direction in which a joint slips, 0 where it sticks; -1 of others */
+    int load;      /* the number of the first condition of its load: one of a gap and of a ratchet, two of a joint, none of a lock */
+} ncgen_hold;
 
 typedef struct ncgen_events {
     int count, most, n_actions, law; /* most: as above */
@@ -56,6 +78,12 @@ typedef struct ncgen_events {
     ncgen_scalar noise;           /* what is smaller than this share of a condition's terms has no sign */
     int n_modes;                  /* 0: no gap is held closed, and the motion ends with NCGEN_AT_REST where bounces accumulate */
     const ncgen_mode *modes;      /* from number 1 on */
+    int n_velocities;             /* so many conditions, the last ones, are velocities of joints and ratchets, no events */
+    int n_holds, n_loads;         /* instead of modes */
+    const ncgen_hold *holds;
+    const ncgen_model *held_model;       /* the mechanism with all that may be held as its last rows, each times p[on] */
+    const ncgen_dynamics *held_dynamics;
+    ncgen_velocity_kernel *held_conditions; /* conditions, and behind them those of loads, which are positive as long as they hold */
 } ncgen_events;
 
 /* What a note says: an event happened, a gap is held from now on, or is no longer; and how that was found: by a condition that was watched, at
@@ -70,6 +98,7 @@ typedef struct ncgen_log {
     int first, found; /* of the present instant its first note, and how it was found */
     int follows;      /* 1: what happens follows from what has happened at this instant */
     int *due;         /* of each event: 1 where the present instant began with it */
+    int *sampled;     /* NULL, or of each event: 1 where its condition had no bounds somewhere, which a note says as for a load */
     ncgen_real *rows; /* of each note: owner, event, what, how it was found, t, impulse, energy that it took, time until bounces that
                        * accumulate have ended or -1; q, qd before and after (n_coordinates each) */
 } ncgen_log;
@@ -82,9 +111,11 @@ typedef struct ncgen_passage {
     int *stopped;  /* 1: an event has ended the motion */
     ncgen_real *workspace;
     int *mode;        /* with modes: the number of the present one, 0 where no gap is held */
-    int *directions;  /* with modes: as many numbers as signs */
+    int *directions;  /* with modes or holds: as many numbers as signs */
     int *wanted;      /* with modes: 2 count numbers */
-    ncgen_real *room; /* with modes: 2 n_coordinates and twice as many numbers as signs */
+    ncgen_real *room; /* with modes or holds: 2 n_coordinates and twice as many numbers as signs */
+    int *flags;       /* with holds: NCGEN_HELD_INTEGERS(n_holds) numbers: what was held, what is wanted, to which side what was released begins
+                       * to move, and room */
     ncgen_log *log;   /* NULL: nobody wants to know what happens */
 } ncgen_passage;
 

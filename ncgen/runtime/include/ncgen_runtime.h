@@ -143,9 +143,49 @@ typedef struct ncgen_dynamics {
                                            * repeated with a shorter one; after NCGEN_INTERRUPTED the run ends */
 } ncgen_dynamics;
 
+/* Operations of formulas. A number is at `a` of the numbers, a state at `a` of the inputs, a parameter at `a` of p; others take the results
+ * of the operations a and b. A lookup takes that of a, and at b of the numbers are how many knots, degree and period, the knots, and the
+ * rows of an origin and coefficients. */
+enum {
+    NCGEN_FORMULA_NUMBER, NCGEN_FORMULA_STATE, NCGEN_FORMULA_TIME, NCGEN_FORMULA_PARAMETER, NCGEN_FORMULA_ADD, NCGEN_FORMULA_SUBTRACT,
+    NCGEN_FORMULA_MULTIPLY, NCGEN_FORMULA_DIVIDE, NCGEN_FORMULA_NEGATE, NCGEN_FORMULA_SQRT, NCGEN_FORMULA_SIN, NCGEN_FORMULA_COS,
+    NCGEN_FORMULA_EXP, NCGEN_FORMULA_LOG, NCGEN_FORMULA_ATAN2, NCGEN_FORMULA_ABS, NCGEN_FORMULA_SIGN, NCGEN_FORMULA_LOOKUP
+};
+
+struct ncgen_formulas;
+struct ncgen_basis;
+struct ncgen_walk;
+
+/* A step from t to t + h with the parameters p, on which a condition is bounded. rounding: distance from 1 to the next number */
+typedef struct ncgen_formula_step {
+    const struct ncgen_formulas *formulas;
+    int degree;
+    ncgen_scalar rounding, t, h;
+    const ncgen_real *p;
+} ncgen_formula_step;
+
+/* ncgen_walk_formula of ncgen_formula.h, which says what it does. */
+typedef int ncgen_formula_walker(const ncgen_formula_step *step, const struct ncgen_basis *basis, int k, ncgen_scalar size,
+                                 struct ncgen_walk *walk, ncgen_scalar *reached, ncgen_scalar *unbounded, int *parts);
+
+/* Conditions as formulas, which bound them between the nodes. */
+typedef struct ncgen_formulas {
+    ncgen_formula_walker *walk;
+    const int *first;               /* of each condition its first operation, and the end of the last one's; what has none is sampled */
+    const int *operations;          /* of each what it is, a and b, operations counted from the condition's first */
+    const ncgen_scalar *numbers;
+    int n_inputs;
+    const int *inputs;              /* positions in q, or n_coordinates + position in qd */
+    const ncgen_scalar *through;    /* (degree + 1)^2: from values at the nodes to coefficients in Chebyshev's basis */
+    const ncgen_scalar *cosines;    /* 2 degree: cos(pi k / degree) */
+    ncgen_real *values;             /* of each input the values at the nodes and coefficients, degree + 1 each: workspace */
+    ncgen_real *workspace;          /* 16 for each operation of the longest of them */
+    int *sampled;                   /* of each condition: 1 where it had no bounds somewhere, and was sampled there */
+} ncgen_formulas;
+
 /* Conditions, at the first of which a run stops: where a coordinate, a velocity or a function of (t, q, qd, p) passes a value. Within a
  * step they are polynomials in time through as many values as the basis has nodes: those of coordinates, velocities and time, and with
- * degree 14 products of two of them, are polynomials indeed, so that none of their crossings is missed. */
+ * degree 14 products of two of them, are polynomials indeed, so that none of their crossings is missed; others are bounded by formulas. */
 typedef struct ncgen_event {
     int count;
     const int *coordinates;       /* of each: position in q, or n_coordinates + position in qd; -1: the function's */
@@ -158,6 +198,7 @@ typedef struct ncgen_event {
     const ncgen_scalar *inverse;  /* (degree + 1)^2: from values there to coefficients in the basis of Bernstein */
     ncgen_real *samples;          /* (degree + 3) x 2 count: workspace */
     int *crossed;                 /* count: 1 where it is one of those that stopped the run */
+    const ncgen_formulas *formulas; /* NULL, or of conditions that are no such polynomials */
 } ncgen_event;
 
 /* The inputs of a mechanism at time t, inside a step that began at the time `from`: a value that jumps at the start of a step is the

@@ -45,7 +45,7 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     w->diagonal = ncgen_take(space, r->m);
     w->reduced = ncgen_take(space, r->m);
     w->natural = ncgen_take(space, r->n);
-    w->redundant = d->n_dependent > 0 ? d->n_dependent < r->m : r->m > 0 && w->n_phi_q == 0;
+    w->redundant = d->n_dependent != 0 ? d->n_dependent < r->m : r->m > 0 && w->n_phi_q == 0;
     w->redundant = w->redundant && r->options->formalism != NCGEN_PENALTY; /* which needs all of them */
     if (ncgen_constrained_is_dense(r) || w->redundant) {
         w->jacobian = ncgen_take(space, r->n * r->m);
@@ -269,6 +269,12 @@ void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, 
         w->motion->closing(t, q, r->p, out);
     else
         ncgen_tree_closing(r, &w->tree, t, q, out);
+}
+
+int ncgen_recursive_basis(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen)
+{
+    ncgen_constrained *w = r->constrained;
+    return w->motion ? 0 : ncgen_tree_basis(r, &w->tree, t, q, basis, chosen);
 }
 
 /* The state derivative by the recursion; 0 where its order of elimination is a bad one. */

@@ -12,6 +12,7 @@ typedef int ncgen_tree_work;
 #define ncgen_tree_derivative(r, w, t, q, qd, out) ((void)(w))
 #define ncgen_tree_velocities(r, w, t, q, qd, out) ((void)(w))
 #define ncgen_tree_closing(r, w, t, q, out) ((void)(w))
+#define ncgen_tree_basis(r, w, t, q, basis, chosen) ((void)(w), 0)
 #endif
 
 typedef struct ncgen_constrained {
@@ -64,6 +65,7 @@ int ncgen_constrained_is_dense(const ncgen_run *r);
 void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out);
+int ncgen_recursive_basis(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen);
 ncgen_scalar ncgen_pivot_growth_limit(const ncgen_run *r, ncgen_scalar limit); /* the limit with a tape, for one without */
 int ncgen_has_pivot_growth(const ncgen_run *r, ncgen_real growth);             /* of an emitted elimination */
 

@@ -11,19 +11,13 @@ enum { MOST = NCGEN_CROSSING_DEGREE + 1 };
 
 static const int whole = 1 << 30; /* places in the interval are counted in 2^-30 of it */
 
-/* What is known as parts of the interval are walked through from left to right: the last sign, where it was seen, and if any was. */
-typedef struct walk {
-    int direction, sign, seen;
-    ncgen_scalar at, next;
-} walk;
-
 static int sign_of(ncgen_real value, ncgen_scalar noise)
 {
     return (value > noise) - (value < -noise);
 }
 
 /* Is the sign at a place the one that is waited for, and was it the other one before? */
-static int turns(walk *w, ncgen_scalar place, int sign)
+static int turns(ncgen_walk *w, ncgen_scalar place, int sign)
 {
     w->next = place;
     if (w->sign && sign && sign != w->sign && sign * w->direction >= 0)
@@ -76,42 +70,75 @@ static int changes_of(int degree, const ncgen_real *c, ncgen_scalar noise, int *
     return changes;
 }
 
-/* Is the part of width / whole from place / whole on to be halved? Else: does the sign turn in it? */
-static int is_mixed(walk *w, int degree, const ncgen_real *b, int place, int width, ncgen_scalar noise, int *crosses)
+/* Is the part of width / whole from place / whole on to be halved? Else: does the sign turn in it? The places are shares of from .. to. */
+static int is_mixed(ncgen_walk *w, int degree, const ncgen_real *b, int place, int width, ncgen_scalar noise, ncgen_scalar from,
+                    ncgen_scalar to, int *found)
 {
     ncgen_real c[MOST];
     int sign;
     const ncgen_scalar unit = 1 / (ncgen_scalar)whole, low = (ncgen_scalar)place * unit, high = (ncgen_scalar)(place + width) * unit;
+    const ncgen_scalar span = to - from;
     restrict_to(degree, b, low, high, c);
     const int changes = changes_of(degree, c, noise, &sign), first = sign_of(c[0], noise), last = sign_of(c[degree], noise);
     if (width > 1 && (changes > 1 || (changes == 1 && !(first && last))))
         return 1;
     if (changes == 0)
-        *crosses = turns(w, low + (high - low) / 2, sign);
+        *found = turns(w, from + (low + (high - low) / 2) * span, sign);
     else
-        *crosses = turns(w, low, first) || turns(w, high, last);
+        *found = turns(w, from + low * span, first) || turns(w, from + high * span, last);
     return 0;
 }
 
-int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, int direction, int *sign,
-                         ncgen_scalar *low, ncgen_scalar *high)
+int ncgen_walk_part(ncgen_walk *w, const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, ncgen_scalar from,
+                    ncgen_scalar to)
 {
     ncgen_real b[MOST];
-    walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0, 0};
-    int crosses = 0, place = 0, width = whole;
+    int found = 0, place = 0, width = whole;
     to_coefficients(basis, values, stride, b);
-    while (place < whole && !crosses) {
-        if (is_mixed(&w, basis->degree, b, place, width, noise, &crosses)) {
+    while (place < whole && !found) {
+        if (is_mixed(w, basis->degree, b, place, width, noise, from, to, &found)) {
             width /= 2;
             continue;
         }
         for (place += width; width < whole && place % (2 * width) == 0;) /* the next part is as wide as its place among the halves allows */
             width *= 2;
     }
-    const int last = sign_of(b[basis->degree], 0), before = w.sign; /* to end at zero is to get there, but not to be there throughout */
-    crosses = crosses || ((last || w.seen) && turns(&w, 1, last ? last : -w.sign));
+    return found;
+}
+
+int ncgen_walk_to(ncgen_walk *w, ncgen_scalar place, ncgen_real value)
+{
+    return turns(w, place, sign_of(value, 0));
+}
+
+int ncgen_walk_end(ncgen_walk *w, ncgen_real last)
+{
+    const int sign = sign_of(last, 0), before = w->sign; /* to end at zero is to get there, but not to be there throughout */
+    if ((sign || w->seen) && turns(w, 1, sign ? sign : -w->sign))
+        return 1;
+    w->sign = sign ? w->sign : before;
+    return 0;
+}
+
+int ncgen_has_one_sign(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise)
+{
+    ncgen_real b[MOST];
+    to_coefficients(basis, values, stride, b);
+    const int sign = sign_of(b[0], noise);
+    for (int i = 1; i <= basis->degree; ++i)
+        if (sign_of(b[i], noise) != sign)
+            return 0;
+    return sign != 0;
+}
+
+int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, int direction, int *sign,
+                         ncgen_scalar *low, ncgen_scalar *high)
+{
+    ncgen_walk w = {direction, *sign ? *sign : sign_of(values[0], 0), 0, 0, 0};
+    const int found = ncgen_walk_part(&w, basis, values, stride, noise, 0, 1) ||
+                      ncgen_walk_end(&w, values[(size_t)basis->degree * (size_t)stride]);
     *low = w.at;
     *high = w.next;
-    *sign = last || crosses ? w.sign : before;
-    return crosses;
+    *sign = w.sign;
+    return found;
 }

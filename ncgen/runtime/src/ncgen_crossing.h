@@ -14,10 +14,27 @@ typedef struct ncgen_basis {
     const ncgen_scalar *inverse;
 } ncgen_basis;
 
-/* values: at the nodes, `stride` numbers from each other; noise: what is smaller has no sign, but for the first and the last of them.
- * direction: 1 from negative to positive, -1 the other way, 0 either. *sign: the sign to begin with, or 0 for that of the first value;
- * then the last one that is clear. Returns 1 and shares low < high with one change of sign in between,
- * or 0 where there is none. Two of them that are nearer to each other than 2^-30, or part by less than the noise, do not count. */
+/* What is known of a function as parts of the interval are walked through from left to right: the sign to begin with or seen last, whether
+ * any was seen, where, and the place of the last look. direction: 1 from negative to positive, -1 the other way, 0 either. */
+typedef struct ncgen_walk {
+    int direction, sign, seen;
+    ncgen_scalar at, next;
+} ncgen_walk;
+
+/* Walks through the part from `from` to `to`, where the function is within `noise` of the polynomial of degree basis->degree through its
+ * values at the nodes, `stride` numbers from each other. Is there a change of sign, between w->at and w->next? Two of them that are nearer
+ * to each other than 2^-30 of the part, or part by less than the noise, are none. */
+int ncgen_walk_part(ncgen_walk *w, const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, ncgen_scalar from,
+                    ncgen_scalar to);
+/* The same for one value. */
+int ncgen_walk_to(ncgen_walk *w, ncgen_scalar place, ncgen_real value);
+/* The same at the end of the interval, by the last value whatever its noise. */
+int ncgen_walk_end(ncgen_walk *w, ncgen_real last);
+/* Has the polynomial one sign, by more than the noise? */
+int ncgen_has_one_sign(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise);
+
+/* For a polynomial on the whole interval. *sign: the sign to begin with, or 0 for that of the first value; then the last one that is clear.
+ * Returns 1 and shares low < high with one change of sign in between, or 0 where there is none. */
 int ncgen_first_crossing(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise, int direction, int *sign,
                          ncgen_scalar *low, ncgen_scalar *high);
 

@@ -206,7 +206,10 @@ void ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w)
     for (int i = 0; i < r->m; ++i)
         w->is_left_out[i] = 0;
     fill_jacobian(r, w);
-    decompose(&f, 0, r->dynamics->n_dependent);
+    if (r->dynamics->n_dependent < 0) /* as many as there are here: what is held changes */
+        decompose(&f, R(1.0e-9), r->m);
+    else
+        decompose(&f, 0, r->dynamics->n_dependent);
     for (int c = f.rank; c < r->m; ++c)
         w->is_left_out[f.order[c]] = 1;
 }

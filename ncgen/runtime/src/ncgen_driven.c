@@ -138,26 +138,57 @@ int ncgen_multipliers(const ncgen_driven *d, const ncgen_real *p, const ncgen_mo
     return status;
 }
 
+/* w->right: what is on the right of M and of the rows; the solution is added to `to`. */
+static int solve(ncgen_run *r, parts *w, ncgen_real *to)
+{
+    r->projecting = 1; /* as many digits as there are */
+    const int status = ncgen_constrained_solve(r);
+    if (status != NCGEN_OK || !ncgen_is_finite(r->n, w->constrained.solution))
+        return status != NCGEN_OK ? status : NCGEN_SINGULAR;
+    for (int i = 0; i < r->n; ++i)
+        to[i] += w->constrained.solution[i];
+    return NCGEN_OK;
+}
+
+/* Everything ready for a solution at a moment. */
+static int factor(ncgen_run *r, parts *w, const ncgen_driven *d, const ncgen_real *p, const ncgen_moment *moment, ncgen_statistics *statistics)
+{
+    int status = begin(r, w, d, d->options, p, moment, 1, &moment->t, statistics);
+    if (status == NCGEN_OK)
+        status = ncgen_constrained_matrices(r, moment->t);
+    return status == NCGEN_OK ? ncgen_constrained_factor(r) : status;
+}
+
+int ncgen_project_velocities(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment)
+{
+    parts w;
+    ncgen_run r;
+    ncgen_statistics statistics;
+    int status = factor(&r, &w, d, p, moment, &statistics);
+    if (status == NCGEN_OK && r.model->nu)
+        status = r.model->nu(moment->t, r.q, p, w.constrained.nu);
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_row_velocities(&r, w.constrained.kkt.values + w.constrained.n_mass, moment->qd, w.constrained.residual);
+    for (int i = 0; i < r.n; ++i)
+        w.constrained.right[i] = 0;
+    for (int i = 0; i < r.m; ++i)
+        w.constrained.right[r.n + i] = (r.model->nu ? w.constrained.nu[i] : 0) - w.constrained.residual[i];
+    return solve(&r, &w, moment->qd);
+}
+
 int ncgen_respond(const ncgen_driven *d, const ncgen_real *p, const ncgen_moment *moment, const ncgen_real *impulses, ncgen_real *change)
 {
     parts w;
     ncgen_run r;
     ncgen_statistics statistics;
-    int status = begin(&r, &w, d, d->options, p, moment, 1, &moment->t, &statistics);
-    if (status == NCGEN_OK)
-        status = ncgen_constrained_matrices(&r, moment->t);
-    if (status == NCGEN_OK)
-        status = ncgen_constrained_factor(&r);
+    const int status = factor(&r, &w, d, p, moment, &statistics);
     if (status != NCGEN_OK)
         return status;
     ncgen_copy(r.n, impulses, w.constrained.right);
     for (int i = 0; i < r.m; ++i)
         w.constrained.right[r.n + i] = 0;
-    r.projecting = 1; /* as many digits as there are */
-    status = ncgen_constrained_solve(&r);
-    if (status == NCGEN_OK && !ncgen_is_finite(r.n, w.constrained.solution))
-        status = NCGEN_SINGULAR;
-    if (status == NCGEN_OK)
-        ncgen_copy(r.n, w.constrained.solution, change);
-    return status;
+    for (int i = 0; i < r.n; ++i)
+        change[i] = 0;
+    return solve(&r, &w, change);
 }

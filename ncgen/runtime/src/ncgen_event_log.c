@@ -30,6 +30,8 @@ void ncgen_note(ncgen_log *log, int n, const ncgen_moment *moment, int event, in
     row[EVENT] = event;
     row[WHAT] = what;
     row[FOUND] = log->due[event] && !log->follows ? log->found : what == NCGEN_LEAVES ? NCGEN_BY_LOAD : NCGEN_FOLLOWS;
+    if (log->due[event] && !log->follows && log->found == NCGEN_WATCHED && log->sampled && log->sampled[event])
+        row[FOUND] = NCGEN_BY_LOAD;
     row[TIME] = moment->t;
     row[IMPULSE] = impulse;
     row[LOST] = lost;

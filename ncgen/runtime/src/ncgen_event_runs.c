@@ -88,6 +88,8 @@ static int begin(ncgen_event_runs *runs)
     runs->steps[runs->at] = 0;
     runs->passage.log->owner = (int)runs->at;
     runs->passage.log->found = NCGEN_AT_START;
+    for (int k = 0; runs->passage.log->sampled && k < runs->events->count; ++k)
+        runs->passage.log->sampled[k] = 0;
     for (int k = 0; k < runs->events->count; ++k)
         runs->passage.signs[k] = runs->passage.happened[k] = runs->passage.due[k] = 0;
     int status = ncgen_evaluate_moment(&runs->driven, runs->own_p, moment);

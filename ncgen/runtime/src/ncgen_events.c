@@ -1,12 +1,10 @@
 /* ncgen_events.c: what happens at one instant: the actions of all events that are due, and of those that these bring about. */
 #include "ncgen_events.h"
+#include "ncgen_active.h"
 #include "ncgen_breaks.h"
 #include "ncgen_chain.h"
-#include "ncgen_impacts.h"
+#include "ncgen_holding.h"
 #include "ncgen_modes.h"
-
-/* A gap is still if its velocity is below this share of what the greatest velocity of the mechanism may make of it. */
-static const ncgen_scalar standstill = R(1.0e-9);
 
 static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
@@ -36,11 +34,19 @@ static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *e
     i->sticks = passage->due + 7 * count;
     i->kept = ncgen_take(&space, n);
     i->prior = ncgen_take(&space, n);
+    i->arrived = ncgen_take(&space, n);
+    ncgen_copy(n, moment->qd, i->arrived);
     i->numbers = ncgen_take(&space, 0); /* the rest */
 }
 
-/* Values of the conditions with their slopes and scales: the sizes of their terms, and what moving by natural sizes changes. */
-static int look(ncgen_instant *i)
+/* How many conditions are those of events. */
+static int n_events(const ncgen_instant *i)
+{
+    return i->count - i->events->n_velocities;
+}
+
+/* Scales: the sizes of terms, and what moving by natural sizes changes. */
+int ncgen_look(ncgen_instant *i)
 {
     const ncgen_moment *m = i->moment;
     int status = i->events->conditions(m->t, m->q, m->qd, i->p, i->values);
@@ -50,6 +56,11 @@ static int look(ncgen_instant *i)
         i->scales[k] = i->values[2 * k + 1];
         for (int j = 0; j < i->n; ++j)
             i->scales[k] += NCGEN_ABS(i->slopes[(size_t)k * (size_t)(2 * i->n + 1) + (size_t)j]) * i->d->dynamics->column_sizes[j];
+    }
+    for (int k = n_events(i); k < i->count; ++k) {
+        ncgen_real *slopes = i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
+        ncgen_copy(i->n, slopes + i->n, slopes);
+        slopes[2 * i->n] = 0;
     }
     return status;
 }
@@ -74,12 +85,28 @@ static ncgen_real energy(const ncgen_instant *i)
     return out[0] + out[1];
 }
 
-/* What an event does besides impacts, with the numbers of the state before it. */
+/* Locks that an event closes or opens. */
+static int act_on_locks(ncgen_instant *i, int event)
+{
+    const ncgen_events *e = i->events;
+    int status = NCGEN_OK;
+    for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
+        if (e->actions[k].event == event && e->actions[k].kind == NCGEN_LOCK)
+            status = ncgen_lock(i, e->actions[k].place);
+        if (e->actions[k].event == event && e->actions[k].kind == NCGEN_FREE)
+            i->p[e->holds[e->actions[k].place].on] = 0;
+    }
+    return status;
+}
+
+/* What an event does besides impacts, with the numbers of the state before it; -1: what is done where a motion begins. */
 static int act(ncgen_instant *i, int event)
 {
     const ncgen_events *e = i->events;
     const ncgen_real before = i->passage->log ? energy(i) : 0;
-    int status = find_numbers(i), others = 0;
+    int status = act_on_locks(i, event), others = 0;
+    if (status == NCGEN_OK)
+        status = find_numbers(i);
     ncgen_copy(i->n, i->moment->qd, i->prior);
     for (int k = 0; status == NCGEN_OK && k < e->n_actions; ++k) {
         const ncgen_action *a = e->actions + k;
@@ -93,6 +120,8 @@ static int act(ncgen_instant *i, int event)
             *i->passage->stopped = 1;
         others = 1;
     }
+    if (event < 0)
+        return status;
     if (!ncgen_impact_of(e, event))
         i->passage->happened[event] += 1;
     if (status == NCGEN_OK && others)
@@ -105,47 +134,74 @@ static int act(ncgen_instant *i, int event)
 static int is_still(const ncgen_instant *i, int k)
 {
     const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_largest(i->n, i->moment->qd, sizes);
-    const ncgen_real *w = ncgen_gradient(i, k);
-    ncgen_real sum = w[2 * i->n], size = NCGEN_ABS(sum);
-    for (int j = 0; j < i->n; ++j) {
-        sum += w[j] * i->moment->qd[j];
-        size += NCGEN_ABS(w[j]) * sizes[j] * speed;
-    }
-    return NCGEN_ABS(sum) <= standstill * size;
+    const ncgen_real *w = ncgen_gradient(i, k), drift = w[2 * i->n];
+    ncgen_real terms = 0;
+    for (int j = 0; j < i->n; ++j)
+        terms += NCGEN_ABS(w[j]) * sizes[j] * speed;
+    return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
 }
 
-/* The accelerations of the present mode. */
+/* The accelerations with what is held at present. */
 static int accelerate(ncgen_instant *i)
 {
     ncgen_entered in;
+    if (i->events->n_holds) {
+        ncgen_enter_held(i->d, i->events, i->p, NULL, &in);
+        return ncgen_evaluate_moment(&in.driven, i->p, i->moment);
+    }
     if (!i->events->n_modes)
         return ncgen_evaluate_moment(i->d, i->p, i->moment);
     ncgen_enter(i->d, i->events, i->passage, &in);
     return ncgen_evaluate_moment(&in.driven, i->p, i->moment);
 }
 
-/* The gaps that are held from here on: those that come to rest, and what is closed and still and was not hit. */
+static int find_loads(void *context, int projected)
+{
+    const ncgen_instant *i = (const ncgen_instant *)context;
+    (void)projected; /* gaps only */
+    return ncgen_try_mode(i->d, i->events, i->p, i->moment, i->passage);
+}
+
+/* The gaps that are held from here on. resting (count): those whose bounces end */
 static int choose_mode(ncgen_instant *i, const int *happened, const int *resting)
 {
     ncgen_passage *passage = i->passage;
-    int *wanted = passage->wanted, *released = wanted + i->count;
-    for (int k = 0; k < i->count; ++k) {
+    const int count = i->count, n = i->n;
+    int *kinds = i->taking, *needs = i->places, *before = needs + count, *closed = before + count, *still = i->sticks;
+    int *wanted = passage->wanted, *released = wanted + count;
+    for (int k = 0; k < count; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
-        const int may = impact && !impact->place && !released[k];
-        const int stays = ncgen_is_closed(i, k) && is_still(i, k) && (ncgen_holds(i->events, passage, k) || !happened[k]);
-        wanted[k] = may && (resting[k] || stays);
+        kinds[k] = impact && !impact->place ? NCGEN_HOLDS_GAP : NCGEN_HOLDS_LOCK;
+        needs[k] = -1;
+        before[k] = ncgen_holds(i->events, passage, k);
+        closed[k] = ncgen_is_closed(i, k);
+        still[k] = is_still(i, k);
+    }
+    ncgen_active active = {count, kinds, needs, before, happened, resting, closed, still, wanted, released, passage->room + 2 * (n + count),
+                           i, find_loads};
+    ncgen_copy(n, i->moment->qd, i->prior);
+    ncgen_begin_modes(n, i->moment, passage);
+    const int status = ncgen_find_active(&active);
+    for (int k = 0; k < count && status == NCGEN_OK; ++k) {
         if (released[k] || wanted[k])
             passage->signs[k] = 1;
         released[k] = 0;
+        if (wanted[k] != before[k])
+            ncgen_note(passage->log, n, i->moment, k, wanted[k] ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
     }
-    ncgen_copy(i->n, i->moment->qd, i->prior);
-    for (int k = 0; k < i->count; ++k)
-        i->terms[k] = ncgen_holds(i->events, passage, k); /* room for what was held */
-    const int status = ncgen_choose_mode(i->d, i->events, i->p, i->moment, passage);
-    for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
-        const int holds = ncgen_holds(i->events, passage, k), held = i->terms[k] > 0;
-        if (holds != held)
-            ncgen_note(passage->log, i->n, i->moment, k, holds ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
+    return status == NCGEN_OK ? accelerate(i) : status;
+}
+
+/* The same of what may be held in the mechanism with switches. */
+static int choose_held(ncgen_instant *i, const int *happened, const int *resting)
+{
+    int was_hit = 0;
+    for (int j = 0; j < i->n; ++j)
+        was_hit |= i->moment->qd[j] < i->arrived[j] || i->moment->qd[j] > i->arrived[j];
+    const int status = ncgen_choose_held(i, happened, resting, was_hit);
+    for (int k = n_events(i); k < i->count; ++k) {
+        const int way = ncgen_way(i->events, i->p, k);
+        i->passage->signs[k] = way == NCGEN_UNWATCHED ? 0 : -way;
     }
     return status == NCGEN_OK ? accelerate(i) : status;
 }
@@ -154,7 +210,9 @@ static int choose_mode(ncgen_instant *i, const int *happened, const int *resting
 static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
 {
     const ncgen_real *rates = i->responses, *accelerations = rates + i->count; /* responses are no longer needed */
-    int status = accelerate(i), rested = 0;
+    int status, rested = 0;
+    ncgen_write_held(i->events, i->passage->flags, 0, i->p);
+    status = accelerate(i);
     ncgen_notes_follow(i->passage->log, 0);
     if (status == NCGEN_OK)
         status = find_numbers(i);
@@ -167,6 +225,8 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
         resting[k] = 0;
         i->velocities[k] = -1; /* room for the time in which bounces end */
+        if (k >= n_events(i))
+            continue;
         if (!chain->happened[k] || !impact || !ncgen_is_at_rest(i->values[2 * k], i->scales[k], rates[k], accelerations[k], i->events->noise))
             continue;
         i->velocities[k] = ncgen_time_of_bounces(rates[k], accelerations[k], i->numbers[impact->value]);
@@ -175,8 +235,8 @@ static int finish(ncgen_instant *i, const ncgen_chain *chain, int *resting)
         else
             rested = resting[k] = 1;
     }
-    if (i->events->n_modes) {
-        status = choose_mode(i, chain->happened, resting);
+    if (i->events->n_modes || i->events->n_holds) {
+        status = i->events->n_holds ? choose_held(i, chain->happened, resting) : choose_mode(i, chain->happened, resting);
         rested = 0;
     }
     for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
@@ -193,7 +253,7 @@ static int act_all(void *context)
     int hit = 0, status = find_numbers(i);
     if (status == NCGEN_OK)
         status = ncgen_hit(i, &hit);
-    for (int k = 0; k < i->count && status == NCGEN_OK; ++k)
+    for (int k = 0; k < n_events(i) && status == NCGEN_OK; ++k)
         if (due[k] && (hit || !ncgen_impact_of(i->events, k)))
             status = act(i, k);
     return status;
@@ -203,14 +263,14 @@ static int look_again(void *context)
 {
     ncgen_instant *i = (ncgen_instant *)context;
     ncgen_notes_follow(i->passage->log, 1);
-    return look(i);
+    return ncgen_look(i);
 }
 
 /* The chain of events of an instant. */
 static ncgen_chain chain_of(ncgen_instant *i)
 {
     int *due = i->passage->due;
-    const ncgen_chain chain = {i->count, i->events->directions, due,       due + 3 * i->count, due + 2 * i->count, i->values,
+    const ncgen_chain chain = {n_events(i), i->events->directions, due,       due + 3 * i->count, due + 2 * i->count, i->values,
                                i->before, i->scales,            i,         look_again,         act_all};
     return chain;
 }
@@ -220,7 +280,13 @@ static int happen(ncgen_instant *i)
     const ncgen_real before = energy(i);
     ncgen_chain chain = chain_of(i);
     ncgen_begin_notes(i->passage->log, i->count, chain.due);
+    for (int k = n_events(i); k < i->count; ++k)
+        chain.happened[k] = chain.due[k];
+    ncgen_read_held(i->events, i->p, i->passage->flags);
+    ncgen_write_held(i->events, NULL, 0, i->p); /* impulses act on the mechanism with its locks alone */
     int status = ncgen_follow_chain(&chain);
+    if (status == NCGEN_OK)
+        status = ncgen_catch(i, chain.happened);
     if (status == NCGEN_OK)
         status = finish(i, &chain, chain.done);
     for (int k = 0; k < i->count; ++k)
@@ -233,8 +299,22 @@ int ncgen_apply_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
 {
     ncgen_instant i;
     begin(&i, d, events, p, moment, passage);
-    const int status = look(&i);
+    const int status = ncgen_look(&i);
     return status == NCGEN_OK ? happen(&i) : status;
+}
+
+/* What p says of what is held, and of the slip of joints, where a motion begins. */
+static int begin_held(ncgen_instant *i)
+{
+    const ncgen_events *e = i->events;
+    for (int h = 0; h < NCGEN_HELD_INTEGERS(e->n_holds); ++h)
+        i->passage->flags[h] = 0;
+    ncgen_write_held(e, NULL, 1, i->p);
+    ncgen_begin_slip(i);
+    int status = act(i, -1);
+    if (status == NCGEN_OK)
+        status = ncgen_look(i);
+    return status == NCGEN_OK ? accelerate(i) : status;
 }
 
 int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
@@ -242,18 +322,22 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
     ncgen_instant i;
     int some = 0;
     begin(&i, d, events, p, moment, passage);
-    int status = look(&i);
+    int status = ncgen_look(&i);
     *passage->stopped = 0;
     if (events->n_modes)
         *passage->mode = 0;
     for (int k = 0; events->n_modes && k < 2 * i.count; ++k)
         passage->wanted[k] = 0;
     if (status == NCGEN_OK)
+        status = begin_held(&i);
+    if (status == NCGEN_OK)
         status = events->rates(moment->t, moment->q, moment->qd, moment->qdd, p, i.responses);
     if (status != NCGEN_OK)
         return status;
     ncgen_chain chain = chain_of(&i);
-    for (int k = 0; k < i.count; ++k) {
+    for (int k = 0; k < i.count; ++k)
+        passage->due[k] = 0;
+    for (int k = 0; k < n_events(&i); ++k) {
         i.taking[k] = ncgen_impact_of(events, k) != NULL;
         chain.done[k] = i.taking[k] && is_still(&i, k);
     }
@@ -261,7 +345,7 @@ int ncgen_begin_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
         return NCGEN_OVERLAP;
     for (int k = 0; k < i.count; ++k)
         some |= chain.due[k];
-    return some || events->n_modes ? happen(&i) : NCGEN_OK;
+    return some || events->n_modes || events->n_holds ? happen(&i) : NCGEN_OK;
 }
 
 int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly,
@@ -271,21 +355,24 @@ int ncgen_mark_events(const ncgen_driven *d, const ncgen_events *events, const n
     ncgen_instant i;
     int some = 0;
     begin(&i, d, events, (ncgen_real *)p, &here, passage);
-    const int status = look(&i);
+    const int status = ncgen_look(&i), last = nearly ? i.count : n_events(&i);
     for (int k = 0; k < i.count && status == NCGEN_OK; ++k) {
-        const int way = events->directions[k], clear = !ncgen_is_closed(&i, k), before = passage->signs[k];
+        const int way = ncgen_way(events, p, k), clear = !ncgen_is_closed(&i, k), before = passage->signs[k];
         const int side = sign_of(i.values[2 * k]), exactly = side ? side : way ? way : -1; /* to be at zero is to have come there */
         const int now = nearly || clear ? exactly : before;
-        passage->due[k] = before && now != before && now * way >= 0 && !ncgen_holds(events, passage, k);
+        passage->due[k] = 0;
+        if (k >= last || way == NCGEN_UNWATCHED || ncgen_holds(events, passage, k))
+            continue;
+        passage->due[k] = before && now != before && now * way >= 0;
         if (!passage->due[k] && (clear || (nearly && way < 0 && now > 0)))
             passage->signs[k] = exactly; /* what falls has to be above zero first, however little */
         some += passage->due[k];
     }
-    if (status != NCGEN_OK || !events->n_modes)
+    if (status != NCGEN_OK || !(events->n_modes || events->n_holds))
         return status == NCGEN_OK ? some : -status;
-    for (int k = 0; k < i.count; ++k)
+    for (int k = 0; k < i.count && events->n_modes; ++k)
         passage->wanted[i.count + k] = 0;
-    const int released = ncgen_release(events, p, moment, nearly, passage);
+    const int released = (events->n_holds ? ncgen_find_released : ncgen_release)(events, p, moment, nearly, passage);
     return released < 0 ? released : some + released;
 }
 
@@ -295,6 +382,22 @@ static long events_so_far(const ncgen_events *events, const ncgen_passage *passa
     for (int k = 0; k < events->count; ++k)
         sum += passage->happened[k];
     return sum;
+}
+
+/* The mechanism with what is held, and what is watched in it. */
+static int enter(const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage, ncgen_entered *in)
+{
+    ncgen_instant i;
+    if (!events->n_holds) {
+        ncgen_enter(d, events, passage, in);
+        return NCGEN_OK;
+    }
+    ncgen_enter_held(d, events, p, passage, in);
+    if (in->driven.model == d->model)
+        return NCGEN_OK;
+    begin(&i, d, events, p, moment, passage);
+    const int status = ncgen_look(&i);
+    return status == NCGEN_OK ? ncgen_skip_blocked(&i, in) : status;
 }
 
 int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_breaks *breaks, const ncgen_events *events, ncgen_real *p,
@@ -307,12 +410,17 @@ int ncgen_advance_through_events(const ncgen_driven *d, const struct ncgen_break
     int status = some < 0 ? -some : some > 0 ? ncgen_apply_events(d, events, p, moment, passage) : NCGEN_OK;
     while (status == NCGEN_OK && moment->t < t_end && !*passage->stopped && !(one && events_so_far(events, passage) > before)) {
         ncgen_entered in;
-        ncgen_enter(d, events, passage, &in);
+        status = enter(d, events, p, moment, passage, &in);
         const ncgen_driven *mode = &in.driven;
+        if (status != NCGEN_OK)
+            break;
         status = breaks ? ncgen_advance_over_breaks(mode, breaks, p, moment, t_end, statistics) : ncgen_advance(mode, p, moment, t_end, statistics);
         if (status != NCGEN_OK || !statistics->stopped)
             continue;
-        ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
+        if (events->n_holds)
+            ncgen_mark_crossed_loads(events, in.watched.count, in.watched.crossed, passage);
+        else
+            ncgen_mark_crossed(events, in.watched.count, in.watched.crossed, passage);
         status = ncgen_apply_events(d, events, p, moment, passage);
     }
     return status;

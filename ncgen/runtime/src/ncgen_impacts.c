@@ -2,7 +2,11 @@
  *
  * They change by what the constraints leave of impulses: M dqd + Phi_q' mu = W' L, Phi_q dqd = 0, and velocities of gaps by W dqd. */
 #include "ncgen_impacts.h"
+#include "ncgen_held.h"
 #include "ncgen_impulses.h"
+
+/* A direction is blocked in which less than this share of its mobility is left. */
+static const ncgen_scalar blocked = R(1.0e-9);
 
 const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event)
 {
@@ -23,13 +27,35 @@ static void push(const ncgen_instant *i, int k, ncgen_real impulse)
         i->moment->qd[j] += impulse * response(i, k)[j];
 }
 
+static ncgen_real mobility(ncgen_instant *i, const ncgen_driven *d, const ncgen_real *direction, int *status)
+{
+    if (*status == NCGEN_OK)
+        *status = ncgen_respond(d, i->p, i->moment, direction, i->kept);
+    return *status == NCGEN_OK ? ncgen_dot(i->n, direction, i->kept) : 0;
+}
+
+int ncgen_can_move(ncgen_instant *i, int condition, int *can)
+{
+    ncgen_entered in;
+    int status = NCGEN_OK;
+    ncgen_enter_held(i->d, i->events, i->p, NULL, &in);
+    if (in.driven.model == i->d->model)
+        return NCGEN_OK;
+    const ncgen_real *direction = ncgen_gradient(i, condition);
+    const ncgen_real own = mobility(i, &in.driven, direction, &status), whole = mobility(i, i->d, direction, &status);
+    *can = own > blocked * whole;
+    return status;
+}
+
 /* Velocities of what actions of an event set; those of other coordinates follow with the least kinetic energy of the change: one after the
  * other, each by a change that leaves those before it. */
 int ncgen_set_velocities(ncgen_instant *i, int event)
 {
     const ncgen_events *e = i->events;
     const ncgen_action *set = e->actions;
+    ncgen_entered in;
     int count = 0;
+    ncgen_enter_held(i->d, e, i->p, NULL, &in); /* locks that are closed answer, too */
     for (int k = 0; k < e->n_actions; ++k)
         if (e->actions[k].event == event && e->actions[k].kind == NCGEN_SET_VELOCITY)
             set = count++ ? set : e->actions + k;
@@ -37,7 +63,7 @@ int ncgen_set_velocities(ncgen_instant *i, int event)
         ncgen_real *own = response(i, a);
         for (int j = 0; j < i->n; ++j)
             i->kept[j] = j == set[a].place ? 1 : 0;
-        const int status = ncgen_respond(i->d, i->p, i->moment, i->kept, own);
+        const int status = ncgen_respond(&in.driven, i->p, i->moment, i->kept, own);
         if (status != NCGEN_OK)
             return status;
         const ncgen_real whole = own[set[a].place];
@@ -65,13 +91,15 @@ int ncgen_set_velocities(ncgen_instant *i, int event)
 static int find_responses(ncgen_instant *i, ncgen_impact *impact)
 {
     const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_largest(i->n, i->moment->qd, sizes);
+    ncgen_entered in;
+    ncgen_enter_held(i->d, i->events, i->p, NULL, &in); /* locks that are closed answer, too */
     for (int a = 0; a < impact->count; ++a) {
         const ncgen_real *w = ncgen_gradient(i, i->taking[a]), drift = w[2 * i->n];
         i->terms[a] = NCGEN_ABS(drift);
         i->velocities[a] = drift + ncgen_dot(i->n, w, i->moment->qd);
         for (int j = 0; j < i->n; ++j)
             i->terms[a] += NCGEN_ABS(w[j]) * sizes[j] * speed;
-        const int status = ncgen_respond(i->d, i->p, i->moment, w, response(i, a));
+        const int status = ncgen_respond(&in.driven, i->p, i->moment, w, response(i, a));
         if (status != NCGEN_OK)
             return status;
     }
@@ -81,48 +109,92 @@ static int find_responses(ncgen_instant *i, ncgen_impact *impact)
     return NCGEN_OK;
 }
 
-/* The gaps that take part: those that are due, and those that are closed already. Returns whether some are due. */
-static int take_gaps(ncgen_instant *i, ncgen_impact *impact)
+/* One more gap or ratchet that takes part. */
+static void take(ncgen_instant *i, ncgen_impact *impact, int condition, ncgen_real restitution)
 {
-    int wanted = 0;
-    for (int k = 0; k < i->count; ++k) {
+    const int a = impact->count;
+    i->taking[a] = condition;
+    i->places[3 * a] = a;
+    i->places[3 * a + 1] = i->places[3 * a + 2] = 0;
+    i->coefficients[3 * a] = restitution;
+    i->coefficients[3 * a + 1] = i->coefficients[3 * a + 2] = 0;
+    impact->count = impact->rows = a + 1;
+}
+
+/* The gaps that take part: those that are due, and those that are closed already. *wanted: whether some are due. */
+static int take_gaps(ncgen_instant *i, ncgen_impact *impact, int *wanted)
+{
+    for (int k = 0; k < i->count - i->events->n_velocities; ++k) {
         const ncgen_action *action = ncgen_impact_of(i->events, k);
-        const int a = impact->count;
+        int moves = 1;
         if (!action || !(i->passage->due[k] || ncgen_is_closed(i, k)))
             continue;
-        wanted |= i->passage->due[k];
-        i->taking[a] = k;
-        i->places[3 * a] = a;
-        i->places[3 * a + 1] = i->places[3 * a + 2] = 0;
-        i->coefficients[3 * a] = i->numbers[action->value];
-        i->coefficients[3 * a + 1] = i->coefficients[3 * a + 2] = 0;
-        impact->count = impact->rows = a + 1;
+        const int status = ncgen_can_move(i, k, &moves);
+        if (status != NCGEN_OK)
+            return status;
+        if (!moves)
+            continue;
+        *wanted |= i->passage->due[k];
+        take(i, impact, k, i->numbers[action->value]);
     }
-    return wanted;
+    return NCGEN_OK;
+}
+
+/* Ratchets that run backward, but for those that only just turn. */
+static void take_ratchets(ncgen_instant *i, ncgen_impact *impact, const int *turning)
+{
+    const ncgen_events *e = i->events;
+    for (int h = 0; h < e->n_holds; ++h) {
+        const int k = e->holds[h].condition;
+        if (e->holds[h].kind == NCGEN_HOLDS_RATCHET && !turning[k] && i->values[2 * k] <= 0)
+            take(i, impact, k, 0);
+    }
+}
+
+/* What is taken is hit. */
+static int blow(ncgen_instant *i, ncgen_impact *impact)
+{
+    ncgen_real energies[3] = {0, 0, 0};
+    int status = find_responses(i, impact);
+    if (status == NCGEN_OK && i->d->model->energy)
+        status = i->d->model->energy(i->moment->t, i->moment->q, i->moment->qd, i->p, energies);
+    impact->energy = energies[0];
+    if (status == NCGEN_OK)
+        status = ncgen_impact_of_gaps(impact);
+    ncgen_copy(i->n, i->moment->qd, i->prior);
+    for (int a = 0; a < impact->count && status == NCGEN_OK && impact->closes; ++a) {
+        push(i, a, i->impulses[a]);
+        i->passage->happened[i->taking[a]] += i->impulses[a] > 0 && i->taking[a] < i->count - i->events->n_velocities;
+    }
+    for (int a = 0; a < impact->count && status == NCGEN_OK && impact->closes; ++a)
+        if (i->impulses[a] > 0)
+            ncgen_note(i->passage->log, i->n, i->moment, i->taking[a], NCGEN_HAPPENS, i->prior, i->impulses[a], i->lost[a]);
+    return status;
+}
+
+static ncgen_impact impact_of(ncgen_instant *i, int law)
+{
+    const ncgen_impact impact = {0, 0, law, i->places, i->coefficients, i->G, i->terms, 0, i->velocities, i->impulses, i->lost,
+                                 i->sticks, 0, 0, 0, NULL, NULL, i->space};
+    return impact;
 }
 
 int ncgen_hit(ncgen_instant *i, int *hit)
 {
-    ncgen_impact impact = {0, 0, i->events->law, i->places, i->coefficients, i->G, i->terms, 0, i->velocities, i->impulses, i->lost,
-                           i->sticks, 0, 0, 0, NULL, NULL, i->space};
-    ncgen_real energies[3] = {0, 0, 0};
+    ncgen_impact impact = impact_of(i, i->events->law);
+    int wanted = 0, status = take_gaps(i, &impact, &wanted);
     *hit = 0;
-    if (!take_gaps(i, &impact))
-        return NCGEN_OK;
-    int status = find_responses(i, &impact);
-    if (status == NCGEN_OK && i->d->model->energy)
-        status = i->d->model->energy(i->moment->t, i->moment->q, i->moment->qd, i->p, energies);
-    impact.energy = energies[0];
-    if (status == NCGEN_OK)
-        status = ncgen_impact_of_gaps(&impact);
+    if (status != NCGEN_OK || !wanted)
+        return status;
+    take_ratchets(i, &impact, i->passage->due);
+    status = blow(i, &impact);
     *hit = impact.closes;
-    ncgen_copy(i->n, i->moment->qd, i->prior);
-    for (int a = 0; a < impact.count && status == NCGEN_OK && impact.closes; ++a) {
-        push(i, a, i->impulses[a]);
-        i->passage->happened[i->taking[a]] += i->impulses[a] > 0;
-    }
-    for (int a = 0; a < impact.count && status == NCGEN_OK && impact.closes; ++a)
-        if (i->impulses[a] > 0)
-            ncgen_note(i->passage->log, i->n, i->moment, i->taking[a], NCGEN_HAPPENS, i->prior, i->impulses[a], i->lost[a]);
     return status;
+}
+
+int ncgen_catch(ncgen_instant *i, const int *happened)
+{
+    ncgen_impact impact = impact_of(i, NCGEN_SIMULTANEOUS);
+    take_ratchets(i, &impact, happened);
+    return impact.count ? blow(i, &impact) : NCGEN_OK;
 }

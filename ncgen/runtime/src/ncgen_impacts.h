@@ -18,6 +18,7 @@ typedef struct ncgen_instant {
     ncgen_real *slopes;                          /* count x (2 n + 1) */
     ncgen_real *responses, *G;                   /* most x (n + 1), count x count */
     ncgen_real *kept, *prior, *numbers;          /* n, n: velocities before what is noted, what actions set */
+    ncgen_real *arrived;                         /* n: velocities before the instant */
     /* of an impact, as ncgen_impact has them: gaps that take part, and what is known of them */
     ncgen_real *velocities, *impulses, *lost, *terms, *coefficients, *space;
     int *taking, *places, *sticks;
@@ -28,17 +29,26 @@ static inline int ncgen_is_closed(const ncgen_instant *i, int k)
     return ncgen_is_zero(i->values[2 * k], i->scales[k]);
 }
 
-/* The derivatives of a condition by q and qd (n each) and t. */
+/* The derivatives of a condition by q and qd (n each) and t; of velocities of joints and ratchets those by qd stand first, and 0 for t. */
 static inline const ncgen_real *ncgen_gradient(const ncgen_instant *i, int k)
 {
     return i->slopes + (size_t)k * (size_t)(2 * i->n + 1);
 }
+
+/* The values of the conditions, with their slopes and scales, at the moment. */
+int ncgen_look(ncgen_instant *i);
+
+/* Can a condition change with what is held? */
+int ncgen_can_move(ncgen_instant *i, int condition, int *can);
 
 const ncgen_action *ncgen_impact_of(const ncgen_events *events, int event); /* NULL: it has none */
 
 /* The impacts of events that are due, with the gaps that are closed already; *hit: whether a gap closes. Numbers that actions set are those
  * of the state before. */
 int ncgen_hit(ncgen_instant *i, int *hit);
+
+/* The impulses that stop ratchets which run backward, but for those that only just turn, as `happened` (count) says. */
+int ncgen_catch(ncgen_instant *i, const int *happened);
 
 /* The velocities that an event sets, with those of all other coordinates. */
 int ncgen_set_velocities(ncgen_instant *i, int event);

@@ -38,30 +38,31 @@ void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         ncgen_reduced_layout(r, &m->along, integers ? integers + 3 * m->count : NULL);
 }
 
-/* The row of the Jacobian, and of a state, that has an unknown. */
-static int row_of(const ncgen_implicit *m, int unknown)
+/* Where the Jacobian has the row of an unknown: one after the other, or every `rows` numbers where it is reduced. */
+static const ncgen_real *row_of(const ncgen_implicit *m, int unknown)
 {
-    return m->is_reduced ? m->along.chosen[unknown] : unknown;
+    return m->jacobian + (m->is_reduced ? (size_t)m->along.chosen[unknown] : (size_t)unknown * (size_t)m->width);
 }
 
 /* Factor s - J_v - J_x / s for s = a + ib, or s - J where positions do not follow; parts: 1 where s is real, 2 else. */
 int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int parts, ncgen_scalar a, ncgen_scalar b)
 {
     const int count = m->count, size = parts * count;
+    const size_t stride = m->is_reduced ? (size_t)m->rows : 1;
     shifted->parts = parts;
     shifted->inverse[0] = a / (a * a + b * b);
     shifted->inverse[1] = -b / (a * a + b * b);
     for (int i = 0; i < count; ++i) {
-        const ncgen_real *jacobian = m->jacobian + (size_t)row_of(m, i) * (size_t)m->width;
+        const ncgen_real *row = row_of(m, i);
         for (int j = 0; j < count; ++j) {
-            const ncgen_real by_v = jacobian[j], by_x = m->is_second_order ? jacobian[count + j] : 0;
+            const ncgen_real by_v = row[(size_t)j * stride], by_x = m->is_second_order ? row[(size_t)(count + j) * stride] : 0;
             const ncgen_real real = (i == j ? a : 0) - by_v - shifted->inverse[0] * by_x;
             const ncgen_real imaginary = (i == j ? b : 0) - shifted->inverse[1] * by_x;
             for (int k = 0; k < parts; ++k) {
-                ncgen_real *row = shifted->matrix + (size_t)(k * count + i) * (size_t)size;
-                row[k * count + j] = real;
+                ncgen_real *own = shifted->matrix + (size_t)(k * count + i) * (size_t)size;
+                own[k * count + j] = real;
                 if (parts == 2)
-                    row[(1 - k) * count + j] = k == 0 ? -imaginary : imaginary;
+                    own[(1 - k) * count + j] = k == 0 ? -imaginary : imaginary;
             }
         }
     }
@@ -74,6 +75,12 @@ static ncgen_real over(const ncgen_shifted *s, const ncgen_real *x, int stride, 
 {
     const ncgen_real own = s->inverse[0] * x[k * stride];
     return s->parts == 1 ? own : own + (k == 0 ? -s->inverse[1] : s->inverse[1]) * x[(1 - k) * stride];
+}
+
+static void add_column(int n, ncgen_real factor, const ncgen_real *NCGEN_RESTRICT column, ncgen_real *NCGEN_RESTRICT sum)
+{
+    for (int i = 0; i < n; ++i)
+        sum[i] += factor * column[i];
 }
 
 /* x of (s - J) x = f over all coordinates, where J sees along the constraints alone: with the measured part u of the velocities and the
@@ -89,24 +96,24 @@ static void solve_reduced(ncgen_run *r, const ncgen_implicit *m, const ncgen_shi
     }
     for (int k = 0; k < parts; ++k)
         for (int i = 0; i < count; ++i)
-            right[k * count + i] += ncgen_dot(count, m->jacobian + (size_t)m->along.chosen[i] * (size_t)m->width + count, p + k * count);
+            for (int j = 0; j < count; ++j)
+                right[k * count + i] += row_of(m, i)[(size_t)(count + j) * (size_t)n] * p[k * count + j];
     ncgen_lu_solve(parts * count, shifted->matrix, shifted->order, right, u);
     for (int k = 0; k < parts; ++k)
         for (int i = 0; i < count; ++i)
             p[k * count + i] += over(shifted, u + i, count, k);
-    for (int i = 0; i < n; ++i) {
-        const ncgen_real *jacobian = m->jacobian + (size_t)i * (size_t)m->width;
-        ncgen_real velocity[2], position[2];
-        for (int k = 0; k < parts; ++k) {
-            velocity[k] = f[k * ny + i] + ncgen_dot(count, jacobian, u + k * count) + ncgen_dot(count, jacobian + count, p + k * count);
-            position[k] = f[k * ny + n + i];
-            for (int j = 0; j < count; ++j)
-                position[k] += m->along.basis[j * n + i] * u[k * count + j];
+    for (int k = 0; k < parts; ++k) {
+        ncgen_copy(2 * n, f + k * ny, x + k * ny);
+        for (int j = 0; j < count; ++j) {
+            add_column(n, u[k * count + j], m->jacobian + (size_t)j * (size_t)n, x + k * ny);
+            add_column(n, p[k * count + j], m->jacobian + (size_t)(count + j) * (size_t)n, x + k * ny);
+            add_column(n, u[k * count + j], m->along.basis + (size_t)j * (size_t)n, x + k * ny + n);
         }
-        for (int k = 0; k < parts; ++k) {
-            x[k * ny + i] = over(shifted, velocity, 1, k);
-            x[k * ny + n + i] = over(shifted, position, 1, k);
-        }
+    }
+    for (int i = 0; i < 2 * n; ++i) {
+        const ncgen_real sum[2] = {x[i], parts == 2 ? x[ny + i] : 0};
+        for (int k = 0; k < parts; ++k)
+            x[k * ny + i] = over(shifted, sum, 1, k);
     }
     for (int k = 0; k < parts; ++k)
         x[k * ny + 2 * n] = over(shifted, f + 2 * n, ny, k);

@@ -58,10 +58,33 @@ static int evaluate_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncge
     return status == NCGEN_OK ? evaluate(r, t + s * h, r->q, r->qd, values) : status;
 }
 
+/* Of the inputs of formulas: at a node, of the state y of velocities and positions, and then as polynomials. */
+static void keep_inputs(const ncgen_run *r, int node, const ncgen_real *q, const ncgen_real *qd)
+{
+    const ncgen_formulas *f = r->options->event->formulas;
+    for (int i = 0; f && r->constrained && i < f->n_inputs; ++i) {
+        const int place = f->inputs[i];
+        f->values[2 * i * (r->options->event->degree + 1) + node] = place < r->n ? q[place] : qd[place - r->n];
+    }
+}
+
+static void make_polynomials(const ncgen_run *r)
+{
+    const ncgen_formulas *f = r->options->event->formulas;
+    const int count = r->options->event->degree + 1;
+    for (int i = 0; f && r->constrained && i < f->n_inputs; ++i) {
+        const ncgen_real *values = f->values + (size_t)(2 * i) * (size_t)count;
+        for (int j = 0; j < count; ++j)
+            f->values[(2 * i + 1) * count + j] = ncgen_dot(count, f->through + (size_t)j * (size_t)count, values);
+    }
+}
+
 /* At all nodes; y itself is a polynomial in time, and over all coordinates it is the velocities and the positions. */
 static int evaluate_nodes(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h)
 {
     const ncgen_event *event = r->options->event;
+    keep_inputs(r, 0, r->y + r->n, r->y);
+    keep_inputs(r, event->degree, r->q, r->qd);
     int status = evaluate(r, t + h, r->q, r->qd, sample(event, event->degree));
     for (int k = 1; k < event->degree && status == NCGEN_OK; ++k) {
         const ncgen_scalar s = event->nodes[k];
@@ -70,26 +93,77 @@ static int evaluate_nodes(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen
             continue;
         }
         status = w->interpolate(r, w, t, h, s);
+        keep_inputs(r, k, w->at + r->n, w->at);
         if (status == NCGEN_OK)
             status = evaluate(r, t + s * h, w->at + r->n, w->at, sample(event, k));
     }
     return status;
 }
 
-/* Does condition k happen within the step? Then between the shares *low and *high of it. */
-static int find(ncgen_run *r, int k, ncgen_scalar *low, ncgen_scalar *high)
+/* Does condition k change its sign between two of the nodes on a part of the step? */
+static int find_by_samples(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, ncgen_scalar low, ncgen_scalar high,
+                           ncgen_walk *walk, int *found)
+{
+    const ncgen_event *event = r->options->event;
+    ncgen_real *values = sample(event, event->degree + 1);
+    int status = NCGEN_OK;
+    for (int node = 0; node <= event->degree && status == NCGEN_OK && !*found; ++node) {
+        const ncgen_scalar s = low + (high - low) * event->nodes[node];
+        status = w->interpolate(r, w, t, h, s);
+        if (status == NCGEN_OK)
+            status = evaluate(r, t + s * h, w->at + r->n, w->at, values);
+        *found = status == NCGEN_OK && ncgen_walk_to(walk, s, values[2 * k]);
+    }
+    return status;
+}
+
+/* Does condition k, which has a formula, happen within the step? Parts without bounds are sampled. */
+static int find_by_formula(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, ncgen_scalar size, ncgen_walk *walk,
+                           int *found)
 {
     const ncgen_event *event = r->options->event;
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
+    const ncgen_formula_step step = {event->formulas, event->degree, r->rounding, t, h, r->p};
+    ncgen_scalar reached = 0, unbounded = 1;
+    int status = NCGEN_OK, parts = 0;
+    *found = 0;
+    while (!*found && status == NCGEN_OK) {
+        *found = event->formulas->walk(&step, &basis, k, size, walk, &reached, &unbounded, &parts);
+        if (*found || !(reached < 1))
+            break;
+        event->formulas->sampled[k] = 1;
+        status = find_by_samples(r, w, t, h, k, reached, unbounded, walk, found);
+        reached = unbounded;
+    }
+    *found = status == NCGEN_OK && (*found || ncgen_walk_end(walk, sample(event, event->degree)[2 * k]));
+    return status;
+}
+
+/* Does condition k happen within the step? Then between the shares *low and *high of it. */
+static int find(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, int *found, ncgen_scalar *low, ncgen_scalar *high)
+{
+    const ncgen_event *event = r->options->event;
+    const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
+    const ncgen_formulas *formulas = event->formulas;
     ncgen_scalar size = 0;
     for (int node = 0; node <= event->degree; ++node) {
         const ncgen_scalar value = NCGEN_ABS(sample(event, node)[2 * k]), terms = sample(event, node)[2 * k + 1];
         size = value > size ? value : size;
         size = terms > size ? terms : size;
     }
+    if (r->constrained && formulas && formulas->first[k] < formulas->first[k + 1]) {
+        const ncgen_real first = sample(event, 0)[2 * k];
+        ncgen_walk walk = {event->directions[k], event->signs[k] ? event->signs[k] : (first > 0) - (first < 0), 0, 0, 0};
+        const int status = find_by_formula(r, w, t, h, k, size, &walk, found);
+        event->signs[k] = walk.sign;
+        *low = walk.at;
+        *high = walk.next;
+        return status;
+    }
     const ncgen_scalar noise = event->degree > 8 ? noise_of_14 : noise_of_8;
-    return ncgen_first_crossing(&basis, event->samples + 2 * k, 2 * event->count, noise * r->rounding * size, event->directions[k],
-                                &event->signs[k], low, high);
+    *found = ncgen_first_crossing(&basis, event->samples + 2 * k, 2 * event->count, noise * r->rounding * size, event->directions[k],
+                                  &event->signs[k], low, high);
+    return NCGEN_OK;
 }
 
 /* The share *s of the step, first the end of what it may be, at which condition k happens: Illinois' rule on the interpolant. */
@@ -154,11 +228,16 @@ int ncgen_conditions_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen
     const ncgen_event *event = r->options->event;
     ncgen_real *shares = sample(event, event->degree + 2); /* of those that happen; 2 for others */
     int status = evaluate_nodes(r, w, t, h);
+    make_polynomials(r);
     *s = 2;
     for (int k = 0; k < event->count && status == NCGEN_OK; ++k) {
         ncgen_scalar low = 0, high = 1;
         shares[k] = 2;
-        if (event->directions[k] == OFF || !find(r, k, &low, &high) || low > *s)
+        if (event->directions[k] == OFF)
+            continue;
+        int found = 0;
+        status = find(r, w, t, h, k, &found, &low, &high);
+        if (status != NCGEN_OK || !found || low > *s)
             continue;
         status = locate_between(r, w, t, h, k, low, &high);
         shares[k] = high;

@@ -4,7 +4,8 @@
  * that the constraints allow nothing is stiff, and Newton's method needs the change of accelerations along these alone. Differences are exact
  * to half of the digits, which costs Newton's method no iteration, and they need no
  * kernels but those of the motion. A basis of the allowed velocities comes from random vectors, projected by the recursion, by Gaussian
- * elimination with full pivoting: the rows of its pivots are coordinates that are independent here.
+ * elimination with full pivoting: the rows of its pivots are coordinates that are independent here. Where all joints of an open tree are
+ * measured, their coordinates are, and each column moves one joint.
  */
 #include "ncgen_reduced.h"
 #include "ncgen_constrained.h"
@@ -119,6 +120,10 @@ static void eliminate(const ncgen_run *r, ncgen_reduced *w)
 void ncgen_reduced_measure(ncgen_run *r, const ncgen_reduced *w, const ncgen_real *velocities, ncgen_real *chosen)
 {
     ncgen_real *seen = r->constrained->emitted;
+    for (int k = 0; w->is_measured && k < w->count; ++k)
+        chosen[k] = velocities[w->chosen[k]];
+    if (w->is_measured)
+        return;
     ncgen_recursive_derivative(r, w->t, w->q, velocities, seen);
     for (int k = 0; k < w->count; ++k)
         chosen[k] = seen[w->chosen[k]] - w->driven[k];
@@ -138,12 +143,12 @@ static void find_driven(ncgen_run *r, ncgen_reduced *w)
 
 /* Differences -------------------------------------------------------------------------------------------------- */
 
-/* Column k of the Jacobian: the change of accelerations where the part of y from `first` on moves along a column of the basis, over the length of
- * the move; `size` is the size of that part, in natural sizes. */
+/* A column of the Jacobian: the change of accelerations where the part of y from `first` on moves along column k of the basis, over the
+ * length of the move; `size` is the size of that part, in natural sizes. */
 static int find_column(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncgen_real *y, int first, int k, ncgen_real size,
-                       ncgen_real *jacobian)
+                       ncgen_real *column)
 {
-    const int n = r->n, width = 2 * w->count;
+    const int n = r->n;
     const ncgen_real *move = w->basis + k * n;
     const ncgen_real length = NCGEN_SQRT(r->rounding) * size / ncgen_constrained_size(r, move);
     ncgen_copy(r->ny, y, w->state);
@@ -151,7 +156,7 @@ static int find_column(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncg
         w->state[first + i] += length * move[i];
     const int status = r->derivative(r, t, w->state, w->rates);
     for (int i = 0; i < n; ++i)
-        jacobian[i * width + k + (first > 0 ? w->count : 0)] = (w->rates[i] - w->base[i]) / length;
+        column[i] = (w->rates[i] - w->base[i]) / length;
     return status;
 }
 
@@ -161,8 +166,11 @@ int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const
     w->count = ncgen_degrees_of_freedom(r);
     w->t = t;
     ncgen_copy(n, y + n, w->q);
-    find_allowed(r, w, t);
-    eliminate(r, w);
+    w->is_measured = ncgen_recursive_basis(r, t, w->q, w->basis, w->chosen) == w->count;
+    if (!w->is_measured) {
+        find_allowed(r, w, t);
+        eliminate(r, w);
+    }
     find_driven(r, w);
     ncgen_copy(r->ny, y, w->state);
     int status = r->derivative(r, t, w->state, w->base);
@@ -170,9 +178,9 @@ int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const
     const ncgen_real speed = ncgen_constrained_size(r, y), fall = NCGEN_SQRT(ncgen_constrained_size(r, w->base));
     const ncgen_real velocity = speed > fall ? speed : fall;
     for (int k = 0; k < w->count && status == NCGEN_OK; ++k)
-        status = find_column(r, w, t, y, 0, k, velocity > 0 ? velocity : 1, jacobian);
+        status = find_column(r, w, t, y, 0, k, velocity > 0 ? velocity : 1, jacobian + k * n);
     for (int k = 0; k < w->count && status == NCGEN_OK; ++k)
-        status = find_column(r, w, t, y, n, k, 1, jacobian);
+        status = find_column(r, w, t, y, n, k, 1, jacobian + (w->count + k) * n);
     ncgen_copy(n, y, r->qd);
     ncgen_copy(n, y + n, r->q);
     return status;

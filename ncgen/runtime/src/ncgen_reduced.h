@@ -7,6 +7,7 @@
 /* The velocities that the constraints allow are the columns of a basis, which are unit vectors on as many chosen coordinates. */
 typedef struct ncgen_reduced {
     int count;           /* columns */
+    int is_measured;     /* are the chosen coordinates those of joints, which the derivative sees in themselves alone? */
     ncgen_real *basis;   /* count columns of n */
     ncgen_scalar t;      /* where the basis is taken: time, */
     ncgen_real *q;       /* n: and position */
@@ -24,7 +25,7 @@ int ncgen_degrees_of_freedom(const ncgen_run *r);
 /* integers: 2 n of them, or NULL where workspace is only counted. */
 void ncgen_reduced_layout(ncgen_run *r, ncgen_reduced *w, int *integers);
 
-/* How accelerations change along the basis: n rows of 2 count, by velocities and then by positions. */
+/* How accelerations change along the basis: 2 count columns of n, by velocities and then by positions. */
 int ncgen_reduced_jacobian(ncgen_run *r, ncgen_reduced *w, ncgen_scalar t, const ncgen_real *y, ncgen_real *jacobian);
 
 /* The velocities of the chosen coordinates that the derivative sees in n velocities, whether the constraints allow these or not. */

@@ -86,9 +86,13 @@ static inline int go_on(const ncgen_run *r, ncgen_tree_work *w, ncgen_tree_link 
 {
     const int n_screws = is_hinge ? 1 : own->n_screws;
     const ncgen_real *before = w->link[own->parent].twist;
-    ncgen_real twist[6], second[9];
+    ncgen_real twist[6];
     int status = NCGEN_OK;
-    place(w, own, at, n_screws);
+    if (!w->is_factored) {
+        place(w, own, at, n_screws);
+        ncgen_find_moments(w, own, at, own->moments);
+        ncgen_set_inertia(own->moments, at->masses[0], own->inertia);
+    }
     ncgen_set6(before, twist);
     ncgen_add_cross(before, own->offset, twist + 3);
     if (is_hinge)
@@ -101,22 +105,29 @@ static inline int go_on(const ncgen_run *r, ncgen_tree_work *w, ncgen_tree_link 
     spread_twist(at->element, own->n_elements, twist, w->moved);
     if (with_changes)
         find_change(w, own, at->screw, n_screws);
-    ncgen_find_moments(w, own, at, second);
-    ncgen_set_inertia(second, at->masses[0], own->inertia);
     if (with_changes)
-        ncgen_set_wrench(second, at->masses[0], own->twist, own->change, own->wrench);
+        ncgen_set_wrench(own->moments, at->masses[0], own->twist, own->change, own->wrench);
     else
         ncgen_set6(ncgen_nothing, own->wrench);
     return status;
 }
 
-/* Outward: where links are, how they move, and their bodies. Wrenches are those of mass that is the same along all axes without
- * accelerations of the joints, or none. */
+static int is_same(int count, const ncgen_real *a, const ncgen_real *b)
+{
+    for (int i = 0; i < count; ++i)
+        if (!(a[i] <= b[i] && a[i] >= b[i]))
+            return 0;
+    return 1;
+}
+
+/* Outward: where links are, how they move, and their bodies; at the position of the evaluation before this one only how they move.
+ * Wrenches are those of mass that is the same along all axes without accelerations of the joints, or none. */
 static inline int go_outward(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *q, const ncgen_real *qd, const int with_changes)
 {
     const ncgen_tree *tree = w->tree;
     ncgen_tree_place at = ncgen_tree_begin(w);
     int status = NCGEN_OK;
+    w->is_factored = w->is_factored && is_same(r->n, q, w->values);
     ncgen_copy(r->n, q, w->values);
     for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own) {
         if (own->is_hinge)
@@ -157,11 +168,15 @@ static int solve(ncgen_tree_work *w)
         w->screw[k].push = 0;
     for (int i = 0; i < tree->n_measured; ++i)
         w->screw[tree->measured[2 * i + 1]].push += tree->ratios[i] * w->force[tree->measured[2 * i]];
-    if (!ncgen_has_pairs_alone(w))
+    if (!w->is_factored && !ncgen_has_pairs_alone(w))
         ncgen_tree_add_singles(w);
-    const int is_regular = ncgen_tree_reduce(w);
+    if (w->is_factored)
+        ncgen_tree_push(w);
+    else
+        w->is_regular = ncgen_tree_reduce(w);
+    w->is_factored = 1;
     ncgen_tree_release(w);
-    return is_regular;
+    return w->is_regular;
 }
 
 static ncgen_real growth_of(int is_regular)
@@ -222,4 +237,45 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
         w->moved[tree->measured[2 * i]] += tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].push;
     ncgen_copy(n, w->moved, out);
     out[n] = growth_of(is_regular && ncgen_is_finite(n, out));
+}
+
+/* Velocities of the coordinates at rates of the screws, their places being known. */
+static void move_at_rates(ncgen_tree_work *w)
+{
+    const ncgen_tree *tree = w->tree;
+    ncgen_tree_place at = ncgen_tree_begin(w);
+    for (ncgen_tree_link *own = w->link, *end = own + tree->n_links; own < end; ++own) {
+        const ncgen_real *before = w->link[own->parent].twist;
+        ncgen_set6(before, own->twist);
+        ncgen_add_cross(before, own->offset, own->twist + 3);
+        for (int k = 0; k < own->n_screws; ++k)
+            ncgen_add_times(at.screw[k].rate, at.screw[k].axis, own->twist + (at.screw[k].turns ? 0 : 3));
+        spread_twist(at.element, own->n_elements, own->twist, w->moved);
+        ncgen_tree_go_on(own, &at);
+    }
+    for (int i = 0; i < tree->n_measured; ++i)
+        w->moved[tree->measured[2 * i]] = tree->ratios[i] * w->screw[tree->measured[2 * i + 1]].rate;
+}
+
+int ncgen_tree_basis(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *basis, int *chosen)
+{
+    const int n_screws = w->tree->n_screws;
+    int count = 0;
+    for (int i = 0; i < r->n; ++i)
+        w->bias[i] = 0;
+    ncgen_tree_mass_at(r, w, t, q);
+    go_outward(r, w, q, w->bias, 0);
+    for (int k = 0; k < n_screws; ++k)
+        if (w->screw[k].coordinate < 0 && w->screw[k].leader < 0)
+            return 0;
+    for (int k = 0; k < n_screws; ++k) {
+        if (w->screw[k].leader >= 0)
+            continue;
+        for (int j = 0; j < n_screws; ++j)
+            w->screw[j].rate = j == k ? w->screw[k].slowness : w->screw[j].leader == k ? w->screw[j].ratio * w->screw[k].slowness : 0;
+        move_at_rates(w);
+        ncgen_copy(r->n, w->moved, basis + count * r->n);
+        chosen[count++] = w->screw[k].coordinate;
+    }
+    return count;
 }

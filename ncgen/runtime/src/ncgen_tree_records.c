@@ -13,7 +13,7 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     const int n_all = r->n + tree->n_fixed, n_values = ncgen_nonzeros(&r->model->phi_q_pattern);
     ncgen_real *links = take_records(space, tree->n_links + 1, sizeof(ncgen_tree_link));
     w->tree = tree;
-    w->mass_is_there = 0;
+    w->mass_is_there = w->is_factored = w->is_regular = 0;
     w->link = links ? (ncgen_tree_link *)links + 1 : NULL;
     w->element = (ncgen_tree_element *)take_records(space, tree->n_elements, sizeof(ncgen_tree_element));
     w->member = (ncgen_tree_member *)take_records(space, tree->member_start[tree->n_links], sizeof(ncgen_tree_member));
@@ -132,4 +132,5 @@ void ncgen_tree_mass_at(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, 
     for (int i = 0; i < tree->n_rotors; ++i)
         w->screw[tree->rotors[2 * i]].rotor += tree->gears[i] * w->mass[tree->rotors[2 * i + 1]];
     w->mass_is_there = 1;
+    w->is_factored = 0;
 }

@@ -90,6 +90,14 @@ static int close_groups(ncgen_tree_work *w, int link)
     return is_regular;
 }
 
+/* What groups that hang on a link take of its wrench. */
+static void take_shares_of_groups(ncgen_tree_work *w, int link)
+{
+    for (int group = 0; group < w->tree->n_groups; ++group)
+        if (w->tree->carrier[group] == link)
+            take_share(w->group[2 * group] * w->group[2 * group + 1], w->joined + 6 * (w->tree->n_links + group), w->link[link].wrench);
+}
+
 static void clear_groups(ncgen_tree_work *w)
 {
     for (int i = 0; i < 6 * (w->tree->n_links + w->tree->n_groups); ++i)
@@ -139,6 +147,32 @@ int ncgen_tree_reduce(ncgen_tree_work *w)
         }
     }
     return n_groups ? is_regular & close_groups(w, -1) : is_regular;
+}
+
+void ncgen_tree_push(ncgen_tree_work *w)
+{
+    const int n_groups = w->tree->n_groups;
+    const ncgen_tree_element *element = w->element + w->tree->n_elements;
+    ncgen_tree_screw *screw = w->screw + w->tree->n_screws;
+    for (int group = 0; group < n_groups; ++group)
+        w->group[2 * group + 1] = 0;
+    for (int link = w->tree->n_links - 1; link >= 0; --link) {
+        ncgen_tree_link *own = w->link + link;
+        element -= own->n_elements;
+        add_forces(w->force, element, element + own->n_elements, own->wrench);
+        if (n_groups)
+            take_shares_of_groups(w, link);
+        for (int k = 0; k < own->n_screws; ++k) {
+            --screw;
+            screw->push += ncgen_dot3(screw->axis, own->wrench + (screw->turns ? 0 : 3));
+            if (own->group >= 0)
+                w->group[2 * own->group + 1] += screw->ratio * screw->push;
+            else
+                take_share(screw->pivot * screw->push, screw->momentum, own->wrench);
+        }
+        if (own->parent >= 0)
+            ncgen_add_wrench(own->wrench, own->offset, w->link[own->parent].wrench);
+    }
 }
 
 void ncgen_tree_release(ncgen_tree_work *w)

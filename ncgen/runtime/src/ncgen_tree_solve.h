@@ -8,6 +8,9 @@
  * 0 where a screw or a group moves nothing. */
 int ncgen_tree_reduce(ncgen_tree_work *w);
 
+/* The pushes alone, momenta and pivots being those of the position already. */
+void ncgen_tree_push(ncgen_tree_work *w);
+
 /* What the joints' rates change by, in pushes, and the links by that, in wrenches. */
 void ncgen_tree_release(ncgen_tree_work *w);
 

@@ -26,6 +26,7 @@ typedef struct ncgen_tree_link {
     ncgen_real twist[6];         /* angular velocity, velocity of its reference point */
     ncgen_real change[6];        /* the same of accelerations, first without those of the joints */
     ncgen_real wrench[6];        /* moment about its reference point, force; then what the joints' accelerations add to the link's */
+    ncgen_real moments[9];       /* of its own body: P and h, see ncgen_tree_bodies.h */
     ncgen_real inertia[INERTIA]; /* of its own body, then of what it carries, less what its joint takes */
 } ncgen_tree_link;
 
@@ -69,6 +70,7 @@ typedef struct ncgen_tree_place {
 typedef struct ncgen_tree_work {
     const ncgen_tree *tree;
     int mass_is_there;
+    int is_factored, is_regular; /* momenta and pivots are those of the position in `values`; every joint moves something */
     ncgen_tree_link *link;
     ncgen_tree_element *element;
     ncgen_tree_member *member;
@@ -80,7 +82,7 @@ typedef struct ncgen_tree_work {
     ncgen_real *masses; /* of every link: its mass, of every member the mass that it has with points, the masses between members by rows */
     ncgen_real *levers; /* 3 a member of a link */
     ncgen_real *joined; /* 6 a link of a group, then 6 a group for its carrier: momentum at rate 1 of the group's first screw */
-    ncgen_real *group;  /* 2 a group: its pivot, and its push, then what is left for it */
+    ncgen_real *group;  /* 2 a group: 1 / its pivot, and its push, then what is left for it */
     ncgen_real *bias, *inertial; /* n */
     ncgen_real *jacobian;        /* values of Phi_q */
     ncgen_real *scaled;          /* ... in natural sizes of the coordinates */

@@ -32,6 +32,9 @@ RATE_ROUNDING, MIN_RELATIVE_RATE = 1e-9, 1e-6
 the motion's length: rounding of the condition, 1e-13 of its size, then says nothing about when it is zero."""
 
 
+CONSISTENT = 1e-7
+"""Changes of positions satisfy constraints that an event has changed if they miss less than this share of the terms."""
+
 SAME_TIME = 1e-9
 """Events that happen together do so at all parameters if their times change alike to this share, such as of two feet of one body."""
 
@@ -60,18 +63,21 @@ class EventJacobians:
         self.rows = {row.number: row for row in self.functions.rows}
         self.n = kernels.n
 
-    def __call__(self, o: Occurrence) -> EventJacobian:
-        """Raises ModelError naming events and the time where there is no derivative."""
+    def __call__(self, o: Occurrence, approach: Sequence[State] = ()) -> EventJacobian:
+        """Raises ModelError naming events and the time where there is no derivative. approach: two states before an instant at which the
+        direction of friction ends, the nearer one behind"""
         self._check_in_space(o)
-        flow = self._flow(o.before, o.held_before)
-        time = self._time(o, flow)
+        flow = self._limit(o, *approach) if approach else self._flow(o.before, o.held_before)
+        time = self._time(self._last_direction(o, approach[-1]) if approach else o, flow)
         before = np.eye(len(time)) + np.outer(flow, time)
         change = before
         for done in o.done:
             if done.is_impact:
                 change = np.vstack([change[: self.n], self.impacts(done, time, change), change[2 * self.n :]])
+            elif done.locks:
+                change = self._lock(done, time, change)
             else:
-                change = self._lock(done, time, change) if done.locks else self._act(done, time, change)
+                change = self._act(done, time, change) if done.events else self._keep(o, done, time, change)
         through = self._mode(o, time, change) - np.outer(following := self._flow(o.after, o.held), time)
         if o.held or o.after.locked:
             through = self._onto(self.mode(o.after, o.held), o.after, through)
@@ -89,6 +95,14 @@ class EventJacobians:
         p = self.kernels.present(at.t, at.p)
         qdd = accelerations_by("lagrange").motion(self.mode(at, held).driven_by(None), at.q, at.qd, at.t, p, {}).qdd
         return np.concatenate([at.qd, qdd, np.zeros(len(p))])
+
+    def _limit(self, o: Occurrence, first: State, second: State) -> np.ndarray:
+        """That before an instant, as a straight line from two states before it."""
+        far, near = (o.before.t - at.t for at in (first, second))
+        flows = [self._flow(at, o.held_before) for at in (first, second)]
+        flow = (far * flows[1] - near * flows[0]) / (far - near)
+        flow[: self.n] = o.before.qd
+        return flow
 
     # -- when ----------------------------------------------------------------------------------
 
@@ -127,16 +141,27 @@ class EventJacobians:
         turning = {*self.functions.turns, *self.functions.turns.values()}
         return not o.done and o.held == o.held_before and turning.issuperset(o.crossed)
 
+    def resting_in_space(self, o: Occurrence) -> list[int]:
+        """The contacts in space whose sliding ends."""
+        gaps = self.functions.gaps
+        begun = [k for k in self.functions.turns.values() if k in o.held and k not in o.held_before]
+        return [k for k in begun if gaps[k] in o.held_before and o.crossed]
+
+    def _last_direction(self, o: Occurrence, near: State) -> Occurrence:
+        """The instant at which contacts in space come to rest along the direction in which they slide near it."""
+        functions, p, sliding = self.functions, o.before.p.copy(), self.functions.sliding(near)
+        rests, turning = self.resting_in_space(o), {*functions.turns, *functions.turns.values()}
+        for k in rests:
+            p[[self.kernels.parameters.index(name) for name in functions.contacts[k].slip]] = sliding[k][0]
+        crossed = (*rests, *(k for k in o.crossed if k not in turning))
+        return replace(o, before=replace(o.before, p=p), crossed=crossed)
+
     def _check_in_space(self, o: Occurrence) -> None:
-        """Raise ModelError where a contact in space comes to rest or begins to slide."""
+        """Raise ModelError where a contact in space begins to slide."""
         functions = self.functions
         for k in functions.turns.values():
-            rests = k in o.crossed and k in o.held and k not in o.held_before
-            slides = k in o.held_before and k not in o.held and functions.gaps[k] in o.held
-            if rests or slides:
-                why = (
-                    f"at t = {o.before.t:.9g} s {'comes to rest' if rests else 'begins to slide'} in space, where friction has no direction"
-                )
+            if k in o.held_before and k not in o.held and functions.gaps[k] in o.held:
+                why = f"at t = {o.before.t:.9g} s begins to slide in space, where friction has no direction"
                 raise self._none(functions.contacts[k].name, why, "end the motion before, or take differences of runs")
 
     def _scale(self, k: int, o: Occurrence) -> float:
@@ -179,6 +204,22 @@ class EventJacobians:
             balance, constraints, *_ = (along(a, time, after) for a in self.tangents.impact(mode, at, done.after.qd, mu))
             x, _ = solved(mode, at, rows, -balance, np.vstack([-constraints, np.array(list(rates.values()))]))
             after[n : 2 * n] = x
+        return after
+
+    def _keep(self, o: Occurrence, done: Done, time: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """Constraints with other parameters, which positions satisfy. Raises ModelError where they would not after any change."""
+        mode, at, n = self.functions.mode(done.before), done.before, self.n
+        allowed = self._onto(self.mode(o.before, o.held_before), o.before, np.eye(len(time)))
+        rows, given = mode.holonomic, {"t": at.t, "q": at.q, "qd": 0 * at.qd, "qdd": 0 * at.qd, "lam": np.zeros(mode.m), "p": at.p}
+        J, by_p = mode.jacobian(at.q, at.t, at.p)[rows], mode.dense_tangent("phi_p", **given)[rows]
+        moved, time_by = change @ allowed, (time @ allowed)[None]
+        factors = [(J, moved[:n]), (-mode.nu(at.q, at.t, at.p)[rows, None], time_by), (by_p, moved[2 * n :])]
+        off, sizes = np.abs(sum(a @ b for a, b in factors)), sum(np.abs(a) @ np.abs(b) for a, b in factors)
+        if np.any(off > CONSISTENT * np.max(sizes, initial=0.0)):
+            why = f"at t = {at.t:.9g} s would make positions jump at other parameters or initial values"
+            raise self._none(o.names, why, "change constraints over time, by an expression of m.time")
+        after = change.copy()
+        after[n : 2 * n] = self._projected(mode, at, done.after.qd, time, change)
         return after
 
     def _lock(self, done: Done, time: np.ndarray, change: np.ndarray) -> np.ndarray:

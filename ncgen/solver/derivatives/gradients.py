@@ -22,7 +22,7 @@ from ncgen.solver.motions.states import States
 from ncgen.solver.runs.progress_reports import ProgressOption, check_progress, reporting
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BatchGradients:
     """Values (B,) of an objective and its derivatives, slopes (B, columns), in the order of `names`: parameters, `z` and `rate(z)` of the
     independent coordinates.
@@ -177,7 +177,7 @@ def gradient_batch(
         swept = batch.sweep(weigh, advance)
     values[[status != "ok" for status in swept.status]] = np.nan
     slopes = swept.slopes if by is None else swept.slopes[:, [batch.names.index(name) for name in names]]
-    return BatchGradients(values, slopes, names, tuple(swept.status), swept.alone)
+    return BatchGradients(values=values, slopes=slopes, names=names, status=tuple(swept.status), alone=swept.alone)
 
 
 def taped_batch(
@@ -199,4 +199,6 @@ def taped_batch(
     refuse_events(kernels.model, "gradient of rows")
     is_taped(kernels, integrator)
     states = States.of(kernels, q0, zd0, p, t, names, None, assembled=True)
-    return TapedBatch(kernels, states, t + since_start, integrator, q0 is None, checked_threads(threads))
+    return TapedBatch(
+        kernels=kernels, states=states, times=t + since_start, method=integrator, follows=q0 is None, threads=checked_threads(threads)
+    )

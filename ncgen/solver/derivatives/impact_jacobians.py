@@ -30,7 +30,7 @@ RESTITUTION_ROUNDING = 1e-9
 """An impulse of restitution is the least one of Poisson's law if it is longer by less than this share."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Gap:
     """A gap that is hit, with how its coefficients change, (N,) each."""
 
@@ -46,7 +46,7 @@ class _Gap:
         return slice(self.blow.gap + 1, self.blow.gap + 1 + self.blow.directions)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Rows:
     """W (r, n) of gaps that are hit together, responses of velocities (n, r) and of the rows G (r, r), and velocities u (r,) before."""
 
@@ -84,7 +84,7 @@ class ImpactJacobians:
         W, drift, blows = rows_of(gaps_of(self._functions, at, done.events))
         responses = response(mode, at, W)
         gaps = [self._gap(k, blow, values) for k, blow in zip(done.events, blows, strict=True)]
-        rows = _Rows(W, responses, W @ responses, W @ at.qd + drift, gaps)
+        rows = _Rows(W=W, responses=responses, G=W @ responses, u=W @ at.qd + drift, gaps=gaps)
         places = [place for k in done.events for place in self._tangents.places(k)]
         pushed, by_velocity = _Pushed(np.zeros(len(W)), np.zeros((len(W), len(time)))), np.zeros((len(at.q), len(time)))
         for total in _phases(rows, impulses_to(mode, at, done.after.qd, W)[1]):
@@ -108,11 +108,11 @@ class ImpactJacobians:
 
         name = event.name if event else functions.ratchets[k].name
         return _Gap(
-            name,
-            blow,
-            changes(f"event {name}", event.impact.restitution if event and event.impact else 0.0),
-            changes(f"contact {name}, friction", contact.friction if contact else 0.0),
-            changes(f"contact {name}, tangential", contact.tangential if contact else 0.0),
+            name=name,
+            blow=blow,
+            restitution=changes(f"event {name}", event.impact.restitution if event and event.impact else 0.0),
+            friction=changes(f"contact {name}, friction", contact.friction if contact else 0.0),
+            tangential=changes(f"contact {name}, tangential", contact.tangential if contact else 0.0),
         )
 
 

@@ -59,7 +59,7 @@ class Ends:
         return rows[np.cumsum(~np.append(False, self.is_crossed)) - 1]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Jumps:
     """The breaks of one motion with parameters p (n_p,), and what parameters do that move them. Called, it gives the jumps (`Jumping`).
 
@@ -80,7 +80,14 @@ class Jumps:
         breaks = moving_breaks(kernels, p, times, signals.laws if signals else ())
         refuse_jumps(kernels, p, q, breaks.rows, "derivatives")
         why = "moves jumps of a law whose argument depends on an input that changes with time, or which are too many"
-        return cls(kernels, p, breaks, float(times[-1] - times[0]), signals, dict.fromkeys(sorted(breaks.unknown), why))
+        return cls(
+            kernels=kernels,
+            p=p,
+            breaks=breaks,
+            length=float(times[-1] - times[0]),
+            signals=signals,
+            reasons=dict.fromkeys(sorted(breaks.unknown), why),
+        )
 
     def ends(self, times: np.ndarray) -> Ends:
         """The ends of steps over times (K,) of a grid (s), one from each to the next, or to a break."""

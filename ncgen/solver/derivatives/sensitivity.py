@@ -37,7 +37,7 @@ NOT_DIFFERENTIATED = ("formalism", "engine", "number", "atol", "max_step")
 """Arguments of a method that make no difference where its steps are differentiated."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Sensitivities:
     """A motion and its derivatives at K instants; columns in the order of `names`: parameters, z at the start, ż at the start.
 
@@ -132,7 +132,7 @@ def sensitivities(
     directions = np.eye(len(motion.names))[:, [motion.names.index(name) for name in names]]
     q_by, qd_by = motion.along(directions)
     events = motion.events_along(directions) if isinstance(motion, EventMotion) else ()
-    return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, names, events)
+    return Sensitivities(t=motion.t, q=motion.q, qd=motion.qd, q_by=q_by, qd_by=qd_by, names=names, events=events)
 
 
 def gradient_one(

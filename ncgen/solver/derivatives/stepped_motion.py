@@ -39,7 +39,7 @@ SOLVED = 1e-7
 """A Newton step from the ends of a step of a run moves nothing by more than this, in natural sizes."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Linear:
     """[F; G] by [u, x, w, p] in a step, for the rows that are kept."""
 
@@ -96,7 +96,13 @@ class _Equations:
         values, count = self._functions("step", t, *arrays), len(self.own)
         dense = np.zeros(self._shape)
         dense.reshape(-1)[self._flat] = values[self._there]
-        return _Linear(values[self.own], dense[:count, :count], dense[:count, count:], dense[count:, :count], dense[count:, count:])
+        return _Linear(
+            F=values[self.own],
+            F_u=dense[:count, :count],
+            F_rest=dense[:count, count:],
+            G_u=dense[count:, :count],
+            G_rest=dense[count:, count:],
+        )
 
 
 class SteppedMotion:

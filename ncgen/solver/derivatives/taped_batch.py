@@ -66,7 +66,7 @@ class _Asked:
             rows[i] = np.nan
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TapedBatch:
     """Of states over the times (K,) s of a grid, by steps of an explicit method.
 

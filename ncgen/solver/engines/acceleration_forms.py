@@ -73,7 +73,7 @@ def _may_recur(kernels: Kernels, method: Method) -> bool:
     return method.options.get("stabilisation") == "projection"
 
 
-def is_written_out(kernels: Kernels, method: Method) -> bool:
+def has_emitted_recursion(kernels: Kernels, method: Method) -> bool:
     """True where a run over all coordinates takes its accelerations from a recursion that is emitted and compiled, with all forces."""
     callbacks = kernels.model.callbacks
     return (not callbacks or ReactiveForce.only(callbacks) is not None) and _is_recursive(kernels, method)

@@ -82,7 +82,9 @@ def _made(
         return DenseDynamics(kernels, split, number, positions)
     kernels = checked_compiled(kernels)
     around = hashlib.sha256(np.concatenate([q, p]).tobytes()).hexdigest()
-    written = Written(kernels, split, partial(samples, kernels, q.copy(), p.copy()), around, form == "refined")
+    written = Written(
+        kernels=kernels, split=split, samples_of=partial(samples, kernels, q.copy(), p.copy()), around=around, refine=form == "refined"
+    )
     try:
         return LaneDynamics(written) if form == "lanes" else EmittedDynamics(written, number)
     except EliminationError as error:

@@ -27,7 +27,7 @@ class ActionRow:
     value: int = 0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Actions:
     """rows: in the order of the events; values: what their values are, each with the words that messages call it by; law: of several
     impacts; most: velocities that one event sets, or the number of events if that is more; directions: of the events"""
@@ -63,9 +63,11 @@ class Actions:
                 rows.append(ActionRow(k, kind, place, value(f"{where}, {name}", changes[name])))
             rows += [ActionRow(k, "NCGEN_STOP") for action in event.do if isinstance(action, Stop)]
         set_velocities = [row.event for row in rows if row.kind == "NCGEN_SET_VELOCITY"]
-        most = max(len(events), *(set_velocities.count(k) for k in range(len(events))))
+        most = max([len(events), *(set_velocities.count(k) for k in range(len(events)))])
         degree, directions = most_degree(kernels), [int(DIRECTIONS[event.direction]) for event in events]
-        return cls(rows, values, _law(kernels), most, directions, degree, VALUE_ROUNDING[degree])
+        return cls(
+            rows=rows, values=values, law=_law(kernels), most=most, directions=directions, degree=degree, noise=VALUE_ROUNDING[degree]
+        )
 
     def changed(self, kernels: Kernels) -> frozenset[str]:
         """Names of the parameters and inputs that events change."""

@@ -1,6 +1,7 @@
 """Which gaps stay closed and what sticks after an instant: constraints are held as long as their loads allow.
 
-All that may be held is, then what a load of the wrong sign, or beyond friction, says is released, the worst one first.
+C has the rules (`active_in_c`): all that may be held is, then what a load of the wrong sign, or beyond friction, says is released, the
+worst one first. Here states are brought onto the constraints of modes, whose loads are compiled on demand.
 """
 
 from __future__ import annotations
@@ -11,28 +12,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ConvergenceError
+from ncgen.mechanism.active_in_c import Active, Kind, is_still
 from ncgen.mechanism.chain_in_c import is_zero
 from ncgen.mechanism.conditions_in_c import UNWATCHED
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.mobility import is_blocked
-from ncgen.solver.events.modes import forces_of, load_conditions, sliding_of
+from ncgen.solver.events.modes import LoadConditions, forces_of, load_conditions, sliding_of
 from ncgen.solver.events.rubbing import check_determined, is_prevented, undetermined
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms.projection import project_position, project_velocity
 from ncgen.solver.trajectories.happening import GAPS, JOINTS, RATCHETS, Happening, Search
-
-LOAD_TOLERANCE = 1e-10
-"""A load on the wrong side by less than this share of the largest is held."""
-
-PROJECTED_TOLERANCE = 1e-6
-"""The same where velocities are those before a projection, which moves them by a rounding."""
-
-VELOCITY_TOLERANCE = 1e-9
-"""A gap opens, or a joint or a contact slips, if its velocity is above this share of what it adds up."""
-
-FRICTION_RESERVE = 1e-8
-"""Where a contact begins to slide, so do others whose friction has no more than this share left."""
 
 TURNING = 1e-9
 """A contact in space whose sliding velocity has turned by 90° did not come to rest if it is above this share of what it was before."""
@@ -56,7 +46,6 @@ class ActiveConstraints:
         self.left: dict[int, np.ndarray] = {}
         self.blocked: list[int] = []
         self._prevented: set[int] = set()
-        self._reserve = 0.0  # that contacts must have which go on sticking
         self._before = 0.0  # greatest velocity before the instant, with which what is left of others is compared
 
     # -- what C watches ------------------------------------------------------------------------
@@ -65,7 +54,7 @@ class ActiveConstraints:
         """Of the mechanism's conditions (C,): a held gap is not watched, nor the velocity of what sticks or does not touch."""
         ways = self.functions.directions.copy()
         for k, friction in self.functions.frictions.items():
-            ways[k] = -int(p[self._place(friction.slip)]) or UNWATCHED
+            ways[k] = -int(p[self.place(friction.slip)]) or UNWATCHED
         for k, gap in self.functions.gaps.items():
             ways[k] = -1 if gap in held and k not in held and k not in self._prevented else UNWATCHED
         for number, k in self.functions.turns.items():
@@ -77,7 +66,7 @@ class ActiveConstraints:
         """Note which gaps that are closed, and which joints at rest, cannot move while others are held: they are not watched."""
         functions, self.blocked = self.functions, []
         others = [k for k in self.rows if k not in held and k not in functions.contacts] if held or at.locked else []
-        candidates = [k for k in others if self.is_still(k, at) and (k in functions.moving or self._is_closed(k, at))]
+        candidates = [k for k in others if self.is_still(k, at) and (k in functions.moving or self.is_closed(k, at))]
         if candidates:
             slopes, rates = functions.slopes(at)[0], functions.rate_slopes(at)
             W = np.array([rates[k] if k in functions.moving else slopes[k] for k in candidates])
@@ -94,11 +83,9 @@ class ActiveConstraints:
                 if number in crossed:
                     self.left[k] = np.array([-side])
                 number += 1
-        if any(k in self.functions.frictions for k in self.left):  # what a joint bore may push a gap closed
-            self.left = {k: side for k, side in self.left.items() if k in self.functions.frictions or self.rows[k].rubs}
         if number in crossed and (sliding := sliding_of(mode, rows, self.functions.loaded)):
             raise undetermined(self.functions, sliding, at)
-        self.left |= {k: self._onwards(mode, held, k, at) for k in self.left if self.rows[k].sticks}
+        self.left |= {k: self.onwards(mode, held, k, at) for k in self.left if self.rows[k].sticks}
 
     # -- modes ---------------------------------------------------------------------------------
 
@@ -106,9 +93,9 @@ class ActiveConstraints:
         """The state at the start, slip directions being those of the velocities."""
         values, p = self.functions.values(at)[0], at.p.copy()
         for name, number in self.functions.beginnings(at).items():
-            p[self._place(name)] = number
+            p[self.place(name)] = number
         for k, friction in self.functions.frictions.items():
-            p[self._place(friction.slip)] = 0.0 if self.is_still(k, at) else np.sign(values[k])
+            p[self.place(friction.slip)] = 0.0 if self.is_still(k, at) else np.sign(values[k])
         return replace(at, p=p)
 
     def find(self, at: State, held: tuple[int, ...], due: dict[int, Search], resting: Sequence[int], before: np.ndarray) -> ActiveSet:
@@ -120,53 +107,15 @@ class ActiveConstraints:
         if self.left and held and np.array_equal(before, at.qd):  # what begins to move begins with no velocity, not with one of rounding
             mode = self.functions.mode(at, [self.rows[k] for k in held])
             at = replace(at, qd=project_velocity(mode, at.q, at.qd, at.t, at.p))
-        functions, start, released = self.functions, at, dict(self.left)
         self._before = self._speed(before)
-        self._reserve = FRICTION_RESERVE if any(self.rows[k].sticks for k in self.left) else 0.0
-        may = [k for k in self.rows if self._may_hold(k, at, held, due, resting)]
-        if any(self.rows[k].sticks and k not in held and k not in released for k in may):  # that can take over: loads are shared anew
-            released = {k: side for k, side in released.items() if not self.rows[k].sticks}
-        wanted = [k for k in may if k not in released]
-        self._drop_what_is_open(wanted)
-        p = at.p.copy()
-        for k in wanted:
-            if k in functions.moving and k not in held:
-                p[self._place(functions.moving[k].held)] = functions.place(functions.moving[k], at)
-        at = replace(at, p=p)
-        for _ in range(len(self.rows) + 1):
-            at = replace(at, p=self._slipping(replace(start, p=at.p), wanted, released, due))
-            at, worst = self._tried(at, start, tuple(wanted), held)
-            if worst is None:
-                break
-            released[worst[0]] = worst[1]
-            wanted.remove(worst[0])
-            self._drop_what_is_open(wanted)
-        else:
+        choice = HeldChoice(self, at, held, due, resting)
+        if not choice.active.choose(choice.find_loads):
             raise ConvergenceError(
                 f"{self.kernels.name}: at t = {at.t:.6g} s no set of contacts and joints that stick agrees with its loads"
             )
+        start, at, released, wanted = at, choice.at, choice.directions(), choice.wanted
         self.left, self._prevented = released, self._held_by_others(wanted, at)
-        return ActiveSet(at, tuple(wanted), self._happened(start, at, held, tuple(wanted), due))
-
-    def _slipping(self, at: State, wanted: Sequence[int], released: Mapping[int, np.ndarray], due: Mapping[int, Search]) -> np.ndarray:
-        """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""
-        functions, p, values = self.functions, at.p.copy(), self.functions.values(at)[0]
-        for k, friction in functions.frictions.items():
-            place = self._place(friction.slip)
-            if k in wanted or k in released:
-                p[place] = 0.0 if k in wanted else released[k][0]
-            elif p[place] == 0.0 or k in due or not self.is_still(k, at):
-                p[place] = np.sign(values[k])
-        sliding = functions.sliding(at)
-        for k, contact in functions.contacts.items():
-            places, velocity = [self._place(name) for name in contact.slip], sliding[k][0]
-            if k in wanted or functions.gaps[k] not in wanted:
-                p[places] = 0.0
-            elif k in released:
-                p[places] = released[k]
-            elif np.any(velocity):
-                p[places] = velocity if len(velocity) > 1 else np.sign(velocity)
-        return p
+        return ActiveSet(at, wanted, self._happened(start, at, held, wanted, due))
 
     def _held_by_others(self, wanted: Sequence[int], at: State) -> set[int]:
         """Contacts that do not stick themselves and cannot slide: their velocities are rounding, which is not watched."""
@@ -176,21 +125,7 @@ class ActiveConstraints:
         mode = functions.mode(at, rows)
         return {k for k, gap in functions.gaps.items() if gap in wanted and k not in wanted and is_prevented(functions, mode, k, at)}
 
-    def _drop_what_is_open(self, wanted: list[int]) -> None:
-        """A contact that is open does not stick."""
-        wanted[:] = [k for k in wanted if self.functions.gaps.get(k, wanted[0]) in wanted]
-
-    def _may_hold(self, k: int, at: State, held: tuple[int, ...], due: dict[int, Search], resting: Sequence[int]) -> bool:
-        """Whether a gap is closed and does not open, or a joint or a contact does not move."""
-        if k in resting:
-            return True
-        if k in self.functions.moving:
-            return k in due or self.is_still(k, at)
-        if k in self.functions.contacts:
-            return self.is_still(k, at) or (k in due and self._stops(k, at))
-        return self._is_closed(k, at) and self.is_still(k, at) and (k in held or k not in due)
-
-    def _is_closed(self, k: int, at: State) -> bool:
+    def is_closed(self, k: int, at: State) -> bool:
         values, scales = self.functions.weighed(at)
         return is_zero(values[k], scales[k])
 
@@ -199,66 +134,27 @@ class ActiveConstraints:
         sizes = self.kernels.column_sizes
         speed = max(self._speed(at.qd), self._before)
         if k in self.functions.moving:
-            return abs(self.functions.values(at)[0][k]) <= VELOCITY_TOLERANCE * (np.abs(self.functions.rate_slopes(at)[k]) @ sizes) * speed
+            return is_still(self.functions.values(at)[0][k], np.abs(self.functions.rate_slopes(at)[k]) @ sizes * speed)
         if k in self.functions.contacts:
             velocity, slopes = self.functions.sliding(at)[k]
-            return bool(np.all(np.abs(velocity) <= VELOCITY_TOLERANCE * np.max(np.abs(slopes) @ sizes) * speed))
+            return is_still(np.max(np.abs(velocity)), np.max(np.abs(slopes) @ sizes) * speed)
         slopes, drift = self.functions.slopes(at)
-        return bool(abs(slopes[k] @ at.qd + drift[k]) <= VELOCITY_TOLERANCE * (np.abs(slopes[k]) @ sizes * speed + abs(drift[k])))
+        return is_still(slopes[k] @ at.qd + drift[k], np.abs(slopes[k]) @ sizes * speed, drift[k])
 
     def _speed(self, qd: np.ndarray) -> float:
         """The greatest velocity (1/s) in natural sizes."""
         return float(np.max(np.abs(qd) / self.kernels.column_sizes, initial=0.0))
 
-    def _stops(self, k: int, at: State) -> bool:
+    def comes_to_rest(self, k: int, at: State) -> bool:
         """Whether a contact whose sliding velocity passed zero along its direction came to rest; in space it may have turned by 90°."""
-        before = at.p[[self._place(name) for name in self.functions.contacts[k].slip]]
+        before = at.p[[self.place(name) for name in self.functions.contacts[k].slip]]
         return len(before) == 1 or bool(np.linalg.norm(self.functions.sliding(at)[k][0]) <= TURNING * np.linalg.norm(before))
 
-    def _tried(
-        self, at: State, start: State, held: tuple[int, ...], before: tuple[int, ...]
-    ) -> tuple[State, tuple[int, np.ndarray] | None]:
-        """The state on the constraints of a mode, and what must be released with the direction in which it slips, or None.
-
-        before: what was held; a gap that was not is held only if it is pushed
-        """
-        rows = tuple(self.rows[k] for k in held)
-        if not held:
-            check_determined(self.functions, self.functions.mode(at), rows, at)
-            return replace(at, q=start.q, qd=start.qd), None
-        kernels = self.functions.mode(at, rows)
-        loads, p, worst = load_conditions(self.functions, kernels, rows), self.kernels.present(at.t, at.p), None
-        if all(k in self.functions.frictions for k in held):  # joints that stand still: their loads there say it without projecting
-            worst = self._worst(loads.at(replace(start, p=p)), held, before, PROJECTED_TOLERANCE)
-        if worst is None:
-            q, _ = project_position(kernels, start.q, at.t, at.p)
-            at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
-            check_determined(self.functions, kernels, rows, at)
-            worst = self._worst(loads.at(replace(at, p=p)), held, before, LOAD_TOLERANCE)
-        if worst and self.rows[worst[0]].sticks:
-            worst = worst[0], self._onwards(kernels, held, worst[0], at)
-        return at, worst
-
-    def _onwards(self, mode: Kernels, held: tuple[int, ...], k: int, at: State) -> np.ndarray:
+    def onwards(self, mode: Kernels, held: tuple[int, ...], k: int, at: State) -> np.ndarray:
         """The direction in which a contact begins to slide that its friction cannot hold."""
         force = forces_of(mode, tuple(self.rows[each] for each in held), held.index(k), at)
         size = float(np.linalg.norm(force))
         return -force / size if size else force
-
-    def _worst(
-        self, loads: tuple[np.ndarray, np.ndarray], held: tuple[int, ...], before: tuple[int, ...], slack: float
-    ) -> tuple[int, np.ndarray] | None:
-        """Of conditions of loads, values and sizes, the constraint that is violated most, and its side."""
-        margins = iter([value / size if size else 0.0 for value, size in zip(*(each.tolist() for each in loads), strict=True)])
-        worst, excess = None, slack
-        for k in held:
-            is_joint = k in self.functions.frictions
-            for side in (-1.0, 1.0) if is_joint else (1.0,):
-                reserve = self._reserve if self.rows[k].sticks else 0.0 if is_joint or k in before else 2 * LOAD_TOLERANCE
-                over = reserve - next(margins)
-                if over > excess:
-                    worst, excess = (k, np.array([side])), over
-        return worst
 
     def _happened(
         self, start: State, at: State, before: tuple[int, ...], after: tuple[int, ...], due: dict[int, Search]
@@ -275,8 +171,101 @@ class ActiveConstraints:
                 change = JOINTS[2]
             if change:
                 search: Search = due.get(k, "sampled" if k in before else "action")
-                happened.append(Happening(at.t, row.name, search, at.q, start.qd, at.qd, what=change))
+                happened.append(Happening(t=at.t, name=row.name, search=search, q=at.q, before=start.qd, after=at.qd, what=change))
         return happened
 
-    def _place(self, name: str) -> int:
+    def place(self, name: str) -> int:
         return self.kernels.parameters.index(name)
+
+
+class HeldChoice:
+    """The choice of what is held after an instant, on its way: at, the state with what is wanted now.
+
+    owner: whose rows are held; at: the state before; held, due, resting: as of `ActiveConstraints.find`
+    """
+
+    def __init__(
+        self, owner: ActiveConstraints, at: State, held: tuple[int, ...], due: Mapping[int, Search], resting: Sequence[int]
+    ) -> None:
+        self.owner, self.at, self._start, self._held = owner, at, at, held
+        self._numbers = list(owner.rows)
+        functions, places = owner.functions, {k: place for place, k in enumerate(self._numbers)}
+        self.active = active = Active([self._kind(k) for k in places], [places.get(functions.gaps.get(k, -1), -1) for k in places])
+        for k, place in places.items():
+            active.before[place], active.rests[place], active.released[place] = k in held, k in resting, k in owner.left
+            active.still[place] = owner.is_still(k, at)
+            active.closed[place] = k not in functions.moving and k not in functions.contacts and owner.is_closed(k, at)
+            active.happened[place] = k in due and (k not in functions.contacts or owner.comes_to_rest(k, at))
+        for k, side in owner.left.items():
+            if k in functions.frictions:
+                active.released[places[k]] = int(side[0])
+        self._directions, self._tried = dict(owner.left), None
+        self._mode: tuple[Kernels, LoadConditions] | None = None
+
+    def _kind(self, k: int) -> Kind:
+        functions, row = self.owner.functions, self.owner.rows[k]
+        if k in functions.frictions or k in functions.ratchets:
+            return "NCGEN_HOLDS_JOINT" if k in functions.frictions else "NCGEN_HOLDS_RATCHET"
+        return "NCGEN_HOLDS_CONTACT" if row.sticks else "NCGEN_HOLDS_RUBBING_GAP" if row.rubs else "NCGEN_HOLDS_GAP"
+
+    @property
+    def wanted(self) -> tuple[int, ...]:
+        """Numbers of what is to be held."""
+        return tuple(k for k, mark in zip(self._numbers, self.active.wanted, strict=True) if mark)
+
+    def directions(self) -> dict[int, np.ndarray]:
+        """{number of what is released: the direction in which it slips}."""
+        marks = {k: int(mark) for k, mark in zip(self._numbers, self.active.released, strict=True) if mark}
+        return {k: self._directions.get(k, np.array([float(mark)])) for k, mark in marks.items()}
+
+    def find_loads(self, projected: bool) -> np.ndarray:
+        """Conditions of the loads of what is wanted: values and sizes, one after the other."""
+        owner, wanted, start = self.owner, self.wanted, self._start
+        rows = tuple(owner.rows[k] for k in wanted)
+        if wanted != self._tried or self._mode is None:
+            self._release(wanted)
+            self.at = replace(self.at, p=self._slipping(wanted))
+            kernels = owner.functions.mode(self.at, rows)
+            self._tried, self._mode = wanted, (kernels, load_conditions(owner.functions, kernels, rows))
+        (kernels, loads), at = self._mode, self.at
+        if not wanted:
+            check_determined(owner.functions, kernels, rows, at)
+            self.at = replace(at, q=start.q, qd=start.qd)
+            return np.empty(0)
+        p = owner.kernels.present(at.t, at.p)
+        if not projected:
+            return np.column_stack(loads.at(replace(start, p=p))).ravel()
+        q, _ = project_position(kernels, start.q, at.t, at.p)
+        self.at = at = replace(at, q=q, qd=project_velocity(kernels, q, start.qd, at.t, at.p))
+        check_determined(owner.functions, kernels, rows, at)
+        return np.column_stack(loads.at(replace(at, p=p))).ravel()
+
+    def _release(self, wanted: tuple[int, ...]) -> None:
+        """Note the directions in which contacts begin to slide that were released since the last try, and where what is new is held."""
+        owner, functions, p = self.owner, self.owner.functions, self.at.p.copy()
+        released = {k for k, mark in zip(self._numbers, self.active.released, strict=True) if mark}
+        self._directions = {k: side for k, side in self._directions.items() if k in released}
+        for k in released - set(self._directions):
+            if owner.rows[k].sticks and self._mode and self._tried:
+                self._directions[k] = owner.onwards(self._mode[0], self._tried, k, self.at)
+        for k in wanted:
+            if self._tried is None and k in functions.moving and k not in self._held:
+                p[owner.place(functions.moving[k].held)] = functions.place(functions.moving[k], self.at)
+        self.at = replace(self.at, p=p)
+
+    def _slipping(self, wanted: tuple[int, ...]) -> np.ndarray:
+        """Parameters (n_p,) in which what is held does not slip, what was released does to its side, and others slip as they move."""
+        owner, functions, at, p = self.owner, self.owner.functions, self._start, self.at.p.copy()
+        values, sliding, released = functions.values(at)[0], functions.sliding(at), self.directions()
+        for k, friction in functions.frictions.items():
+            place = owner.place(friction.slip)
+            p[place] = self.active.slip(self._numbers.index(k), p[place], np.sign(values[k]))
+        for k, contact in functions.contacts.items():
+            places, velocity = [owner.place(name) for name in contact.slip], sliding[k][0]
+            if k in wanted or functions.gaps[k] not in wanted:
+                p[places] = 0.0
+            elif k in released:
+                p[places] = released[k]
+            elif np.any(velocity):
+                p[places] = velocity if len(velocity) > 1 else np.sign(velocity)
+        return p

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.conditions_in_c import LINEAR, QUADRATIC, UNWATCHED, Conditions
+from ncgen.mechanism.conditions_in_c import LINEAR, QUADRATIC, UNWATCHED, Conditions, Formulas
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.program_functions import CompiledFunctions, functions
 from ncgen.model.actions import Change
@@ -19,6 +19,7 @@ from ncgen.model.events import Event, Lock
 from ncgen.model.frictions import Friction
 from ncgen.model.one_sided import Ratchet
 from ncgen.model.values import Scalar, Value, as_sympy, is_number, symbol_of
+from ncgen.program.motions.condition_formulas import FormulaTable, assemble_formulas
 from ncgen.program.motions.event_programs import INPUTS, assemble_conditions, degree_of
 from ncgen.solver.events.modes import Held, LoadConditions, variant
 from ncgen.solver.events.state import State
@@ -55,15 +56,44 @@ class EventFunctions:
         falling = [DIRECTIONS["falling"]] * len(self.ratchets)
         self.directions = np.array([*ways, *([UNWATCHED] * (first - len(ways))), *falling, *([UNWATCHED] * len(self.turns))], dtype=int)
         self._functions = kernels.remember("event functions", (), self._made)
+        self._sampled = np.zeros(self.count, dtype=bool)
         self._last: dict[str, tuple[State, np.ndarray]] = {}  # what was asked last of every function: a state is asked again and again
 
-    @cached_property
+    @property
     def searches(self) -> tuple[Search, ...]:
-        """How every condition is found."""
-        return self.kernels.remember("searches of events", (), self._searches)
+        """How every condition is found; one that had no bounds on some part of the run is sampled."""
+        expected = self.kernels.remember("searches of events", (), self._searches)
+        return tuple("sampled" if sampled else each for each, sampled in zip(expected, self._sampled, strict=True))
 
     def _searches(self) -> tuple[Search, ...]:
-        return tuple("sampled" if degree_within_step(when, self.kernels) is None else "proof" for _, when in self.conditions)
+        formulas = self._table.formulas
+        return tuple("interval" if formulas[k] else "polynomial" if d else "sampled" for k, d in enumerate(self._degrees))
+
+    @property
+    def _degrees(self) -> list[int | None]:
+        return self.kernels.remember(
+            "degrees of conditions", (), lambda: [degree_within_step(when, self.kernels) for _, when in self.conditions]
+        )
+
+    @property
+    def _table(self) -> FormulaTable:
+        return self.kernels.remember("formulas of conditions", (), self._made_formulas)
+
+    def _made_formulas(self) -> FormulaTable:
+        pairs = zip(self.conditions, self._degrees, strict=True)
+        bounded = [None if degree or mentions_inputs(each[1], self.kernels) else each for each, degree in pairs]
+        return assemble_formulas(self.kernels.programs.equations, bounded)
+
+    @property
+    def unread(self) -> np.ndarray:
+        """Mask (n_p,) of the parameters and inputs that no condition reads."""
+        return self.kernels.remember("parameters that no condition reads", (), self._unread)
+
+    def _unread(self) -> np.ndarray:
+        from ncgen.model.expressions import is_symbolic, symbols_in
+
+        read = {s.name for _, when in self.conditions if is_symbolic(when) for s in symbols_in(when)}
+        return np.array([name not in read for name in self.kernels.parameters], dtype=bool)
 
     @cached_property
     def rows(self) -> tuple[Held, ...]:
@@ -73,10 +103,10 @@ class EventFunctions:
     def _rows(self) -> tuple[Held, ...]:
         closing = [(k, event) for k, event in enumerate(self.events) if event.impact and event.impact.rest == "hold"]
         rubbing = self.kernels.model.contacts
-        held = [Held(k, event.name, (event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
-        sticking = [held_where_it_is(k, f, f.static, f.load) for k, f in self.frictions.items()]
+        held = [Held(number=k, name=event.name, rows=(event.when,), rubs=rubbing.get(event.name)) for k, event in closing]
+        sticking = [held_where_it_is(k, f, f.static, f.pressed) for k, f in self.frictions.items()]
         rests = {event.name for _, event in closing}
-        rolling = [Held(k, c.name, c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
+        rolling = [Held(number=k, name=c.name, rows=c.sliding, rubs=c, sticks=True) for k, c in self.contacts.items() if c.name in rests]
         caught = [held_where_it_is(k, r) for k, r in self.ratchets.items()]
         return (*held, *sticking, *rolling, *caught)
 
@@ -117,7 +147,16 @@ class EventFunctions:
             coordinates, values = np.append(coordinates, stop.coordinate), np.append(values, stop.value)
             directions, signs = np.append(directions, stop.direction), np.append(signs, 0)
         address = loads.address if loads else self._functions.address("conditions") if self.count else None
-        return Conditions(coordinates, values, directions, signs, address, self.degree)
+        formulas = Formulas(self._table, self._sampled) if any(self._table.formulas) else None
+        return Conditions(
+            coordinates=coordinates,
+            values=values,
+            directions=directions,
+            signs=signs,
+            function=address,
+            degree=self.degree,
+            formulas=formulas,
+        )
 
     def values(self, at: State) -> tuple[np.ndarray, np.ndarray]:
         """The conditions' values, and the sizes of their terms, (C,) each."""
@@ -287,19 +326,31 @@ class EventFunctions:
         return made
 
 
-def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None, pressed: int | None = None) -> Held:
+def held_where_it_is(number: int, of: Friction | Ratchet | Lock, static: Value | None = None, pressed: tuple[int, ...] = ()) -> Held:
     """The constraint of what is held at the place where it is at that instant."""
-    return Held(number, of.name, (of.along.position - symbol_of(of.held),), static, place=(of.held, of.along.initial), pressed=pressed)
+    return Held(
+        number=number,
+        name=of.name,
+        rows=(of.along.position - symbol_of(of.held),),
+        static=static,
+        place=(of.held, of.along.initial),
+        pressed=pressed,
+    )
 
 
 def degree_within_step(when: Scalar, kernels: Kernels) -> int | None:
     """1 or 2 where a condition is such a polynomial of what is one in time within a step; None for others."""
-    from ncgen.model.expressions import is_symbolic, symbols_in
-
-    if is_symbolic(when) and {s.name for s in symbols_in(when)} & set(kernels.inputs):
-        return None  # it may change in any way
+    if mentions_inputs(when, kernels):
+        return None
     degree = degree_of(when, {*kernels.coordinates, *map(rate_name, kernels.coordinates)})
     return max(degree, 1) if degree is not None and degree <= 2 else None
+
+
+def mentions_inputs(when: Scalar, kernels: Kernels) -> bool:
+    """True where a condition has inputs, which may change in any way."""
+    from ncgen.model.expressions import is_symbolic, symbols_in
+
+    return bool(is_symbolic(when) and {s.name for s in symbols_in(when)} & set(kernels.inputs))
 
 
 def most_degree(kernels: Kernels) -> int:

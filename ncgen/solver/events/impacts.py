@@ -19,7 +19,7 @@ from ncgen.solver.events.mobility import response
 from ncgen.solver.events.state import State
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Gap:
     """A gap at an instant: its gradient (n,), drift ∂g/∂t, and restitution.
 
@@ -37,7 +37,7 @@ class Gap:
     is_poisson: bool = False
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Hit:
     """Velocities qd (n,) after impacts, and of every gap its impulse (N s, or N m s), whether it sticks, and the energy (J) it takes.
 
@@ -73,7 +73,7 @@ def hit_gaps(kernels: Kernels, at: State, gaps: Sequence[Gap], orders: set[str])
     impulses, qd = solved.impulses[places], at.qd + responses @ solved.impulses
     if not solved.turns:
         turns = [(tuple(np.flatnonzero(impulses > 0).tolist()), qd)]
-    return Hit(qd, impulses, solved.sticks, solved.lost, tuple(turns))
+    return Hit(qd=qd, impulses=impulses, sticks=solved.sticks, lost=solved.lost, turns=tuple(turns))
 
 
 def rows_of(gaps: Sequence[Gap]) -> tuple[np.ndarray, np.ndarray, list[Blow]]:

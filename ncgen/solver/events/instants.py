@@ -23,15 +23,18 @@ from ncgen.solver.formalisms.projection import least_energy, project_velocity, v
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.trajectories.happening import LOCKS, Happening, Search
 
+JUMP = 1e-8
+"""A constraint with other parameters is satisfied where it misses less than this share of its size: rounding, which a run projects away."""
+
 LOCKED = 1e-9
 """The largest share of its terms by which a velocity may miss the constraints after a lock has closed."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Instant:
     """What happens at one instant. at: the state so far; happened, done: in order; stops: True where the run ends here
 
-    stuck: numbers of contacts that impacts leave sticking
+    stuck: numbers of contacts that impacts leave sticking; changes_constraints: whether parameters of constraints were set
     """
 
     functions: EventFunctions
@@ -40,6 +43,7 @@ class Instant:
     done: list[Done] = field(default_factory=list)
     stops: bool = False
     stuck: list[int] = field(default_factory=list)
+    changes_constraints: bool = False
 
     @property
     def kernels(self) -> Kernels:
@@ -57,10 +61,11 @@ class Instant:
         """
         if not due:
             return
-        events, chain, rounds = self.functions.events, self.chain, count()
+        events, chain, rounds, p, acted = self.functions.events, self.chain, count(), self.at.p, list[str]()
 
         def act(numbers: tuple[int, ...]) -> None:
             first = next(rounds) == 0
+            acted.extend(events[k].name for k in numbers)
             searches: dict[int, Search] = {k: due[k] if first else "action" for k in numbers}
             self._impacts([k for k in numbers if events[k].impact], searches)
             for k in numbers:
@@ -72,6 +77,32 @@ class Instant:
             raise ConvergenceError(
                 f"{self.kernels.name}: events {names} bring about each other without end at t = {self.at.t:.6g} s; change their conditions"
             )
+
+        if off := self._off(self.functions.mode(self.at)):
+            changed = [f"{name} = {new:.6g}" for name, old, new in zip(self.kernels.parameters, p, self.at.p, strict=True) if old != new]
+            raise ModelError(
+                f"event {', '.join(dict.fromkeys(acted))} at t = {self.at.t:.6g} s: with {', '.join(changed)} positions would jump, "
+                f"{off}; change it over time, by an expression of m.time"
+            )
+        self._keep_constraints()
+
+    def _off(self, mode: Kernels) -> str:
+        """Which constraint other parameters leave unsatisfied, in words; nothing where there is none."""
+        if not self.changes_constraints:
+            return ""
+        off = np.abs(mode.phi(self.at.q, self.at.t, self.at.p)) / mode.row_sizes
+        worst = int(np.argmax(off))
+        return f"constraint {mode.rows[worst].label} is off by {off[worst]:.3g} of its size" if off[worst] > JUMP else ""
+
+    def _keep_constraints(self) -> None:
+        """Velocities that constraints with other parameters allow, by their impulses; none as long as other events are to change more."""
+        mode, at = self.functions.mode(self.at), self.at
+        if not self.changes_constraints or self._off(mode):
+            return
+        qd = project_velocity(mode, at.q, at.qd, at.t, at.p)
+        if qd is not at.qd:
+            self.at = replace(at, qd=qd)
+        self.done.append(Done(events=(), is_impact=False, before=at, after=self.at))
 
     def lock(self, names: Sequence[str]) -> None:
         """Close locks where they are, with the impulses of their constraints. Raises ModelError where others contradict them."""
@@ -91,7 +122,7 @@ class Instant:
                 "free these first"
             )
         self.at = replace(at, qd=qd)
-        self.done.append(Done((), False, start, self.at, tuple(new)))
+        self.done.append(Done(events=(), is_impact=False, before=start, after=self.at, locks=tuple(new)))
 
     def free(self, name: str) -> None:
         """Open a lock."""
@@ -130,7 +161,8 @@ class Instant:
                 self._set(changes or {}, event.name)
         before = self.at
         self._set(self.functions.numbers(before).get(k, {}), event.name)
-        self.done.append(Done((k,), False, before, self.at))
+        self.done.append(Done(events=(k,), is_impact=False, before=before, after=self.at))
+        self._keep_constraints()
         self._note(event.name, search, start, what)
 
     def _set(self, values: Mapping[str, float], where: str) -> None:
@@ -150,6 +182,8 @@ class Instant:
         if not np.array_equal(p, at.p) and (refused := refused_parameters(kernels, p[None])):
             raise ModelError(f"event {where} at t = {at.t:.6g} s: {refused[0]}")
         self.at = replace(at, p=p)
+        of_rows = self.kernels.of_rows(np.arange(len(p)))
+        self.changes_constraints |= any(name in values for name in (self.kernels.parameters[i] for i in of_rows))
         if held:
             self.at = replace(self.at, qd=_with_rates(self.functions.mode(self.at), self.at, held))
 
@@ -186,19 +220,27 @@ class Instant:
         """Note what hits did, of gaps with these numbers of conditions."""
         for turn, velocities in hit.turns:
             after = replace(start, qd=velocities)
-            self.done.append(Done(tuple(hitting[number] for number in turn), True, start, after))
+            self.done.append(Done(events=tuple(hitting[number] for number in turn), is_impact=True, before=start, after=after))
             start = after
 
     def _note(self, name: str, search: Search, start: State, what: str) -> None:
         lost = float(np.sum(self._energy(start) - self._energy(self.at)))
-        self.happened.append(Happening(start.t, name, search, start.q, start.qd, self.at.qd, 0.0, lost, what=what))
+        self.happened.append(
+            Happening(
+                t=start.t, name=name, search=search, q=start.q, before=start.qd, after=self.at.qd, impulse=0.0, energy_lost=lost, what=what
+            )
+        )
 
     def _note_impulses(self, gaps: Sequence[Gap], searches: Mapping[str, Search], hit: Hit, start: State) -> None:
         """Of every gap that was hit."""
         for gap, impulse, lost in zip(gaps, hit.impulses.tolist(), hit.lost.tolist(), strict=True):
             if impulse > 0:
                 search = searches.get(gap.name, "action")
-                self.happened.append(Happening(start.t, gap.name, search, start.q, start.qd, hit.qd, impulse, lost))
+                self.happened.append(
+                    Happening(
+                        t=start.t, name=gap.name, search=search, q=start.q, before=start.qd, after=hit.qd, impulse=impulse, energy_lost=lost
+                    )
+                )
 
     def _energy(self, at: State) -> np.ndarray:
         """Kinetic and potential energy (J)."""
@@ -213,9 +255,17 @@ def gaps_of(functions: EventFunctions, at: State, taking: Sequence[int]) -> list
     slides = {gap: number for number, gap in functions.gaps.items()}
     for k in taking:
         if k in functions.ratchets:
-            gaps.append(Gap(functions.ratchets[k].name, functions.rate_slopes(at)[k], 0.0, 0.0, nothing))
+            gaps.append(
+                Gap(name=functions.ratchets[k].name, gradient=functions.rate_slopes(at)[k], drift=0.0, restitution=0.0, rubs=nothing)
+            )
             continue
-        gap = Gap(functions.events[k].name, gradients[k], float(drift[k]), functions.restitution(k, at), nothing)
+        gap = Gap(
+            name=functions.events[k].name,
+            gradient=gradients[k],
+            drift=float(drift[k]),
+            restitution=functions.restitution(k, at),
+            rubs=nothing,
+        )
         if k in slides:
             number = slides[k]
             gap = replace(

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.chain_in_c import is_at_rest, time_of_bounces
+from ncgen.mechanism.chain_in_c import is_at_rest, is_zero, time_of_bounces
 from ncgen.mechanism.conditions_in_c import UNWATCHED, Conditions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.events.active_constraints import ActiveConstraints
 from ncgen.solver.events.conditions import VALUE_ROUNDING, EventFunctions
 from ncgen.solver.events.instants import Instant
-from ncgen.solver.events.modes import Mode, count_of, load_conditions, rank_of
+from ncgen.solver.events.modes import LoadConditions, Mode, count_of, load_conditions, rank_of
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.state import Occurrence, State
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.runs.path import Path
+from ncgen.solver.runs.stop import StopCondition
 from ncgen.solver.runs.task import Task
 from ncgen.solver.trajectories.happening import Happening, Search
 
@@ -31,7 +32,7 @@ def through_events(engine: Engine, path: Path, kernels: Kernels, task: Task, pas
 
     Returns why the engine stopped before the end, or None. Raises what it raises.
     """
-    loop = EventLoop(engine, kernels, State(float(task.grid[0]), task.q, task.velocities, task.p), passage)
+    loop = EventLoop(engine, kernels, State(t=float(task.grid[0]), q=task.q, qd=task.velocities, p=task.p), passage)
     ends = loop.begin()
     return loop.run(path, task, ends)
 
@@ -80,9 +81,7 @@ class EventLoop:
         ahead = task.grid[first:]
         fresh = int(not (len(ahead) and ahead[0] == at.t))
         extra_times = np.append(np.zeros(fresh, dtype=bool), task.movable_from(first))
-        active, held = self.active_constraints, self.held
-        loads = load_conditions(self.functions, self.mode, tuple(active.rows[k] for k in held)) if held or self.functions.loaded else None
-        conditions = self.functions.watched(self.signs, task.stop, active.directions(held, at.p), loads)
+        conditions, loads = self.watched(task.stop)
         part_task = replace(
             task, grid=np.concatenate([[at.t] * fresh, ahead]), movable=extra_times, q=at.q, velocities=at.qd, p=at.p,
             conditions=conditions, rank=rank_of(self.kernels, self.mode, at), first_step=self.first_step, stop_when_stiff=False,
@@ -138,7 +137,7 @@ class EventLoop:
         rates, _ = functions.rates(at, self._accelerations())
         gaps = np.array([event.impact is not None for event in functions.events], dtype=bool)
         keeps = np.array([gap and self.active_constraints.is_still(k, at) for k, gap in enumerate(gaps)], dtype=bool)
-        chain = Instant(functions, at).chain
+        chain = Instant(functions=functions, at=at).chain
         if (below := chain.first(rates, gaps, keeps, self.signs)) >= 0:
             raise ModelError(
                 f"event {functions.events[below].name}: the gap is {functions.values(at)[0][below]:.6g} at the start; "
@@ -154,17 +153,33 @@ class EventLoop:
         """Go on with other parameters p (n_p,), which may bring about events. Returns whether the run ends with them."""
         before = self.functions.values(self.at)[0]
         self.at = replace(self.at, p=p)
-        due: dict[int, Search] = dict.fromkeys(Instant(self.functions, self.at).chain.turned(before), "action")
+        due: dict[int, Search] = dict.fromkeys(Instant(functions=self.functions, at=self.at).chain.turned(before), "action")
         return self._act(due) if due or self.functions.can_hold else False
+
+    def accept(self, p: np.ndarray) -> bool:
+        """Go on with other parameters p (n_p,) that cannot bring about events: no condition reads what has changed, nothing is held, and no
+        gap is closed. Returns whether that is so; else nothing has changed."""
+        functions, at = self.functions, self.at
+        if self.held or at.locked or len(functions.events) < functions.count:
+            return False
+        if not functions.unread[p != at.p].all():
+            return False
+        values, scales = functions.weighed(at)
+        if functions.rows and any(map(is_zero, values.tolist(), scales.tolist())):
+            return False
+        self.at = replace(at, p=p)
+        return True
 
     def arrive(self, at: State, work: float) -> None:
         """Take on the state at the end of a run, and work (J), from which the next one begins."""
         self.at, self.work = at, work
-        self._set_signs(Instant(self.functions, at))
+        self._set_signs(Instant(functions=self.functions, at=at))
 
-    def watched(self) -> Conditions:
-        """The conditions of the mechanism where nothing is held."""
-        return self.functions.watched(self.signs, None, self.active_constraints.directions((), self.at.p), None)
+    def watched(self, stop: StopCondition | None = None) -> tuple[Conditions, LoadConditions | None]:
+        """What C watches: conditions of the mechanism, then those of the loads of what is held, which are given besides, then a stop."""
+        functions, active, held = self.functions, self.active_constraints, self.held
+        loads = load_conditions(functions, self.mode, tuple(active.rows[k] for k in held)) if held or functions.loaded else None
+        return functions.watched(self.signs, stop, active.directions(held, self.at.p), loads), loads
 
     def go_to(self, at: State, signs: np.ndarray, held: tuple[int, ...]) -> None:
         """Take on a state that the loop was in before."""
@@ -175,7 +190,7 @@ class EventLoop:
     def _act(self, due: dict[int, Search], is_start: bool = False, crossed: tuple[int, ...] = ()) -> bool:
         """Carry out events, and find the mode that follows; returns whether the run ends with them. crossed: as of `Occurrence`"""
         before = self.at
-        instant = Instant(self.functions, before)
+        instant = Instant(functions=self.functions, at=before)
         if is_start:
             instant.begin()
         instant.happen({k: search for k, search in due.items() if k < len(self.functions.events)})
@@ -193,7 +208,18 @@ class EventLoop:
         self._set_signs(instant)
         happened = (*instant.happened, *active.happened)
         stops = instant.stops or bool(ended)
-        self.passage.instants.append(Occurrence(before, self.at, held, active.held, crossed, tuple(instant.done), stops, happened))
+        self.passage.instants.append(
+            Occurrence(
+                before=before,
+                after=self.at,
+                held_before=held,
+                held=active.held,
+                crossed=crossed,
+                done=tuple(instant.done),
+                stops=stops,
+                happened=happened,
+            )
+        )
         if changes or (is_start and self.functions.loaded):
             self.first_step = 0.0
             self.passage.modes.append(

@@ -40,7 +40,7 @@ from ncgen.solver.trajectories.happening import GAPS, Happening, Search
 CHUNK = 16
 """MotionRows of one call of C, between which a batch can be ended and says how far it has come."""
 
-FOUND: tuple[Search, ...] = ("proof", "start", "action", "sampled")
+FOUND: tuple[Search, ...] = ("polynomial", "start", "action", "sampled")
 """How an event was found, by the numbers of C; the first one is what the condition allows."""
 
 
@@ -65,7 +65,7 @@ def refusal_in_c(kernels: Kernels, method: Method) -> str | None:
     return None
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class ManyRuns:
     """MotionRows of a mechanism over the times of a run.
 
@@ -168,19 +168,40 @@ class ManyRuns:
         search = self._searches[note.event] if note.found == 0 else FOUND[note.found]
         what = ("", *GAPS)[note.what]
         name = self._names[note.event]
-        return Happening(note.t, name, search, note.q, note.before, note.after, note.impulse, note.lost, note.limit, what)
+        return Happening(
+            t=note.t,
+            name=name,
+            search=search,
+            q=note.q,
+            before=note.before,
+            after=note.after,
+            impulse=note.impulse,
+            energy_lost=note.lost,
+            limit=note.limit,
+            what=what,
+        )
 
     # -- what C is given ---------------------------------------------------------------------------------------------------------------
 
     @property
     def _table(self) -> EventsInC:
         functions, actions = self.functions, Actions.of(self.kernels)
-        address = {name: functions.address(name) for name in ("conditions", "condition_slopes", "condition_rates")}
+        address = {name: functions.address(name) for name in ("condition_slopes", "condition_rates")}
+        watched = functions.watched(np.zeros(functions.count), None, functions.directions, None)
         rows = [(row.event, row.kind, row.place, row.value) for row in actions.rows]
         return EventsInC(
-            actions.directions, rows, actions.law, actions.most, len(actions.values), actions.degree, actions.noise,
-            address["conditions"], address["condition_slopes"], address["condition_rates"], self._values(actions), bool(functions.rows),
-        )  # fmt: skip
+            directions=actions.directions,
+            actions=rows,
+            law=actions.law,
+            most=actions.most,
+            n_values=len(actions.values),
+            noise=actions.noise,
+            watched=watched,
+            slopes=address["condition_slopes"],
+            rates=address["condition_rates"],
+            values=self._values(actions),
+            holds=bool(functions.rows),
+        )
 
     def _values(self, actions: Actions) -> int:
         """The address of the function of what actions set, 0 where they set nothing."""
@@ -191,10 +212,13 @@ class ManyRuns:
 
         def made() -> CompiledFunctions:
             functions = functions_of(
-                kernels, f"actions_{digest}", {"element_values": INPUTS["element_values"]}, {"element_values": len(actions.values)},
+                kernels,
+                f"actions_{digest}",
+                {"element_values": INPUTS["element_values"]},
+                {"element_values": len(actions.values)},
                 {"q": kernels.n, "qd": kernels.n, "qdd": kernels.n, "p": len(kernels.p0)},
                 lambda: assemble_conditions(kernels.programs.equations, [], [], actions.values, []),
-            )  # fmt: skip
+            )
             assert isinstance(functions, CompiledFunctions), "events need compiled kernels"
             return functions
 
@@ -202,7 +226,7 @@ class ManyRuns:
 
     def _start(self, i: int) -> State:
         motions = self.motions
-        return State(float(motions.times[0]), motions.q[i], motions.qd[i], motions.p[i])
+        return State(t=float(motions.times[0]), q=motions.q[i], qd=motions.qd[i], p=motions.p[i])
 
     @property
     def _mechanism(self) -> HeldGaps:
@@ -230,7 +254,7 @@ class ManyRuns:
                     return False
                 loads = load_conditions(self.functions, kernels, held)
                 t, q, qd, p = runs.state
-                runs.add(self._mode(wanted, kernels, State(t, q, qd, p), loads.address))
+                runs.add(self._mode(wanted, kernels, State(t=t, q=q, qd=qd, p=p), loads.address))
             except (NcgenError, np.linalg.LinAlgError):
                 return False  # which the run of its own says in words
         return True

@@ -44,11 +44,11 @@ if TYPE_CHECKING:
 DOMAIN = STATUS.index("domain")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Held:
     """Constraints that a mode can have together. number: of the condition that they belong to; rows: expressions that stay zero in the mode
 
-    static: the friction that holds a joint, None for others; pressed: number of the constraint whose load it is multiplied by
+    static: the friction that holds a joint, None for others; pressed: numbers of the constraints whose load it is multiplied by
     rubs: the friction of a contact; sticks: whether these are the velocities of such a contact, and not its gap
     place: name of the parameter that says where it is held, and where it is in the initial position
     """
@@ -60,7 +60,7 @@ class Held:
     rubs: Contact | None = None
     sticks: bool = False
     place: tuple[str, Scalar] | None = None
-    pressed: int | None = None
+    pressed: tuple[int, ...] = ()
 
     @property
     def key(self) -> tuple[str, bool]:
@@ -110,12 +110,20 @@ def sliding_of(kernels: Kernels, held: tuple[Held, ...], frictions: Iterable[Fri
     not. kernels: of the mode; frictions: of the mechanism"""
     sticking = {each.name for each in held if each.sticks}
     contacts = (
-        Sliding(c.name, row, as_sympy(c.friction), c.sliding, c.slip)
+        Sliding(name=c.name, row=row, friction=as_sympy(c.friction), velocity=c.sliding, slip=c.slip)
         for each, row in zip(held, first_rows(kernels, held), strict=True)
         if (c := each.rubs) and c.name not in sticking
     )
     joints = (
-        Sliding(each.name, each.load, as_sympy(each.static), (each.along.rate,), (each.slip,), is_joint=True)
+        Sliding(
+            name=each.name,
+            row=each.load,
+            friction=as_sympy(each.static),
+            velocity=(each.along.rate,),
+            slip=(each.slip,),
+            is_joint=True,
+            across=each.across,
+        )
         for each in frictions
         if each.load is not None and not _stick(each, held)
     )
@@ -140,7 +148,12 @@ def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
     names = ", ".join(each.words for each in sliding)
     if why := refusal_of_multipliers(kernels):
         raise ModelError(f"{kernels.name}: {names} cannot slide: {why}; leave the friction out")
-    digest = hashlib.sha256(repr([(s.words, s.row, str(s.friction), str(s.velocity), s.slip) for s in sliding]).encode()).hexdigest()[:16]
+    if len(sliding) > 1 and any(each.across is not None for each in sliding):
+        raise ModelError(
+            f"{kernels.name}: {names} slide together, and friction with across must be the only friction of loads; leave across out"
+        )
+    parts = [(s.words, s.row, s.across, str(s.friction), str(s.velocity), s.slip) for s in sliding]
+    digest = hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
     equations, sizes = kernels.programs.equations, motion_sizes(kernels)
     made = functions_of(
         kernels, f"friction_{digest}", {"friction_forces": STATE}, {"friction_forces": kernels.n},
@@ -160,7 +173,7 @@ def _friction(kernels: Kernels, sliding: tuple[Sliding, ...]) -> ReactiveForce:
             lambda: {name: assemble_friction_derivatives(equations, sizes, sliding)[name]},
         )  # fmt: skip
 
-    return ReactiveForce(made, "friction_forces", f"friction {digest}", programs, tangents)
+    return ReactiveForce(functions=made, name="friction_forces", key=f"friction {digest}", programs=programs, tangents=tangents)
 
 
 def forces_of(mode: Kernels, held: tuple[Held, ...], number: int, at: State) -> np.ndarray:
@@ -191,12 +204,14 @@ class LoadConditions(ABC):
     squared; all that slides with friction of loads one together, which is positive as long as these are determined. Sizes are those of all
     loads together, by energy.
 
-    address: of the function, as `Conditions` has it; count: how many there are of loads; raised: what went wrong in a call of Python
+    address: of the function, as `Conditions` has it; count: how many there are of loads; calls_python: whether it does; raised: what went
+    wrong in such a call
     """
 
     address: int
     count: int
     raised: BaseException | None = None
+    calls_python = False
 
     @abstractmethod
     def at(self, at: State) -> tuple[np.ndarray, np.ndarray]:
@@ -216,9 +231,9 @@ def held_loads(kernels: Kernels, held: tuple[Held, ...]) -> list[HeldLoad]:
     rows = first_rows(kernels, held)
     gaps = {each.name: row for each, row in zip(held, rows, strict=True) if each.rubs and not each.sticks}
     return [
-        HeldLoad(each.name, row, grip=(gaps[each.name], as_sympy(each.rubs.friction)), directions=len(each.rows))
+        HeldLoad(words=each.name, row=row, grip=(gaps[each.name], as_sympy(each.rubs.friction)), directions=len(each.rows))
         if each.rubs and each.sticks
-        else HeldLoad(each.name, row, None if each.static is None else as_sympy(each.static), pressed=each.pressed)
+        else HeldLoad(words=each.name, row=row, static=None if each.static is None else as_sympy(each.static), pressed=each.pressed)
         for each, row in zip(held, rows, strict=True)
     ]
 
@@ -230,7 +245,7 @@ class _Compiled(LoadConditions):
         frictions = functions.kernels.model.frictions.values()
         conditions, loads, sliding = functions.conditions, held_loads(mode, held), sliding_of(mode, held, frictions)
         words = [str((e.words, e.row, e.static, e.grip, e.directions, e.pressed)) for e in loads]
-        words += [*(str((s.words, s.row, s.velocity, s.friction)) for s in sliding), *(str(pair) for pair in conditions)]
+        words += [*(str((s.words, s.row, s.across, s.velocity, s.friction)) for s in sliding), *(str(pair) for pair in conditions)]
         digest = hashlib.sha256(repr(words).encode()).hexdigest()[:16]
         counts = {"q": mode.n, "qd": mode.n, "p": len(mode.p0)}
         self.count = count_of(held, frictions)
@@ -249,6 +264,8 @@ class _Compiled(LoadConditions):
 class _InPython(LoadConditions):
     """A function of C that calls Python."""
 
+    calls_python = True
+
     def __init__(self, functions: EventFunctions, mode: Kernels, held: tuple[Held, ...]) -> None:
         ffi: Interface = runtime_abi("double")
         self._functions, self._mode, self._held, self.count = functions, mode.driven_by(None), held, count_of(held)
@@ -258,7 +275,7 @@ class _InPython(LoadConditions):
         def evaluate(t: float, q: InC, qd: InC, p: InC, out: InC) -> int:
             own(t, q, qd, p, out)
             state = [np.array(ffi.unpack(a, size) if size else [], dtype=float) for a, size in ((q, n), (qd, n), (p, n_p))]
-            for k, number in enumerate(np.column_stack(self.at(State(t, state[0], state[1], state[2]))).ravel().tolist()):
+            for k, number in enumerate(np.column_stack(self.at(State(t=t, q=state[0], qd=state[1], p=state[2]))).ravel().tolist()):
                 out[first + k] = number
             return 0
 
@@ -280,7 +297,7 @@ class _InPython(LoadConditions):
             elif each.static is None:
                 margins.append((-lam[k], total / rows[k]))
             else:
-                most *= 1.0 if each.pressed is None else abs(lam[each.pressed])
+                most *= float(np.linalg.norm(lam[list(each.pressed)])) if each.pressed else 1.0
                 margins += [(most + side * lam[k], most + total / rows[k]) for side in (1, -1)]
         values, sizes = np.array(margins).T
         return values, sizes

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ncgen.solver.events.modes import Mode
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Passage:
     """What a run has met.
 

@@ -44,6 +44,8 @@ def check_determined(functions: EventFunctions, kernels: Kernels, held: tuple[He
     sliding = sliding_of(kernels, held, functions.loaded)
     if not sliding:
         return
+    if sliding[0].across is not None:
+        return _check_root(functions, kernels, sliding, at)
     by_friction, plain = _responses(functions, kernels, sliding, at)
     joints = [k for k, each in enumerate(sliding) if each.is_joint]
     contacts = [k for k, each in enumerate(sliding) if not each.is_joint]
@@ -57,14 +59,23 @@ def check_determined(functions: EventFunctions, kernels: Kernels, held: tuple[He
                 raise undetermined(functions, [sliding[k] for k in chosen], at)
 
 
+def _check_root(functions: EventFunctions, kernels: Kernels, sliding: Sequence[Sliding], at: State) -> None:
+    """Raise ConvergenceError where the load of a joint that two constraints press is not determined: where the friction of a load of 1 N
+    makes a load of 1 N or more."""
+    now, rows = instant(kernels, at.q, at.qd, at.t, at.p), [sliding[0].row, sliding[0].across]
+    forces = _friction(functions, sliding[0], at)[:, None] * kernels.column_sizes[:, None] / now.unit
+    made = KKT(now.mass, now.jacobian, kernels).solve(forces, np.zeros((kernels.m, 1)))[1][rows, 0]
+    if not np.sum((now.unit / kernels.row_sizes[rows] * made) ** 2) < 1 - POSITIVE:
+        raise undetermined(functions, sliding, at)
+
+
 def _check_unshared(functions: EventFunctions, kernels: Kernels, at: State) -> None:
     """Raise ConvergenceError where a constraint that presses a joint shares its load with others."""
     cancelling = null_space(scaled_jacobian(kernels, at.q, at.t, at.p).T)
-    for each in functions.loaded:
-        load = each.load
-        if load is not None and cancelling.size and np.max(np.abs(cancelling[load])) > SHARED:
+    for name, load in [(each.name, load) for each in functions.loaded for load in each.pressed]:
+        if cancelling.size and np.max(np.abs(cancelling[load])) > SHARED:
             raise ConvergenceError(
-                f"{functions.kernels.name}: at t = {at.t:.6g} s the load of friction {each.name}, constraint "
+                f"{functions.kernels.name}: at t = {at.t:.6g} s the load of friction {name}, constraint "
                 f"{kernels.rows[load].label}, is shared with redundant constraints; leave these out"
             )
 

@@ -9,7 +9,7 @@ import numpy as np
 from ncgen.solver.trajectories.happening import Happening
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class State:
     """t (s), q and qd (n,) in m, rad and per second, p (n_p,) without what drives inputs, and names of the locks that are closed."""
 
@@ -20,9 +20,10 @@ class State:
     locked: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Done:
-    """What was done at an instant: the gaps and ratchets of these numbers were hit together, one event acted, or locks closed.
+    """What was done at an instant: the gaps and ratchets of these numbers were hit together, one event acted, locks closed, or without any
+    of these velocities were brought onto constraints with other parameters.
 
     before, after: states; locks: names of those that closed
     """
@@ -34,7 +35,7 @@ class Done:
     locks: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Occurrence:
     """An instant at which something happened.
 

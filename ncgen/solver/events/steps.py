@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -13,12 +13,13 @@ from ncgen.mechanism.break_times import DOUBLE, MIN_GAP_ROUNDINGS, NO_BREAKS, br
 from ncgen.mechanism.conditions_in_c import Watched
 from ncgen.mechanism.driver_jumps import driver_jumps
 from ncgen.mechanism.kernels import Kernels
-from ncgen.mechanism.moving import Moving, MovingRow
+from ncgen.mechanism.moving import Moving, MovingRow, Stepping
 from ncgen.mechanism.time_laws import time_laws
 from ncgen.methods.method import Method
-from ncgen.solver.engines import acceleration_forms, compiled
+from ncgen.solver.engines import acceleration_forms, capabilities, compiled
 from ncgen.solver.engines.segments import in_segments
 from ncgen.solver.events.loop import EventLoop
+from ncgen.solver.events.modes import rank_of
 from ncgen.solver.events.passage import Passage
 from ncgen.solver.events.state import State
 from ncgen.solver.formalisms import accelerations_by
@@ -31,7 +32,7 @@ from ncgen.solver.trajectories.output_values import uses_loads
 from ncgen.toolchain.abi import NUMBERS, runtime_abi
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Past:
     """What a state has of events: at, where the loop was; signs (C,): sides of the conditions; held: numbers of what was held; stopped:
     whether an event ended the motion; happened: all events so far"""
@@ -49,13 +50,17 @@ class Steps:
     happened: all events so far; stopped: whether one of them ended the motion; evaluations, impulses: of the last step
     """
 
-    def __init__(self, kernels: Kernels, method: Method, tolerances: Tolerances, now: Moving | MovingRow) -> None:
+    def __init__(
+        self, kernels: Kernels, method: Method, tolerances: Tolerances, now: Moving | MovingRow, modes: dict[Hashable, Stepping]
+    ) -> None:
+        """modes: how the mechanism moves with what is held, by that; filled here, and shared by simulations that never move at one time"""
+        self._modes = modes
         self._kernels, self._method, self._tolerances, self._now = kernels, method, tolerances, now
         self._has_breaks = time_laws(kernels).has_breaks
         self.happened: tuple[Happening, ...] = ()
         self.stopped, self.evaluations = False, 0
         self.impulses: tuple[Impulse, ...] = ()
-        self._watched: Watched | None = None  # where nothing is held, between two changes
+        self._watched: tuple[Watched, Stepping | None] | None = None  # between two changes
         self._begin()
 
     # -- where it is ---------------------------------------------------------------------------
@@ -69,7 +74,7 @@ class Steps:
     def past(self) -> Past:
         """As a state keeps it."""
         loop = self._loop
-        return Past(loop.at, loop.signs, loop.held, self.stopped, self.happened)
+        return Past(at=loop.at, signs=loop.signs, held=loop.held, stopped=self.stopped, happened=self.happened)
 
     def go_back(self, past: Past) -> None:
         """To what a state kept; the simulation's own numbers are the caller's."""
@@ -93,13 +98,13 @@ class Steps:
         now, at = self._now, self._loop.at
         if not (now.t == at.t and np.array_equal(now.q, at.q) and np.array_equal(now.qd, at.qd)):
             self._begin()
-        elif not np.array_equal(now.p, at.p):
+        elif not (np.array_equal(now.p, at.p) or self._loop.accept(now.p.copy())):
             self._loop.work = now.work
             self._note(self._loop.change(now.p.copy()))
 
     def _begin(self) -> None:
         now = self._now
-        loop = EventLoop(self._engine, self._kernels, State(now.t, now.q.copy(), now.qd.copy(), now.p.copy()), Passage())
+        loop = EventLoop(self._engine, self._kernels, State(t=now.t, q=now.q.copy(), qd=now.qd.copy(), p=now.p.copy()), Passage())
         loop.work = now.work
         stopped = loop.begin()
         self._loop = loop
@@ -144,22 +149,44 @@ class Steps:
             raise
 
     def _has_moved(self, h: float) -> bool:
-        """Whether a step without events and held constraints has succeeded, as most do; else nothing has moved."""
+        """Whether a step without events has succeeded, as most do; else nothing has moved."""
         now, loop = self._now, self._loop
-        if self._has_breaks or loop.held or loop.at.locked or loop.functions.loaded:
+        if self._has_breaks or (prepared := self._watched or self._watch()) is None:
             return False
-        watched = self._watched or Watched(loop.watched(), runtime_abi("double"), NUMBERS["double"])
+        watched, mode = prepared
         numbers = now.t, now.work, now.next_step
-        status, ends = now.go_on_to_event(h, watched)
+        status, ends, evaluations = now.go_on_to_event(h, watched, mode)
         if status != "ok" or ends:
             self._watched = None
             now.t, now.work, now.next_step = numbers
             now.q[:], now.qd[:] = loop.at.q, loop.at.qd
             return False
         loop.at = replace(loop.at, t=now.t, q=now.q.copy(), qd=now.qd.copy())
-        loop.signs = watched.signs
-        self._watched, self.evaluations, self.impulses = watched, now.evaluations, ()
+        loop.signs = watched.signs[: loop.functions.count]
+        watched.report()
+        self._watched, self.evaluations, self.impulses = prepared, evaluations, ()
         return True
+
+    def _watch(self) -> tuple[Watched, Stepping | None] | None:
+        """What C watches, and how the mechanism moves in its mode, None for its own; None where loads call Python."""
+        loop = self._loop
+        conditions, loads = loop.watched()
+        if loads and loads.calls_python:
+            return None
+        mode = None if loop.mode is self._kernels else self._mode()
+        return Watched(conditions, runtime_abi("double"), NUMBERS["double"]), mode
+
+    def _mode(self) -> Stepping:
+        loop, tolerances = self._loop, self._tolerances
+        key = loop.held, loop.at.locked, self._kernels.of_rows(loop.at.p).tobytes()
+        if key not in self._modes:
+            dynamics = acceleration_forms.all_coordinates(loop.mode, form=acceleration_forms.form_of(loop.mode, self._method))
+            sizes = tolerances.in_c(self._kernels.column_sizes, self._kernels.column_sizes)["sizes"]
+            self._modes[key] = Stepping(
+                dynamics, self._method.integrator.name, rank_of(self._kernels, loop.mode, loop.at), tolerances.rtol, tolerances.atol, sizes,
+                capabilities.closeness("double"),
+            )  # fmt: skip
+        return self._modes[key]
 
     def _run(self, t_end: float) -> None:
         loop, task, path = self._loop, self._task(t_end), Path.empty(self._kernels.n, None)
@@ -179,7 +206,17 @@ class Steps:
         jumps = driver_jumps(kernels, at.p, at.q, breaks)
         times, step = np.array([at.t, t_end]), t_end - at.t
         longest = step if self._method.has_fixed_step else np.inf
-        return Task(self._method, times, at.q, at.qd, at.p, longest, self._tolerances, breaks=breaks, jumps=jumps)
+        return Task(
+            method=self._method,
+            grid=times,
+            q=at.q,
+            velocities=at.qd,
+            p=at.p,
+            max_step=longest,
+            tolerances=self._tolerances,
+            breaks=breaks,
+            jumps=jumps,
+        )
 
     def _engine(self, path: Path, kernels: Kernels, task: Task) -> str | None:
         def moved(path: Path, kernels: Kernels, task: Task) -> str | None:

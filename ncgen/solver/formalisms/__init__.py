@@ -51,7 +51,7 @@ class Accelerations:
         now = instant(kernels, q, qd, t, p, rows, self.gains(options))
         qdd, lam = now.accelerations(*self.solve(now, **{name: options[name] for name in self.own}))
         power = float(kernels.energy(q, qd, t, p)[2] - kernels.nu(q, t, p) @ lam)
-        return Motion(t, q, qd, qdd, lam, power, 0)
+        return Motion(t=t, q=q, qd=qd, qdd=qdd, lam=lam, power=power, iterations=0)
 
     @staticmethod
     def gains(options: dict[str, Any]) -> Baumgarte | None:

@@ -30,7 +30,7 @@ class StepStart:
     p: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Motion:
     """Everything about one instant: positions, velocities, accelerations, multipliers, power of drivers and forces.
 
@@ -92,7 +92,7 @@ def motion_at(
     qdd = frame.R @ zdd + bias
     lam = frame.multipliers(force - mass @ qdd, kernels.m)
     power = float(kernels.energy(q, qd, t, p)[2] - nu @ lam)
-    return Motion(t, q, qd, qdd, lam, power, iterations, frame.orientation)
+    return Motion(t=t, q=q, qd=qd, qdd=qdd, lam=lam, power=power, iterations=iterations, orientation=frame.orientation)
 
 
 def _independent_acceleration(kernels: Kernels, frame: Kinematics, mass: np.ndarray, force: np.ndarray, bias: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 from ncgen.mechanism.kernels import Kernels
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class InstantMatrices:
     """mass (n, n), jacobian (k, n), force (n,), gamma (k,): M, Φ_q, Q and γ without units, of the `rows` (k,) in use.
 
@@ -68,7 +68,15 @@ def instant(
     columns, sizes = kernels.column_sizes, kernels.row_sizes[rows]
     mass, unit = scaled_mass(kernels, q, t, p)
     force = columns * kernels.force(q, qd, t, p) / unit
-    return InstantMatrices(kernels, mass, jacobian[rows] * columns / sizes[:, None], force, gamma[rows] / sizes, unit, rows)
+    return InstantMatrices(
+        kernels=kernels,
+        mass=mass,
+        jacobian=jacobian[rows] * columns / sizes[:, None],
+        force=force,
+        gamma=gamma[rows] / sizes,
+        unit=unit,
+        rows=rows,
+    )
 
 
 def scaled_mass(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> tuple[np.ndarray, float]:

@@ -50,7 +50,7 @@ UNSTEADY = (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Linearisation:
     """ẋ = A x + B δu, δy = C x + D δu for x = [δz; δż], near a position and velocity.
 
@@ -303,9 +303,20 @@ def linearise(kernels: Kernels, **arguments: Unpack[StartArguments]) -> Linearis
         swapped = swapped - moving
     order = np.roll(np.arange(len(swapped)), len(positions))
     shapes = np.hstack([independent_motions(kernels, partitions, now, p)[0], np.zeros((kernels.n, len(velocities)))])
-    names = partitions.position.names(kernels), partitions.velocity.names(kernels)
-    ports = kernels.inputs, tuple(kernels.model.outputs), *_ports(kernels, partitions, now, p)
-    return Linearisation(swapped[np.ix_(order, order)], *names, kernels.coordinates, shapes, moving is not None, *ports)
+    B, C, D = _ports(kernels, partitions, now, p)
+    return Linearisation(
+        matrix=swapped[np.ix_(order, order)],
+        positions=partitions.position.names(kernels),
+        velocities=partitions.velocity.names(kernels),
+        coordinates=kernels.coordinates,
+        shapes=shapes,
+        steady=moving is not None,
+        inputs=kernels.inputs,
+        outputs=tuple(kernels.model.outputs),
+        B=B,
+        C=C,
+        D=D,
+    )
 
 
 def _ports(kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

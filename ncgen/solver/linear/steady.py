@@ -51,7 +51,7 @@ class Shift:
         return self.rates if order == 0 else np.zeros(x.shape)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Turn:
     """Points and vectors turn about an axis: a constant direction or a linear map of the components, as is the centre.
 
@@ -256,7 +256,7 @@ def candidates(kernels: Kernels, places: dict[str, int]) -> list[Shift | Turn]:
     fields: list[Shift | Turn] = []
     for axis in np.eye(3):
         fields.append(Shift(sum((axis @ pick(e) for e in points), np.zeros(count))))
-        fields.append(Turn(nothing, axis, nothing, moved, turns_all=True))
+        fields.append(Turn(axis=nothing, constant=axis, centre=nothing, moved=moved, turns_all=True))
     fields += [Shift(pick(e)[0]) for e in model.elements.values() if isinstance(e, Relative) and not e.fixed]
     bodies = [*model.bodies.values()]
     for body in bodies:
@@ -268,5 +268,5 @@ def candidates(kernels: Kernels, places: dict[str, int]) -> list[Shift | Turn]:
         axes += [(nothing, axis) for axis in np.eye(3)] if not body.vectors else []
         for axis, constant in axes:
             turned = tuple((where(e), isinstance(e, Point)) for e in own)
-            fields += [Turn(axis, constant, pick(c), turned) for c in held[:1] if turned]
+            fields += [Turn(axis=axis, constant=constant, centre=pick(c), moved=turned) for c in held[:1] if turned]
     return fields

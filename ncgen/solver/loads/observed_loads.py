@@ -28,9 +28,22 @@ def multipliers_at(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, p:
 
 def instant(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, p: np.ndarray) -> Trajectory:
     """A trajectory of one instant: a state (n,) with its accelerations, multipliers and loads."""
-    partitions, nothing = choose_partitions(kernels, q, t, p), Statistics(0, 0, 0, 0, 0, 0.0)
-    state = np.array([t]), q[None].copy(), qd[None].copy(), np.zeros(1)
-    return Trajectory(kernels, *state, p.copy(), partitions, nothing, "coordinate-partitioning", "none")
+    partitions, nothing = (
+        choose_partitions(kernels, q, t, p),
+        Statistics(steps=0, evaluations=0, newton_steps=0, partition_changes=0, repeated_steps=0, seconds=0.0),
+    )
+    return Trajectory(
+        kernels=kernels,
+        t=np.array([t]),
+        q=q[None].copy(),
+        qd=qd[None].copy(),
+        work=np.zeros(1),
+        p=p.copy(),
+        partitions=partitions,
+        statistics=nothing,
+        formalism="coordinate-partitioning",
+        integrator="none",
+    )
 
 
 def warn_of_shared(run: Trajectory) -> None:

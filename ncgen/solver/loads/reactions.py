@@ -31,7 +31,7 @@ PRESSURE_ANGLE = np.pi / 9
 """20 degrees, of nearly all gears and racks (rad)."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Reactions:
     """Loads on bodies along a trajectory, from their joints.
 
@@ -204,7 +204,16 @@ def reactions(run: Trajectory, pressure_angle: float = PRESSURE_ANGLE) -> Reacti
         loads[share.body.name] = dict(zip(share.coordinates, history.T, strict=True))
         felt[share.body.name] = _felt(run, share, history)
     unique = find_shared(run, shares, felt)
-    return Reactions(run, loads, unique.unique, unique.shared, unique.changes, *meshes(run, pressure_angle))
+    tooth_meshes, couples = meshes(run, pressure_angle)
+    return Reactions(
+        run=run,
+        loads=loads,
+        determinate=unique.unique,
+        shared=unique.shared,
+        changes=unique.changes,
+        meshes=tooth_meshes,
+        couples=couples,
+    )
 
 
 def _pulls(run: Trajectory) -> dict[str, dict[str, np.ndarray]]:

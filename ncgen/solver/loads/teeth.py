@@ -32,7 +32,7 @@ SAME_WORK = 1e-6
 """Powers that differ by less than this part of velocities are the same: positions are closed to 1e-9."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ToothMesh:
     """Two sides on a carrier, by the names of bodies: at `point` (K, 3) in m the second pushes the first with `force` (K, 3) in N.
 
@@ -65,7 +65,7 @@ class _Wheel:
     axis: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Contact:
     """Where teeth touch: the pitch point (K, 3), the force on the first side for −λ = 1 (K, 3), the way of its radial part (K, 3)."""
 
@@ -92,7 +92,9 @@ def meshes(run: Trajectory, pressure_angle: float) -> tuple[tuple[ToothMesh, ...
         load = -run.lam[:, number, None]
         size = np.abs(load) * np.linalg.norm(at.tangent, axis=1, keepdims=True)
         force = load * at.tangent + np.tan(pressure_angle) * size * at.radial
-        tooth_meshes.append(ToothMesh(row.label, at.first, at.second, at.carrier, at.point, force, at.slide))
+        tooth_meshes.append(
+            ToothMesh(row=row.label, first=at.first, second=at.second, carrier=at.carrier, point=at.point, force=force, slide=at.slide)
+        )
     return tuple(tooth_meshes), tuple(couples)
 
 
@@ -139,7 +141,14 @@ def _between_wheels(first: _Wheel, second: _Wheel, carrier: str, radii: list[flo
     e, rho = between / distance, distance * r1 / (r1 + r2)
     is_convex = r1 * r2 > 0 or abs(r1) < abs(r2)  # else its teeth are those of a ring
     radial = (-1.0 if is_convex else 1.0) * np.sign(rho) * e
-    return _Contact(first.body, second.body, carrier, first.centre + rho * e, r1 / rho * np.cross(n, e), radial)
+    return _Contact(
+        first=first.body,
+        second=second.body,
+        carrier=carrier,
+        point=first.centre + rho * e,
+        tangent=r1 / rho * np.cross(n, e),
+        radial=radial,
+    )
 
 
 # -- a wheel and a rack ---------------------------------------------------------------------------
@@ -167,7 +176,15 @@ def _contact_with_rack(wheel: _Wheel, rack: str, carrier: str, e: np.ndarray, a:
     if np.max(np.abs(np.sum(e * wheel.axis, axis=1)), initial=0.0) > PARALLEL:
         return None
     across, radius = np.cross(e, wheel.axis), -b / a
-    return _Contact(wheel.body, rack, carrier, wheel.centre + radius * across, -a * e, -np.sign(radius) * across, label)
+    return _Contact(
+        first=wheel.body,
+        second=rack,
+        carrier=carrier,
+        point=wheel.centre + radius * across,
+        tangent=-a * e,
+        radial=-np.sign(radius) * across,
+        slide=label,
+    )
 
 
 # -- bodies and directions ------------------------------------------------------------------------

@@ -38,7 +38,7 @@ MOST_STEPS = 1_000_000
 """Steps with error control after which a state of a batch is given up."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BatchTrajectory:
     """The motions of B states.
 
@@ -84,7 +84,7 @@ class StateAccelerations:
     independent: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BatchAccelerations:
     """What B states of a mechanism do: q (B, n), closed; zdd (B, nz): accelerations of the independent coordinates.
 
@@ -149,7 +149,8 @@ def accelerations_batch(
     else:
         arrays = np.empty(states.q.shape), np.empty(states.q.shape) if velocities else None, np.empty(states.zd.shape)
     codes = states.choice.lanes.accelerate(t, states.q, states.zd, states.p, arrays, threads, tolerance=TOLERANCE)
-    return BatchAccelerations(*arrays, codes, states.choice)
+    q, qd, zdd = arrays
+    return BatchAccelerations(q=q, qd=qd, zdd=zdd, codes=codes, choice=states.choice)
 
 
 def _places(kernels: Kernels, out: BatchAccelerations, states: States) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
@@ -232,7 +233,7 @@ def side_by_side(
         done.status[i] = fault
     alone = np.array([status not in ("ok", INTERRUPTED) for status in done.status])
     alone[[*exhausted, *states.faults, *events]] = False
-    batch = _Batch(kernels, run.times, states, done, alone, progress, events)
+    batch = _Batch(kernels=kernels, grid=run.times, states=states, done=done, alone=alone, progress=progress, events=events)
     options = dict(
         t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol, max_step=run.max_step,
         inputs=inputs,
@@ -287,7 +288,7 @@ def in_lanes(kernels: Kernels, run: Run) -> Method:
     return Method(run.formalism, run.integrator)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Batch:
     """A batch after its run in lanes. alone: states that are still to be simulated one at a time."""
 
@@ -303,7 +304,18 @@ class _Batch:
         done = self.done
         names, status = self.states.choice.names, tuple(done.status)
         events = tuple(self.events.get(i, ()) for i in range(len(status))) if has_events(self.kernels.model) else ()
-        return BatchTrajectory(self.kernels, self.grid, done.q, done.qd, done.work, names, status, done.steps, self.alone, events)
+        return BatchTrajectory(
+            kernels=self.kernels,
+            t=self.grid,
+            q=done.q,
+            qd=done.qd,
+            work=done.work,
+            independent=names,
+            status=status,
+            steps=done.steps,
+            alone=self.alone,
+            events=events,
+        )
 
     def go_on_alone(self, duration: float, options: dict[str, Any]) -> None:
         """Simulate those that could not go on with the others; what they warn of is reported once."""

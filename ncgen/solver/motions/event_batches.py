@@ -31,7 +31,7 @@ def not_begun(run: Run, states: States) -> LaneOutcome:
     count, n = states.q.shape
     rows = np.full((count, len(run.times), n), np.nan)
     status, steps, reached = ["not begun"] * count, np.zeros(count, dtype="l"), np.full(count, run.times[0])
-    return LaneOutcome(rows, rows.copy(), rows[:, :, 0].copy(), status, steps, reached)
+    return LaneOutcome(q=rows, qd=rows.copy(), work=rows[:, :, 0].copy(), status=status, steps=steps, reached=reached)
 
 
 def through_events(
@@ -57,8 +57,19 @@ def through_events(
         run.initial.t, states.q, states.zd, states.p, (q, qd, np.empty(states.zd.shape)), threads, tolerance=TOLERANCE
     )
     rows = np.zeros(len(q), dtype=np.intc)
-    motions = MotionRows(single.times, q, qd, np.array(states.p), done.q, done.qd, done.work, rows, done.steps, done.reached)
-    many = ManyRuns(kernels, single, chosen, motions)
+    motions = MotionRows(
+        times=single.times,
+        q=q,
+        qd=qd,
+        p=np.array(states.p),
+        out_q=done.q,
+        out_qd=done.qd,
+        out_work=done.work,
+        rows=rows,
+        steps=done.steps,
+        ended=done.reached,
+    )
+    many = ManyRuns(kernels=kernels, run=single, method=chosen, motions=motions)
     raised: BaseException | None = None
     try:
         many.carry_out(thread_count(threads, kernels.name), progress)

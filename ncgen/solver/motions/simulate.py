@@ -83,7 +83,9 @@ def simulate_events(kernels: Kernels, times: np.ndarray, **options: Any) -> Pass
     run = Run.from_arguments(checked_kernels(kernels), float(times[-1] - times[0]), points=times, **options)
     kernels, choice = kernels.driven_by(run.signals), choose(run)
     start = begin(kernels, run.initial, partitioned=False)
-    motion = _Motion(kernels, run, choice, start, run.times, np.zeros(len(run.times), dtype=bool), None)
+    motion = _Motion(
+        kernels=kernels, run=run, choice=choice, start=start, times=run.times, movable=np.zeros(len(run.times), dtype=bool), progress=None
+    )
     motion.advance()
     return motion.passage
 
@@ -96,7 +98,10 @@ def _carry_out(
     Raises Interrupted with what was reached.
     """
     check_mass(kernels, start.q, run.initial.t, start.p)
-    motion = _Motion(kernels, run, choice, start, *_with_extra(run.times, monitoring_times(run, choice.method)), progress, breaks)
+    times, movable = _with_extra(run.times, monitoring_times(run, choice.method))
+    motion = _Motion(
+        kernels=kernels, run=run, choice=choice, start=start, times=times, movable=movable, progress=progress, given_breaks=breaks
+    )
     clock = _Stopwatch()
     try:
         motion.advance()
@@ -150,7 +155,7 @@ class _Stopwatch:
         return time.perf_counter() - self._begun - preparation, preparation
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Motion:
     """One run on its way: the path so far, and which engine makes it.
 
@@ -305,9 +310,23 @@ class _Motion:
         velocities = start.qd if method.is_constrained else self._rates()
         gives_way = stiff_choice(run, self.choice, recurs=True) is not None
         return Task(
-            method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
-            run.signals, self.breaks, self.movable, self.jumps, steps_to_rows=self.given_breaks is not None,
-        )  # fmt: skip
+            method=method,
+            grid=self.times,
+            q=start.q,
+            velocities=velocities,
+            p=start.p,
+            max_step=run.max_step,
+            tolerances=self.tolerances,
+            number=run.number,
+            stop=run.stop,
+            progress=self.progress,
+            stop_when_stiff=gives_way,
+            signals=run.signals,
+            breaks=self.breaks,
+            movable=self.movable,
+            jumps=self.jumps,
+            steps_to_rows=self.given_breaks is not None,
+        )
 
     def _rates(self) -> np.ndarray:
         """Velocities of the independent coordinates at the start."""
@@ -340,15 +359,41 @@ class _Motion:
         steps, evaluations, newton_steps, changes, repeated = map(int, path.counts)
         seconds, preparation = clock.read()
         spent = Statistics(
-            steps, evaluations, newton_steps, changes, repeated, seconds, path.projections, path.largest_projection, path.jacobians,
-            path.fallbacks, preparation,
-        )  # fmt: skip
+            steps=steps,
+            evaluations=evaluations,
+            newton_steps=newton_steps,
+            partition_changes=changes,
+            repeated_steps=repeated,
+            seconds=seconds,
+            projections=path.projections,
+            largest_projection=path.largest_projection,
+            jacobians=path.jacobians,
+            fallbacks=path.fallbacks,
+            preparation=preparation,
+        )
         kernels = self.passage.driving(self.kernels, self.start.p)
         modes = tuple(replace(each, kernels=self.passage.driving(each.kernels, self.start.p)) for each in self.passage.modes)
         return Trajectory(
-            kernels, times[wanted], path.q[wanted], path.qd[wanted], path.work[wanted], self.start.p, path.partitions,
-            spent, method.formalism.name, method.integrator.name, self.engine,
-            run.initial.z or self.kernels.model.chosen_independent, kernels, method.options, path.stopped is not None, run.number,
-            f"{method}, {self.engine}: {self.choice.why}", tuple(path.impulses), tuple(self.passage.happened),
-            modes, bool(self.passage.changes), method.formalism if method.formalism.own else None,
-        )  # fmt: skip
+            kernels=kernels,
+            t=times[wanted],
+            q=path.q[wanted],
+            qd=path.qd[wanted],
+            work=path.work[wanted],
+            p=self.start.p,
+            partitions=path.partitions,
+            statistics=spent,
+            formalism=method.formalism.name,
+            integrator=method.integrator.name,
+            engine=self.engine,
+            chosen=run.initial.z or self.kernels.model.chosen_independent,
+            moved_by=kernels,
+            options=method.options,
+            stopped=path.stopped is not None,
+            number=run.number,
+            made_with=f"{method}, {self.engine}: {self.choice.why}",
+            impulses=tuple(path.impulses),
+            events=tuple(self.passage.happened),
+            modes=modes,
+            changed=bool(self.passage.changes),
+            own=method.formalism if method.formalism.own else None,
+        )

@@ -86,7 +86,7 @@ class Simulation:
         self._mechanism = capabilities.checked_compiled(kernels).fingerprint
         self.drive(**inputs)
         if has_events(kernels.model):
-            self._steps = through_events(kernels, self.integrator, rtol, atol, self._now)
+            self._steps = through_events(kernels, self.integrator, rtol, atol, self._now, {})
 
     def __repr__(self) -> str:
         return f"<Simulation {self.kernels.name}: t = {self.t:g} s, {self.integrator}>"
@@ -248,7 +248,16 @@ class Simulation:
         """Where it is, as a copy."""
         now = self._now
         past = self._steps.past if self._steps else None
-        return SimulationState(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step, self._mechanism, past)
+        return SimulationState(
+            t=now.t,
+            q=now.q.copy(),
+            qd=now.qd.copy(),
+            work=now.work,
+            p=now.p.copy(),
+            next_step=now.next_step,
+            mechanism=self._mechanism,
+            past=past,
+        )
 
     def reset(self, state: SimulationState) -> Simulation:
         """Return to a state.

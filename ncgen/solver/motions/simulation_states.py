@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ncgen.solver.events.steps import Past
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SimulationState:
     """A simulation at an instant: all that `reset` needs to go back to it.
 
@@ -33,7 +33,7 @@ class SimulationState:
         return f"<SimulationState of {len(self.q)} coordinates at t = {self.t:g} s>"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SimulationStates:
     """Simulations at an instant: t, work, next_step (N,), q and qd (N, n), p (N, n_p), pasts (N,) of a model with events, as of
     `SimulationState`."""

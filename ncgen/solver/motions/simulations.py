@@ -10,7 +10,7 @@ A step of all is one call of C for every thread. Each row moves by the same code
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -46,6 +46,7 @@ from ncgen.solver.runs.start import Start, begin
 from ncgen.solver.trajectories.output_values import uses_accelerations
 
 if TYPE_CHECKING:
+    from ncgen.mechanism.moving import Stepping
     from ncgen.solver.events.steps import Steps
     from ncgen.solver.trajectories.happening import Happening
 
@@ -133,7 +134,8 @@ class Simulations:
         self.drive(**inputs)
         if has_events(kernels.model):
             rows = (MovingRow(now, row) for row in range(size))
-            self._steps = tuple(through_events(kernels, self.integrator, rtol, atol, row) for row in rows)
+            modes: dict[Hashable, Stepping] = {}
+            self._steps = tuple(through_events(kernels, self.integrator, rtol, atol, row, modes) for row in rows)
         self._began = self.states
 
     def __repr__(self) -> str:
@@ -279,7 +281,9 @@ class Simulations:
         """Where all are, as a copy."""
         now = self._now
         t, q, qd, work, p, next_step = (x.copy() for x in (now.t, now.q, now.qd, now.work, now.p, now.next_step))
-        return SimulationStates(t, q, qd, work, p, next_step, self._mechanism, tuple(each.past for each in self._steps))
+        return SimulationStates(
+            t=t, q=q, qd=qd, work=work, p=p, next_step=next_step, mechanism=self._mechanism, pasts=tuple(each.past for each in self._steps)
+        )
 
     def reset(self, rows: ArrayLike | None = None, states: SimulationStates | None = None) -> Simulations:
         """Return simulations to their start, or to given states.

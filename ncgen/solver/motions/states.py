@@ -93,7 +93,7 @@ class CommonCoordinates:
         raise next(iter(refused.values()))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class States:
     """States as rows, of one choice of independent coordinates; faults: {state: why it has no start}, its q is NaN."""
 
@@ -149,7 +149,7 @@ class States:
         if qd is not None:
             zd, unlike = _rates_given(choice, _rows(kernels, "qd0", qd, size, kernels.n), wanted, q, t, p)
             faults.update(unlike)
-        return cls(choice, q, _rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, size, nz), p, faults)
+        return cls(choice=choice, q=q, zd=_rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, size, nz), p=p, faults=faults)
 
 
 def _refusal(kernels: Kernels, method: Method, partitions: Partitions) -> str | None:

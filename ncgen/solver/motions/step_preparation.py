@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,11 +59,13 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
     return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, capabilities.closeness("double"), cross), start
 
 
-def through_events(kernels: Kernels, integrator: str, rtol: float, atol: float | None, now: Moving | MovingRow) -> Steps:
-    """What carries a mechanism over its events. Raises what a start with events raises."""
+def through_events(
+    kernels: Kernels, integrator: str, rtol: float, atol: float | None, now: Moving | MovingRow, modes: dict[Hashable, Stepping]
+) -> Steps:
+    """What carries a mechanism over its events; modes: as of `Steps`. Raises what a start with events raises."""
     from ncgen.solver.events.steps import Steps
 
-    return Steps(kernels, Method.of(ALL, integrator), Tolerances(rtol, absolute(rtol, atol), atol is None, 0.0), now)
+    return Steps(kernels, Method.of(ALL, integrator), Tolerances(rtol, absolute(rtol, atol), atol is None, 0.0), now, modes)
 
 
 def absolute(rtol: float, atol: float | None) -> float:

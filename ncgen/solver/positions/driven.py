@@ -31,7 +31,7 @@ REGULAR = 1e-11
 """Smallest reciprocal condition of the rows, in their natural sizes, with which derivatives have a digit."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class DrivenPositions:
     """t (K,) in s, p (n_p,), q (K, n) in m and rad; rows: those that determine q, as many as there are coordinates."""
 
@@ -112,7 +112,7 @@ def driven_positions(kernels: Kernels, t: ArrayLike, **arguments: Unpack[StartAr
     if rows is not None and rows.shape != (len(t), kernels.n):
         raise ModelError(f"{kernels.name}: q0 has shape {rows.shape}; it must be ({kernels.n},) or ({len(t)}, {kernels.n})")
     if not len(t):
-        return DrivenPositions(kernels, t, p, np.empty((0, kernels.n)), ())
+        return DrivenPositions(kernels=kernels, t=t, p=p, q=np.empty((0, kernels.n)), rows=())
     motion = _Followed(kernels, p, tuple(range(kernels.m)) if kernels.m == kernels.n else ())
     q = [motion.begun(given.position(kernels, near if rows is None else rows[0], p, "q0"), float(t[0]))]
     if rows is None:
@@ -123,7 +123,7 @@ def driven_positions(kernels: Kernels, t: ArrayLike, **arguments: Unpack[StartAr
                 q.append(motion.reached(q, before, now, error))
     else:
         q += motion.from_near(rows[1:], t[1:].tolist())
-    return DrivenPositions(kernels, t, p, np.array(q), motion.rows)
+    return DrivenPositions(kernels=kernels, t=t, p=p, q=np.array(q), rows=motion.rows)
 
 
 @dataclass

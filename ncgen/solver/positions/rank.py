@@ -116,7 +116,7 @@ class Redundancy:
     implied_by: dict[int, float]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Freedom:
     """Degrees of freedom of a mechanism.
 
@@ -221,14 +221,22 @@ def _freedom_from_cache(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray
     description = f"freedom {kernels.backend} {version('scipy')}"
     rank, rank_here, dof, rows, kept, vanishing, positions = json.loads(derived(kernels.programs, description, plain)["freedom"])
     redundant = tuple(Redundancy(row, {k: c for k, c in implied}) for row, *implied in rows)
-    return Freedom(rank, rank_here, dof, redundant, tuple(kept), np.array(vanishing, dtype=float).reshape(kernels.n, -1), positions)
+    return Freedom(
+        rank=rank,
+        rank_here=rank_here,
+        dof=dof,
+        redundant=redundant,
+        kept_rows=tuple(kept),
+        vanishing=np.array(vanishing, dtype=float).reshape(kernels.n, -1),
+        positions=positions,
+    )
 
 
 def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
     m, n = kernels.m, kernels.n
     check_finite(kernels, q, t, p)
     if DENSE <= m <= n and (independent_rows(sparse_jacobian(kernels, q, t, p)) or is_open_tree(kernels, q, t, p)):
-        return Freedom(m, m, n - m, (), tuple(range(m)), np.zeros((n, 0)), 1)
+        return Freedom(rank=m, rank_here=m, dof=n - m, redundant=(), kept_rows=tuple(range(m)), vanishing=np.zeros((n, 0)), positions=1)
     positions = trial_positions(kernels, q, t, p)
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
     largest = _largest_rows(jacobians)
@@ -245,7 +253,15 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
     scale = kernels.row_sizes
     redundant = tuple(_implication(general[-1] * largest, row, kept, scale) for row in dependent)
     vanishing = _extra_motions(kernels, q, t, p, rank, largest) if ranks[0] < rank else np.zeros((kernels.n, 0))
-    return Freedom(rank, ranks[0], kernels.n - rank, redundant, tuple(kept), vanishing, len(positions))
+    return Freedom(
+        rank=rank,
+        rank_here=ranks[0],
+        dof=kernels.n - rank,
+        redundant=redundant,
+        kept_rows=tuple(kept),
+        vanishing=vanishing,
+        positions=len(positions),
+    )
 
 
 def _largest_rows(jacobians: list[np.ndarray]) -> np.ndarray:

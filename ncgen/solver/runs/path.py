@@ -11,7 +11,7 @@ from ncgen.solver.formalisms.impulse import Impulse
 from ncgen.solver.positions.partition import Partitions
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Path:
     """q, qd (rows, n) and work (rows,) at the first times of a grid; the partitions in use at the end, None where the
     start is singular and the formalism needs none.
@@ -43,7 +43,7 @@ class Path:
 
     @classmethod
     def empty(cls, n: int, partitions: Partitions | None) -> Path:
-        return cls(np.empty((0, n)), np.empty((0, n)), np.empty(0), np.zeros(5, dtype=int), partitions)
+        return cls(q=np.empty((0, n)), qd=np.empty((0, n)), work=np.empty(0), counts=np.zeros(5, dtype=int), partitions=partitions)
 
     @property
     def evaluations(self) -> int:

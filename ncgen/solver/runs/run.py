@@ -82,7 +82,7 @@ MOST_NUMBERS = 2**31
 """Numbers in a trajectory's positions, velocities and accelerations: 16 GiB."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Initial:
     """Where a mechanism begins, as it was asked for: nothing is closed or solved yet.
 
@@ -120,17 +120,17 @@ class Initial:
             raise ModelError(TWO_VELOCITIES)
         values = parameters(known, p)
         return cls(
-            values,
-            position(known, q0, values, "q0"),
-            finite(t0, "t0"),
-            names_of(z, "z", known.coordinates),
-            _rates(known, zd0, "zd0", whole=False),
-            _rates(known, qd0, "qd0", whole=True),
-            given.closing(closing),
+            p=values,
+            q=position(known, q0, values, "q0"),
+            t=finite(t0, "t0"),
+            z=names_of(z, "z", known.coordinates),
+            zd=_rates(known, zd0, "zd0", whole=False),
+            qd=_rates(known, qd0, "qd0", whole=True),
+            closing=given.closing(closing),
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Run:
     """One simulation as it was asked for.
 
@@ -171,22 +171,22 @@ class Run:
         known = outline(subject)
         length = positive(duration, "duration", "number of seconds")
         start = Initial.from_arguments(subject, **values)
-        pair = _entries(formalism, integrator, options)
+        formalism, integrator = _entries(formalism, integrator, options)
+        unlimited = max_step is None or (is_real(max_step) and max_step == np.inf)
         check_progress(progress)
         run = cls(
-            start,
-            _grid(start.t, length, points, len(known.coordinates)),
-            *pair,
-            {} if options is None else dict(options),
-            relative_tolerance(rtol),
-            None if atol is None else positive(atol, "atol"),
-            np.inf
-            if max_step is None or (is_real(max_step) and max_step == np.inf)
-            else positive(max_step, "max_step", "number of seconds"),
-            stop_at(known, stop),
-            one_of(engine, "engine", ENGINES),
-            one_of(number, "number", NUMBERS),
-            signals_of(known, inputs, start.p),
+            initial=start,
+            times=_grid(start.t, length, points, len(known.coordinates)),
+            formalism=formalism,
+            integrator=integrator,
+            options={} if options is None else dict(options),
+            rtol=relative_tolerance(rtol),
+            atol=None if atol is None else positive(atol, "atol"),
+            max_step=np.inf if unlimited else positive(max_step, "max_step", "number of seconds"),
+            stop=stop_at(known, stop),
+            engine=one_of(engine, "engine", ENGINES),
+            number=one_of(number, "number", NUMBERS),
+            signals=signals_of(known, inputs, start.p),
         )
         run._check_steps()
         run._check_engine()

@@ -40,7 +40,12 @@ class StopCondition:
     @property
     def conditions(self) -> Conditions:
         """The same for C."""
-        return Conditions(np.array([self.coordinate]), np.array([self.value]), np.array([self.direction]), np.array([0]))
+        return Conditions(
+            coordinates=np.array([self.coordinate]),
+            values=np.array([self.value]),
+            directions=np.array([self.direction]),
+            signs=np.array([0]),
+        )
 
     def find(self, t0: float, t1: float, before: State, after: State, state: Callable[[float], State]) -> tuple[float, State] | None:
         """(time, state) at which it happens for the first time between two states, or None; a run that starts there continues.

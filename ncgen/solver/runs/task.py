@@ -22,7 +22,7 @@ SPAN_TOLERANCE = 1e-6
 """A span that is longer than a number of steps by less than this share of one has no step more."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Task:
     """A method, from a start over a time grid.
 

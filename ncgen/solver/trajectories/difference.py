@@ -17,7 +17,7 @@ MAX_LISTED = 5
 """Coordinates that a difference names when it is printed."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Difference:
     """The first motion less the second, at those instants t (K,) in s of the first that both have.
 
@@ -63,7 +63,7 @@ def difference(one: Trajectory, other: Trajectory) -> Difference:
         raise ModelError(f"{one.name}: two motions without a common instant, {spans[0]} and {spans[1]}; run them over the same time")
     t = one.t[common]
     q, qd = _at(other, t)
-    return Difference(one.coordinates, t, one.q[common] - q, one.qd[common] - qd, one.kernels.column_sizes)
+    return Difference(coordinates=one.coordinates, t=t, q=one.q[common] - q, qd=one.qd[common] - qd, sizes=one.kernels.column_sizes)
 
 
 def _at(run: Trajectory, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

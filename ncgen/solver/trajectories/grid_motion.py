@@ -25,7 +25,7 @@ CONDITION = 1e-3
 """Quality of a partition below which accelerations are computed with a better one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Statistics:
     """What a simulation cost.
 
@@ -50,7 +50,7 @@ class Statistics:
     preparation: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GridMotion:
     """What a run stores of a motion; its fields are those of `Trajectory`."""
 

@@ -12,19 +12,20 @@ from ncgen.errors import ModelError
 if TYPE_CHECKING:
     from ncgen.solver.trajectories.trajectory import Trajectory
 
-Search = Literal["proof", "sampled", "action", "start"]
+Search = Literal["polynomial", "interval", "sampled", "action", "start"]
 
 GAPS, JOINTS, RATCHETS, LOCKS = ("rests", "leaves"), ("sticks", "slips", "turns"), ("catches", "releases"), ("locks", "frees")
 """What may happen to a gap that is held closed, to a joint with friction, to a ratchet, and to a lock or clutch."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Happening:
     """One event of a run.
 
     t: s; name: of the event
-    search: how it was found: "proof", where its condition is a polynomial within a step and none is missed; "sampled", where it was
-        compared at the nodes of a polynomial only; "action", as another event of the same instant changed its sign; "start"
+    search: how it was found: "polynomial", where its condition is one within a step, and "interval", where it was bounded on every part
+        of it, both of which miss none; "sampled", where it was compared at the nodes of a polynomial only; "action", as another event of
+        the same instant changed its sign; "start"
     q, before, after (n,): position, and velocities before and after it (m, rad, and per second)
     impulse: of an impact, along the gap: N s, or N m s where the gap is an angle; 0 for others
     energy_lost: kinetic and potential energy before less that after it (J)

@@ -28,7 +28,7 @@ MIN_QUALITY_RATIO = 0.05
 """A partition whose quality is below this share of the best one's is called bad."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Health:
     """Arrays (K,) over the instants of a motion.
 
@@ -106,7 +106,16 @@ def monitor(
     total = kinetic + potential
     error = np.abs(total - total[0] - (0.0 if work is None else np.asarray(work)))
     moved = max(np.max(kinetic), np.ptp(potential)) or 1.0
-    return Health(chosen, t, rows[:, 0], rows[:, 1], rows[:, 2], total, error / moved, rows[:, 3])
+    return Health(
+        independent=chosen,
+        t=t,
+        sigma=rows[:, 0],
+        quality=rows[:, 1],
+        best=rows[:, 2],
+        energy=total,
+        drift=error / moved,
+        violation=rows[:, 3],
+    )
 
 
 def _one(

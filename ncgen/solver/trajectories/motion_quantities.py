@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MotionQuantities(GridMotion):
     """What follows from positions, velocities and accelerations at every time."""
 

@@ -36,7 +36,7 @@ class PageLike(Protocol):
     def save(self, output: str | os.PathLike[str]) -> Path: ...
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Trajectory(MotionQuantities):
     """A motion on a time grid of K instants.
 

@@ -1,0 +1,76 @@
+"""The rules of what is held after an instant in C (ncgen_active.h)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+
+from ncgen.mechanism.arguments import pointer
+from ncgen.mechanism.library import STATUS
+from ncgen.mechanism.runtime_library import interface_of, runtime_of
+from ncgen.toolchain.abi import InC
+
+Kind = Literal["NCGEN_HOLDS_GAP", "NCGEN_HOLDS_RUBBING_GAP", "NCGEN_HOLDS_JOINT", "NCGEN_HOLDS_CONTACT", "NCGEN_HOLDS_RATCHET"]
+
+MASKS = ("before", "happened", "rests", "closed", "still", "wanted", "released")
+
+DOMAIN = STATUS.index("domain")
+
+
+class Active:
+    """What may be held, K things, as of `ncgen_active`; before, happened, rests, closed, still, wanted, released (K,): marks"""
+
+    before: np.ndarray
+    happened: np.ndarray
+    rests: np.ndarray
+    closed: np.ndarray
+    still: np.ndarray
+    wanted: np.ndarray
+    released: np.ndarray
+
+    def __init__(self, kinds: Sequence[Kind], needs: Sequence[int]) -> None:
+        self._ffi, self._library = interface_of("double"), runtime_of("double", "events")
+        integers = {
+            "kinds": np.array([getattr(self._library, kind) for kind in kinds], dtype=np.intc),
+            "needs": np.array(needs, dtype=np.intc),
+        }
+        integers |= {name: np.zeros(len(kinds), dtype=np.intc) for name in MASKS}
+        for name in MASKS:
+            setattr(self, name, integers[name])
+        self._integers, self._loads = integers, np.zeros(4 * len(kinds))
+        members = {name: pointer(self._ffi, array, "int[]") for name, array in integers.items()}
+        self._struct: InC = self._ffi.new("ncgen_active *", members | {"count": len(kinds), "loads": pointer(self._ffi, self._loads)})
+
+    def choose(self, find_loads: Callable[[bool], np.ndarray]) -> bool:
+        """Find `wanted`, from what was `released` on the way. Returns False where no set agrees with its loads.
+
+        find_loads: given whether the state is brought onto the constraints of what is wanted, returns the conditions of its loads: values
+        and sizes one after the other. Raises what it raises.
+        """
+        raised = list[BaseException]()
+
+        def call(_: InC, projected: int) -> int:
+            pairs = find_loads(bool(projected))
+            self._loads[: len(pairs)] = pairs
+            return 0
+
+        def failed(kind: type[BaseException], error: BaseException, traceback: object) -> None:
+            raised.append(error)
+
+        function = self._ffi.callback("int(void *, int)", call, error=DOMAIN, onerror=failed)
+        self._struct.find_loads = function
+        status = self._library.ncgen_find_active(self._struct)
+        if raised:
+            raise raised[0]
+        return bool(status != self._library.NCGEN_NO_MODE)
+
+    def slip(self, number: int, slip: float, side: float) -> int:
+        """The direction in which a joint slips, before `slip`; side: of its velocity."""
+        return int(self._library.ncgen_slip_of(self._struct, number, int(slip), int(side)))
+
+
+def is_still(velocity: float, terms: float, drift: float = 0.0) -> bool:
+    """Whether something does not move, but for rounding, whose velocity consists of terms and a drift."""
+    return bool(runtime_of("double", "events").ncgen_is_still(velocity, terms, drift))

@@ -1,0 +1,132 @@
+/* ncgen_active.c: which gaps stay closed and what sticks after an instant. */
+#include "ncgen_active.h"
+#include "ncgen_vectors.h"
+
+/* A load on the wrong side by less than this share of its size is held; the same where velocities are those before a projection, which
+ * moves them by a rounding. */
+static const ncgen_scalar slack = R(1.0e-10), slack_before = R(1.0e-6);
+
+/* Where a contact begins to slide, so do others whose friction has no more than this share left. */
+static const ncgen_scalar friction_reserve = R(1.0e-8);
+
+/* Something is still whose velocity is below this share of its terms. */
+static const ncgen_scalar standstill = R(1.0e-9);
+
+int ncgen_loads_of(int kind)
+{
+    return kind == NCGEN_HOLDS_JOINT ? 2 : kind != NCGEN_HOLDS_LOCK;
+}
+
+int ncgen_side_of(int kind, int l)
+{
+    return kind == NCGEN_HOLDS_JOINT && !l ? -1 : 1;
+}
+
+int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift)
+{
+    return NCGEN_ABS(velocity) <= standstill * (terms + NCGEN_ABS(drift));
+}
+
+int ncgen_is_used_up(ncgen_scalar value, ncgen_scalar size, int nearly)
+{
+    return nearly ? value <= slack * size : value < -slack * size;
+}
+
+int ncgen_slip_of(const ncgen_active *a, int k, int slip, int side)
+{
+    if (a->wanted[k] || a->released[k])
+        return a->wanted[k] ? 0 : a->released[k];
+    return !slip || a->happened[k] || !a->still[k] ? side : slip;
+}
+
+/* Whether a gap is closed and does not open, or a joint or a contact does not move. */
+static int may_hold(const ncgen_active *a, int k)
+{
+    if (a->rests[k])
+        return 1;
+    switch (a->kinds[k]) {
+    case NCGEN_HOLDS_LOCK:
+        return 0;
+    case NCGEN_HOLDS_GAP:
+    case NCGEN_HOLDS_RUBBING_GAP:
+        return a->closed[k] && a->still[k] && (a->before[k] || !a->happened[k]);
+    default:
+        return a->still[k] || a->happened[k];
+    }
+}
+
+/* A contact that is open does not stick. */
+static void drop_open(ncgen_active *a)
+{
+    for (int k = 0; k < a->count; ++k)
+        if (a->needs[k] >= 0 && !a->wanted[a->needs[k]])
+            a->wanted[k] = 0;
+}
+
+/* All that may be held, but for what was released. What a joint bore may push a gap closed; and where a contact is at rest that has slipped,
+ * it may take over, so loads are shared anew. */
+static void want(ncgen_active *a)
+{
+    int joints = 0, takes_over = 0;
+    for (int k = 0; k < a->count; ++k) {
+        a->wanted[k] = may_hold(a, k);
+        joints |= a->released[k] && a->kinds[k] == NCGEN_HOLDS_JOINT;
+        takes_over |= a->wanted[k] && !a->before[k] && !a->released[k] && a->kinds[k] == NCGEN_HOLDS_CONTACT;
+    }
+    for (int k = 0; k < a->count; ++k) {
+        const int pushes = a->kinds[k] == NCGEN_HOLDS_GAP || a->kinds[k] == NCGEN_HOLDS_RATCHET;
+        if ((joints && pushes) || (takes_over && a->kinds[k] == NCGEN_HOLDS_CONTACT))
+            a->released[k] = 0;
+        a->wanted[k] = a->wanted[k] && !a->released[k];
+    }
+    drop_open(a);
+}
+
+/* What its load violates most, by more than `least` of its size, or -1; *side: to which it is released. reserve: that contacts must have. */
+static int worst(const ncgen_active *a, ncgen_scalar least, ncgen_scalar reserve, int *side)
+{
+    const ncgen_real *load = a->loads;
+    ncgen_real most = least;
+    int found = -1;
+    for (int k = 0; k < a->count; ++k)
+        for (int l = 0; a->wanted[k] && l < ncgen_loads_of(a->kinds[k]); ++l, load += 2) {
+            const int joint = a->kinds[k] == NCGEN_HOLDS_JOINT, old = joint || a->before[k];
+            const ncgen_scalar needed = a->kinds[k] == NCGEN_HOLDS_CONTACT ? reserve : old ? 0 : 2 * slack;
+            const ncgen_real over = needed - (load[1] > 0 ? load[0] / load[1] : 0);
+            if (over > most) {
+                most = over;
+                found = k;
+                *side = ncgen_side_of(a->kinds[k], l);
+            }
+        }
+    return found;
+}
+
+int ncgen_find_active(ncgen_active *a)
+{
+    ncgen_scalar reserve = 0;
+    for (int k = 0; k < a->count; ++k)
+        reserve = a->released[k] && a->kinds[k] == NCGEN_HOLDS_CONTACT ? friction_reserve : reserve;
+    want(a);
+    for (int round = 0; round <= a->count; ++round) {
+        int some = 0, others = 0, found = -1, side = 0, status = NCGEN_OK;
+        for (int k = 0; k < a->count; ++k) {
+            some |= a->wanted[k];
+            others |= a->wanted[k] && a->kinds[k] != NCGEN_HOLDS_JOINT;
+        }
+        if (some && !others) { /* joints that stand still: their loads there say it without projecting */
+            status = a->find_loads(a->context, 0);
+            found = status == NCGEN_OK ? worst(a, slack_before, reserve, &side) : -1;
+        }
+        if (status == NCGEN_OK && found < 0) {
+            status = a->find_loads(a->context, 1);
+            found = status == NCGEN_OK ? worst(a, slack, reserve, &side) : -1;
+        }
+        if (status != NCGEN_OK || found < 0)
+            return status;
+        a->released[found] = side;
+        a->wanted[found] = 0;
+        drop_open(a);
+    }
+    return NCGEN_NO_MODE;
+}

@@ -1,0 +1,49 @@
+/* ncgen_active.h: rules of what is held after an instant, whatever a state is: all that may be, less what its load does not allow, the worst
+ * one first. */
+#ifndef NCGEN_ACTIVE_H
+#define NCGEN_ACTIVE_H
+
+#include "ncgen_event_table.h"
+
+/* begin cdef */
+
+/* `count` things that may be held; 1 and 0 are yes and no. */
+typedef struct ncgen_active {
+    int count;
+    const int *kinds;    /* of holds */
+    const int *needs;    /* of a contact: the number of its gap; else -1 */
+    const int *before;   /* was it held? */
+    const int *happened; /* has its condition passed zero at this instant? of a contact: has it come to rest? */
+    const int *rests;    /* is it at rest for other reasons: bounces end, an impact leaves it so, or nothing has hit it? */
+    const int *closed;   /* is a gap closed? */
+    const int *still;    /* does a gap not change, or others not move? */
+    int *wanted;         /* what is to be held */
+    int *released;       /* what is not: 1, or of a joint the direction in which it slips, 1 or -1; else 0 */
+    ncgen_real *loads;   /* conditions of loads of what is wanted, in this order: values, and sizes that they are compared with */
+    void *context;
+    int (*find_loads)(void *context, int projected); /* write loads with the state brought onto the constraints of what is wanted, or as it is */
+} ncgen_active;
+
+/* end cdef */
+/* begin functions */
+
+/* What is held: `wanted`, from what was released by its load on the way. NCGEN_NO_MODE where no set agrees with its loads, or the status of
+ * find_loads. */
+int ncgen_find_active(ncgen_active *active);
+
+/* How many conditions the load of a kind of holds has, and to which side it is released where one of them, l, does not hold. */
+int ncgen_loads_of(int kind);
+int ncgen_side_of(int kind, int l);
+
+/* Does a load no longer hold, by a condition with this value and size? nearly: also where it cannot be told from its limit. */
+int ncgen_is_used_up(ncgen_scalar value, ncgen_scalar size, int nearly);
+
+/* Is something still whose velocity consists of terms: those of coordinates and a drift? */
+int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift);
+
+/* The direction in which a joint slips: before `slip`; side: of its velocity. */
+int ncgen_slip_of(const ncgen_active *active, int number, int slip, int side);
+
+/* end functions */
+
+#endif

@@ -1,0 +1,103 @@
+/* ncgen_held.c: the mechanism with what p says is held, and the loads that hold it. */
+#include "ncgen_held.h"
+#include "ncgen_active.h"
+#include "ncgen_vectors.h"
+
+void ncgen_read_held(const ncgen_events *events, const ncgen_real *p, int *held)
+{
+    for (int h = 0; h < events->n_holds; ++h)
+        held[h] = p[events->holds[h].on] > 0;
+}
+
+void ncgen_write_held(const ncgen_events *events, const int *held, int all, ncgen_real *p)
+{
+    for (int h = 0; h < events->n_holds; ++h)
+        if (all || !ncgen_is_lock(events->holds + h))
+            p[events->holds[h].on] = held && held[h] ? 1 : 0;
+}
+
+static int *released_of(const ncgen_events *events, const ncgen_passage *passage)
+{
+    return passage->flags + 2 * events->n_holds;
+}
+
+int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition)
+{
+    for (int h = 0; h < events->n_holds; ++h) {
+        const ncgen_hold *hold = events->holds + h;
+        if (hold->condition != condition)
+            continue;
+        if (p[hold->on] > 0)
+            return NCGEN_UNWATCHED;
+        if (hold->kind == NCGEN_HOLDS_JOINT)
+            return p[hold->slip] > 0 ? -1 : p[hold->slip] < 0 ? 1 : NCGEN_UNWATCHED;
+    }
+    return events->directions[condition];
+}
+
+void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_passage *passage, ncgen_entered *in)
+{
+    int some = 0;
+    in->driven = *d;
+    in->options = *d->options;
+    in->watched = *d->options->event;
+    in->driven.options = &in->options;
+    in->options.event = &in->watched;
+    for (int h = 0; h < events->n_holds; ++h)
+        some |= p[events->holds[h].on] > 0;
+    if (some) {
+        in->dynamics = *events->held_dynamics;
+        in->dynamics.external = d->dynamics->external;
+        in->dynamics.conservative = d->dynamics->conservative && events->held_dynamics->conservative;
+        in->driven.model = events->held_model;
+        in->driven.dynamics = &in->dynamics;
+        in->watched.count = events->count + events->n_loads;
+        in->watched.function = events->held_conditions;
+    }
+    if (!passage || !events->n_holds)
+        return;
+    in->watched.directions = passage->directions;
+    for (int k = 0; k < events->count; ++k)
+        passage->directions[k] = ncgen_way(events, p, k);
+    for (int h = 0; h < events->n_holds; ++h)
+        for (int l = 0; l < ncgen_loads_of(events->holds[h].kind); ++l) {
+            const int k = events->count + events->holds[h].load + l;
+            passage->directions[k] = p[events->holds[h].on] > 0 ? -1 : NCGEN_UNWATCHED;
+            passage->signs[k] = 1;
+        }
+}
+
+void ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)
+{
+    int *released = released_of(events, passage);
+    for (int k = 0; k < events->count; ++k)
+        passage->due[k] = crossed[k];
+    for (int h = 0; h < events->n_holds; ++h) {
+        released[h] = 0;
+        for (int l = 0; l < ncgen_loads_of(events->holds[h].kind); ++l)
+            if (events->count + events->holds[h].load + l < count && crossed[events->count + events->holds[h].load + l])
+                released[h] = ncgen_side_of(events->holds[h].kind, l);
+    }
+}
+
+int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage)
+{
+    int some = 0;
+    for (int h = 0; h < events->n_holds; ++h) {
+        some |= p[events->holds[h].on] > 0;
+        released_of(events, passage)[h] = 0;
+    }
+    if (!some)
+        return 0;
+    const int status = events->held_conditions(moment->t, moment->q, moment->qd, p, passage->room);
+    some = 0;
+    for (int h = 0; h < events->n_holds && status == NCGEN_OK; ++h)
+        for (int l = 0; p[events->holds[h].on] > 0 && l < ncgen_loads_of(events->holds[h].kind); ++l) {
+            const ncgen_real *load = passage->room + 2 * (events->count + events->holds[h].load + l);
+            if (ncgen_is_used_up(load[0], load[1], nearly)) {
+                released_of(events, passage)[h] = ncgen_side_of(events->holds[h].kind, l);
+                ++some;
+            }
+        }
+    return status == NCGEN_OK ? some : -status;
+}

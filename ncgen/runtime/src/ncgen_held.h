@@ -1,0 +1,32 @@
+/* ncgen_held.h: the mechanism with what p says is held, and the loads that hold it. */
+#ifndef NCGEN_HELD_H
+#define NCGEN_HELD_H
+
+#include "ncgen_modes.h"
+
+/* The direction of a condition that is not watched. */
+enum { NCGEN_UNWATCHED = 2 };
+
+static inline int ncgen_is_lock(const ncgen_hold *hold)
+{
+    return hold->kind == NCGEN_HOLDS_LOCK;
+}
+
+/* The mechanism with what p says is held; passage: NULL, or where its directions and signs stand. */
+void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_passage *passage, ncgen_entered *in);
+
+/* What p says is held, to `held` (n_holds), or from it, NULL for nothing; locks are left as they are unless `all` is set. */
+void ncgen_read_held(const ncgen_events *events, const ncgen_real *p, int *held);
+void ncgen_write_held(const ncgen_events *events, const int *held, int all, ncgen_real *p);
+
+/* The direction in which a condition happens: 1, -1, 0 for either, NCGEN_UNWATCHED for none. */
+int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition);
+
+/* Mark what its load no longer holds as released, in passage->flags; how many, or a negative status. nearly: also where the load cannot
+ * be told from its limit. */
+int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage);
+
+/* What crossed at the end of a run, of so many that were watched: conditions that are due, and what is released. */
+void ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage);
+
+#endif

@@ -1,0 +1,251 @@
+/* ncgen_holding.c: what is held from an instant on, in the mechanism with switches. */
+#include "ncgen_holding.h"
+#include "ncgen_active.h"
+#include "ncgen_state.h"
+
+/* Of velocities that miss the constraints after a lock has closed. */
+static const ncgen_scalar locked = R(1.0e-9);
+
+static int *flags(const ncgen_events *events, const ncgen_passage *passage, int which)
+{
+    return passage->flags + which * events->n_holds;
+}
+
+static int *held_before(const ncgen_events *events, const ncgen_passage *passage)
+{
+    return flags(events, passage, 0);
+}
+
+static int *wanted_of(const ncgen_events *events, const ncgen_passage *passage)
+{
+    return flags(events, passage, 1);
+}
+
+static int *released_of(const ncgen_events *events, const ncgen_passage *passage)
+{
+    return flags(events, passage, 2);
+}
+
+static ncgen_real speed_of(const ncgen_instant *i, const ncgen_real *qd)
+{
+    return ncgen_largest(i->n, qd, i->d->dynamics->column_sizes);
+}
+
+/* Does a gap not change, or a joint or ratchet not move, but for rounding? */
+static int is_still(const ncgen_instant *i, const ncgen_hold *hold)
+{
+    const ncgen_scalar *sizes = i->d->dynamics->column_sizes;
+    const ncgen_real now = speed_of(i, i->moment->qd), before = speed_of(i, i->arrived), *w = ncgen_gradient(i, hold->condition);
+    const ncgen_real drift = hold->kind == NCGEN_HOLDS_GAP ? w[2 * i->n] : 0;
+    ncgen_real terms = 0;
+    for (int j = 0; j < i->n; ++j)
+        terms += NCGEN_ABS(w[j]) * sizes[j] * (now > before ? now : before);
+    return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
+}
+
+int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
+{
+    const ncgen_events *e = i->events;
+    int status = NCGEN_OK;
+    if (in->driven.model == i->d->model)
+        return NCGEN_OK;
+    for (int h = 0; h < e->n_holds && status == NCGEN_OK; ++h) {
+        const ncgen_hold *hold = e->holds + h;
+        if (ncgen_is_lock(hold) || i->p[hold->on] > 0 || !is_still(i, hold))
+            continue;
+        if (hold->kind == NCGEN_HOLDS_GAP && !ncgen_is_closed(i, hold->condition))
+            continue;
+        int can = 1;
+        status = ncgen_can_move(i, hold->condition, &can);
+        if (!can)
+            i->passage->directions[hold->condition] = NCGEN_UNWATCHED;
+    }
+    return status;
+}
+
+/* Modes ---------------------------------------------------------------------------------------------------------- */
+
+/* The moment onto the constraints of what p says is held: velocities alone, or positions first. */
+static int project(ncgen_instant *i, int positions)
+{
+    ncgen_entered in;
+    ncgen_enter_held(i->d, i->events, i->p, NULL, &in);
+    const int status = positions ? ncgen_project_moment(&in.driven, i->p, i->moment) : NCGEN_OK;
+    return status == NCGEN_OK ? ncgen_project_velocities(&in.driven, i->p, i->moment) : status;
+}
+
+static int find_places(ncgen_instant *i)
+{
+    return i->events->values ? i->events->values(i->moment->t, i->moment->q, i->moment->qd, i->p, i->numbers) : NCGEN_OK;
+}
+
+/* Velocities that miss the constraints of a mechanism, over those of the mechanism in natural sizes. */
+static int misses(ncgen_instant *i, const ncgen_driven *d, int *does)
+{
+    const ncgen_model *model = d->model;
+    const ncgen_pattern *pattern = &model->phi_q_pattern;
+    ncgen_real *values = d->workspace, *nu = values + ncgen_nonzeros(pattern); /* which no call uses now */
+    int status = model->phi_q(i->moment->t, i->moment->q, i->p, values);
+    *does = 0;
+    if (status == NCGEN_OK && model->nu)
+        status = model->nu(i->moment->t, i->moment->q, i->p, nu);
+    for (int r = 0; r < model->n_rows && status == NCGEN_OK; ++r) {
+        ncgen_real sum = model->nu ? -nu[r] : 0, size = NCGEN_ABS(sum) + d->dynamics->row_sizes[r] * speed_of(i, i->moment->qd);
+        for (int k = pattern->indptr[r]; k < pattern->indptr[r + 1]; ++k)
+            sum += values[k] * i->moment->qd[pattern->indices[k]];
+        *does |= !(NCGEN_ABS(sum) <= locked * size);
+    }
+    return status;
+}
+
+int ncgen_lock(ncgen_instant *i, int h)
+{
+    const ncgen_hold *hold = i->events->holds + h;
+    ncgen_entered in;
+    int missed;
+    if (i->p[hold->on] > 0)
+        return NCGEN_OK;
+    int status = find_places(i);
+    if (status != NCGEN_OK)
+        return status;
+    i->p[hold->held] = i->numbers[hold->value];
+    i->p[hold->on] = 1;
+    ncgen_enter_held(i->d, i->events, i->p, NULL, &in);
+    status = ncgen_project_velocities(&in.driven, i->p, i->moment);
+    if (status == NCGEN_OK)
+        status = misses(i, &in.driven, &missed);
+    return status == NCGEN_OK && missed ? NCGEN_MOVED : status;
+}
+
+/* The velocity of a joint. */
+static int sign_of(const ncgen_instant *i, int condition)
+{
+    return (i->values[2 * condition] > 0) - (i->values[2 * condition] < 0);
+}
+
+void ncgen_begin_slip(ncgen_instant *i)
+{
+    for (int h = 0; h < i->events->n_holds; ++h) {
+        const ncgen_hold *hold = i->events->holds + h;
+        if (hold->kind == NCGEN_HOLDS_JOINT)
+            i->p[hold->slip] = is_still(i, hold) ? 0 : sign_of(i, hold->condition);
+    }
+}
+
+/* What was held and has been released begins to move with no velocity, not with one of rounding. */
+static int let_go(ncgen_instant *i, int was_hit)
+{
+    const ncgen_events *e = i->events;
+    const int *released = released_of(e, i->passage);
+    int some = 0;
+    for (int h = 0; h < e->n_holds; ++h)
+        some |= released[h];
+    if (!some || was_hit)
+        return NCGEN_OK;
+    ncgen_write_held(e, held_before(e, i->passage), 0, i->p);
+    const int status = project(i, 0);
+    return status == NCGEN_OK ? ncgen_look(i) : status;
+}
+
+/* A choice of what is held on its way. */
+typedef struct choice {
+    ncgen_instant *i;
+    ncgen_active active;
+} choice;
+
+/* p says what is wanted, where that is held, and how joints slip. */
+static void write_wanted(const choice *c)
+{
+    const ncgen_instant *i = c->i;
+    for (int h = 0; h < i->events->n_holds; ++h) {
+        const ncgen_hold *hold = i->events->holds + h;
+        if (c->active.wanted[h] && !c->active.before[h] && hold->held >= 0)
+            i->p[hold->held] = i->numbers[hold->value];
+        if (hold->kind == NCGEN_HOLDS_JOINT)
+            i->p[hold->slip] = ncgen_slip_of(&c->active, h, (int)i->p[hold->slip], sign_of(i, hold->condition));
+    }
+    ncgen_write_held(i->events, c->active.wanted, 0, i->p);
+}
+
+/* Loads of what is wanted, from the state that the choice began with. */
+static int find_loads(void *context, int projected)
+{
+    const choice *c = (const choice *)context;
+    ncgen_instant *i = c->i;
+    const ncgen_events *e = i->events;
+    const ncgen_real *q = i->passage->room;
+    ncgen_real *pairs = i->passage->room + 2 * i->n, *next = c->active.loads;
+    int some = 0;
+    ncgen_copy(i->n, q, i->moment->q);
+    ncgen_copy(i->n, q + i->n, i->moment->qd);
+    write_wanted(c);
+    for (int h = 0; h < e->n_holds; ++h)
+        some |= c->active.wanted[h];
+    if (!some)
+        return NCGEN_OK;
+    int status = projected ? project(i, 1) : NCGEN_OK;
+    if (status == NCGEN_OK)
+        status = e->held_conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, pairs);
+    for (int h = 0; h < e->n_holds; ++h)
+        for (int l = 0; c->active.wanted[h] && l < ncgen_loads_of(e->holds[h].kind); ++l) { /* loads begins where pairs do */
+            const ncgen_real *load = pairs + 2 * (e->count + e->holds[h].load + l);
+            *next++ = load[0];
+            *next++ = load[1];
+        }
+    return status;
+}
+
+/* What is known of what may be held. */
+static void describe(const ncgen_instant *i, const int *happened, const int *resting, int was_hit, int *marks)
+{
+    const ncgen_events *e = i->events;
+    const int n = e->n_holds, *before = held_before(e, i->passage);
+    int *kinds = marks, *needs = kinds + n, *has_happened = needs + n, *rests = has_happened + n, *closed = rests + n, *still = closed + n;
+    for (int h = 0; h < n; ++h) {
+        const ncgen_hold *hold = e->holds + h;
+        const int k = hold->condition, is_lock = ncgen_is_lock(hold), is_gap = hold->kind == NCGEN_HOLDS_GAP;
+        kinds[h] = hold->kind;
+        needs[h] = -1;
+        has_happened[h] = !is_lock && happened[k];
+        rests[h] = !is_lock && ((is_gap && resting[k]) || (before[h] && !was_hit));
+        closed[h] = is_gap && ncgen_is_closed(i, k);
+        still[h] = !is_lock && is_still(i, hold);
+    }
+}
+
+/* How often joints have stuck, slipped or turned, and ratchets caught or released. */
+static void count(const ncgen_instant *i, const int *happened)
+{
+    const ncgen_events *e = i->events;
+    for (int h = 0; h < e->n_holds; ++h) {
+        const ncgen_hold *hold = e->holds + h;
+        const int changes = wanted_of(e, i->passage)[h] != held_before(e, i->passage)[h];
+        if (hold->kind == NCGEN_HOLDS_RATCHET || hold->kind == NCGEN_HOLDS_JOINT)
+            i->passage->happened[hold->condition] += changes || (hold->kind == NCGEN_HOLDS_JOINT && happened[hold->condition]);
+    }
+}
+
+int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting, int was_hit)
+{
+    const ncgen_events *e = i->events;
+    const int n = e->n_holds;
+    int *wanted = wanted_of(e, i->passage), *released = released_of(e, i->passage), *marks = flags(e, i->passage, 3);
+    choice c = {i, {n, marks, marks + n, held_before(e, i->passage), marks + 2 * n, marks + 3 * n, marks + 4 * n, marks + 5 * n, wanted, released,
+                    i->passage->room + 2 * i->n, &c, find_loads}};
+    int status = let_go(i, was_hit);
+    if (status == NCGEN_OK)
+        status = find_places(i);
+    if (status != NCGEN_OK)
+        return status;
+    describe(i, happened, resting, was_hit, marks);
+    ncgen_copy(i->n, i->moment->q, i->passage->room);
+    ncgen_copy(i->n, i->moment->qd, i->passage->room + i->n);
+    status = ncgen_find_active(&c.active);
+    if (status != NCGEN_OK)
+        return status;
+    count(i, happened);
+    for (int h = 0; h < n; ++h)
+        if (e->holds[h].kind == NCGEN_HOLDS_GAP && (released[h] || wanted[h]))
+            i->passage->signs[e->holds[h].condition] = 1;
+    return NCGEN_OK;
+}

@@ -1,0 +1,21 @@
+/* ncgen_holding.h: what is held from an instant on. */
+#ifndef NCGEN_HOLDING_H
+#define NCGEN_HOLDING_H
+
+#include "ncgen_held.h"
+#include "ncgen_impacts.h"
+
+/* Do not watch gaps that are closed, and joints at rest, that cannot move while others are held. i: with the values there */
+int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in);
+
+/* Close a lock where it is, with the impulses of its constraint. */
+int ncgen_lock(ncgen_instant *i, int hold);
+
+/* The directions of slip at the start. */
+void ncgen_begin_slip(ncgen_instant *i);
+
+/* The largest part of what may be held whose loads all hold: held from here on, with the moment on its constraints. happened (count): what
+ * has; resting (count): which gaps are at rest; was_hit: whether velocities have changed at this instant. */
+int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting, int was_hit);
+
+#endif

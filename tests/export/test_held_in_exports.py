@@ -1,0 +1,209 @@
+"""Friction that sticks, locks, clutches, ratchets and brakes in exported C: closed forms, and our own runs."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+from eventful import G, ball, fourbar, sliding_block
+from test_events_in_wasm import in_node, moved
+from test_events_of_exports import run_in_c
+
+import ncgen
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "events"))
+
+from test_locks import two_discs  # noqa: E402
+
+
+def belt() -> ncgen.Model:
+    """T4: a block on a belt, in the belt's frame."""
+    m, u = sliding_block("belt")
+    m.torque(u, -(u + 3 * m.time))
+    m.friction(u, coulomb=3.0, static=5.0, name="belt")
+    m.simulation(duration=20.0, q0={"s": 1.0, "A.x": 1.0})
+    return m
+
+
+def oscillator() -> ncgen.Model:
+    """T5: mass 1, spring 1, Coulomb 1, from 12 with 6."""
+    m, s = sliding_block("oscillator")
+    m.torque(s, -s)
+    m.friction(s, coulomb=1.0)
+    m.simulation(duration=100.0, q0={"s": 12.0, "A.x": 12.0}, qd0={"s": 6.0})
+    return m
+
+
+def clutch() -> ncgen.Model:
+    """It closes at 0.5 s and opens at 1 s."""
+    m, (psi1, psi2) = two_discs()
+    m.torque(psi2, 6.0)
+    m.clutch(psi1, psi2, when=0.5 - m.time, until=1.0 - m.time, name="clutch")
+    m.simulation(duration=1.5, qd0={"psi1": 10.0, "psi2": 0.0})
+    return m
+
+
+def slipping_clutch() -> ncgen.Model:
+    m, (psi1, psi2) = two_discs()
+    m.friction(psi1, coulomb=4.0, other=psi2, name="clutch")
+    m.simulation(duration=4.0, qd0={"psi1": 10.0, "psi2": 0.0})
+    return m
+
+
+def gripped() -> ncgen.Model:
+    m, s = sliding_block("gripped")
+    m.torque(s, 1.0)
+    m.event("grip", m.time - 1.0, "rising", do=ncgen.lock("s"))
+    m.event("let_go", m.time - 2.0, "rising", do=[ncgen.free(s), {"rate(s)": 3.0}])
+    m.simulation(duration=3.0)
+    return m
+
+
+def winch(speed: float, **ratchet) -> ncgen.Model:
+    """A weight that is thrown up, and which a force of 4 t N lifts."""
+    m = ncgen.Model("winch")
+    P = m.point("P", (0, 0), fixed="x")
+    m.body("weight", [P], mass=1.0)
+    m.gravity((0, -G))
+    m.force(P, (0, 4 * m.time))
+    m.ratchet(P.y, name="pawl", **ratchet)
+    m.simulation(duration=3.0, qd0={"P.y": speed})
+    return m
+
+
+def brake() -> ncgen.Model:
+    """Friction 2 t; from 1 m/s; then a force 5 (t − 2)."""
+    m, s = sliding_block("braked")
+    m.torque(s, 5 * sympy.Max(0, m.time - 2))
+    m.friction(s, coulomb=2 * m.time, name="brake")
+    m.simulation(duration=4.0, qd0={"s": 1.0})
+    return m
+
+
+def freewheel() -> ncgen.Model:
+    m, (psi1, psi2) = two_discs()
+    m.torque(psi2, 6.0)
+    m.ratchet(psi1, psi2, name="freewheel")
+    m.simulation(duration=3.0, qd0={"psi1": 2.0, "psi2": 0.0})
+    return m
+
+
+def hit() -> ncgen.Model:
+    """A ratchet at rest is hit backward by a ball."""
+    m, x = ncgen.Model("hit"), []
+    for k, place in enumerate((1.0, 0.0)):
+        x.append(m.point(f"P{k}", (place, 0), fixed="y").x)
+        m.body(f"ball{k}", [m.elements[f"P{k}"]], mass=1.0)
+    m.ratchet(x[1], name="pawl")
+    m.event("hit", x[0] - x[1] - 0.5, do=ncgen.impact(1.0, order="simultaneous"))
+    m.simulation(duration=1.0, qd0={"P0.x": -1.0, "P1.x": 0.0})
+    return m
+
+
+def solid() -> ncgen.Model:
+    """A pendulum whose angle and point are both locked for a while."""
+    m = ncgen.Model("pendulum")
+    O, P = m.point("O", (0, 0), fixed=True), m.point("P", (1, 0))
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.body("bob", [P], mass=1.0)
+    m.distance(O, P)
+    m.angle("psi", x, P - O, z)
+    m.gravity((0, -G))
+    m.event("grip", m.time - 0.2, "rising", do=[ncgen.lock(name) for name in ("psi", "P.x")])
+    m.event("go", m.time - 0.5, "rising", do=[ncgen.free(name) for name in ("psi", "P.x")])
+    m.simulation(duration=0.8)
+    return m
+
+
+def teeth() -> ncgen.Model:
+    """Thrown up by 0.2 m over teeth of 0.03 m, from −5 m."""
+    m = ncgen.Model("winch")
+    P = m.point("P", (0, 0), fixed="x")
+    m.body("weight", [P], mass=1.0)
+    m.gravity((0, -G))
+    m.ratchet(P.y, name="pawl", pitch=0.03)
+    m.simulation(duration=2.0, qd0={"P.y": math.sqrt(2 * G * 0.2)})
+    return m
+
+
+def at_rest() -> ncgen.Model:
+    """A ball that comes to rest on the floor."""
+    m = ball()
+    m.simulation(duration=3.0)
+    return m
+
+
+def linkage() -> ncgen.Model:
+    """A four-bar linkage whose crank is pressed against its stop."""
+    m = fourbar()
+    m.simulation_options["duration"] = 0.6
+    return m
+
+
+def pressed() -> ncgen.Model:
+    """A compliant stop that the start presses."""
+    m, s = sliding_block("pressed")
+    m.stop(s, upper=0.0, stiffness=100.0, name="buffer")
+    m.simulation(duration=1.0, q0={"s": 0.1, "A.x": 0.1})
+    return m
+
+
+MODELS = {
+    "belt": belt, "oscillator": oscillator, "clutch": clutch, "slipping clutch": slipping_clutch, "gripped": gripped,
+    "ratchet": lambda: winch(2.0), "ratchet driven back": lambda: winch(-3.0), "brake": brake, "freewheel": freewheel, "hit ratchet": hit,
+    "locked solid": solid, "teeth": teeth, "pressed at the start": pressed,
+}  # fmt: skip
+
+
+def own_run(model: ncgen.Model) -> tuple[ncgen.Trajectory, float]:
+    """Our own run of a model as it is described, and its duration."""
+    options = dict(model.simulation_options)
+    end = options.pop("duration")
+    return ncgen.simulate(ncgen.compile(model), end, rtol=1e-12, atol=1e-13, points=2, **options), end
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_c_is_our_own_run(tmp_path, name):
+    """Times of events, and the state at the end."""
+    model = MODELS[name]()
+    run, end = own_run(model)
+    events, last, _, stopped, said = run_in_c(model, tmp_path, end, 1e-13, flags="-O1")
+    assert said == "ok" and not stopped
+    times = sorted({each.t for each in run.events if 0 < each.t < end})
+    assert [row[0] for row in events if row[0] > 0] == pytest.approx(times, rel=1e-9)
+    n = run.kernels.n
+    assert last[1 : 1 + n] == pytest.approx(run.q[-1], abs=1e-8) and last[1 + n : 1 + 2 * n] == pytest.approx(run.qd[-1], abs=1e-8)
+    assert last[-1] == pytest.approx(run.work[-1], abs=1e-7)
+
+
+@in_node
+@pytest.mark.parametrize("name", [*MODELS, "ball", "four-bar linkage"])
+def test_webassembly_is_our_own_run(tmp_path, name):
+    model = (MODELS | {"ball": at_rest, "four-bar linkage": linkage})[name]()
+    run, end = own_run(model)
+    answer = moved(model, tmp_path, end)
+    times = sorted({each.t for each in run.events if 0 < each.t < end and each.what not in ("rests", "leaves")})
+    assert [row[0] for row in answer["found"][:-1]] == pytest.approx(times, rel=1e-9)
+    n = run.kernels.n
+    for last in (answer["found"][-1], answer["again"]):
+        assert last[0] == end
+        assert last[1 : 1 + n] == pytest.approx(run.q[-1], abs=1e-8) and last[1 + n : 1 + 2 * n] == pytest.approx(run.qd[-1], abs=1e-8)
+    assert answer["work"] == pytest.approx(run.work[-1], abs=1e-7)
+
+
+def test_an_oscillator_is_where_the_closed_form_says(tmp_path):
+    """T5: it turns seven times, and rests at 1 − (√205 − 14) for ever."""
+    events, last, counts, *_ = run_in_c(oscillator(), tmp_path, 100.0, 1e-12)
+    assert events[-1][0] == pytest.approx(22.42355635069909, rel=1e-9) and counts == [len(events)] == [8]
+    assert last[1] == pytest.approx(1 - (math.sqrt(205) - 14), abs=1e-10)
+
+
+def test_a_block_on_a_belt_is_where_the_closed_form_says(tmp_path):
+    """T4: stick 4/3 s, slip 2π − 2 atan(2/3) s."""
+    events, *_ = run_in_c(belt(), tmp_path, 20.0, 1e-12)
+    slip = 2 * math.pi - 2 * math.atan(2 / 3)
+    assert [row[0] for row in events if row[0] > 0] == pytest.approx(np.cumsum([4 / 3, slip] * 3), rel=1e-10)

@@ -1,0 +1,65 @@
+"""Functions between bounds: every operation's bounds hold, against 30 digits, and are as narrow as those of a polynomial of that degree."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from enclosing import Enclosing
+
+TWO = ("add", "sub", "mul", "div", "atan2")
+
+EXACT = {
+    "add": lambda u, v: u + v,
+    "sub": lambda u, v: u - v,
+    "mul": lambda u, v: u * v,
+    "div": lambda u, v: u / v,
+    "neg": lambda u: -u,
+    "sqrt": mpmath.sqrt,
+    "sin": mpmath.sin,
+    "cos": mpmath.cos,
+    "exp": mpmath.exp,
+    "log": mpmath.log,
+    "atan2": mpmath.atan2,
+    "abs": abs,
+    "sign": mpmath.sign,
+}
+
+
+def polynomial_at(c, x):
+    """A sum of Chebyshev polynomials, with 30 digits."""
+    return mpmath.fsum(mpmath.mpf(float(a)) * mpmath.chebyt(k, x) for k, a in enumerate(c))
+
+
+def arguments(name, random, degree):
+    """Random polynomials that vary by 1e-4 to 1 of what they are; positive for roots and logarithms."""
+    for _ in range(2 if name in TWO else 1):
+        varies = 10.0 ** random.uniform(-4, 0)
+        c = random.uniform(-1, 1, degree) * varies * 0.5 ** np.arange(degree)
+        c[0] = (
+            float(random.choice([-1, 1]))
+            * (1.0 if name in ("sqrt", "log", "div", "atan2") else random.uniform(0, 1))
+            * 10.0 ** random.uniform(0, 1)
+        )
+        if name in ("sqrt", "log"):
+            c[0] = abs(c[0])
+            c[1:] *= 0.7 * c[0] / max(np.sum(np.abs(c[1:])), c[0])
+        yield c
+
+
+@pytest.mark.parametrize("degree", [8, 14])
+@pytest.mark.parametrize("name", EXACT)
+def test_bounds_hold(name, degree):
+    random, enclosing = np.random.default_rng([degree, *name.encode()]), Enclosing(degree)
+    narrow = total = 0
+    with mpmath.workdps(30):
+        for _ in range(60):
+            given = list(arguments(name, random, degree))
+            w = enclosing(name, *(enclosing.polynomial(c) for c in given))
+            if not w.error < 1e30:
+                continue
+            for x in (*random.uniform(-1, 1, 8), -1.0, 1.0):
+                exact = EXACT[name](*(polynomial_at(c, mpmath.mpf(float(x))) for c in given))
+                assert abs(exact - polynomial_at(w.c, mpmath.mpf(float(x)))) <= w.error, (name, given, x)
+            total, narrow = total + 1, narrow + (w.error < 1e-3)
+    assert total > 30 and narrow > total / 3 - 20 * (name in ("abs", "sign"))
