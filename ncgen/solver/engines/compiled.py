@@ -21,6 +21,7 @@ from ncgen.solver.positions.partition import (
     quality,
     stuck_message,
 )
+from ncgen.solver.positions.rank import REMEMBERED
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.run import Form, Partitioned
@@ -65,7 +66,8 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     if dynamics.singular_mass and not dynamics.is_emitted and not task.first_step:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
         # the step of a part before it has been checked.
-        least_energy(kernels, q, float(grid[0]), p)
+        key = q.tobytes(), float(grid[0]), p.tobytes()
+        kernels.remember("inertia of all motions", key, lambda: bool(least_energy(kernels, q, float(grid[0]), p)), REMEMBERED)
     settings = method.options
     in_c = settings_in_c(settings)
     if len(path.q):
