@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ncgen import simulate
 from ncgen.comparisons.hard import warm
 from ncgen.comparisons.hard_cases import CASES, Case
 from ncgen.compiler import compile
@@ -16,6 +15,7 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import measure, repeated
 from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
+from ncgen.solver.motions.entry_points import simulate
 from ncgen.solver.runs.progress_reports import ProgressOption
 from ncgen.solver.trajectories.trajectory import Trajectory
 

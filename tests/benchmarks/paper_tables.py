@@ -16,7 +16,6 @@ from scipy.sparse import csr_array
 
 from benchmarks.rivals.casadi_tangents import with_tangents
 from benchmarks.students import Derivative, hand_written
-from ncgen import simulate
 from ncgen.comparisons.falls import end_state, own_run
 from ncgen.comparisons.rivals.base import differentiable, handwritten
 from ncgen.comparisons.rivals.differences import Slope, central, complex_step, jacobian
@@ -30,6 +29,7 @@ from ncgen.report.methods import ToleranceArguments
 from ncgen.solver.formalisms.coordinate_partitioning import Motion, StepStart, motion
 from ncgen.solver.formalisms.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.integrators.solvers import ODE_SOLVERS
+from ncgen.solver.motions.entry_points import simulate
 from ncgen.solver.positions.partition import determined
 from ncgen.solver.runs.run import Initial
 from ncgen.solver.runs.start import begin

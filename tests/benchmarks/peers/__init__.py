@@ -13,7 +13,6 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ncgen import simulate
 from ncgen.comparisons.bench import aligned
 from ncgen.comparisons.hard import ATOL_OVER_RTOL
 from ncgen.comparisons.hard_cases import four_bars_position
@@ -23,6 +22,7 @@ from ncgen.exchange.examples import example_module
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.report.methods import FIXED, TimeIsUp, time_limit
+from ncgen.solver.motions.entry_points import simulate
 
 Run = Callable[[], tuple[float, np.ndarray]]
 """A run: seconds, and positions of B0."""
