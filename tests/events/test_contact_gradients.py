@@ -141,18 +141,42 @@ def test_what_has_no_derivative():
     limit = 3.5 * 0.2 * 1.5 * math.sqrt(1.8 * G)
     with pytest.raises(ncgen.ModelError, match=r"the event floor, which at t = 0.428352937 s is at the limit between sticking and sliding"):
         ncgen.sensitivities(kernels, 0.6, 6, by=["mu"], qd0=velocity(0.0, limit / RADIUS), **GIVEN)
+    kernels = in_space(push=lambda t: (10 * t, 0, 0))
+    with pytest.raises(
+        ncgen.ModelError, match=r"floor, which at t = 0.6867[0-9]* s begins to slide in space, where friction has no direction"
+    ):
+        ncgen.sensitivities(kernels, 1.0, 10, by=["mu"], **GIVEN)
+
+
+def in_space(push=None):
+    """A homogeneous sphere of 1 kg on the ground in space."""
     m = ncgen.Model("ball")
     up, O, C = m.vector("up", (0, 0, 1), fixed=True), m.point("O", (0, 0, 0), fixed=True), m.point("C", (0, 0, RADIUS))
     body = m.body("ball", [C], [m.vector("u", (1, 0, 0)), m.vector("v", (0, 1, 0))], mass=1.0, inertia=[0.4 * RADIUS**2] * 3)
     m.gravity((0, 0, -G))
-    m.contact("floor", body, C, m.ground, O, radius=RADIUS, normal=up, friction=0.2)
-    kernels, start = ncgen.compile(m), {"C.x": 1.0, "C.y": 0.0, "C.z": 0.0, "u.z": 0.0}
-    with pytest.raises(
-        ncgen.ModelError, match=r"floor, which at t = 0.1456[0-9]* s comes to rest in space, where friction has no direction"
-    ):
-        ncgen.sensitivities(kernels, 0.3, 6, by=["rate(C.x)"], qd0=start, **GIVEN)
-    found = ncgen.sensitivities(kernels, 0.1, 6, by=["rate(C.x)"], qd0=start, **GIVEN)
-    assert found.q_by[-1, kernels.index["C.x"]] == pytest.approx(0.1, rel=1e-12)
+    if push:
+        m.force(C, push(m.time))
+    m.contact("floor", body, C, m.ground, O, radius=RADIUS, normal=up, friction=m.parameter("mu", 0.2))
+    return ncgen.compile(m)
+
+
+def test_a_sphere_in_space_slides_and_rolls():
+    """Spun about x as it moves along x and y: friction has one direction, of the sliding velocity w, until |w| = 7/2 μ g t."""
+    kernels, spin, by = in_space(), 20.0, ["mu", "rate(C.x)", "rate(C.y)"]
+    start = dict.fromkeys(kernels.coordinates, 0.0) | {"C.x": 3.0, "C.y": 1.0, "v.z": spin}
+    found = ncgen.sensitivities(kernels, 1.5, 15, by=by, qd0=start, **GIVEN)
+
+    def end(mu, x, y):
+        v, w = np.array([x, y]), np.array([x, y + RADIUS * spin])
+        size = np.sqrt(w @ w)
+        t, rolls = 2 * size / (7 * mu * G), v - 2 / 7 * w
+        return np.concatenate([[t], v * t - mu * G * w / size * t**2 / 2 + rolls * (1.5 - t), rolls])
+
+    places, sticks = [kernels.index["C.x"], kernels.index["C.y"]], found.events[-1]
+    assert sticks.what == "sticks"
+    mine = np.vstack([sticks.t_by, found.q_by[-1][places], found.qd_by[-1][places]])
+    assert mine == pytest.approx(slopes_of(end, [0.2, 3.0, 1.0]), rel=1e-9, abs=1e-9)
+    check_sweep(kernels, 1.5, 15, found, by, qd0=start, **GIVEN)
 
 
 def guided():

@@ -14,7 +14,8 @@ RULES = {
     "bounces that accumulate": (r"\bat_rest\b(?!\()|1 - [^\n]*restitution", "ncgen_chain.c"),
     "laws of impact": (r"restitution[\])]*\s*\*|1 \+ [^\n]*restitution", "ncgen_impulses.c"),
     "least squares of impulses": (r"nnls|lstsq|lawson", "ncgen_impulses.c"),
-    "what its load does not allow": (r"load_tolerance|slack_before|friction_reserve", "ncgen_active.c"),
+    "what its load does not allow": (r"load_tolerance|slack_before|friction_reserve|reserve = ", "ncgen_active.c"),
+    "standstill": (r"standstill|velocity_tolerance", "ncgen_active.c"),
     "contacts in turn": (r"fastest\b", "ncgen_impulses.c"),
 }
 """{rule: words that its text has, the file that has it}"""
