@@ -40,7 +40,7 @@ from ncgen.solver.trajectories.happening import GAPS, Happening, Search
 CHUNK = 16
 """MotionRows of one call of C, between which a batch can be ended and says how far it has come."""
 
-FOUND: tuple[Search, ...] = ("polynomial", "start", "action", "sampled")
+SEARCHES: tuple[Search, ...] = ("polynomial", "start", "action", "sampled")
 """How an event was found, by the numbers of C; the first one is what the condition allows."""
 
 
@@ -165,7 +165,7 @@ class ManyRuns:
                 self.carried[i] = tuple(map(self._happening, notes[i]))
 
     def _happening(self, note: Note) -> Happening:
-        search = self._searches[note.event] if note.found == 0 else FOUND[note.found]
+        search = self._searches[note.event] if note.cause == 0 else SEARCHES[note.cause]
         what = ("", *GAPS)[note.what]
         name = self._names[note.event]
         return Happening(
