@@ -11,6 +11,7 @@ from test_contacts import RADIUS, G, velocity
 from test_lock_gradients import GIVEN, check_sweep, differences_of, slopes_of
 
 import ncgen
+from examples.contacts import woodpecker
 
 TAN = 0.05
 
@@ -272,3 +273,48 @@ def test_a_double_pendulum_that_slides_on_the_ground():
     mine = np.vstack([found.q_by[-1], found.qd_by[-1], [found.events[0].t_by]])
     assert mine == pytest.approx(differences_of(everything, at), rel=1e-6, abs=1e-6)
     check_sweep(kernels, 0.5, 5, found, list(at), **GIVEN)
+
+
+@pytest.mark.slow
+def test_a_woodpecker():
+    """Through twelve events of Glocker's toy: it sticks, slips, leaves, and hits with its beak; all of it by differences of runs."""
+    model, velocities = woodpecker()
+    kernels, by = ncgen.compile(model), ["rate(y.x)", "rate(b.x)"]
+    found = ncgen.sensitivities(kernels, 0.125, 20, by=by, qd0=velocities, **GIVEN)
+    assert len(found.events) == 12 and {each.what for each in found.events} == {"", "rests", "sticks", "slips", "leaves"}
+    start = {name: velocities[name] for name in ("y.x", "a.x", "b.x")}
+
+    def everything(values):
+        given = start | {name[len("rate(") : -1]: value for name, value in values.items()}
+        run = ncgen.simulate(kernels, 0.125, rtol=1e-12, zd0=given)
+        return np.concatenate([run.q[-1], run.qd[-1], [each.t for each in run.events]])
+
+    mine = np.vstack([found.q_by[-1], found.qd_by[-1], [each.t_by for each in found.events]])
+    assert mine == pytest.approx(differences_of(everything, {name: start[name[5:-1]] for name in by}), rel=1e-6, abs=1e-7)
+    check_sweep(kernels, 0.125, 20, found, by, qd0=velocities, **GIVEN)
+
+
+def test_a_point_that_slides_sticks_and_is_pushed_on():
+    """A particle on the ground: it stops at v/(μ g), sticks, and leaves its place where p t = μ m g; steps of rk4 and of others."""
+    m = ncgen.Model("particle")
+    up, O, P = m.vector("up", (0, 1), fixed=True), m.point("O", (0, 0), fixed=True), m.point("P", (0, 0))
+    mu, p = m.parameter("mu", 0.2), m.parameter("p", 1.5)
+    body = m.body("particle", [P], mass=1.0)
+    m.gravity((0, -G))
+    on = m.input("on")
+    m.force(P, (on * p * m.time, 0))
+    m.event("push", when=1.0 - m.time, do={"on": 1.0})
+    m.contact("floor", body, P, m.ground, O, normal=up, friction=mu)
+    kernels, by = ncgen.compile(m), ["mu", "p", "rate(P.x)"]
+
+    def end(mu, p, v):
+        most = mu * G
+        goes = most / p
+        place = v**2 / (2 * most) + p * (8 - goes**3) / 6 - p * goes**2 / 2 * (2 - goes) - most * (2 - goes) ** 2 / 2
+        return np.array([v / most, goes, place])
+
+    for given in ({}, GIVEN):
+        found = ncgen.sensitivities(kernels, 2.0, 20, by=by, qd0={"P.x": 1.0, "P.y": 0.0}, **given)
+        sticks, slips = (next(each for each in found.events if each.what == what) for what in ("sticks", "slips"))
+        mine = np.vstack([sticks.t_by, slips.t_by, found.q_by[-1, kernels.index["P.x"]]])
+        assert mine == pytest.approx(slopes_of(end, [0.2, 1.5, 1.0]), rel=1e-9, abs=1e-9)
