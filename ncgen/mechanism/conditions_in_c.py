@@ -33,6 +33,7 @@ class Conditions:
     coordinates (C,): position in q, or n + position in q̇, −1 for one of the function; values (C,): what coordinates pass (m, rad, and per
     second); directions (C,): 1 rising, −1 falling, 0 either, UNWATCHED
     signs (C,): the side on which each begins, 0 for that of its value
+    sampled (C,): True where nothing is known of a condition between samples; they are then as dense as it takes
     function: the address of an `ncgen_velocity_kernel` that gives of every condition its value and the size of its terms; None where all
         are coordinates
     degree: LINEAR or QUADRATIC
@@ -43,6 +44,7 @@ class Conditions:
     values: np.ndarray
     directions: np.ndarray
     signs: np.ndarray
+    sampled: np.ndarray | None = None
     function: int | None = None
     degree: int = LINEAR
     formulas: Formulas | None = None
@@ -73,6 +75,9 @@ class Watched:
         function = ffi.cast("ncgen_velocity_kernel *", conditions.function or 0)
         self._formulas = _FormulasInC(conditions, ffi, number) if conditions.formulas else None
         members |= {"formulas": self._formulas.struct} if self._formulas else {}
+        if conditions.sampled is not None:
+            self._sampled = np.array(conditions.sampled, dtype=np.intc)
+            members["sampled"] = pointer(ffi, self._sampled, "int[]")
         members |= {"count": count, "degree": conditions.degree, "crossed": pointer(ffi, self._crossed, "int[]"), "function": function}
         self.struct: InC = ffi.new("ncgen_event *", members)
 

@@ -191,6 +191,8 @@ typedef struct ncgen_event {
     const int *coordinates;       /* of each: position in q, or n_coordinates + position in qd; -1: the function's */
     const ncgen_scalar *values;   /* what it passes */
     const int *directions;        /* 1: rising, -1: falling, 0: both, 2: not asked for */
+    const int *sampled;           /* NULL, or of each: 1 where it is sampled, as densely as it takes */
+    int n_loads;                  /* so many, the last ones, are loads, which are sampled, too */
     int *signs;                   /* -1 or 1: the side on which each is to begin, whatever rounding makes of its value; 0: that of the value */
     ncgen_velocity_kernel *function; /* NULL, or of each its value, and the size of the terms that it is a sum of */
     int degree;                   /* 14 at most */

@@ -120,6 +120,16 @@ int ncgen_walk_end(ncgen_walk *w, ncgen_real last)
     return 0;
 }
 
+ncgen_real ncgen_polynomial_at(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar place)
+{
+    ncgen_real b[MOST];
+    to_coefficients(basis, values, stride, b);
+    for (int j = 1; j <= basis->degree; ++j)
+        for (int i = 0; i <= basis->degree - j; ++i)
+            b[i] = (1 - place) * b[i] + place * b[i + 1];
+    return b[0];
+}
+
 int ncgen_has_one_sign(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise)
 {
     ncgen_real b[MOST];

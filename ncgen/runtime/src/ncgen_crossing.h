@@ -30,6 +30,8 @@ int ncgen_walk_part(ncgen_walk *w, const ncgen_basis *basis, const ncgen_real *v
 int ncgen_walk_to(ncgen_walk *w, ncgen_scalar place, ncgen_real value);
 /* The same at the end of the interval, by the last value whatever its noise. */
 int ncgen_walk_end(ncgen_walk *w, ncgen_real last);
+/* The polynomial at a place in the interval. */
+ncgen_real ncgen_polynomial_at(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar place);
 /* Has the polynomial one sign, by more than the noise? */
 int ncgen_has_one_sign(const ncgen_basis *basis, const ncgen_real *values, int stride, ncgen_scalar noise);
 

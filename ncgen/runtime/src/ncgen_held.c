@@ -56,6 +56,7 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
         in->driven.model = events->held_model;
         in->driven.dynamics = &in->dynamics;
         in->watched.count = events->count + events->n_loads;
+        in->watched.n_loads = events->n_loads;
         in->watched.function = events->held_conditions;
     }
     if (!passage || !events->n_holds)

@@ -2,6 +2,9 @@
  *
  * Each condition is a polynomial in time within a step, known by its values at the nodes of a basis. All that happen are located on the
  * states that satisfy the constraints; the first one counts, and with it those at the same time.
+ *
+ * Of a condition that is sampled the polynomial is compared with values between the nodes. Where it is wrong the step is taken in parts,
+ * halves of halves, as if these were steps.
  */
 #include "ncgen_crossing.h"
 #include "ncgen_inside.h"
@@ -13,7 +16,24 @@ static const ncgen_scalar noise_of_8 = R(1000.0), noise_of_14 = R(20000.0);
 /* Conditions are fulfilled at the same time if their fractions of a step differ by less than this many roundings. */
 static const ncgen_scalar same_instant = R(256.0);
 
-enum { OFF = 2 };
+/* Where polynomials are compared with their conditions: away from the nodes of either degree, and without a common period. */
+static const ncgen_scalar between[] = {R(0.0309), R(0.4472), R(0.8463)};
+
+/* By how much they may differ, over the size of the condition and besides rounding; and how much larger than at these places the error may
+ * be elsewhere. */
+static const ncgen_scalar resolved = R(1.0e-6), unseen = R(8.0);
+
+enum { OFF = 2, PLACES = sizeof between / sizeof *between, FINEST = 1 << 12 /* parts of a step */ };
+
+/* The part of the step from t to t + h between two shares of it. */
+typedef struct part {
+    ncgen_scalar t, h, from, to;
+} part;
+
+static ncgen_scalar share_of(const part *p, ncgen_scalar s)
+{
+    return p->from + (p->to - p->from) * s;
+}
 
 int ncgen_check_state(const ncgen_run *r, ncgen_real work)
 {
@@ -51,11 +71,18 @@ static int evaluate(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncg
     return status;
 }
 
-/* The same at the share s of the step, of the state on the constraints. */
-static int evaluate_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s, ncgen_real *values)
+/* The same at the share s of the part, of the state on the constraints. */
+static int evaluate_inside(ncgen_run *r, ncgen_stepping *w, const part *p, ncgen_scalar s, ncgen_real *values)
 {
-    const int status = ncgen_state_inside(r, w, t, h, s);
-    return status == NCGEN_OK ? evaluate(r, t + s * h, r->q, r->qd, values) : status;
+    const int status = ncgen_state_inside(r, w, p->t, p->h, share_of(p, s));
+    return status == NCGEN_OK ? evaluate(r, p->t + share_of(p, s) * p->h, r->q, r->qd, values) : status;
+}
+
+/* And of the state on the interpolant over all coordinates, which stays in w->at. */
+static int evaluate_at(ncgen_run *r, ncgen_stepping *w, const part *p, ncgen_scalar s, ncgen_real *values)
+{
+    const int status = w->interpolate(r, w, p->t, p->h, share_of(p, s));
+    return status == NCGEN_OK ? evaluate(r, p->t + share_of(p, s) * p->h, w->at + r->n, w->at, values) : status;
 }
 
 /* Of the inputs of formulas: at a node, of the state y of velocities and positions, and then as polynomials. */
@@ -79,51 +106,109 @@ static void make_polynomials(const ncgen_run *r)
     }
 }
 
-/* At all nodes; y itself is a polynomial in time, and over all coordinates it is the velocities and the positions. */
-static int evaluate_nodes(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h)
+/* At all nodes but the first, where they are known; y itself is a polynomial in time, and over all coordinates it is the velocities and
+ * the positions. */
+static int evaluate_nodes(ncgen_run *r, ncgen_stepping *w, const part *p)
 {
     const ncgen_event *event = r->options->event;
-    keep_inputs(r, 0, r->y + r->n, r->y);
-    keep_inputs(r, event->degree, r->q, r->qd);
-    int status = evaluate(r, t + h, r->q, r->qd, sample(event, event->degree));
-    for (int k = 1; k < event->degree && status == NCGEN_OK; ++k) {
-        const ncgen_scalar s = event->nodes[k];
+    const int last = event->degree, at_end = !(p->to < 1);
+    int status = NCGEN_OK;
+    if (!(p->from > 0))
+        keep_inputs(r, 0, r->y + r->n, r->y);
+    else
+        status = w->interpolate(r, w, p->t, p->h, p->from);
+    if (p->from > 0)
+        keep_inputs(r, 0, w->at + r->n, w->at);
+    if (at_end && status == NCGEN_OK) {
+        keep_inputs(r, last, r->q, r->qd);
+        status = evaluate(r, p->t + p->h, r->q, r->qd, sample(event, last));
+    }
+    for (int k = 1; k < last + !at_end && status == NCGEN_OK; ++k) {
         if (!r->constrained) {
-            status = evaluate_inside(r, w, t, h, s, sample(event, k));
+            status = evaluate_inside(r, w, p, event->nodes[k], sample(event, k));
             continue;
         }
-        status = w->interpolate(r, w, t, h, s);
+        status = evaluate_at(r, w, p, event->nodes[k], sample(event, k));
         keep_inputs(r, k, w->at + r->n, w->at);
-        if (status == NCGEN_OK)
-            status = evaluate(r, t + s * h, w->at + r->n, w->at, sample(event, k));
     }
     return status;
 }
 
-/* Does condition k change its sign between two of the nodes on a part of the step? */
-static int find_by_samples(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, ncgen_scalar low, ncgen_scalar high,
-                           ncgen_walk *walk, int *found)
+/* The largest value of condition k at the nodes, or term of it. */
+static ncgen_scalar size_of(const ncgen_event *event, int k)
+{
+    ncgen_scalar size = 0;
+    for (int node = 0; node <= event->degree; ++node) {
+        const ncgen_scalar value = NCGEN_ABS(sample(event, node)[2 * k]), terms = sample(event, node)[2 * k + 1];
+        size = value > size ? value : size;
+        size = terms > size ? terms : size;
+    }
+    return size;
+}
+
+static ncgen_scalar noise_of(const ncgen_run *r, ncgen_scalar size)
+{
+    return (r->options->event->degree > 8 ? noise_of_14 : noise_of_8) * r->rounding * size;
+}
+
+/* Is condition k asked for, and known at samples only? */
+static int is_sampled(const ncgen_event *event, int k)
+{
+    const int is_load = k >= event->count - event->n_loads;
+    return event->coordinates[k] < 0 && event->directions[k] != OFF && (is_load || (event->sampled && event->sampled[k]));
+}
+
+/* Do the polynomials of sampled conditions tell their signs? Where they are wrong between the nodes, only those far from zero do. */
+static int compare(ncgen_run *r, ncgen_stepping *w, const part *p, int *are_right)
+{
+    const ncgen_event *event = r->options->event;
+    const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
+    ncgen_real *values = sample(event, event->degree + 1), *errors = sample(event, event->degree + 2);
+    int status = NCGEN_OK, some = 0;
+    *are_right = 1;
+    for (int k = 0; k < event->count; ++k) {
+        errors[k] = 0;
+        some |= is_sampled(event, k);
+    }
+    for (int i = 0; i < PLACES && some && status == NCGEN_OK; ++i) {
+        status = evaluate_at(r, w, p, between[i], values);
+        for (int k = 0; k < event->count && status == NCGEN_OK; ++k) {
+            if (!is_sampled(event, k))
+                continue;
+            const ncgen_scalar error = NCGEN_ABS(values[2 * k] - ncgen_polynomial_at(&basis, event->samples + 2 * k, 2 * event->count, between[i]));
+            errors[k] = error <= errors[k] ? errors[k] : error;
+        }
+    }
+    for (int k = 0; k < event->count && some && status == NCGEN_OK; ++k) {
+        const ncgen_scalar size = size_of(event, k);
+        if (!(errors[k] <= resolved * size + noise_of(r, size)))
+            *are_right &= ncgen_has_one_sign(&basis, event->samples + 2 * k, 2 * event->count, unseen * errors[k]);
+    }
+    return status;
+}
+
+/* Does condition k change its sign between two of the nodes from one share of the part to another? */
+static int find_by_samples(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar low, ncgen_scalar high, ncgen_walk *walk,
+                           int *found)
 {
     const ncgen_event *event = r->options->event;
     ncgen_real *values = sample(event, event->degree + 1);
     int status = NCGEN_OK;
     for (int node = 0; node <= event->degree && status == NCGEN_OK && !*found; ++node) {
         const ncgen_scalar s = low + (high - low) * event->nodes[node];
-        status = w->interpolate(r, w, t, h, s);
-        if (status == NCGEN_OK)
-            status = evaluate(r, t + s * h, w->at + r->n, w->at, values);
+        status = evaluate_at(r, w, p, s, values);
         *found = status == NCGEN_OK && ncgen_walk_to(walk, s, values[2 * k]);
     }
     return status;
 }
 
-/* Does condition k, which has a formula, happen within the step? Parts without bounds are sampled. */
-static int find_by_formula(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, ncgen_scalar size, ncgen_walk *walk,
-                           int *found)
+/* Does condition k, which has a formula, happen within the part? Shares of it without bounds are sampled. */
+static int find_by_formula(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar size, ncgen_walk *walk, int *found)
 {
     const ncgen_event *event = r->options->event;
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
-    const ncgen_formula_step step = {event->formulas, event->degree, r->rounding, t, h, r->p};
+    const ncgen_formula_step step = {event->formulas, event->degree, r->rounding, p->t + p->from * p->h, (p->to - p->from) * p->h,
+                                      r->p};
     ncgen_scalar reached = 0, unbounded = 1;
     int status = NCGEN_OK, parts = 0;
     *found = 0;
@@ -132,43 +217,37 @@ static int find_by_formula(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncge
         if (*found || !(reached < 1))
             break;
         event->formulas->sampled[k] = 1;
-        status = find_by_samples(r, w, t, h, k, reached, unbounded, walk, found);
+        status = find_by_samples(r, w, p, k, reached, unbounded, walk, found);
         reached = unbounded;
     }
     *found = status == NCGEN_OK && (*found || ncgen_walk_end(walk, sample(event, event->degree)[2 * k]));
     return status;
 }
 
-/* Does condition k happen within the step? Then between the shares *low and *high of it. */
-static int find(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, int *found, ncgen_scalar *low, ncgen_scalar *high)
+/* Does condition k happen within the part? Then between the shares *low and *high of it. */
+static int find(ncgen_run *r, ncgen_stepping *w, const part *p, int k, int *found, ncgen_scalar *low, ncgen_scalar *high)
 {
     const ncgen_event *event = r->options->event;
     const ncgen_basis basis = {event->degree, event->nodes, event->inverse};
     const ncgen_formulas *formulas = event->formulas;
-    ncgen_scalar size = 0;
-    for (int node = 0; node <= event->degree; ++node) {
-        const ncgen_scalar value = NCGEN_ABS(sample(event, node)[2 * k]), terms = sample(event, node)[2 * k + 1];
-        size = value > size ? value : size;
-        size = terms > size ? terms : size;
-    }
+    const ncgen_scalar size = size_of(event, k);
     if (r->constrained && formulas && formulas->first[k] < formulas->first[k + 1]) {
         const ncgen_real first = sample(event, 0)[2 * k];
         ncgen_walk walk = {event->directions[k], event->signs[k] ? event->signs[k] : (first > 0) - (first < 0), 0, 0, 0};
-        const int status = find_by_formula(r, w, t, h, k, size, &walk, found);
+        const int status = find_by_formula(r, w, p, k, size, &walk, found);
         event->signs[k] = walk.sign;
         *low = walk.at;
         *high = walk.next;
         return status;
     }
-    const ncgen_scalar noise = event->degree > 8 ? noise_of_14 : noise_of_8;
-    *found = ncgen_first_crossing(&basis, event->samples + 2 * k, 2 * event->count, noise * r->rounding * size, event->directions[k],
-                                  &event->signs[k], low, high);
+    *found = ncgen_first_crossing(&basis, event->samples + 2 * k, 2 * event->count, noise_of(r, size), event->directions[k], &event->signs[k],
+                                  low, high);
     return NCGEN_OK;
 }
 
-/* The share *s of the step, first the end of what it may be, at which condition k happens: Illinois' rule on the interpolant. */
-static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, ncgen_real at_low, ncgen_real at_high,
-                  ncgen_scalar low, ncgen_scalar *s)
+/* The share *s of the part, first the end of what it may be, at which condition k happens: Illinois' rule on the interpolant. */
+static int locate(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_real at_low, ncgen_real at_high, ncgen_scalar low,
+                  ncgen_scalar *s)
 {
     const ncgen_event *event = r->options->event;
     ncgen_real *values = sample(event, event->degree + 1);
@@ -176,7 +255,7 @@ static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar 
     int side = 0;
     for (int step = 0; step < 60 && high - low > 64 * r->rounding; ++step) {
         *s = low + (high - low) * (at_low / (at_low - at_high));
-        const int status = evaluate_inside(r, w, t, h, *s, values);
+        const int status = evaluate_inside(r, w, p, *s, values);
         if (status != NCGEN_OK || !(NCGEN_ABS(values[2 * k]) > 0))
             return status;
         const int beyond = (values[2 * k] > 0) == (at_high > 0);
@@ -197,25 +276,25 @@ static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar 
 
 /* The same between two shares; the state on the constraints may turn a little off the interpolant, and then it is the second one, or the
  * first one where the condition has come to zero or beyond already, as where a step begins at the very instant of an event. */
-static int locate_between(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, ncgen_scalar low, ncgen_scalar *s)
+static int locate_between(ncgen_run *r, ncgen_stepping *w, const part *p, int k, ncgen_scalar low, ncgen_scalar *s)
 {
     const ncgen_event *event = r->options->event;
     ncgen_real *values = sample(event, event->degree + 1);
     ncgen_real at_low = sample(event, 0)[2 * k], at_high = sample(event, event->degree)[2 * k];
     int status = NCGEN_OK;
     if (low > 0) {
-        status = evaluate_inside(r, w, t, h, low, values);
+        status = evaluate_inside(r, w, p, low, values);
         at_low = values[2 * k];
     }
     if (status == NCGEN_OK && *s < 1) {
-        status = evaluate_inside(r, w, t, h, *s, values);
+        status = evaluate_inside(r, w, p, *s, values);
         at_high = values[2 * k];
     }
     const int way = event->directions[k], is_there = !(NCGEN_ABS(at_low) > 0) || (at_low * way > 0 && at_high * way > 0);
     if (status == NCGEN_OK && is_there)
         *s = low;
     else if (status == NCGEN_OK && ((at_low < 0 && at_high > 0) || (at_low > 0 && at_high < 0)))
-        status = locate(r, w, t, h, k, at_low, at_high, low, s);
+        status = locate(r, w, p, k, at_low, at_high, low, s);
     return status;
 }
 
@@ -227,11 +306,12 @@ int ncgen_conditions_begin(ncgen_run *r, ncgen_scalar t)
     return evaluate(r, t, r->q, r->qd, sample(event, 0));
 }
 
-int ncgen_conditions_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int *happens, ncgen_scalar *s)
+/* The share *s of the part at which the first condition happens, and those that do; where none does, it is followed by the next part. */
+static int find_first(ncgen_run *r, ncgen_stepping *w, const part *p, int *happens, ncgen_scalar *s)
 {
     const ncgen_event *event = r->options->event;
     ncgen_real *shares = sample(event, event->degree + 2); /* of those that happen; 2 for others */
-    int status = evaluate_nodes(r, w, t, h);
+    int status = NCGEN_OK;
     make_polynomials(r);
     *s = 2;
     for (int k = 0; k < event->count && status == NCGEN_OK; ++k) {
@@ -240,10 +320,10 @@ int ncgen_conditions_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen
         if (event->directions[k] == OFF)
             continue;
         int found = 0;
-        status = find(r, w, t, h, k, &found, &low, &high);
+        status = find(r, w, p, k, &found, &low, &high);
         if (status != NCGEN_OK || !found || low > *s)
             continue;
-        status = locate_between(r, w, t, h, k, low, &high);
+        status = locate_between(r, w, p, k, low, &high);
         shares[k] = high;
         *s = high < *s ? high : *s;
     }
@@ -252,8 +332,31 @@ int ncgen_conditions_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen
         ncgen_copy(2 * event->count, sample(event, event->degree), sample(event, 0));
         return status;
     }
-    const ncgen_scalar same = same_instant * r->rounding * (1 + NCGEN_ABS(t) / h);
+    const ncgen_scalar same = same_instant * r->rounding * (1 + NCGEN_ABS(p->t) / ((p->to - p->from) * p->h));
     for (int k = 0; k < event->count; ++k)
         event->crossed[k] = shares[k] <= *s + same;
-    return ncgen_state_inside(r, w, t, h, *s);
+    *s = share_of(p, *s);
+    return status;
+}
+
+int ncgen_conditions_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int *happens, ncgen_scalar *s)
+{
+    int status = NCGEN_OK, place = 0, width = FINEST;
+    *happens = 0;
+    while (place < FINEST && status == NCGEN_OK && !*happens) {
+        const part p = {t, h, (ncgen_scalar)place / FINEST, (ncgen_scalar)(place + width) / FINEST};
+        int are_right = 1;
+        status = evaluate_nodes(r, w, &p);
+        if (status == NCGEN_OK && r->constrained && width > 1)
+            status = compare(r, w, &p, &are_right);
+        if (!are_right) {
+            width /= 2;
+            continue;
+        }
+        if (status == NCGEN_OK)
+            status = find_first(r, w, &p, happens, s);
+        for (place += width; width < FINEST && place % (2 * width) == 0;) /* the next part is as wide as its place allows */
+            width *= 2;
+    }
+    return *happens ? ncgen_state_inside(r, w, t, h, *s) : status;
 }

@@ -36,6 +36,7 @@ void ncgen_enter(const ncgen_driven *d, const ncgen_events *events, const ncgen_
     in->driven.model = mode->model;
     in->driven.dynamics = mode->dynamics;
     in->watched.count = events->count + mode->count;
+    in->watched.n_loads = mode->count;
     in->watched.function = mode->conditions;
     in->watched.directions = passage->directions;
     for (int k = 0; k < events->count; ++k)

@@ -62,8 +62,16 @@ class EventFunctions:
     @property
     def searches(self) -> tuple[Search, ...]:
         """How every condition is found; one that had no bounds on some part of the run is sampled."""
-        expected = self.kernels.remember("searches of events", (), self._searches)
-        return tuple("sampled" if sampled else each for each, sampled in zip(expected, self._sampled, strict=True))
+        return tuple("sampled" if sampled else each for each, sampled in zip(self._expected, self._sampled, strict=True))
+
+    @property
+    def _expected(self) -> tuple[Search, ...]:
+        return self.kernels.remember("searches of events", (), self._searches)
+
+    @property
+    def sampled(self) -> tuple[bool, ...]:
+        """Of every condition: True where it is neither such a polynomial nor has bounds."""
+        return tuple(each == "sampled" for each in self._expected)
 
     def _searches(self) -> tuple[Search, ...]:
         formulas = self._table.formulas
@@ -143,6 +151,7 @@ class EventFunctions:
         count = self.count + more
         coordinates, values = np.full(count, -1), np.zeros(count)
         directions, signs = np.append(directions, [-1] * more), np.append(signs, [1] * more)
+        sampled = np.array([*self.sampled, *([True] * more), *([False] if stop else [])], dtype=bool)
         if stop:
             coordinates, values = np.append(coordinates, stop.coordinate), np.append(values, stop.value)
             directions, signs = np.append(directions, stop.direction), np.append(signs, 0)
@@ -153,6 +162,7 @@ class EventFunctions:
             values=values,
             directions=directions,
             signs=signs,
+            sampled=sampled,
             function=address,
             degree=self.degree,
             formulas=formulas,
