@@ -186,11 +186,20 @@ def pressed() -> ncgen.Model:
     return m
 
 
+def shaken() -> ncgen.Model:
+    """A block at rest that slips at 20 Hz, in steps that are longer than the periods."""
+    m, u = sliding_block("shaken")
+    m.torque(u, 3.0 * sympy.sin(40 * math.pi * m.time) * (m.time / 2))
+    m.friction(u, coulomb=2.943)
+    m.simulation(duration=2.1)
+    return m
+
+
 MODELS = {
     "belt": belt, "oscillator": oscillator, "clutch": clutch, "slipping clutch": slipping_clutch, "gripped": gripped,
     "ratchet": lambda: winch(2.0), "ratchet driven back": lambda: winch(-3.0), "brake": brake, "freewheel": freewheel, "hit ratchet": hit,
     "winch": hoist, "guide": guide, "load that changes its sign": turning_load, "locked solid": solid, "teeth": teeth,
-    "pressed at the start": pressed,
+    "pressed at the start": pressed, "shaken": shaken,
 }  # fmt: skip
 
 

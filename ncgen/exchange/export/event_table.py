@@ -15,7 +15,7 @@ from ncgen.model.actions import Change, Impact, Locking, Stop
 from ncgen.model.events import Event
 from ncgen.model.values import Scalar, as_sympy
 from ncgen.program.ir.blocks import Program
-from ncgen.program.motions.condition_formulas import assemble_formulas
+from ncgen.program.motions.condition_formulas import FormulaTable, assemble_formulas
 from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.action_rows import ActionRow, Actions
 from ncgen.solver.events.conditions import degree_within_step, mentions_inputs
@@ -140,17 +140,31 @@ class EventTable:
         return any(friction.load is not None for friction in self.kernels.model.frictions.values())
 
     @cached_property
+    def _polynomial(self) -> list[bool]:
+        """Of every condition: True where it is a polynomial in time within a step."""
+        return [degree_within_step(when, self.kernels) is not None for _, when in self.conditions]
+
+    @cached_property
+    def _table(self) -> FormulaTable | None:
+        """Formulas that bound conditions which are no polynomials; None where there are none."""
+        pairs = zip(self.conditions, self._polynomial, strict=True)
+        bounded = [None if is_known or mentions_inputs(each[1], self.kernels) else each for each, is_known in pairs]
+        table = assemble_formulas(self.equations, bounded) if any(bounded) else None
+        return table if table and any(table.formulas) else None
+
+    @property
+    def _sampled(self) -> list[int]:
+        """Of every condition: 1 where it is no polynomial and has no formula."""
+        formulas = self._table.formulas if self._table else [()] * len(self.conditions)
+        return [int(not is_known and not formula) for is_known, formula in zip(self._polynomial, formulas, strict=True)]
+
+    @cached_property
     def _formulas(self) -> dict[str, object] | None:
-        """Tables and sizes of the formulas that bound conditions which are no polynomials; None where there are none."""
-        kernels, bounded = self.kernels, list[tuple[str, Scalar] | None]()
-        for each in self.conditions:
-            is_known = degree_within_step(each[1], kernels) or mentions_inputs(each[1], kernels)
-            bounded.append(None if is_known else each)
-        if not any(bounded):
+        """Tables of these formulas, and sizes."""
+        if not (table := self._table):
             return None
-        table = assemble_formulas(self.equations, bounded)
         integers, numbers, sizes = formula_arrays(table, len(self.conditions) + len(self.loads), self._filled.degree)
-        return {"integers": integers, "numbers": numbers, "sizes": sizes, "inputs": len(table.inputs)} if any(table.formulas) else None
+        return {"integers": integers, "numbers": numbers, "sizes": sizes, "inputs": len(table.inputs)}
 
     @cached_property
     def described(self) -> dict[str, object]:
@@ -175,6 +189,8 @@ class EventTable:
             "inverse": np.ravel(inverse).tolist(),
             "noise": actions.noise,
             "formulas": self._formulas,
+            "sampled": self._sampled,
+            "unknown": [int(not is_known) for is_known in self._polynomial],
             "ends": any(event.is_last for event in self.events),
         }
 

@@ -109,7 +109,11 @@ def _integers(package: Package) -> list[int]:
     orders = [package.elimination(pattern) for pattern in (kernels.phi_q_pattern, phi_q)]
     tables = [x for order in orders for x in (order.nonzeros, *(x for name in Elimination.ARRAYS for x in getattr(order, name)))]
     actions = [x for row in happening.get("rows", ()) for x in (row.event, KINDS.index(row.kind), row.place, row.value)]
-    sides = [*happening.get("directions", ()), *[-1] * (happening.get("count", 0) + happening.get("loads", 0))]
+    sides = [
+        *happening.get("directions", ()),
+        *[-1] * (happening.get("count", 0) + happening.get("loads", 0)),
+        *happening.get("unknown", ()),
+    ]
     return [*counts, *[0] * len(FUNCTIONS), *patterns, *tables, *sides, *actions, *_held_integers(package, happening)]
 
 

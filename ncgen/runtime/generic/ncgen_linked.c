@@ -182,6 +182,7 @@ static void read_events(const int *integers, const int *at)
     events.law = integers[LAW];
     events.directions = watched.directions = taken(&at, events.count);
     watched.coordinates = taken(&at, events.count + integers[LOADS]);
+    watched.sampled = taken(&at, events.count);
     events.actions = (const ncgen_action *)(const void *)taken(&at, ACTION_SIZE * events.n_actions);
     events.conditions = watched.function = at_velocity(integers, CONDITIONS);
     events.slopes = at_velocity(integers, SLOPES);

@@ -176,12 +176,12 @@ static int compare(ncgen_run *r, ncgen_stepping *w, const part *p, int *are_righ
             if (!is_sampled(event, k))
                 continue;
             const ncgen_scalar error = NCGEN_ABS(values[2 * k] - ncgen_polynomial_at(&basis, event->samples + 2 * k, 2 * event->count, between[i]));
-            errors[k] = error <= errors[k] ? errors[k] : error;
+            errors[k] = error > errors[k] ? error : errors[k];
         }
     }
     for (int k = 0; k < event->count && some && status == NCGEN_OK; ++k) {
         const ncgen_scalar size = size_of(event, k);
-        if (!(errors[k] <= resolved * size + noise_of(r, size)))
+        if (errors[k] > resolved * size + noise_of(r, size))
             *are_right &= ncgen_has_one_sign(&basis, event->samples + 2 * k, 2 * event->count, unseen * errors[k]);
     }
     return status;
