@@ -161,8 +161,7 @@ static int find_power(ncgen_run *r, ncgen_scalar t, const ncgen_real *qd, const 
     return NCGEN_OK;
 }
 
-/* qd, zdd, power and amplification at r->q for the speeds zd, with the model's kernels; the factors of Phi_q^d, R, M R and
- * the reduced mass matrix stay. */
+/* qd, zdd, power and amplification at r->q for the speeds zd, by the model's kernels; factors of Phi_q^d, R, M R and reduced mass stay. */
 int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
 {
     ncgen_partitioning *w = r->partitioning;
