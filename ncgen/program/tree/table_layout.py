@@ -29,13 +29,12 @@ def tables_of(tree: OpenTree) -> TreeTables:
     per_link = np.bincount(tree.home, minlength=len(links)) if tree.home else np.zeros(len(links), dtype=int)
     members = [_members(tree, link) for link in links]
     meters = {k: number for number, (k, _) in enumerate(tree.measured.values())}
-    own = _closing(tree)
+    own, products = _closing(tree)
     counts = {
         "n_links": len(links), "n_screws": len(tree.screws), "n_elements": len(tree.elements), "n_fixed": len(tree.fixed),
         "n_measured": len(tree.measured), "n_rotors": len(tree.rotors),
         "n_groups": len(tree.coupled.carriers),
-        "most_rows": max(map(len, tree.closes)), "most_unknowns": max(map(len, tree.unknowns)),
-        "most_members": max(map(len, members)),
+        "most_rows": max(map(len, tree.closes)), "most_members": max(map(len, members)),
     }  # fmt: skip
     indices = {
         "parent": [-1 if link.parent is None else link.parent for link in tree.tree.links],
@@ -63,9 +62,10 @@ def tables_of(tree: OpenTree) -> TreeTables:
         "row_start": _starts([len(rows) for rows in tree.closes]),
         "rows": _flat(tree.closes),
         "own_start": _starts([len(entries) for entries in own]),
-        "own": [s for entries in own for s in entries],
-        "own_place": [place for entries in own for place in entries.values()],
-        "widths": [len(unknowns) for unknowns in tree.unknowns],
+        "own": _flat(own),
+        "entry_start": _starts([len(rows) * (len(rows) + 1) // 2 for rows in tree.closes]),
+        "product_start": _starts([len(terms) for terms in products]),
+        "products": _flat([pair for terms in products for pair in terms]),
     }
     numbers = {
         "weights": [weight for terms in tree.terms for weight, _ in terms],
@@ -100,15 +100,16 @@ def _place(members: Sequence[int | None], element: int) -> int:
     return members.index(element) if element in members else len(members)
 
 
-def _closing(tree: OpenTree) -> list[dict[int, int]]:
-    """Of every row, link by link, the entries of Φ_q that belong to coordinates of its link, each with its coordinate's number there."""
-    place = {c: k for unknowns in tree.unknowns for k, c in enumerate(unknowns)}
-    starts = tree.pattern.indptr
-    return [
-        {starts[r] + k: place[c] for k, c in enumerate(tree.rows[r]) if tree.group[c] == link}
-        for link, rows in enumerate(tree.closes)
-        for r in rows
-    ]
+def _closing(tree: OpenTree) -> tuple[list[list[int]], list[list[tuple[int, int]]]]:
+    """Of every row, link by link, the entries of Φ_q that belong to coordinates of its link, and of every product of two rows of a link,
+    below the diagonal and on it, the pairs of entries that it consists of."""
+    own: list[list[int]] = []
+    products: list[list[tuple[int, int]]] = []
+    for link, rows in enumerate(tree.closes):
+        entries = [{c: tree.pattern.indptr[r] + k for k, c in enumerate(tree.rows[r]) if tree.group[c] == link} for r in rows]
+        own += [list(each.values()) for each in entries]
+        products += [[(s, other[c]) for c, s in one.items() if c in other] for i, one in enumerate(entries) for other in entries[: i + 1]]
+    return own, products
 
 
 def _starts(lengths: Sequence[int]) -> list[int]:

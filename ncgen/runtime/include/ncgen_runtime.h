@@ -79,7 +79,7 @@ typedef struct ncgen_motion {
  * the position link by link: none of them has coordinates of later links. */
 typedef struct ncgen_tree {
     int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors, n_groups;
-    int most_rows, most_unknowns, most_members; /* of a link */
+    int most_rows, most_members;   /* of a link */
     const int *parent;             /* of a link; -1: the ground */
     const int *reference;          /* 3 components of a point of each link */
     const int *screw_start;        /* n_links + 1 */
@@ -111,9 +111,10 @@ typedef struct ncgen_tree {
     const int *rotors;             /* 2 of each inertia along a measured coordinate: its screw, number of its value in the mass matrix */
     const ncgen_scalar *gears;     /* ratios squared */
     const int *row_start, *rows;   /* n_links + 1: the rows that close a link */
-    const int *widths;             /* of a link: how many coordinates close with it */
     const int *own_start, *own;    /* of the rows in this order, one more: entries of Phi_q of the link's own coordinates */
-    const int *own_place;          /* of such an entry: the number of its coordinate there */
+    const int *entry_start;        /* n_links: where its products of two rows begin, below the diagonal and on it */
+    const int *product_start;      /* of such a product, one more */
+    const int *products;           /* 2 of each term: entries of Phi_q */
     const ncgen_scalar *fixed;     /* values of the fixed components */
 } ncgen_tree;
 

@@ -16,76 +16,63 @@ NCGEN_SHORT_LOOPS static void find_right(const ncgen_run *r, ncgen_tree_work *w,
     }
 }
 
-static inline void add_row(const int stride, ncgen_real factor, const ncgen_real *NCGEN_RESTRICT row, ncgen_real *NCGEN_RESTRICT sum)
-{
-    for (int k = 0; k < stride; ++k)
-        sum[k] += factor * row[k];
-}
-
-/* The products of the rows of a link, in w->gram; these rows stand in w->dense as columns, of which each takes `stride` numbers. */
-static inline void multiply_rows(const int stride, const ncgen_tree_work *w, int link)
+/* The products of the rows of a link, below the diagonal and on it, in w->gram. */
+NCGEN_SHORT_LOOPS static void multiply_rows(ncgen_tree_work *w, int link, int count)
 {
     const ncgen_tree *tree = w->tree;
-    const int first = tree->row_start[link], count = tree->row_start[link + 1] - first, width = tree->widths[link];
-    for (int j = 0; j < width * stride; ++j)
-        w->dense[j] = 0;
+    int entry = tree->entry_start[link];
     for (int i = 0; i < count; ++i)
-        for (int k = tree->own_start[first + i]; k < tree->own_start[first + i + 1]; ++k)
-            w->dense[tree->own_place[k] * stride + i] = w->scaled[tree->own[k]];
-    for (int i = 0; i < count; ++i) {
-        ncgen_real *products = w->gram + i * stride;
-        for (int k = 0; k < stride; ++k)
-            products[k] = 0;
-        for (int c = 0; c < width; ++c)
-            add_row(stride, w->dense[c * stride + i], w->dense + c * stride, products);
-    }
+        for (int j = 0; j <= i; ++j, ++entry) {
+            ncgen_real sum = 0;
+            for (int s = tree->product_start[entry]; s < tree->product_start[entry + 1]; ++s)
+                sum += w->scaled[tree->products[2 * s]] * w->scaled[tree->products[2 * s + 1]];
+            w->gram[i * count + j] = sum;
+        }
 }
 
-/* Gaussian elimination of a symmetric matrix, and x in place of the right side. A row that those before it imply is left out. */
-static inline void solve(const int stride, int count, ncgen_scalar rounding, ncgen_real *a, ncgen_real *right, ncgen_real *pivot)
+/* L D L' x = right, row by row: of a row above only what is eliminated already is read. A row that those before it imply is left out. */
+NCGEN_SHORT_LOOPS static void solve(int count, ncgen_scalar rounding, ncgen_real *a, ncgen_real *right, ncgen_real *pivot)
 {
-    for (int i = 0; i < count; ++i)
-        pivot[i] = 1000 * rounding * a[i * stride + i];
     for (int i = 0; i < count; ++i) {
-        const ncgen_real *own = a + i * stride;
-        const int is_implied = !(own[i] > pivot[i]);
-        pivot[i] = is_implied ? 0 : 1 / own[i]; /* 0: nothing is taken from others, and it moves nothing */
-        right[i] = is_implied ? 0 : right[i];
-        for (int j = i + 1; j < count; ++j) {
-            const ncgen_real share = pivot[i] * own[j];
-            add_row(stride, -share, own, a + j * stride);
-            right[j] -= share * right[i];
+        ncgen_real *own = a + i * count;
+        const ncgen_real size = own[i];
+        for (int k = 0; k < i; ++k) {
+            const ncgen_real *before = a + k * count;
+            ncgen_real sum = own[k];
+            for (int j = 0; j < k; ++j)
+                sum -= own[j] * before[j];
+            own[k] = sum;
         }
+        ncgen_real rest = size, known = right[i];
+        for (int k = 0; k < i; ++k) {
+            const ncgen_real share = own[k] * pivot[k];
+            rest -= share * own[k];
+            known -= share * right[k];
+            own[k] = share;
+        }
+        const int is_implied = !(rest > 1000 * rounding * size);
+        for (int k = 0; is_implied && k < i; ++k)
+            own[k] = 0;
+        pivot[i] = is_implied ? 0 : 1 / rest; /* 0: nothing is taken from others, and it moves nothing */
+        right[i] = is_implied ? 0 : known;
     }
     for (int i = count - 1; i >= 0; --i) {
-        ncgen_real x = right[i];
+        ncgen_real x = right[i] * pivot[i];
         for (int k = i + 1; k < count; ++k)
-            x -= a[i * stride + k] * right[k];
-        right[i] = x * pivot[i];
+            x -= a[k * count + i] * right[k];
+        right[i] = x;
     }
 }
 
-static inline void solve_link(const int stride, const ncgen_run *r, ncgen_tree_work *w, int link)
-{
-    const ncgen_tree *tree = w->tree;
-    multiply_rows(stride, w, link);
-    solve(stride, tree->row_start[link + 1] - tree->row_start[link], r->rounding, w->gram, w->right, w->right + tree->most_rows);
-}
-
-/* The smallest change, in natural sizes, of a link's coordinates that closes its rows, the others' changes being known. Most links have at
- * most 8 rows, nearly all 16: with as many numbers a row the compiler takes vectors. */
-static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, ncgen_real *step)
+/* The smallest change, in natural sizes, of a link's coordinates that closes its rows, the others' changes being known. */
+NCGEN_SHORT_LOOPS static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, ncgen_real *step)
 {
     const ncgen_tree *tree = w->tree;
     const int *indices = r->model->phi_q_pattern.indices;
     const int first = tree->row_start[link], count = tree->row_start[link + 1] - first;
     find_right(r, w, link, phi, step);
-    if (count <= 8)
-        solve_link(8, r, w, link);
-    else if (count <= 16)
-        solve_link(16, r, w, link);
-    else
-        solve_link(count, r, w, link);
+    multiply_rows(w, link, count);
+    solve(count, r->rounding, w->gram, w->right, w->right + tree->most_rows);
     for (int i = 0; i < count; ++i)
         for (int k = tree->own_start[first + i]; k < tree->own_start[first + i + 1]; ++k) {
             const int s = tree->own[k], c = indices[s];

@@ -11,7 +11,6 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     const ncgen_tree *tree = r->dynamics->tree;
     ncgen_space *space = &r->space;
     const int n_all = r->n + tree->n_fixed, n_values = ncgen_nonzeros(&r->model->phi_q_pattern);
-    const int most_rows = tree->most_rows > 16 ? tree->most_rows : 16; /* see close_link */
     ncgen_real *links = take_records(space, tree->n_links + 1, sizeof(ncgen_tree_link));
     w->tree = tree;
     w->mass_is_there = w->is_factored = w->is_regular = 0;
@@ -31,8 +30,7 @@ void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w)
     w->inertial = ncgen_take(space, r->n);
     w->jacobian = ncgen_take(space, n_values);
     w->scaled = ncgen_take(space, n_values);
-    w->gram = ncgen_take(space, tree->most_rows * most_rows);
-    w->dense = ncgen_take(space, tree->most_unknowns * most_rows);
+    w->gram = ncgen_take(space, tree->most_rows * tree->most_rows);
     w->right = ncgen_take(space, 2 * tree->most_rows);
 }
 

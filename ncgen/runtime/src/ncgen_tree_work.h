@@ -87,7 +87,6 @@ typedef struct ncgen_tree_work {
     ncgen_real *jacobian;        /* values of Phi_q */
     ncgen_real *scaled;          /* ... in natural sizes of the coordinates */
     ncgen_real *gram, *right;    /* of the rows that close a link */
-    ncgen_real *dense;           /* these rows over its own coordinates */
 } ncgen_tree_work;
 
 static const ncgen_real ncgen_nothing[6] = {0, 0, 0, 0, 0, 0};
