@@ -39,7 +39,7 @@ class Active:
         integers |= {name: np.zeros(len(kinds), dtype=np.intc) for name in MASKS}
         for name in MASKS:
             setattr(self, name, integers[name])
-        self._integers, self._loads = integers, np.zeros(4 * len(kinds))
+        self._integers, self._loads = integers, np.zeros(4 * len(kinds) + 2)  # and of what slides
         members = {name: pointer(self._ffi, array, "int[]") for name, array in integers.items()}
         self._struct: InC = self._ffi.new("ncgen_active *", members | {"count": len(kinds), "loads": pointer(self._ffi, self._loads)})
 
@@ -74,3 +74,8 @@ class Active:
 def is_still(velocity: float, terms: float, drift: float = 0.0) -> bool:
     """Whether something does not move, but for rounding, whose velocity consists of terms and a drift."""
     return bool(runtime_of("double", "events").ncgen_is_still(velocity, terms, drift))
+
+
+def leaves_none(mobility: float, whole: float) -> bool:
+    """Whether nothing can move along a direction of whose mobility with nothing held, `whole`, this is left."""
+    return bool(runtime_of("double", "events").ncgen_is_blocked(mobility, whole))
