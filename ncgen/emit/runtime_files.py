@@ -124,7 +124,7 @@ def formula_names() -> tuple[str, ...]:
 
 def event_names() -> tuple[str, ...]:
     """The files of the library that say what happens at an instant of events, whatever it is of."""
-    return _part("ncgen_active.c", "ncgen_chain.c", "ncgen_impulses.c")
+    return _part("ncgen_active.c", "ncgen_chain.c", "ncgen_impulses.c", "ncgen_rates.c")
 
 
 def _part(*sources: str, defined: Sequence[str] = ()) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime_library import interface_of, runtime_of
 from ncgen.toolchain.abi import InC
 
-Kind = Literal["NCGEN_A_GAP", "NCGEN_A_RUBBING_GAP", "NCGEN_A_JOINT", "NCGEN_A_CONTACT", "NCGEN_A_RATCHET"]
+Kind = Literal["NCGEN_HOLDS_GAP", "NCGEN_HOLDS_RUBBING_GAP", "NCGEN_HOLDS_JOINT", "NCGEN_HOLDS_CONTACT", "NCGEN_HOLDS_RATCHET"]
 
 MASKS = ("before", "happened", "rests", "closed", "still", "wanted", "released")
 

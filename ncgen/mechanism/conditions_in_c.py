@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from decimal import Decimal, localcontext
 from fractions import Fraction
 from functools import cache
+from itertools import accumulate
 from math import comb, cos, pi
 
 import numpy as np
@@ -16,6 +18,9 @@ from ncgen.toolchain.abi import InC, Interface, Number
 
 LINEAR, QUADRATIC = 8, 14
 """Degrees of the polynomials in time that conditions are within a step: interpolants have degree 7 at most, products of two of them 14."""
+
+PI = Decimal("3.14159265358979323846264338327950288419716939937511")
+"""π, more digits than a double has."""
 
 UNWATCHED = 2
 """The direction of a condition that is not asked for."""
@@ -92,21 +97,12 @@ class _FormulasInC:
 
     def __init__(self, conditions: Conditions, ffi: Interface, number: Number) -> None:
         assert conditions.formulas
-        self._formulas, table, degree = conditions.formulas, conditions.formulas.table, conditions.degree
-        lengths = [len(each) for each in table.formulas]
-        lengths += [0] * (len(conditions.coordinates) - len(lengths))
-        operations = [part for formula in table.formulas for operation in formula for part in operation]
-        self._sampled = np.zeros(len(lengths), dtype=np.intc)
-        integers = {"first": np.cumsum([0, *lengths]), "operations": operations, "inputs": table.inputs or (0,)}
-        numbers = {
-            "numbers": table.numbers or (0.0,),
-            "through": chebyshev(degree),
-            "cosines": [cos(pi * k / degree) for k in range(2 * degree)],
-            "values": np.zeros(max(2 * (degree + 1) * len(table.inputs), 1)),
-            "workspace": np.zeros(16 * max(lengths)),
-        }
+        self._formulas, table, count = conditions.formulas, conditions.formulas.table, len(conditions.coordinates)
+        self._sampled = np.zeros(count, dtype=np.intc)
+        integers, numbers, sizes = formula_arrays(table, count, conditions.degree)
         self._arrays = {name: np.array(a, dtype=np.intc) for name, a in integers.items()}
         self._arrays |= {name: np.array(a, dtype=number.dtype) for name, a in numbers.items()}
+        self._arrays |= {name: np.zeros(size, dtype=number.dtype) for name, size in sizes.items()}
         members = {name: pointer(ffi, a, "int[]" if name in integers else number.array) for name, a in self._arrays.items()}
         members["walk"] = ffi.cast("ncgen_formula_walker *", formula_walker(number.name))
         members |= {"n_inputs": len(table.inputs), "sampled": pointer(ffi, self._sampled, "int[]")}
@@ -117,11 +113,37 @@ class _FormulasInC:
         self._formulas.sampled[:] |= self._sampled[:count] > 0
 
 
+def formula_arrays(table: FormulaTable, count: int, degree: int) -> tuple[dict[str, list[int]], dict[str, list[float]], dict[str, int]]:
+    """Members of `ncgen_formulas` for some conditions: whole numbers, numbers, and the sizes of workspaces.
+
+    count: conditions, those behind the table's having no formulas; degree: LINEAR or QUADRATIC
+    """
+    lengths = [*map(len, table.formulas), *[0] * (count - len(table.formulas))]
+    operations = [part for formula in table.formulas for operation in formula for part in operation]
+    integers = {"first": np.cumsum([0, *lengths]).tolist(), "operations": operations, "inputs": [*table.inputs] or [0]}
+    numbers = {"numbers": [*table.numbers] or [0.0], "through": np.ravel(chebyshev(degree)).tolist(), "cosines": cosines(degree)}
+    return integers, numbers, {"values": max(2 * (degree + 1) * len(table.inputs), 1), "workspace": 16 * max(lengths)}
+
+
 @cache
 def chebyshev(degree: int) -> np.ndarray:
     """The matrix (degree + 1, degree + 1) from values at the nodes of `basis` to coefficients in Chebyshev's basis."""
-    nodes, _ = basis(degree)
-    return np.linalg.inv(np.polynomial.chebyshev.chebvander(2 * nodes - 1, degree))
+    rows = []
+    for s in _nodes(degree):
+        polynomials = [Fraction(1), 2 * s - 1]
+        while len(polynomials) <= degree:
+            polynomials.append(2 * (2 * s - 1) * polynomials[-1] - polynomials[-2])
+        rows.append(polynomials)
+    return _inverse(rows)
+
+
+@cache
+def cosines(degree: int) -> list[float]:
+    """cos(π k/degree) for k = 0 … 2 degree − 1, by the same digits on every machine."""
+    with localcontext() as context:
+        context.prec = 50
+        squares = [(PI * k / degree) ** 2 for k in range(2 * degree)]
+        return [float(sum(accumulate(range(1, 40), lambda term, j, x=x: -term * x / ((2 * j - 1) * 2 * j), initial=1))) for x in squares]
 
 
 @cache
@@ -130,20 +152,26 @@ def basis(degree: int) -> tuple[np.ndarray, np.ndarray]:
 
     Even shares; for the higher degree those of Chebyshev, with which rounding grows by 11,700 at most instead of 165,000.
     """
-    n = degree
-    nodes = [Fraction(k, n) for k in range(n + 1)]
-    if n > LINEAR:
-        nodes = [Fraction(round((1 - cos(pi * k / n)) / 2 * 2**20), 2**20) for k in range(n + 1)]
-    rows = [
-        [comb(n, k) * s**k * (1 - s) ** (n - k) for k in range(n + 1)] + [Fraction(j == i) for j in range(n + 1)]
-        for i, s in enumerate(nodes)
-    ]
-    for column in range(n + 1):
-        pivot = next(r for r in range(column, n + 1) if rows[r][column])
+    n, nodes = degree, _nodes(degree)
+    inverse = _inverse([[comb(n, k) * s**k * (1 - s) ** (n - k) for k in range(n + 1)] for s in nodes])
+    return np.array([float(s) for s in nodes]), inverse
+
+
+def _nodes(degree: int) -> list[Fraction]:
+    if degree <= LINEAR:
+        return [Fraction(k, degree) for k in range(degree + 1)]
+    return [Fraction(round((1 - cos(pi * k / degree)) / 2 * 2**20), 2**20) for k in range(degree + 1)]
+
+
+def _inverse(matrix: list[list[Fraction]]) -> np.ndarray:
+    """By exact numbers, rounded at the end."""
+    n = len(matrix)
+    rows = [[*row, *(Fraction(j == i) for j in range(n))] for i, row in enumerate(matrix)]
+    for column in range(n):
+        pivot = next(r for r in range(column, n) if rows[r][column])
         rows[column], rows[pivot] = rows[pivot], rows[column]
         rows[column] = [x / rows[column][column] for x in rows[column]]
-        for r in range(n + 1):
+        for r in range(n):
             if r != column and (factor := rows[r][column]):
                 rows[r] = [x - factor * y for x, y in zip(rows[r], rows[column], strict=True)]
-    inverse = [[float(x) for x in row[n + 1 :]] for row in rows]
-    return np.array([float(s) for s in nodes]), np.array(inverse)
+    return np.array([[float(x) for x in row[n:]] for row in rows])

@@ -191,7 +191,7 @@ class EventRuns:
             "stopped": self._at(self._stopped), "workspace": self._reals(np.zeros(workspace)), "mode": self._at(self._mode),
             "directions": self._ints(np.zeros(table.most_watched)), "wanted": self._at(self._wanted),
             "room": self._reals(np.zeros(2 * self._n + 2 * table.most_watched)), "log": self._log,
-            "flags": self._ints(np.zeros(3 * len(table.held[0]) if table.held else 1)),
+            "flags": self._ints(np.zeros(self._library.ncgen_held_integers(len(table.held[0]) if table.held else 0))),
         }  # fmt: skip
 
     def _room_of(self, motions: MotionRows) -> dict[str, Any]:

@@ -75,6 +75,7 @@ HEADERS_OF_FUNCTIONS = (
     "ncgen_impulses.h",
     "ncgen_chain.h",
     "ncgen_active.h",
+    "ncgen_rates.h",
 )
 """What declares the functions that Python calls."""
 

@@ -1,7 +1,7 @@
 """The runtime in WebAssembly, made once and kept in the package: with the generic kernels, for a mechanism that a table describes, and
-alone, for the linked kernels of an exported mechanism.
+alone, for the linked kernels of an exported mechanism, with events or without.
 
-python -m ncgen.toolchain.generic_wasm      make both files anew from the sources, by the package ziglang
+python -m ncgen.toolchain.generic_wasm      make the files anew from the sources, by the package ziglang
 """
 
 from __future__ import annotations
@@ -51,7 +51,12 @@ LINKED = Module(
     lambda: runtime_files(*HEADERS),
     ("-Os", "-Wl,--export-table", "-Wl,--growable-table", "-Wl,--export=__heap_base"),
 )
-NAMES = {GENERIC: "ncgen_generic", LINKED: "ncgen_linked"}
+PLAIN = LINKED._replace(
+    runtime=("ncgen_breaks.c",), others=lambda: runtime_files(*HEADERS, "ncgen_held.h", "ncgen_modes.h", "ncgen_no_events.c")
+)
+"""For mechanisms without events, which do without a third of the module."""
+
+NAMES = {GENERIC: "ncgen_generic", LINKED: "ncgen_linked", PLAIN: "ncgen_linked_plain"}
 
 FILE = GENERIC.file
 
@@ -77,7 +82,7 @@ def exported(module: Module = GENERIC) -> list[str]:
 
 
 def digest() -> bytes:
-    """What the sources of both files, the compiler and its flags are, in 32 bytes that the files end with."""
+    """What the sources of the files, the compiler and its flags are, in 32 bytes that the files end with."""
     texts = [COMPILER, *FLAGS, *MACROS]
     for module in NAMES:
         texts += [*module.flags, *(part for pair in sorted(sources(module).items()) for part in pair)]

@@ -11,6 +11,7 @@ from test_contacts import RADIUS, G, velocity
 from test_lock_gradients import GIVEN, check_sweep, differences_of, slopes_of
 
 import ncgen
+from examples.contacts import woodpecker
 
 TAN = 0.05
 
@@ -141,18 +142,42 @@ def test_what_has_no_derivative():
     limit = 3.5 * 0.2 * 1.5 * math.sqrt(1.8 * G)
     with pytest.raises(ncgen.ModelError, match=r"the event floor, which at t = 0.428352937 s is at the limit between sticking and sliding"):
         ncgen.sensitivities(kernels, 0.6, 6, by=["mu"], qd0=velocity(0.0, limit / RADIUS), **GIVEN)
+    kernels = in_space(push=lambda t: (10 * t, 0, 0))
+    with pytest.raises(
+        ncgen.ModelError, match=r"floor, which at t = 0.6867[0-9]* s begins to slide in space, where friction has no direction"
+    ):
+        ncgen.sensitivities(kernels, 1.0, 10, by=["mu"], **GIVEN)
+
+
+def in_space(push=None):
+    """A homogeneous sphere of 1 kg on the ground in space."""
     m = ncgen.Model("ball")
     up, O, C = m.vector("up", (0, 0, 1), fixed=True), m.point("O", (0, 0, 0), fixed=True), m.point("C", (0, 0, RADIUS))
     body = m.body("ball", [C], [m.vector("u", (1, 0, 0)), m.vector("v", (0, 1, 0))], mass=1.0, inertia=[0.4 * RADIUS**2] * 3)
     m.gravity((0, 0, -G))
-    m.contact("floor", body, C, m.ground, O, radius=RADIUS, normal=up, friction=0.2)
-    kernels, start = ncgen.compile(m), {"C.x": 1.0, "C.y": 0.0, "C.z": 0.0, "u.z": 0.0}
-    with pytest.raises(
-        ncgen.ModelError, match=r"floor, which at t = 0.1456[0-9]* s comes to rest in space, where friction has no direction"
-    ):
-        ncgen.sensitivities(kernels, 0.3, 6, by=["rate(C.x)"], qd0=start, **GIVEN)
-    found = ncgen.sensitivities(kernels, 0.1, 6, by=["rate(C.x)"], qd0=start, **GIVEN)
-    assert found.q_by[-1, kernels.index["C.x"]] == pytest.approx(0.1, rel=1e-12)
+    if push:
+        m.force(C, push(m.time))
+    m.contact("floor", body, C, m.ground, O, radius=RADIUS, normal=up, friction=m.parameter("mu", 0.2))
+    return ncgen.compile(m)
+
+
+def test_a_sphere_in_space_slides_and_rolls():
+    """Spun about x as it moves along x and y: friction has one direction, of the sliding velocity w, until |w| = 7/2 μ g t."""
+    kernels, spin, by = in_space(), 20.0, ["mu", "rate(C.x)", "rate(C.y)"]
+    start = dict.fromkeys(kernels.coordinates, 0.0) | {"C.x": 3.0, "C.y": 1.0, "v.z": spin}
+    found = ncgen.sensitivities(kernels, 1.5, 15, by=by, qd0=start, **GIVEN)
+
+    def end(mu, x, y):
+        v, w = np.array([x, y]), np.array([x, y + RADIUS * spin])
+        size = np.sqrt(w @ w)
+        t, rolls = 2 * size / (7 * mu * G), v - 2 / 7 * w
+        return np.concatenate([[t], v * t - mu * G * w / size * t**2 / 2 + rolls * (1.5 - t), rolls])
+
+    places, sticks = [kernels.index["C.x"], kernels.index["C.y"]], found.events[-1]
+    assert sticks.what == "sticks"
+    mine = np.vstack([sticks.t_by, found.q_by[-1][places], found.qd_by[-1][places]])
+    assert mine == pytest.approx(slopes_of(end, [0.2, 3.0, 1.0]), rel=1e-9, abs=1e-9)
+    check_sweep(kernels, 1.5, 15, found, by, qd0=start, **GIVEN)
 
 
 def guided():
@@ -248,3 +273,48 @@ def test_a_double_pendulum_that_slides_on_the_ground():
     mine = np.vstack([found.q_by[-1], found.qd_by[-1], [found.events[0].t_by]])
     assert mine == pytest.approx(differences_of(everything, at), rel=1e-6, abs=1e-6)
     check_sweep(kernels, 0.5, 5, found, list(at), **GIVEN)
+
+
+@pytest.mark.slow
+def test_a_woodpecker():
+    """Through twelve events of Glocker's toy: it sticks, slips, leaves, and hits with its beak; all of it by differences of runs."""
+    model, velocities = woodpecker()
+    kernels, by = ncgen.compile(model), ["rate(y.x)", "rate(b.x)"]
+    found = ncgen.sensitivities(kernels, 0.125, 20, by=by, qd0=velocities, **GIVEN)
+    assert len(found.events) == 12 and {each.what for each in found.events} == {"", "rests", "sticks", "slips", "leaves"}
+    start = {name: velocities[name] for name in ("y.x", "a.x", "b.x")}
+
+    def everything(values):
+        given = start | {name[len("rate(") : -1]: value for name, value in values.items()}
+        run = ncgen.simulate(kernels, 0.125, rtol=1e-12, zd0=given)
+        return np.concatenate([run.q[-1], run.qd[-1], [each.t for each in run.events]])
+
+    mine = np.vstack([found.q_by[-1], found.qd_by[-1], [each.t_by for each in found.events]])
+    assert mine == pytest.approx(differences_of(everything, {name: start[name[5:-1]] for name in by}), rel=1e-6, abs=1e-7)
+    check_sweep(kernels, 0.125, 20, found, by, qd0=velocities, **GIVEN)
+
+
+def test_a_point_that_slides_sticks_and_is_pushed_on():
+    """A particle on the ground: it stops at v/(μ g), sticks, and leaves its place where p t = μ m g; steps of rk4 and of others."""
+    m = ncgen.Model("particle")
+    up, O, P = m.vector("up", (0, 1), fixed=True), m.point("O", (0, 0), fixed=True), m.point("P", (0, 0))
+    mu, p = m.parameter("mu", 0.2), m.parameter("p", 1.5)
+    body = m.body("particle", [P], mass=1.0)
+    m.gravity((0, -G))
+    on = m.input("on")
+    m.force(P, (on * p * m.time, 0))
+    m.event("push", when=1.0 - m.time, do={"on": 1.0})
+    m.contact("floor", body, P, m.ground, O, normal=up, friction=mu)
+    kernels, by = ncgen.compile(m), ["mu", "p", "rate(P.x)"]
+
+    def end(mu, p, v):
+        most = mu * G
+        goes = most / p
+        place = v**2 / (2 * most) + p * (8 - goes**3) / 6 - p * goes**2 / 2 * (2 - goes) - most * (2 - goes) ** 2 / 2
+        return np.array([v / most, goes, place])
+
+    for given in ({}, GIVEN):
+        found = ncgen.sensitivities(kernels, 2.0, 20, by=by, qd0={"P.x": 1.0, "P.y": 0.0}, **given)
+        sticks, slips = (next(each for each in found.events if each.what == what) for what in ("sticks", "slips"))
+        mine = np.vstack([sticks.t_by, slips.t_by, found.q_by[-1, kernels.index["P.x"]]])
+        assert mine == pytest.approx(slopes_of(end, [0.2, 1.5, 1.0]), rel=1e-9, abs=1e-9)

@@ -8,6 +8,7 @@ from sliding import sliding_block
 from test_locks import two_discs
 
 import ncgen
+from examples.winch import winch
 
 GIVEN = {"integrator": "dop853", "rtol": 1e-11}
 
@@ -152,3 +153,19 @@ def test_a_four_bar_that_is_locked_and_held_by_a_ratchet():
     mine = np.vstack([found.q_by[-1], found.qd_by[-1], [each.t_by for each in found.events]])
     assert mine == pytest.approx(differences_of(everything, at), rel=1e-6, abs=1e-7)
     check_sweep(kernels, 1.4, 14, found, list(at), zd0={"psi": -3.0}, **GIVEN)
+
+
+@pytest.mark.slow
+def test_the_winch():
+    """Clutch, ratchet and brake by the torque with which the motor begins; differences of runs."""
+    model, velocities = winch()
+    kernels = ncgen.compile(model)
+    found = ncgen.sensitivities(kernels, 3.2, 16, by=["torque"], qd0=velocities, **GIVEN)
+
+    def everything(values):
+        run = ncgen.simulate(kernels, 3.2, rtol=1e-12, qd0=velocities, p=values)
+        return np.concatenate([run.q[-1], run.qd[-1], [each.t for each in run.events]])
+
+    mine = np.vstack([found.q_by[-1], found.qd_by[-1], [each.t_by for each in found.events]])
+    assert {each.what for each in found.events} == {"", "sticks", "slips", "locks", "frees", "catches", "releases"}
+    assert mine == pytest.approx(differences_of(everything, {"torque": 0.0}), rel=1e-7, abs=1e-8)

@@ -135,3 +135,46 @@ def test_compilers_have_nothing_to_say(version, bouncing, tmp_path):
     for name in (f"fmi{version}.c", "ball_motion.c", "ball_ncgen_events.c"):
         if (tmp_path / "sources" / name).exists():
             shell(f"cc -std=c99 {STRICT} -c sources/{name} -Isources -o /dev/null", tmp_path)
+
+
+@VERSIONS
+@MODES
+def test_friction_that_sticks(mode, version, tmp_path):
+    """T5: it rests at 1 − (√205 − 14) from 22.42 s on; the direction of slip is a variable of the unit's own."""
+    m, s = sliding_block("oscillator")
+    m.torque(s, -s)
+    m.friction(s, coulomb=1.0)
+    m.simulation(duration=30.0, q0={"s": 12.0, "A.x": 12.0}, qd0={"s": 6.0})
+    export(m, f"fmu{version}", tmp_path)
+    assert validate_fmu(str(tmp_path / "oscillator.fmu")) == []
+    found = simulated(tmp_path, "oscillator", mode, 30.0, 0.5, output=["s", "rate(s)", "count(s.friction)", "s.friction.slip"])
+    assert found["s"][-1] == pytest.approx(1 - (math.sqrt(205) - 14), abs=1e-8) and found["count(s.friction)"][-1] == 8
+    at_rest = found["time"] > 22.43
+    assert np.max(np.abs(found["rate(s)"][at_rest])) < 1e-12 and np.all(found["s.friction.slip"][at_rest] == 0.0)
+    if mode == "ModelExchange":
+        assert found["time"][found["count(s.friction)"] >= 8][0] == pytest.approx(22.42355635069909, rel=1e-8)
+
+
+@VERSIONS
+@MODES
+def test_a_clutch_and_a_ratchet(mode, version, tmp_path):
+    """Two discs, J 2 and 3: the clutch closes at 0.5 s, both have (2 · 10)/5 rad/s, and it opens at 1 s, where a torque begins that turns
+    the first one back; a ratchet holds it."""
+    m = ncgen.Model("drive")
+    O, x, z = m.point("O", (0, 0), fixed=True), m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    angles = []
+    for k, inertia in enumerate((2.0, 3.0), 1):
+        P = m.point(f"P{k}", (1, 0))
+        m.body(f"disc{k}", [O, P], mass=1.0, com=(0, 0), inertia=inertia)
+        angles.append(m.angle(f"psi{k}", x, P - O, z))
+    m.clutch(*angles, when=0.5 - m.time, until=1.0 - m.time, name="clutch")
+    m.torque(angles[0], -16.0 * ncgen.smooth_step((m.time - 1.0) / 0.01))
+    m.ratchet(angles[0], name="pawl")
+    m.simulation(duration=2.5, qd0={"psi1": 10.0, "psi2": 0.0})
+    export(m, f"fmu{version}", tmp_path)
+    found = simulated(tmp_path, "drive", mode, 2.5, 0.1, output=["rate(psi1)", "rate(psi2)", "count(pawl)"])
+    together = (found["time"] > 0.55) & (found["time"] < 0.95)
+    for name in ("rate(psi1)", "rate(psi2)"):
+        assert found[name][together] == pytest.approx(4.0, abs=1e-8)
+    assert found["rate(psi2)"][-1] == pytest.approx(4.0, abs=1e-8) and found["rate(psi1)"][-1] == pytest.approx(0.0, abs=1e-10)
+    assert found["count(pawl)"][-1] == 1

@@ -16,8 +16,10 @@ from test_events_of_exports import run_in_c
 import ncgen
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "events"))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent.parent / "examples"))
 
 from test_locks import two_discs  # noqa: E402
+from winch import winch as lift  # noqa: E402
 
 
 def belt() -> ncgen.Model:
@@ -130,6 +132,13 @@ def teeth() -> ncgen.Model:
     return m
 
 
+def hoist() -> ncgen.Model:
+    """A winch with a clutch, a ratchet on the wheel of a brake, and inputs that events change (examples/winch.py)."""
+    m, speeds = lift()
+    m.simulation(duration=5.5, qd0=speeds)
+    return m
+
+
 def at_rest() -> ncgen.Model:
     """A ball that comes to rest on the floor."""
     m = ball()
@@ -155,7 +164,7 @@ def pressed() -> ncgen.Model:
 MODELS = {
     "belt": belt, "oscillator": oscillator, "clutch": clutch, "slipping clutch": slipping_clutch, "gripped": gripped,
     "ratchet": lambda: winch(2.0), "ratchet driven back": lambda: winch(-3.0), "brake": brake, "freewheel": freewheel, "hit ratchet": hit,
-    "locked solid": solid, "teeth": teeth, "pressed at the start": pressed,
+    "winch": hoist, "locked solid": solid, "teeth": teeth, "pressed at the start": pressed,
 }  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from ncgen.model import Model
 from ncgen.solver.engines import compiled
 from ncgen.solver.positions.open_tree import open_tree
 from ncgen.solver.positions.rank import freedom, scaled_jacobian
+from ncgen.symbolic.tree import Tree, TreeLink, by_depth
 
 
 def test_loops_have_no_tables():
@@ -148,3 +149,27 @@ def test_stiffness_is_seen_alike_in_both_forms(monkeypatch, integrator):
     assert tree.statistics.repeated_steps == emitted.statistics.repeated_steps
     assert np.max(np.abs(tree.q[-1] - emitted.q[-1]) / kernels.column_sizes) < 1e-7
     assert (integrator is None) == ("stiff" in emitted.made_with)
+
+
+def test_one_position_with_other_velocities(crane):
+    """What belongs to a position is found once: the second velocities there accelerate as where nothing was evaluated before."""
+    rng = np.random.default_rng(4)
+    tree, dense = moving(crane, "tree"), moving(crane, "dense")
+    for position in (crane.q0, crane.q0 + 0.02 * rng.uniform(-1, 1, crane.n) * crane.column_sizes):
+        for _ in range(3):
+            dense.q[:], dense.qd[:] = position, rng.uniform(-1, 1, crane.n) * crane.column_sizes
+            assert dense.project_state() == "ok"
+            fresh = moving(crane, "tree")
+            for state in (tree, fresh, dense):
+                state.q[:], state.qd[:] = dense.q, dense.qd
+                assert state.evaluate() == "ok"
+            assert np.array_equal(tree.qdd, fresh.qdd)
+            assert tree.qdd == pytest.approx(dense.qdd, abs=1e-10)
+
+
+def test_links_stand_by_their_distance_from_the_ground():
+    """Two arms of three and of two links: the first links come first, and elements stay with theirs."""
+    links = [TreeLink(body, parent, ()) for body, parent in zip("abcde", (None, 0, 1, None, 3), strict=True)]
+    tree = by_depth(Tree(tuple(links), (), {"x": 2, "y": 3}))
+    assert [(link.body, link.parent) for link in tree.links] == [("a", None), ("d", None), ("b", 0), ("e", 1), ("c", 2)]
+    assert tree.home == {"x": 4, "y": 1}

@@ -132,3 +132,29 @@ def test_rows_that_say_more_are_refused(rows, values, words):
     pattern = Pattern((len(rows), 3), tuple(starts), tuple(c for row in rows for c in row))
     with pytest.raises(NoTables, match=words):
         followed(rows, pattern, np.array(values), {c: (c, 1.0) for c in range(3)})
+
+
+def test_one_position_with_other_velocities(gripper):
+    """Pushes of a group alone, where its momenta and pivots are known: as where nothing was evaluated before."""
+    rng, tree, dense = np.random.default_rng(7), moving(gripper, "tree"), moving(gripper, "dense")
+    for _ in range(3):
+        dense.q[:], dense.qd[:] = ncgen.assemble(gripper), rng.uniform(-1, 1, gripper.n) * gripper.column_sizes
+        assert dense.project_state() == "ok"
+        fresh = moving(gripper, "tree")
+        for state in (tree, fresh, dense):
+            state.q[:], state.qd[:] = dense.q, dense.qd
+            assert state.evaluate() == "ok"
+        assert tree.qdd == pytest.approx(fresh.qdd, abs=1e-12 * np.max(np.abs(fresh.qdd)))
+        assert tree.qdd == pytest.approx(dense.qdd, abs=1e-9)
+
+
+def test_an_implicit_method_moves_groups_by_their_first_joint(gripper, monkeypatch):
+    """Radau in the degrees of freedom of joints that follow none: the motion of the explicit method, with few Jacobians."""
+    monkeypatch.setattr(compiled, "MOST_RATES", 0)
+    start = {"arm": 0.5, "turn": -0.4}
+    start = {name: start.get(name, 0.0) for name in gripper.model.chosen_independent}
+    run = ncgen.simulate(gripper, 0.5, rtol=1e-7, points=3, zd0=start, integrator="radau")
+    exact = ncgen.simulate(gripper, 0.5, rtol=1e-11, points=3, zd0=start, integrator="dop853")
+    assert (run.engine, exact.engine) == ("tree", "tree")
+    assert run.statistics.jacobians < run.statistics.steps / 5
+    assert np.max(np.abs(run.q - exact.q) / gripper.column_sizes) < 1e-5

@@ -8,15 +8,17 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.exchange.export.held_mechanism import LOADS, HeldMechanism, Holdable, held_mechanism, holdables
-from ncgen.mechanism.conditions_in_c import basis
+from ncgen.mechanism.conditions_in_c import basis, formula_arrays
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.model.actions import Change, Impact, Locking, Stop
 from ncgen.model.events import Event
 from ncgen.model.values import Scalar, as_sympy
 from ncgen.program.ir.blocks import Program
+from ncgen.program.motions.condition_formulas import assemble_formulas
 from ncgen.program.motions.event_programs import assemble_conditions
 from ncgen.solver.events.action_rows import ActionRow, Actions
+from ncgen.solver.events.conditions import degree_within_step, mentions_inputs
 from ncgen.solver.name_lists import listed_names
 from ncgen.symbolic.numbering import Terms
 
@@ -132,6 +134,19 @@ class EventTable:
         return [*own, *([self.held.conditions] if self.held else [])]
 
     @cached_property
+    def _formulas(self) -> dict[str, object] | None:
+        """Tables and sizes of the formulas that bound conditions which are no polynomials; None where there are none."""
+        kernels, bounded = self.kernels, list[tuple[str, Scalar] | None]()
+        for each in self.conditions:
+            is_known = degree_within_step(each[1], kernels) or mentions_inputs(each[1], kernels)
+            bounded.append(None if is_known else each)
+        if not any(bounded):
+            return None
+        table = assemble_formulas(self.equations, bounded)
+        integers, numbers, sizes = formula_arrays(table, len(self.conditions) + len(self.loads), self._filled.degree)
+        return {"integers": integers, "numbers": numbers, "sizes": sizes, "inputs": len(table.inputs)} if any(table.formulas) else None
+
+    @cached_property
     def described(self) -> dict[str, object]:
         """What templates are filled with."""
         actions, count = self._filled, len(self.conditions)
@@ -152,6 +167,7 @@ class EventTable:
             "nodes": nodes.tolist(),
             "inverse": np.ravel(inverse).tolist(),
             "noise": actions.noise,
+            "formulas": self._formulas,
             "ends": any(event.is_last for event in self.events),
         }
 

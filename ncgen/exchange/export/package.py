@@ -58,6 +58,9 @@ BREAKS = "ncgen_breaks.c"
 EVENTS = "ncgen_events.c"
 """Likewise of those that have events."""
 
+FORMULAS = "ncgen_formula.c"
+"""Likewise of those with conditions that are no polynomials within a step."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Package:
@@ -98,6 +101,7 @@ class Package:
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
         more = [*([BREAKS] if self.switching else []), *([EVENTS] if self.events else [])]
+        more += [FORMULAS] if self.events and self.events.described["formulas"] else []
         needed = needed_by(RUNTIME, *more, defined=(WITHOUT_TABLES,))
         runtime = runtime_files(*HEADERS, *needed, defined=(WITHOUT_TABLES,))
         files = self.sources.c | self.recursion | runtime

@@ -294,7 +294,8 @@ static int kept(const int *integers)
 
 static size_t integers_of_run(void)
 {
-    const int all = events.count + events.n_loads, of_all = 3 * all + NCGEN_EVENTS_INTEGERS(events.count) + events.count + 3 * events.n_holds + 1;
+    const int all = events.count + events.n_loads, of_conditions = 3 * all + NCGEN_EVENTS_INTEGERS(events.count) + events.count + 1;
+    const int of_all = of_conditions + NCGEN_HELD_INTEGERS(events.n_holds);
     return ((size_t)(4 * n + 3 * most_rows() + of_all) * sizeof(int) + sizeof(ncgen_real) - 1) / sizeof(ncgen_real);
 }
 

@@ -12,6 +12,9 @@
 /* The same for integers. */
 #define NCGEN_EVENTS_INTEGERS(count) (8 * (count))
 
+/* The same for what may be held. */
+#define NCGEN_HELD_INTEGERS(n_holds) (9 * (n_holds))
+
 /* Numbers of workspace of an impact of gaps that have so many velocities. */
 #define NCGEN_IMPACT_WORKSPACE(rows) (3 * (rows) * (rows) + 16 * (rows))
 
@@ -26,6 +29,11 @@ enum { NCGEN_AT_REST = 16, NCGEN_ENDLESS, NCGEN_NO_ORDER, NCGEN_OVERLAP, NCGEN_S
 
 /* Laws of several impacts at one instant; without one they are refused. */
 enum { NCGEN_NO_LAW, NCGEN_SIMULTANEOUS, NCGEN_IN_TURN };
+
+/* What may be held: a gap that is closed, as long as it is pushed; a joint that does not slip, as long as static friction is enough; a ratchet
+ * that is at rest, as long as it is pushed back; a lock, until it is freed; a gap of surfaces with friction; a contact that sticks, as long as
+ * its gap is held and friction is enough. Joints have two conditions of their load, locks none, others one. */
+enum { NCGEN_HOLDS_GAP, NCGEN_HOLDS_JOINT, NCGEN_HOLDS_RATCHET, NCGEN_HOLDS_LOCK, NCGEN_HOLDS_RUBBING_GAP, NCGEN_HOLDS_CONTACT };
 
 /* end cdef */
 /* begin table */
@@ -48,10 +56,7 @@ typedef struct ncgen_mode {
     ncgen_velocity_kernel *conditions; /* those of the mechanism, and behind them of each its load, and what that is compared with */
 } ncgen_mode;
 
-/* What may be held in one mechanism with switches, which takes the place of modes: a gap that is closed, as long as it is pushed; a joint that
- * does not slip, as long as static friction is enough; a ratchet that is at rest, as long as it is pushed back; a lock, until it is freed. */
-enum { NCGEN_HOLDS_GAP, NCGEN_HOLDS_JOINT, NCGEN_HOLDS_RATCHET, NCGEN_HOLDS_LOCK };
-
+/* What may be held in one mechanism with switches, which takes the place of modes. */
 typedef struct ncgen_hold {
     int kind;
     int condition; /* the number of its condition, which is its gap or its velocity; -1 of a lock */
@@ -109,7 +114,8 @@ typedef struct ncgen_passage {
     int *directions;  /* with modes or holds: as many numbers as signs */
     int *wanted;      /* with modes: 2 count numbers */
     ncgen_real *room; /* with modes or holds: 2 n_coordinates and twice as many numbers as signs */
-    int *flags;       /* with holds: 3 n_holds numbers: what was held, what is wanted, and to which side what was released begins to move */
+    int *flags;       /* with holds: NCGEN_HELD_INTEGERS(n_holds) numbers: what was held, what is wanted, to which side what was released begins
+                       * to move, and room */
     ncgen_log *log;   /* NULL: nobody wants to know what happens */
 } ncgen_passage;
 

@@ -12,14 +12,24 @@ static const ncgen_scalar friction_reserve = R(1.0e-8);
 /* Something is still whose velocity is below this share of its terms. */
 static const ncgen_scalar standstill = R(1.0e-9);
 
-static int loads_of(int kind)
+int ncgen_loads_of(int kind)
 {
-    return kind == NCGEN_A_JOINT ? 2 : kind != NCGEN_A_LOCK;
+    return kind == NCGEN_HOLDS_JOINT ? 2 : kind != NCGEN_HOLDS_LOCK;
+}
+
+int ncgen_side_of(int kind, int l)
+{
+    return kind == NCGEN_HOLDS_JOINT && !l ? -1 : 1;
 }
 
 int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift)
 {
     return NCGEN_ABS(velocity) <= standstill * (terms + NCGEN_ABS(drift));
+}
+
+int ncgen_is_used_up(ncgen_scalar value, ncgen_scalar size, int nearly)
+{
+    return nearly ? value <= slack * size : value < -slack * size;
 }
 
 int ncgen_slip_of(const ncgen_active *a, int k, int slip, int side)
@@ -35,10 +45,10 @@ static int may_hold(const ncgen_active *a, int k)
     if (a->rests[k])
         return 1;
     switch (a->kinds[k]) {
-    case NCGEN_A_LOCK:
+    case NCGEN_HOLDS_LOCK:
         return 0;
-    case NCGEN_A_GAP:
-    case NCGEN_A_RUBBING_GAP:
+    case NCGEN_HOLDS_GAP:
+    case NCGEN_HOLDS_RUBBING_GAP:
         return a->closed[k] && a->still[k] && (a->before[k] || !a->happened[k]);
     default:
         return a->still[k] || a->happened[k];
@@ -60,12 +70,12 @@ static void want(ncgen_active *a)
     int joints = 0, takes_over = 0;
     for (int k = 0; k < a->count; ++k) {
         a->wanted[k] = may_hold(a, k);
-        joints |= a->released[k] && a->kinds[k] == NCGEN_A_JOINT;
-        takes_over |= a->wanted[k] && !a->before[k] && !a->released[k] && a->kinds[k] == NCGEN_A_CONTACT;
+        joints |= a->released[k] && a->kinds[k] == NCGEN_HOLDS_JOINT;
+        takes_over |= a->wanted[k] && !a->before[k] && !a->released[k] && a->kinds[k] == NCGEN_HOLDS_CONTACT;
     }
     for (int k = 0; k < a->count; ++k) {
-        const int pushes = a->kinds[k] == NCGEN_A_GAP || a->kinds[k] == NCGEN_A_RATCHET;
-        if ((joints && pushes) || (takes_over && a->kinds[k] == NCGEN_A_CONTACT))
+        const int pushes = a->kinds[k] == NCGEN_HOLDS_GAP || a->kinds[k] == NCGEN_HOLDS_RATCHET;
+        if ((joints && pushes) || (takes_over && a->kinds[k] == NCGEN_HOLDS_CONTACT))
             a->released[k] = 0;
         a->wanted[k] = a->wanted[k] && !a->released[k];
     }
@@ -79,14 +89,14 @@ static int worst(const ncgen_active *a, ncgen_scalar least, ncgen_scalar reserve
     ncgen_real most = least;
     int found = -1;
     for (int k = 0; k < a->count; ++k)
-        for (int l = 0; a->wanted[k] && l < loads_of(a->kinds[k]); ++l, load += 2) {
-            const int joint = a->kinds[k] == NCGEN_A_JOINT, old = joint || a->before[k];
-            const ncgen_scalar needed = a->kinds[k] == NCGEN_A_CONTACT ? reserve : old ? 0 : 2 * slack;
+        for (int l = 0; a->wanted[k] && l < ncgen_loads_of(a->kinds[k]); ++l, load += 2) {
+            const int joint = a->kinds[k] == NCGEN_HOLDS_JOINT, old = joint || a->before[k];
+            const ncgen_scalar needed = a->kinds[k] == NCGEN_HOLDS_CONTACT ? reserve : old ? 0 : 2 * slack;
             const ncgen_real over = needed - (load[1] > 0 ? load[0] / load[1] : 0);
             if (over > most) {
                 most = over;
                 found = k;
-                *side = joint && !l ? -1 : 1;
+                *side = ncgen_side_of(a->kinds[k], l);
             }
         }
     return found;
@@ -96,13 +106,13 @@ int ncgen_find_active(ncgen_active *a)
 {
     ncgen_scalar reserve = 0;
     for (int k = 0; k < a->count; ++k)
-        reserve = a->released[k] && a->kinds[k] == NCGEN_A_CONTACT ? friction_reserve : reserve;
+        reserve = a->released[k] && a->kinds[k] == NCGEN_HOLDS_CONTACT ? friction_reserve : reserve;
     want(a);
     for (int round = 0; round <= a->count; ++round) {
         int some = 0, others = 0, found = -1, side = 0, status = NCGEN_OK;
         for (int k = 0; k < a->count; ++k) {
             some |= a->wanted[k];
-            others |= a->wanted[k] && a->kinds[k] != NCGEN_A_JOINT;
+            others |= a->wanted[k] && a->kinds[k] != NCGEN_HOLDS_JOINT;
         }
         if (some && !others) { /* joints that stand still: their loads there say it without projecting */
             status = a->find_loads(a->context, 0);

@@ -7,15 +7,10 @@
 
 /* begin cdef */
 
-/* What may be held: a gap, without or with friction of its own; a joint with friction; a contact that sticks, whose gap is held; a ratchet;
- * what events alone hold, such as a lock. Joints have two conditions of their load, locks none, others one; they are not negative as long as
- * the load holds. */
-enum { NCGEN_A_GAP, NCGEN_A_RUBBING_GAP, NCGEN_A_JOINT, NCGEN_A_CONTACT, NCGEN_A_RATCHET, NCGEN_A_LOCK };
-
 /* `count` things that may be held; 1 and 0 are yes and no. */
 typedef struct ncgen_active {
     int count;
-    const int *kinds;
+    const int *kinds;    /* of holds */
     const int *needs;    /* of a contact: the number of its gap; else -1 */
     const int *before;   /* was it held? */
     const int *happened; /* has its condition passed zero at this instant? of a contact: has it come to rest? */
@@ -35,6 +30,13 @@ typedef struct ncgen_active {
 /* What is held: `wanted`, from what was released by its load on the way. NCGEN_NO_MODE where no set agrees with its loads, or the status of
  * find_loads. */
 int ncgen_find_active(ncgen_active *active);
+
+/* How many conditions the load of a kind of holds has, and to which side it is released where one of them, l, does not hold. */
+int ncgen_loads_of(int kind);
+int ncgen_side_of(int kind, int l);
+
+/* Does a load no longer hold, by a condition with this value and size? nearly: also where it cannot be told from its limit. */
+int ncgen_is_used_up(ncgen_scalar value, ncgen_scalar size, int nearly);
 
 /* Is something still whose velocity consists of terms: those of coordinates and a drift? */
 int ncgen_is_still(ncgen_scalar velocity, ncgen_scalar terms, ncgen_scalar drift);

@@ -12,7 +12,7 @@ typedef int ncgen_tree_work;
 #define ncgen_tree_derivative(r, w, t, q, qd, out) ((void)(w))
 #define ncgen_tree_velocities(r, w, t, q, qd, out) ((void)(w))
 #define ncgen_tree_closing(r, w, t, q, out) ((void)(w))
-#define ncgen_tree_basis(r, w, t, q, basis, chosen) ((void)(w), 0)
+#define ncgen_tree_basis(r, w, t, q, basis, chosen) ((void)(w), (void)(t), (void)(q), (void)(basis), (void)(chosen), 0)
 #endif
 
 typedef struct ncgen_constrained {

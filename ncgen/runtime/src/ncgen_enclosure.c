@@ -191,7 +191,7 @@ static void take_root(const ncgen_enclosing *with, const ncgen_enclosure *u, ncg
 static void wave(const ncgen_enclosing *with, const ncgen_enclosure *u, int is_cosine, ncgen_enclosure *w)
 {
     const int n = with->degree;
-    ncgen_scalar a[MOST], b[MOST], cosine[MOST], slope[MOST], own[MOST], d[TWICE], e[TWICE];
+    ncgen_scalar a[MOST] = {0}, b[MOST] = {0}, cosine[MOST], slope[MOST], own[MOST], d[TWICE], e[TWICE];
     ncgen_enclosure_values(with, u->c, a);
     for (int k = 0; k <= n; ++k) {
         b[k] = NCGEN_COS(a[k]);

@@ -15,6 +15,11 @@ int ncgen_events_integers(int count)
     return NCGEN_EVENTS_INTEGERS(count);
 }
 
+int ncgen_held_integers(int holds)
+{
+    return NCGEN_HELD_INTEGERS(holds);
+}
+
 /* What is needed to go back to the begin of a part, besides arrays. */
 typedef struct ncgen_kept {
     ncgen_moment moment;

@@ -1,12 +1,10 @@
 /* ncgen_events.c: what happens at one instant: the actions of all events that are due, and of those that these bring about. */
 #include "ncgen_events.h"
+#include "ncgen_active.h"
 #include "ncgen_breaks.h"
 #include "ncgen_chain.h"
 #include "ncgen_holding.h"
 #include "ncgen_modes.h"
-
-/* A gap is still if its velocity is below this share of what the greatest velocity of the mechanism may make of it. */
-static const ncgen_scalar standstill = R(1.0e-9);
 
 static void begin(ncgen_instant *i, const ncgen_driven *d, const ncgen_events *events, ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
@@ -136,13 +134,11 @@ static int act(ncgen_instant *i, int event)
 static int is_still(const ncgen_instant *i, int k)
 {
     const ncgen_scalar *sizes = i->d->dynamics->column_sizes, speed = ncgen_largest(i->n, i->moment->qd, sizes);
-    const ncgen_real *w = ncgen_gradient(i, k);
-    ncgen_real sum = w[2 * i->n], size = NCGEN_ABS(sum);
-    for (int j = 0; j < i->n; ++j) {
-        sum += w[j] * i->moment->qd[j];
-        size += NCGEN_ABS(w[j]) * sizes[j] * speed;
-    }
-    return NCGEN_ABS(sum) <= standstill * size;
+    const ncgen_real *w = ncgen_gradient(i, k), drift = w[2 * i->n];
+    ncgen_real terms = 0;
+    for (int j = 0; j < i->n; ++j)
+        terms += NCGEN_ABS(w[j]) * sizes[j] * speed;
+    return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
 }
 
 /* The accelerations with what is held at present. */
@@ -159,28 +155,39 @@ static int accelerate(ncgen_instant *i)
     return ncgen_evaluate_moment(&in.driven, i->p, i->moment);
 }
 
-/* The gaps that are held from here on: those that come to rest, and what is closed and still and was not hit. */
+static int find_loads(void *context, int projected)
+{
+    const ncgen_instant *i = (const ncgen_instant *)context;
+    (void)projected; /* gaps only */
+    return ncgen_try_mode(i->d, i->events, i->p, i->moment, i->passage);
+}
+
+/* The gaps that are held from here on. resting (count): those whose bounces end */
 static int choose_mode(ncgen_instant *i, const int *happened, const int *resting)
 {
     ncgen_passage *passage = i->passage;
-    int *wanted = passage->wanted, *released = wanted + i->count;
-    for (int k = 0; k < i->count; ++k) {
+    const int count = i->count, n = i->n;
+    int *kinds = i->taking, *needs = i->places, *before = needs + count, *closed = before + count, *still = i->sticks;
+    int *wanted = passage->wanted, *released = wanted + count;
+    for (int k = 0; k < count; ++k) {
         const ncgen_action *impact = ncgen_impact_of(i->events, k);
-        const int may = impact && !impact->place && !released[k];
-        const int stays = ncgen_is_closed(i, k) && is_still(i, k) && (ncgen_holds(i->events, passage, k) || !happened[k]);
-        wanted[k] = may && (resting[k] || stays);
+        kinds[k] = impact && !impact->place ? NCGEN_HOLDS_GAP : NCGEN_HOLDS_LOCK;
+        needs[k] = -1;
+        before[k] = ncgen_holds(i->events, passage, k);
+        closed[k] = ncgen_is_closed(i, k);
+        still[k] = is_still(i, k);
+    }
+    ncgen_active active = {count, kinds, needs, before, happened, resting, closed, still, wanted, released, passage->room + 2 * (n + count),
+                           i, find_loads};
+    ncgen_copy(n, i->moment->qd, i->prior);
+    ncgen_begin_modes(n, i->moment, passage);
+    const int status = ncgen_find_active(&active);
+    for (int k = 0; k < count && status == NCGEN_OK; ++k) {
         if (released[k] || wanted[k])
             passage->signs[k] = 1;
         released[k] = 0;
-    }
-    ncgen_copy(i->n, i->moment->qd, i->prior);
-    for (int k = 0; k < i->count; ++k)
-        i->terms[k] = ncgen_holds(i->events, passage, k); /* room for what was held */
-    const int status = ncgen_choose_mode(i->d, i->events, i->p, i->moment, passage);
-    for (int k = 0; k < i->count && status == NCGEN_OK; ++k) {
-        const int holds = ncgen_holds(i->events, passage, k), held = i->terms[k] > 0;
-        if (holds != held)
-            ncgen_note(passage->log, i->n, i->moment, k, holds ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
+        if (wanted[k] != before[k])
+            ncgen_note(passage->log, n, i->moment, k, wanted[k] ? NCGEN_RESTS : NCGEN_LEAVES, i->prior, 0, 0);
     }
     return status == NCGEN_OK ? accelerate(i) : status;
 }
@@ -300,7 +307,7 @@ int ncgen_apply_events(const ncgen_driven *d, const ncgen_events *events, ncgen_
 static int begin_held(ncgen_instant *i)
 {
     const ncgen_events *e = i->events;
-    for (int h = 0; h < 3 * e->n_holds; ++h)
+    for (int h = 0; h < NCGEN_HELD_INTEGERS(e->n_holds); ++h)
         i->passage->flags[h] = 0;
     ncgen_write_held(e, NULL, 1, i->p);
     ncgen_begin_slip(i);

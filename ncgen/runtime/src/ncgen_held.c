@@ -1,9 +1,7 @@
 /* ncgen_held.c: the mechanism with what p says is held, and the loads that hold it. */
 #include "ncgen_held.h"
+#include "ncgen_active.h"
 #include "ncgen_vectors.h"
-
-/* A load on the wrong side by less than this share of all loads is held. */
-static const ncgen_scalar slack = R(1.0e-10);
 
 void ncgen_read_held(const ncgen_events *events, const ncgen_real *p, int *held)
 {
@@ -62,16 +60,11 @@ void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const n
     for (int k = 0; k < events->count; ++k)
         passage->directions[k] = ncgen_way(events, p, k);
     for (int h = 0; h < events->n_holds; ++h)
-        for (int l = 0; l < ncgen_loads_of(events->holds + h); ++l) {
+        for (int l = 0; l < ncgen_loads_of(events->holds[h].kind); ++l) {
             const int k = events->count + events->holds[h].load + l;
             passage->directions[k] = p[events->holds[h].on] > 0 ? -1 : NCGEN_UNWATCHED;
             passage->signs[k] = 1;
         }
-}
-
-void ncgen_release_to(const ncgen_hold *hold, int which, int *released)
-{
-    *released = hold->kind == NCGEN_HOLDS_JOINT && which == 0 ? -1 : 1;
 }
 
 void ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *crossed, const ncgen_passage *passage)
@@ -81,9 +74,9 @@ void ncgen_mark_crossed_loads(const ncgen_events *events, int count, const int *
         passage->due[k] = crossed[k];
     for (int h = 0; h < events->n_holds; ++h) {
         released[h] = 0;
-        for (int l = 0; l < ncgen_loads_of(events->holds + h); ++l)
+        for (int l = 0; l < ncgen_loads_of(events->holds[h].kind); ++l)
             if (events->count + events->holds[h].load + l < count && crossed[events->count + events->holds[h].load + l])
-                ncgen_release_to(events->holds + h, l, released + h);
+                released[h] = ncgen_side_of(events->holds[h].kind, l);
     }
 }
 
@@ -99,10 +92,10 @@ int ncgen_find_released(const ncgen_events *events, const ncgen_real *p, const n
     const int status = events->held_conditions(moment->t, moment->q, moment->qd, p, passage->room);
     some = 0;
     for (int h = 0; h < events->n_holds && status == NCGEN_OK; ++h)
-        for (int l = 0; p[events->holds[h].on] > 0 && l < ncgen_loads_of(events->holds + h); ++l) {
+        for (int l = 0; p[events->holds[h].on] > 0 && l < ncgen_loads_of(events->holds[h].kind); ++l) {
             const ncgen_real *load = passage->room + 2 * (events->count + events->holds[h].load + l);
-            if (load[0] < -slack * load[1] || (nearly && load[0] <= slack * load[1])) {
-                ncgen_release_to(events->holds + h, l, released_of(events, passage) + h);
+            if (ncgen_is_used_up(load[0], load[1], nearly)) {
+                released_of(events, passage)[h] = ncgen_side_of(events->holds[h].kind, l);
                 ++some;
             }
         }

@@ -12,12 +12,6 @@ static inline int ncgen_is_lock(const ncgen_hold *hold)
     return hold->kind == NCGEN_HOLDS_LOCK;
 }
 
-/* How many conditions of its load it has. */
-static inline int ncgen_loads_of(const ncgen_hold *hold)
-{
-    return hold->kind == NCGEN_HOLDS_JOINT ? 2 : !ncgen_is_lock(hold);
-}
-
 /* The mechanism with what p says is held; passage: NULL, or where its directions and signs stand. */
 void ncgen_enter_held(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, const ncgen_passage *passage, ncgen_entered *in);
 
@@ -27,9 +21,6 @@ void ncgen_write_held(const ncgen_events *events, const int *held, int all, ncge
 
 /* The direction in which a condition happens: 1, -1, 0 for either, NCGEN_UNWATCHED for none. */
 int ncgen_way(const ncgen_events *events, const ncgen_real *p, int condition);
-
-/* To which side something begins to move where the condition `which` of its load is no longer positive. */
-void ncgen_release_to(const ncgen_hold *hold, int which, int *released);
 
 /* Mark what its load no longer holds as released, in passage->flags; how many, or a negative status. nearly: also where the load cannot
  * be told from its limit. */

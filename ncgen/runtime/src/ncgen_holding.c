@@ -1,12 +1,7 @@
-/* ncgen_holding.c: what is held: all that may be, less what a load of the wrong sign, or beyond friction, releases, the worst one first. */
+/* ncgen_holding.c: what is held from an instant on, in the mechanism with switches. */
 #include "ncgen_holding.h"
+#include "ncgen_active.h"
 #include "ncgen_state.h"
-
-/* A load on the wrong side by less than this share of all loads is held; the same where velocities are those before a projection. */
-static const ncgen_scalar slack = R(1.0e-10), slack_before = R(1.0e-6);
-
-/* A gap does not change, and a joint does not move, whose velocity is below this share of what it adds up. */
-static const ncgen_scalar standstill = R(1.0e-9);
 
 /* Of velocities that miss the constraints after a lock has closed. */
 static const ncgen_scalar locked = R(1.0e-9);
@@ -41,15 +36,11 @@ static int is_still(const ncgen_instant *i, const ncgen_hold *hold)
 {
     const ncgen_scalar *sizes = i->d->dynamics->column_sizes;
     const ncgen_real now = speed_of(i, i->moment->qd), before = speed_of(i, i->arrived), *w = ncgen_gradient(i, hold->condition);
-    const int is_gap = hold->kind == NCGEN_HOLDS_GAP;
-    const ncgen_real drift = is_gap ? w[2 * i->n] : 0;
-    ncgen_real sum = drift, size = 0;
-    for (int j = 0; j < i->n; ++j) {
-        sum += w[j] * i->moment->qd[j];
-        size += NCGEN_ABS(w[j]) * sizes[j];
-    }
-    const ncgen_real speed = is_gap || now > before ? now : before;
-    return NCGEN_ABS(sum) <= standstill * (size * speed + NCGEN_ABS(drift));
+    const ncgen_real drift = hold->kind == NCGEN_HOLDS_GAP ? w[2 * i->n] : 0;
+    ncgen_real terms = 0;
+    for (int j = 0; j < i->n; ++j)
+        terms += NCGEN_ABS(w[j]) * sizes[j] * (now > before ? now : before);
+    return ncgen_is_still(drift + ncgen_dot(i->n, w, i->moment->qd), terms, drift);
 }
 
 int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
@@ -70,27 +61,6 @@ int ncgen_skip_blocked(ncgen_instant *i, ncgen_entered *in)
             i->passage->directions[hold->condition] = NCGEN_UNWATCHED;
     }
     return status;
-}
-
-/* The hold whose load is on the wrong side by most, if by more than `least` of all loads, and the side to which it begins to move. */
-static int worst(const ncgen_instant *i, const int *wanted, const ncgen_real *pairs, ncgen_scalar least, int *side)
-{
-    const ncgen_events *e = i->events;
-    const int *before = held_before(e, i->passage);
-    int violated = -1;
-    ncgen_real most = least;
-    for (int h = 0; h < e->n_holds; ++h)
-        for (int l = 0; wanted[h] && l < ncgen_loads_of(e->holds + h); ++l) {
-            const ncgen_real *load = pairs + 2 * (e->count + e->holds[h].load + l);
-            const ncgen_scalar reserve = e->holds[h].kind == NCGEN_HOLDS_JOINT || before[h] ? 0 : 2 * slack;
-            const ncgen_real over = reserve - (load[1] > 0 ? load[0] / load[1] : 0);
-            if (over > most) {
-                most = over;
-                violated = h;
-                ncgen_release_to(e->holds + h, l, side);
-            }
-        }
-    return violated;
 }
 
 /* Modes ---------------------------------------------------------------------------------------------------------- */
@@ -162,54 +132,14 @@ void ncgen_begin_slip(ncgen_instant *i)
     }
 }
 
-/* What is held does not slip, what was released does to its side, and others slip as they move. */
-static void set_slip(ncgen_instant *i, const int *wanted, const int *released, const int *happened)
-{
-    for (int h = 0; h < i->events->n_holds; ++h) {
-        const ncgen_hold *hold = i->events->holds + h;
-        if (hold->kind != NCGEN_HOLDS_JOINT)
-            continue;
-        if (wanted[h] || released[h])
-            i->p[hold->slip] = wanted[h] ? 0 : released[h];
-        else if (!(NCGEN_ABS(i->p[hold->slip]) > 0) || happened[hold->condition] || !is_still(i, hold))
-            i->p[hold->slip] = sign_of(i, hold->condition);
-    }
-}
-
-/* What may be held: gaps that are closed and do not open, joints and ratchets that do not move, and what nothing has hit. */
-static int find_wanted(ncgen_instant *i, const int *happened, const int *resting, int was_hit)
-{
-    const ncgen_events *e = i->events;
-    int *wanted = wanted_of(e, i->passage);
-    const int *before = held_before(e, i->passage), *released = released_of(e, i->passage);
-    int status = find_places(i);
-    for (int h = 0; h < e->n_holds && status == NCGEN_OK; ++h) {
-        const ncgen_hold *hold = e->holds + h;
-        const int k = hold->condition;
-        if (ncgen_is_lock(hold)) {
-            wanted[h] = 0;
-            continue;
-        }
-        const int is_gap = hold->kind == NCGEN_HOLDS_GAP;
-        const int stays = is_gap ? ncgen_is_closed(i, k) && is_still(i, hold) && (before[h] || !happened[k]) : happened[k] || is_still(i, hold);
-        wanted[h] = !released[h] && ((is_gap && resting[k]) || (before[h] && !was_hit) || stays);
-        if (wanted[h] && !before[h] && hold->held >= 0)
-            i->p[hold->held] = i->numbers[hold->value];
-    }
-    return status;
-}
-
-/* What was held and has been released begins to move with no velocity, not with one of rounding; what a joint bore may push a gap closed. */
+/* What was held and has been released begins to move with no velocity, not with one of rounding. */
 static int let_go(ncgen_instant *i, int was_hit)
 {
     const ncgen_events *e = i->events;
-    int *released = released_of(e, i->passage), some = 0, joints = 0;
-    for (int h = 0; h < e->n_holds; ++h) {
-        some |= released[h];
-        joints |= released[h] && e->holds[h].kind == NCGEN_HOLDS_JOINT;
-    }
+    const int *released = released_of(e, i->passage);
+    int some = 0;
     for (int h = 0; h < e->n_holds; ++h)
-        released[h] = joints && e->holds[h].kind != NCGEN_HOLDS_JOINT ? 0 : released[h];
+        some |= released[h];
     if (!some || was_hit)
         return NCGEN_OK;
     ncgen_write_held(e, held_before(e, i->passage), 0, i->p);
@@ -217,33 +147,70 @@ static int let_go(ncgen_instant *i, int was_hit)
     return status == NCGEN_OK ? ncgen_look(i) : status;
 }
 
-/* The moment q, qd of the start in the mode that is wanted, and what must be released there, -1 for nothing. */
-static int try_mode(ncgen_instant *i, const ncgen_real *q, const ncgen_real *qd, const int *wanted, int *released, int *violated)
+/* A choice of what is held on its way. */
+typedef struct choice {
+    ncgen_instant *i;
+    ncgen_active active;
+} choice;
+
+/* p says what is wanted, where that is held, and how joints slip. */
+static void write_wanted(const choice *c)
 {
-    const ncgen_events *e = i->events;
-    ncgen_real *pairs = i->passage->room + 2 * i->n;
-    int some = 0, others = 0, status = NCGEN_OK, side = 0;
-    *violated = -1;
-    for (int h = 0; h < e->n_holds; ++h) {
-        some |= wanted[h];
-        others |= wanted[h] && e->holds[h].kind != NCGEN_HOLDS_JOINT;
+    const ncgen_instant *i = c->i;
+    for (int h = 0; h < i->events->n_holds; ++h) {
+        const ncgen_hold *hold = i->events->holds + h;
+        if (c->active.wanted[h] && !c->active.before[h] && hold->held >= 0)
+            i->p[hold->held] = i->numbers[hold->value];
+        if (hold->kind == NCGEN_HOLDS_JOINT)
+            i->p[hold->slip] = ncgen_slip_of(&c->active, h, (int)i->p[hold->slip], sign_of(i, hold->condition));
     }
-    ncgen_write_held(e, wanted, 0, i->p);
+    ncgen_write_held(i->events, c->active.wanted, 0, i->p);
+}
+
+/* Loads of what is wanted, from the state that the choice began with. */
+static int find_loads(void *context, int projected)
+{
+    const choice *c = (const choice *)context;
+    ncgen_instant *i = c->i;
+    const ncgen_events *e = i->events;
+    const ncgen_real *q = i->passage->room;
+    ncgen_real *pairs = i->passage->room + 2 * i->n, *next = c->active.loads;
+    int some = 0;
+    ncgen_copy(i->n, q, i->moment->q);
+    ncgen_copy(i->n, q + i->n, i->moment->qd);
+    write_wanted(c);
+    for (int h = 0; h < e->n_holds; ++h)
+        some |= c->active.wanted[h];
     if (!some)
         return NCGEN_OK;
-    if (!others) { /* joints that stand still: their loads there say it without projecting */
-        status = e->held_conditions(i->moment->t, q, qd, i->p, pairs);
-        *violated = status == NCGEN_OK ? worst(i, wanted, pairs, slack_before, &side) : -1;
-    }
-    if (status == NCGEN_OK && *violated < 0) {
-        status = project(i, 1);
-        if (status == NCGEN_OK)
-            status = e->held_conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, pairs);
-        *violated = status == NCGEN_OK ? worst(i, wanted, pairs, slack, &side) : -1;
-    }
-    if (*violated >= 0)
-        released[*violated] = side;
+    int status = projected ? project(i, 1) : NCGEN_OK;
+    if (status == NCGEN_OK)
+        status = e->held_conditions(i->moment->t, i->moment->q, i->moment->qd, i->p, pairs);
+    for (int h = 0; h < e->n_holds; ++h)
+        for (int l = 0; c->active.wanted[h] && l < ncgen_loads_of(e->holds[h].kind); ++l) { /* loads begins where pairs do */
+            const ncgen_real *load = pairs + 2 * (e->count + e->holds[h].load + l);
+            *next++ = load[0];
+            *next++ = load[1];
+        }
     return status;
+}
+
+/* What is known of what may be held. */
+static void describe(const ncgen_instant *i, const int *happened, const int *resting, int was_hit, int *marks)
+{
+    const ncgen_events *e = i->events;
+    const int n = e->n_holds, *before = held_before(e, i->passage);
+    int *kinds = marks, *needs = kinds + n, *has_happened = needs + n, *rests = has_happened + n, *closed = rests + n, *still = closed + n;
+    for (int h = 0; h < n; ++h) {
+        const ncgen_hold *hold = e->holds + h;
+        const int k = hold->condition, is_lock = ncgen_is_lock(hold), is_gap = hold->kind == NCGEN_HOLDS_GAP;
+        kinds[h] = hold->kind;
+        needs[h] = -1;
+        has_happened[h] = !is_lock && happened[k];
+        rests[h] = !is_lock && ((is_gap && resting[k]) || (before[h] && !was_hit));
+        closed[h] = is_gap && ncgen_is_closed(i, k);
+        still[h] = !is_lock && is_still(i, hold);
+    }
 }
 
 /* How often joints have stuck, slipped or turned, and ratchets caught or released; qd (n): velocities before. */
@@ -264,27 +231,23 @@ static void count(const ncgen_instant *i, const int *happened, const ncgen_real 
 int ncgen_choose_held(ncgen_instant *i, const int *happened, const int *resting, int was_hit)
 {
     const ncgen_events *e = i->events;
-    ncgen_real *q = i->passage->room, *qd = q + i->n;
-    int *wanted = wanted_of(e, i->passage), *released = released_of(e, i->passage);
-    int status = let_go(i, was_hit), violated = 0;
+    const int n = e->n_holds;
+    int *wanted = wanted_of(e, i->passage), *released = released_of(e, i->passage), *marks = flags(e, i->passage, 3);
+    choice c = {i, {n, marks, marks + n, held_before(e, i->passage), marks + 2 * n, marks + 3 * n, marks + 4 * n, marks + 5 * n, wanted, released,
+                    i->passage->room + 2 * i->n, &c, find_loads}};
+    int status = let_go(i, was_hit);
     if (status == NCGEN_OK)
-        status = find_wanted(i, happened, resting, was_hit);
-    ncgen_copy(i->n, i->moment->q, q);
-    ncgen_copy(i->n, i->moment->qd, qd);
-    for (int round = 0; status == NCGEN_OK && violated >= 0; ++round) {
-        if (round > e->n_holds)
-            return NCGEN_NO_MODE;
-        ncgen_copy(i->n, q, i->moment->q);
-        ncgen_copy(i->n, qd, i->moment->qd);
-        set_slip(i, wanted, released, happened);
-        status = try_mode(i, q, qd, wanted, released, &violated);
-        if (violated >= 0)
-            wanted[violated] = 0;
-    }
+        status = find_places(i);
     if (status != NCGEN_OK)
         return status;
-    count(i, happened, qd);
-    for (int h = 0; h < e->n_holds; ++h)
+    describe(i, happened, resting, was_hit, marks);
+    ncgen_copy(i->n, i->moment->q, i->passage->room);
+    ncgen_copy(i->n, i->moment->qd, i->passage->room + i->n);
+    status = ncgen_find_active(&c.active);
+    if (status != NCGEN_OK)
+        return status;
+    count(i, happened, i->passage->room + i->n);
+    for (int h = 0; h < n; ++h)
         if (e->holds[h].kind == NCGEN_HOLDS_GAP && (released[h] || wanted[h]))
             i->passage->signs[e->holds[h].condition] = 1;
     return NCGEN_OK;

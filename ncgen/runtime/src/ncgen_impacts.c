@@ -4,6 +4,7 @@
 #include "ncgen_impacts.h"
 #include "ncgen_held.h"
 #include "ncgen_impulses.h"
+#include "ncgen_rates.h"
 
 /* A direction is blocked in which less than this share of its mobility is left. */
 static const ncgen_scalar blocked = R(1.0e-9);
@@ -47,44 +48,27 @@ int ncgen_can_move(ncgen_instant *i, int condition, int *can)
     return status;
 }
 
-/* Velocities of what actions of an event set; those of other coordinates follow with the least kinetic energy of the change: one after the
- * other, each by a change that leaves those before it. */
 int ncgen_set_velocities(ncgen_instant *i, int event)
 {
     const ncgen_events *e = i->events;
     const ncgen_action *set = e->actions;
     ncgen_entered in;
-    int count = 0;
+    int count = 0, status = NCGEN_OK;
     ncgen_enter_held(i->d, e, i->p, NULL, &in); /* locks that are closed answer, too */
     for (int k = 0; k < e->n_actions; ++k)
         if (e->actions[k].event == event && e->actions[k].kind == NCGEN_SET_VELOCITY)
             set = count++ ? set : e->actions + k;
-    for (int a = 0; a < count; ++a) {
-        ncgen_real *own = response(i, a);
+    for (int a = 0; a < count && status == NCGEN_OK; ++a) {
         for (int j = 0; j < i->n; ++j)
             i->kept[j] = j == set[a].place ? 1 : 0;
-        const int status = ncgen_respond(&in.driven, i->p, i->moment, i->kept, own);
-        if (status != NCGEN_OK)
-            return status;
-        const ncgen_real whole = own[set[a].place];
-        for (int b = 0; b < a; ++b) {
-            const ncgen_real *other = response(i, b), share = own[set[b].place] / other[set[b].place];
-            for (int j = 0; other[set[b].place] > 0 && j < i->n; ++j)
-                own[j] -= share * other[j];
-        }
-        if (!(own[set[a].place] > R(1.0e-12) * whole)) /* it follows from the others, or cannot change */
-            for (int j = 0; j < i->n; ++j)
-                own[j] = 0;
-        else
-            push(i, a, (i->numbers[set[a].value] - i->moment->qd[set[a].place]) / own[set[a].place]);
+        status = ncgen_respond(&in.driven, i->p, i->moment, i->kept, response(i, a));
     }
-    for (int a = 0; a < count; ++a) {
-        const ncgen_real wanted = i->numbers[set[a].value], off = NCGEN_ABS(i->moment->qd[set[a].place] - wanted);
-        if (off > R(1.0e-9) * (NCGEN_ABS(wanted) + ncgen_largest(i->n, i->moment->qd, i->d->dynamics->column_sizes) *
-                                                       i->d->dynamics->column_sizes[set[a].place]))
-            return NCGEN_SINGULAR;
-    }
-    return NCGEN_OK;
+    for (int a = 0; a < count; ++a)
+        i->kept[a] = i->numbers[set[a].value];
+    if (status == NCGEN_OK && ncgen_set_rates(i->n, count, &set->place, sizeof *set / sizeof(int), i->kept, i->d->dynamics->column_sizes,
+                                              i->responses, i->moment->qd) >= 0)
+        status = NCGEN_SINGULAR;
+    return status;
 }
 
 /* Velocities of gaps, what they are sums of, and how impulses on gaps change them. */

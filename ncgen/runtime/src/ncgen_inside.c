@@ -195,7 +195,8 @@ static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar 
     return NCGEN_OK;
 }
 
-/* The same between two shares; the state on the constraints may turn a little off the interpolant, and then it is the second one. */
+/* The same between two shares; the state on the constraints may turn a little off the interpolant, and then it is the second one, or the
+ * first one where the condition has come to zero or beyond already, as where a step begins at the very instant of an event. */
 static int locate_between(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, int k, ncgen_scalar low, ncgen_scalar *s)
 {
     const ncgen_event *event = r->options->event;
@@ -210,7 +211,10 @@ static int locate_between(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen
         status = evaluate_inside(r, w, t, h, *s, values);
         at_high = values[2 * k];
     }
-    if (status == NCGEN_OK && ((at_low < 0 && at_high > 0) || (at_low > 0 && at_high < 0)))
+    const int way = event->directions[k], is_there = !(NCGEN_ABS(at_low) > 0) || (at_low * way > 0 && at_high * way > 0);
+    if (status == NCGEN_OK && is_there)
+        *s = low;
+    else if (status == NCGEN_OK && ((at_low < 0 && at_high > 0) || (at_low > 0 && at_high < 0)))
         status = locate(r, w, t, h, k, at_low, at_high, low, s);
     return status;
 }

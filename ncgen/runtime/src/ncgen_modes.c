@@ -1,11 +1,9 @@
-/* ncgen_modes.c: which gaps are held closed: all that may be, less those whose loads would have to pull, the worst one first. */
+/* ncgen_modes.c: the mechanisms in which gaps are held closed. */
 #include "ncgen_modes.h"
+#include "ncgen_active.h"
 #include "ncgen_vectors.h"
 
 enum { OFF = 2 };
-
-/* A load on the wrong side by less than this share of all loads is held; one that was not held before has to push by as much. */
-static const ncgen_scalar slack = R(1.0e-10);
 
 static const ncgen_mode *present(const ncgen_events *events, const ncgen_passage *passage)
 {
@@ -67,7 +65,7 @@ int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_m
     const int status = mode->conditions(moment->t, moment->q, moment->qd, p, passage->room);
     for (int i = 0; i < mode->count && status == NCGEN_OK; ++i) {
         const ncgen_real *load = passage->room + 2 * (events->count + i);
-        if (load[0] < -slack * load[1] || (nearly && load[0] <= slack * load[1])) {
+        if (ncgen_is_used_up(load[0], load[1], nearly)) {
             passage->wanted[events->count + mode->held[i]] = 1;
             ++some;
         }
@@ -91,49 +89,24 @@ static int find(const ncgen_events *events, const int *wanted)
     return count ? -1 : 0;
 }
 
-/* The held gap whose load is the worst, if it has to be released. */
-static int worst(const ncgen_mode *mode, const ncgen_mode *before, int first, const ncgen_real *pairs)
+void ncgen_begin_modes(int n, const ncgen_moment *moment, const ncgen_passage *passage)
 {
-    int found = -1;
-    ncgen_scalar most = slack;
-    for (int i = 0; i < mode->count; ++i) {
-        const ncgen_real *load = pairs + 2 * (first + i);
-        const ncgen_scalar over = (has(before, mode->held[i]) ? 0 : 2 * slack) - (load[1] > 0 ? load[0] / load[1] : 0);
-        if (over > most) {
-            most = over;
-            found = mode->held[i];
-        }
-    }
-    return found;
+    ncgen_copy(n, moment->q, passage->room);
+    ncgen_copy(n, moment->qd, passage->room + n);
 }
 
-int ncgen_choose_mode(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
+int ncgen_try_mode(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage)
 {
-    const int n = d->model->n_coordinates;
-    const ncgen_mode *before = present(events, passage);
-    ncgen_real *q = passage->room, *qd = q + n, *pairs = qd + n;
+    const int n = d->model->n_coordinates, number = find(events, passage->wanted);
     ncgen_entered in;
-    ncgen_copy(n, moment->q, q);
-    ncgen_copy(n, moment->qd, qd);
-    for (;;) {
-        const int number = find(events, passage->wanted);
-        if (number < 0)
-            return NCGEN_AT_REST;
-        ncgen_copy(n, q, moment->q);
-        ncgen_copy(n, qd, moment->qd);
-        *passage->mode = number;
-        if (!number)
-            return NCGEN_OK;
-        const ncgen_mode *mode = events->modes + number - 1;
-        ncgen_enter(d, events, passage, &in);
-        int status = ncgen_project_moment(&in.driven, p, moment);
-        if (status == NCGEN_OK)
-            status = mode->conditions(moment->t, moment->q, moment->qd, p, pairs);
-        if (status != NCGEN_OK)
-            return status;
-        const int released = worst(mode, before, events->count, pairs);
-        if (released < 0)
-            return NCGEN_OK;
-        passage->wanted[released] = 0;
-    }
+    if (number < 0)
+        return NCGEN_AT_REST;
+    ncgen_copy(n, passage->room, moment->q);
+    ncgen_copy(n, passage->room + n, moment->qd);
+    *passage->mode = number;
+    if (!number)
+        return NCGEN_OK;
+    ncgen_enter(d, events, passage, &in);
+    const int status = ncgen_project_moment(&in.driven, p, moment);
+    return status == NCGEN_OK ? in.watched.function(moment->t, moment->q, moment->qd, p, passage->room + 2 * n) : status;
 }

@@ -28,8 +28,11 @@ int ncgen_holds(const ncgen_events *events, const ncgen_passage *passage, int ev
  * the load cannot be told from zero. */
 int ncgen_release(const ncgen_events *events, const ncgen_real *p, const ncgen_moment *moment, int nearly, ncgen_passage *passage);
 
-/* The largest part of the gaps in the first half of passage->wanted that all push, held from here on, with the moment on its constraints.
- * NCGEN_AT_REST where no mode holds these gaps. */
-int ncgen_choose_mode(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage);
+/* Keep the state from which modes are tried, in passage->room. */
+void ncgen_begin_modes(int n, const ncgen_moment *moment, const ncgen_passage *passage);
+
+/* The mode that holds the gaps in the first half of passage->wanted is the present one, with the moment on its constraints from the state that
+ * was kept; behind that, values and sizes of its conditions and loads are written. NCGEN_AT_REST where no mode holds these gaps. */
+int ncgen_try_mode(const ncgen_driven *d, const ncgen_events *events, const ncgen_real *p, ncgen_moment *moment, ncgen_passage *passage);
 
 #endif

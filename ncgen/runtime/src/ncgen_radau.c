@@ -301,11 +301,15 @@ static int step_over_break(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, n
     return status == NCGEN_OK ? begin_anew(r, m, *t) : status;
 }
 
+/* Newton's method gets a new Jacobian where its changes shrink by no more than this from one iteration to the next (Hairer and Wanner 1996,
+ * section IV.8): one by differences costs two evaluations a degree of freedom, an iteration three. */
+static const ncgen_scalar usual_rate = R(1.0e-3), costly_rate = R(0.1);
+
 /* On from an accepted step: with a new Jacobian where Newton's method took many iterations, and with a new step where it is worth new
  * factors. */
 static int renew(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_real factor, ncgen_scalar *h)
 {
-    const int is_new = m->iterations > 2 && m->rate > R(1.0e-3);
+    const int is_new = m->iterations > 2 && m->rate > (m->is_reduced ? costly_rate : usual_rate);
     int status = NCGEN_OK;
     ncgen_copy(r->ny, w->stage_derivatives + r->ny, w->stage_derivatives);
     if (is_new) {

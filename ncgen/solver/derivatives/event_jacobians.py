@@ -63,11 +63,12 @@ class EventJacobians:
         self.rows = {row.number: row for row in self.functions.rows}
         self.n = kernels.n
 
-    def __call__(self, o: Occurrence) -> EventJacobian:
-        """Raises ModelError naming events and the time where there is no derivative."""
+    def __call__(self, o: Occurrence, approach: Sequence[State] = ()) -> EventJacobian:
+        """Raises ModelError naming events and the time where there is no derivative. approach: two states before an instant at which the
+        direction of friction ends, the nearer one behind"""
         self._check_in_space(o)
-        flow = self._flow(o.before, o.held_before)
-        time = self._time(o, flow)
+        flow = self._limit(o, *approach) if approach else self._flow(o.before, o.held_before)
+        time = self._time(self._last_direction(o, approach[-1]) if approach else o, flow)
         before = np.eye(len(time)) + np.outer(flow, time)
         change = before
         for done in o.done:
@@ -94,6 +95,14 @@ class EventJacobians:
         p = self.kernels.present(at.t, at.p)
         qdd = accelerations_by("lagrange").motion(self.mode(at, held).driven_by(None), at.q, at.qd, at.t, p, {}).qdd
         return np.concatenate([at.qd, qdd, np.zeros(len(p))])
+
+    def _limit(self, o: Occurrence, first: State, second: State) -> np.ndarray:
+        """That before an instant, as a straight line from two states before it."""
+        far, near = (o.before.t - at.t for at in (first, second))
+        flows = [self._flow(at, o.held_before) for at in (first, second)]
+        flow = (far * flows[1] - near * flows[0]) / (far - near)
+        flow[: self.n] = o.before.qd
+        return flow
 
     # -- when ----------------------------------------------------------------------------------
 
@@ -132,16 +141,27 @@ class EventJacobians:
         turning = {*self.functions.turns, *self.functions.turns.values()}
         return not o.done and o.held == o.held_before and turning.issuperset(o.crossed)
 
+    def resting_in_space(self, o: Occurrence) -> list[int]:
+        """The contacts in space whose sliding ends."""
+        gaps = self.functions.gaps
+        begun = [k for k in self.functions.turns.values() if k in o.held and k not in o.held_before]
+        return [k for k in begun if gaps[k] in o.held_before and o.crossed]
+
+    def _last_direction(self, o: Occurrence, near: State) -> Occurrence:
+        """The instant at which contacts in space come to rest along the direction in which they slide near it."""
+        functions, p, sliding = self.functions, o.before.p.copy(), self.functions.sliding(near)
+        rests, turning = self.resting_in_space(o), {*functions.turns, *functions.turns.values()}
+        for k in rests:
+            p[[self.kernels.parameters.index(name) for name in functions.contacts[k].slip]] = sliding[k][0]
+        crossed = (*rests, *(k for k in o.crossed if k not in turning))
+        return replace(o, before=replace(o.before, p=p), crossed=crossed)
+
     def _check_in_space(self, o: Occurrence) -> None:
-        """Raise ModelError where a contact in space comes to rest or begins to slide."""
+        """Raise ModelError where a contact in space begins to slide."""
         functions = self.functions
         for k in functions.turns.values():
-            rests = k in o.crossed and k in o.held and k not in o.held_before
-            slides = k in o.held_before and k not in o.held and functions.gaps[k] in o.held
-            if rests or slides:
-                why = (
-                    f"at t = {o.before.t:.9g} s {'comes to rest' if rests else 'begins to slide'} in space, where friction has no direction"
-                )
+            if k in o.held_before and k not in o.held and functions.gaps[k] in o.held:
+                why = f"at t = {o.before.t:.9g} s begins to slide in space, where friction has no direction"
                 raise self._none(functions.contacts[k].name, why, "end the motion before, or take differences of runs")
 
     def _scale(self, k: int, o: Occurrence) -> float:

@@ -29,6 +29,10 @@ FINE = 1e-11
 SAME_INSTANT = 1e-13
 """Events nearer than this fraction of the motion's length happen at one instant."""
 
+APPROACH = 7
+"""Decimal powers by which steps come closer to where a contact in space comes to rest, and the direction of its friction ends: a straight
+line through the last two leaves 1e-13 of the way, and rounding of the direction 1e-9."""
+
 AT_REST = 1e-14
 """Where no velocity is above this fraction of the greatest one of all instants, velocities are rounding."""
 
@@ -60,12 +64,29 @@ class EventSensitivity:
 
 
 @dataclass(frozen=True, eq=False)
+class _Grid:
+    """Times (s) of a part, when it ends, and numbers of the instants of the grid in it."""
+
+    times: np.ndarray
+    end: float
+    rows: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class _Part:
-    """A motion between events: rows: numbers of the instants of the grid in it; places: where they are among its own."""
+    """A motion between events: rows: numbers of the instants of the grid in it; places: where they are among its own; end: of time, which
+    the motion of a contact in space that comes to rest only comes close to"""
 
     motion: Smooth
     rows: np.ndarray
     places: np.ndarray
+    end: float
+
+    @property
+    def last(self) -> np.ndarray:
+        """Weights (2,) of the last two instants with which changes at the end follow from changes there, as a straight line."""
+        before, last = self.end - self.motion.t[-2:]
+        return np.array([-last, before]) / (before - last)
 
     def seeds(self, change: np.ndarray) -> np.ndarray:
         """Changes of parameters, z and rates at its start, of those of [q; q̇; p]."""
@@ -105,10 +126,10 @@ class EventMotion:
         self.instants, begun = passage.instants, passage.begun
         assert begun is not None, "a run with events has begun"
         self._check()
-        self._through: list[EventJacobian] = [self._jacobians(o) for o in self.instants]
         self._begun = make(kernels, initial, times[:2], follows)
         self.p, self.names, self._first = self._begun.p, self._begun.names, self._jacobians.begun(begun)
         self._parts = list(self._split(make, begun, replace(initial, p=begun.p), follows))
+        self._through: list[EventJacobian] = [self._jacobians(o, self._approach(k)) for k, o in enumerate(self.instants)]
         self.q, self.qd = (self._on_the_grid([rows(part.motion) for part in self._moving]) for rows in (lambda m: m.q, lambda m: m.qd))
 
     def _check(self) -> None:
@@ -137,7 +158,8 @@ class EventMotion:
         for k, end in enumerate(ends):
             is_last = k == len(self.instants)
             rows = np.flatnonzero((self.t >= begun) & ((self.t <= end) if is_last else (self.t < end)))
-            yield self._part(make, (begun, end), rows, self._start_of(at, begun, initial), follows and at is None, mode)
+            grid = self._grid(begun, end, rows, None if is_last else self.instants[k])
+            yield self._part(make, grid, self._start_of(at, begun, initial), follows and at is None, mode)
             if not is_last:
                 at = self.instants[k].after
                 begun, mode = at.t, self._jacobians.mode(at, self.instants[k].held)
@@ -150,17 +172,29 @@ class EventMotion:
         is_at_rest = np.max(np.abs(at.qd) / sizes, initial=0.0) <= AT_REST * fastest
         return Initial(p=at.p, q=at.q, t=t, qd=0 * at.qd if is_at_rest else at.qd)
 
-    def _part(
-        self, make: MakeSmooth, ends: tuple[float, float], rows: np.ndarray, initial: Initial, follows: bool, mode: Kernels
-    ) -> _Part | None:
-        if not ends[0] < ends[1]:
-            return None if not len(rows) else _Part(make(mode, initial, self._after(ends[1]), False), rows, rows * 0)
-        times = np.unique(np.concatenate([[ends[0]], self.t[rows], [ends[1]]]))
-        return _Part(make(mode, initial, times, follows), rows, np.searchsorted(times, self.t[rows]))
+    def _part(self, make: MakeSmooth, grid: _Grid, initial: Initial, follows: bool, mode: Kernels) -> _Part | None:
+        rows, times = grid.rows, grid.times
+        if len(times) > 1:
+            return _Part(make(mode, initial, times, follows), rows, np.searchsorted(times, self.t[rows]), grid.end)
+        if not len(rows):
+            return None
+        after = np.array([times[0], times[0] + float(np.min(np.diff(self.t))) / 1000])  # an event happens at the end of the motion
+        return _Part(make(mode, initial, after, False), rows, rows * 0, float(after[-1]))
 
-    def _after(self, t: float) -> np.ndarray:
-        """A short step beyond the end of the motion, where an event happens there."""
-        return np.array([t, t + float(np.min(np.diff(self.t))) / 1000])
+    def _grid(self, begun: float, end: float, rows: np.ndarray, o: Occurrence | None) -> _Grid:
+        """Of the grid of a part, which steps towards where a contact in space comes to rest, but not onto it. o: that ends it"""
+        times = np.unique(np.concatenate([[begun], self.t[rows], [end]]))
+        if o is not None and len(times) > 1 and self._jacobians.resting_in_space(o):
+            times = np.concatenate([times[:-1], end - (end - times[-2]) * 10.0 ** -np.arange(1, APPROACH + 1)])
+        return _Grid(times, end, rows)
+
+    def _approach(self, k: int) -> tuple[State, ...]:
+        """Two states close to where a contact in space comes to rest at an instant; none for other instants."""
+        part, o = self._parts[k], self.instants[k]
+        if part is None or not self._jacobians.resting_in_space(o):
+            return ()
+        motion = part.motion
+        return tuple(replace(o.before, t=float(motion.t[i]), q=motion.q[i], qd=motion.qd[i]) for i in (-2, -1))
 
     def _on_the_grid(self, of_parts: Sequence[np.ndarray]) -> np.ndarray:
         """Rows at the instants of the grid, of those of all parts."""
@@ -211,7 +245,8 @@ class EventMotion:
             if part is not None:
                 rows = part.motion.along(part.seeds(change))
                 yield part, rows
-                change = np.vstack([rows[0][-1], rows[1][-1], change[2 * n :]])
+                ends = (np.tensordot(part.last, changes[-2:], 1) for changes in rows)
+                change = np.vstack([*ends, change[2 * n :]])
             if k < len(self.instants):
                 yield self.instants[k], change
                 change = self._through[k].through @ change
@@ -227,7 +262,7 @@ class EventMotion:
             if part is None:
                 continue
             own = np.zeros((2, len(part.motion.t), n))
-            own[0, -1], own[1, -1] = weights[:n], weights[n : 2 * n]
+            own[:, -2:] = part.last[:, None] * weights[: 2 * n].reshape(2, 1, n)
             own[0, part.places] += by_q[part.rows]
             own[1, part.places] += by_qd[part.rows]
             slopes, felt = part.motion.backward(own[0], own[1], names)

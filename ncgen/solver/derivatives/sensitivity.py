@@ -271,7 +271,8 @@ def is_taped(kernels: Kernels, integrator: str) -> bool:
     if not _differentiable(integrator).tableau:
         explicit = ", ".join(name for name, entry in INTEGRATORS.items() if entry.tableau)
         raise ModelError(f"integrator: {integrator!r} given; derivatives of many motions go through steps of {explicit}")
-    written = is_written_out(kernels, Method.of("lagrange", integrator))
+    method, rolls = Method.of("lagrange", integrator), len(kernels.holonomic) != kernels.m
+    written = is_written_out(kernels, method, 0 if rolls or integrator != "rk4" else 1)  # Python has neither
     if not written and integrator != "rk4":
         raise ModelError(f"{kernels.name}: its motion is not emitted in C, so derivatives go through steps of rk4, not of {integrator}")
     return written

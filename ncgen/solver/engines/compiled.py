@@ -33,7 +33,7 @@ from ncgen.solver.positions.partition import (
     stuck_message,
 )
 from ncgen.solver.positions.position import TOLERANCE, newton_position
-from ncgen.solver.positions.rank import closeness_at, trial_positions
+from ncgen.solver.positions.rank import REMEMBERED, closeness_at, trial_positions
 from ncgen.solver.runs.divergence import unsolved_step
 from ncgen.solver.runs.path import Path
 from ncgen.solver.runs.run import EMITTED, Form, Partitioned
@@ -145,7 +145,7 @@ def all_coordinates(kernels: Kernels, number: str = "double", form: Form = "dens
     from ncgen.mechanism.runtime_library import part_for
 
     def made() -> ConstrainedDynamics:
-        samples_of = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
+        samples_of = partial(own_positions, kernels, 0) if form == "emitted" and _has_few_rates(kernels, least=0) else None
         tree = open_tree(kernels) if form == "tree" else None
         part = part_for(integrator, "emitted" if samples_of else "tree" if tree else None)
         return ConstrainedDynamics(kernels, number, samples_of, tables_of(tree) if tree else None, part)
@@ -174,32 +174,36 @@ def _may_recur(kernels: Kernels, method: Method) -> bool:
     return method.options.get("stabilisation") == "projection"
 
 
-def is_written_out(kernels: Kernels, method: Method) -> bool:
-    """True where a run over all coordinates takes its accelerations from a recursion that is emitted and compiled, with all forces."""
+def is_written_out(kernels: Kernels, method: Method, least: int = 1) -> bool:
+    """True where a run over all coordinates takes its accelerations from a recursion that is emitted and compiled, with all forces.
+
+    least: rates of the tree of bodies; with 0 of them, as of points alone, a run takes others, but there is such a recursion
+    """
     callbacks = kernels.model.callbacks
-    return (not callbacks or ReactiveForce.only(callbacks) is not None) and _is_recursive(kernels, method)
+    return (not callbacks or ReactiveForce.only(callbacks) is not None) and _is_recursive(kernels, method, least)
 
 
-def _is_recursive(kernels: Kernels, method: Method) -> bool:
+def _is_recursive(kernels: Kernels, method: Method, least: int = 1) -> bool:
     from ncgen.mechanism.library import CompiledKernels
 
-    if not isinstance(kernels, CompiledKernels):
+    if not isinstance(kernels, CompiledKernels) or not _has_few_rates(kernels, least=least):
         return False
     return _may_recur(kernels, method) and all_coordinates(kernels, form="emitted", integrator=method.integrator.name).is_emitted
 
 
-def _has_few_rates(kernels: Kernels, most: int | None = None) -> bool:
+def _has_few_rates(kernels: Kernels, most: int | None = None, least: int = 1) -> bool:
     """True for a tree of bodies that can be emitted: without compiling for long, unless the kernels are to be of the most effort.
 
-    most: rates (default: MOST_RATES)
+    least, most: rates (default: MOST_RATES)
     """
     freedoms = kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).dof)
-    return 0 < freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
+    return least <= freedoms and (kernels.effort == "most" or freedoms <= (MOST_RATES if most is None else most))
 
 
-def own_positions(kernels: Kernels) -> Seen | None:
-    """Independent coordinates of the positions at a model's own start, and `samples` around it; None where there are none."""
-    if not _has_few_rates(kernels):
+def own_positions(kernels: Kernels, least: int = 1) -> Seen | None:
+    """Independent coordinates of the positions at a model's own start, and `samples` around it; None where there are none, or less than the
+    least rates."""
+    if not _has_few_rates(kernels, least=least):
         return None
     try:
         q = assemble(kernels, kernels.q0)
@@ -223,7 +227,8 @@ def run_constrained(path: Path, kernels: Kernels, task: Task, form: Form = "dens
     if dynamics.singular_mass and not dynamics.is_emitted and not task.first_step:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name. What goes on with
         # the step of a part before it has been checked.
-        least_energy(kernels, q, float(grid[0]), p)
+        key = q.tobytes(), float(grid[0]), p.tobytes()
+        kernels.remember("inertia of all motions", key, lambda: bool(least_energy(kernels, q, float(grid[0]), p)), REMEMBERED)
     settings = method.options
     in_c = settings_in_c(settings)
     if len(path.q):

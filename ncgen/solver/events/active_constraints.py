@@ -205,8 +205,8 @@ class HeldChoice:
     def _kind(self, k: int) -> Kind:
         functions, row = self.owner.functions, self.owner.rows[k]
         if k in functions.frictions or k in functions.ratchets:
-            return "NCGEN_A_JOINT" if k in functions.frictions else "NCGEN_A_RATCHET"
-        return "NCGEN_A_CONTACT" if row.sticks else "NCGEN_A_RUBBING_GAP" if row.rubs else "NCGEN_A_GAP"
+            return "NCGEN_HOLDS_JOINT" if k in functions.frictions else "NCGEN_HOLDS_RATCHET"
+        return "NCGEN_HOLDS_CONTACT" if row.sticks else "NCGEN_HOLDS_RUBBING_GAP" if row.rubs else "NCGEN_HOLDS_GAP"
 
     @property
     def wanted(self) -> tuple[int, ...]:

@@ -8,18 +8,18 @@ from functools import cached_property
 from itertools import count
 
 import numpy as np
-import scipy.sparse
 
 from ncgen.errors import ConvergenceError, ModelError, shown
 from ncgen.mechanism.chain_in_c import Chain, is_zero
+from ncgen.mechanism.impacts_in_c import set_rates
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.actions import Call, Locking, Stop
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.events.conditions import EventFunctions
 from ncgen.solver.events.impacts import Gap, Hit, hit_gaps
-from ncgen.solver.events.mobility import is_blocked
+from ncgen.solver.events.mobility import is_blocked, response
 from ncgen.solver.events.state import Done, State
-from ncgen.solver.formalisms.projection import least_energy, project_velocity, velocity_residual
+from ncgen.solver.formalisms.projection import project_velocity, velocity_residual
 from ncgen.solver.parameter_checks import refused_parameters
 from ncgen.solver.trajectories.happening import LOCKS, Happening, Search
 
@@ -281,14 +281,11 @@ def _with_rates(kernels: Kernels, at: State, held: Mapping[int, float]) -> np.nd
 
     Raises ModelError naming a velocity that the constraints do not allow.
     """
-    sizes, where = kernels.column_sizes, np.array(list(held))
-    rows = scipy.sparse.csr_array((np.ones(len(where)), (np.arange(len(where)), where)), (len(where), kernels.n))
-    wanted = np.array(list(held.values()))
-    rest = (kernels.nu(at.q, at.t, at.p) - kernels.phi_q(at.q, at.t, at.p) @ at.qd) / kernels.row_sizes
-    right = np.concatenate([rest, (wanted - at.qd[where]) / sizes[where]])
-    qd = at.qd + sizes * least_energy(kernels, at.q, at.t, at.p, rows).solve(np.zeros(kernels.n), right)[0]
-    off = np.abs(qd[where] - wanted) / sizes[where]
-    if np.max(off) > 1e-9 * np.max(np.abs(qd / sizes), initial=np.max(np.abs(wanted / sizes[where]))):
-        name = kernels.coordinates[where[int(np.argmax(off))]]
-        raise ModelError(f"rate({name}) cannot become {held[kernels.index[name]]:.6g} at t = {at.t:.6g} s: the constraints do not allow it")
+    places, wanted = list(held), np.array(list(held.values()))
+    qd = project_velocity(kernels, at.q, at.qd, at.t, at.p)
+    responses = response(kernels, at, np.eye(kernels.n)[places])
+    qd, failed = set_rates(responses, places, wanted, qd, kernels.column_sizes)
+    if failed >= 0:
+        name = kernels.coordinates[places[failed]]
+        raise ModelError(f"rate({name}) cannot become {wanted[failed]:.6g} at t = {at.t:.6g} s: the constraints do not allow it")
     return qd

@@ -146,9 +146,14 @@ def check_count(rates: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
 def velocity_from_rates(kernels: Kernels, partition: Partition, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """All velocities (n,) from those of the independent coordinates."""
     if kernels.m >= DENSE and len(kernels.holonomic) == kernels.m:
-        held = scipy.sparse.csr_array((np.ones(len(rates)), (np.arange(len(rates)), partition.independent)), (len(rates), kernels.n))
-        rows = scipy.sparse.vstack([kernels.phi_q(q, t, p)[partition.rows], held], format="csc")
-        return scipy.sparse.linalg.splu(rows).solve(np.concatenate([kernels.nu(q, t, p)[partition.rows], rates]))
+
+        def factors() -> scipy.sparse.linalg.SuperLU:
+            held = scipy.sparse.csr_array((np.ones(len(rates)), (np.arange(len(rates)), partition.independent)), (len(rates), kernels.n))
+            return scipy.sparse.linalg.splu(scipy.sparse.vstack([kernels.phi_q(q, t, p)[partition.rows], held], format="csc"))
+
+        key = q.tobytes(), float(t), p.tobytes(), partition.rows.tobytes(), partition.independent.tobytes()
+        lu = kernels.remember("factors for rates", key, factors, REMEMBERED)
+        return lu.solve(np.concatenate([kernels.nu(q, t, p)[partition.rows], rates]))
     frame = kinematics(kernels, partition, q, t, p)
     return frame.R @ rates + frame.particular(kernels.nu(q, t, p))
 
